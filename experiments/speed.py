@@ -20,10 +20,10 @@ import gymnasium
 import numpy as np
 from mujoco import batch
 
+from experiments.checks import Check, at_least
 from experiments.driving.grid_runs import before_scanner, cells_of, drive_grid
 from experiments.driving.lookup import locator
 from experiments.driving.world import World
-from experiments.measuring.check import Check, at_least
 from experiments.options.grid import GridConfig
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.fleet import SETTLING, Fleet

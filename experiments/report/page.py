@@ -21,6 +21,8 @@ from experiments.report.table import Table
 from experiments.storage.manifest import relative
 from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
 
+_NARROW = 400.0  # width of a figure that shares its line with others [pt]
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -42,6 +44,11 @@ class Drawn:
             text = text.replace(reference, f"{reference}{self.name}-")
         text = re.sub(r"\n\s*", "\n", text)
         return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether it is one panel, which a page does not stretch to its width."""
+        return float(re.findall(r'width="([\d.]+)pt"', self.svg)[0]) < _NARROW
 
     def write(self, folder: Path) -> None:
         """Write folder/NAME.svg and, if there is one, NAME.pdf."""

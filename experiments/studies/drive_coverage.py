@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
+from experiments.checks import Check
 from experiments.driving.drives import KnownDrive, driven_by_law, driven_in_mujoco
 from experiments.driving.world import World
-from experiments.measuring.check import Check
 from experiments.report.checks import checks_table
 from experiments.report.formats import number
 from experiments.report.table import Table

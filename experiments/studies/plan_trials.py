@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.checks import Check
 from experiments.driving.drives import KnownDrive, driven_by_law, driven_in_mujoco, placed
 from experiments.driving.world import Specification, World
-from experiments.measuring.check import Check
 from experiments.options.world import Simulation
 from experiments.report.checks import checks_table
 from experiments.report.formats import number, significant

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments.checks import Check
 from experiments.driving.grid_runs import cells_of, drive_grid
 from experiments.driving.world import World
-from experiments.measuring.check import Check
 from experiments.report.laws import SYMBOLS
 from experiments.report.table import Table
 from experiments.studies.trials import Outcome, Study, Trial, Values, plausible_shares, run_trials, share_interval

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 import scipy
 
-from experiments.measuring.check import Check
+from experiments.checks import Check
 from experiments.parallel import WorkersFailedError, processors, workers
 from experiments.report.table import Table
 from experiments.storage.manifest import digest, made_by

@@ -1,18 +1,17 @@
 """The standing robot: contact loads, sink and lean; creep on slopes that hold it, sliding on those that do not."""
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
+from experiments.validation.theory import GRAVITY, paper_turns, turning_sprockets
 from sim.drive.drive import tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground, friction_angle
 from sim.instruments import read_contacts, use_default_contact
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
-from trackslip.kinematics import Array, limit_sprocket_speeds, sprocket_speeds
-from trackslip.paper import COMMANDED_RADII, SPEEDS
+from trackslip.kinematics import Array
 from trackslip.skid_theory import Contact
 
 _SETTLE, _WATCH = 1.0, 5.0  # on a slope: settling time of the lean, and duration of the creep measurement after it [s]
@@ -65,11 +64,9 @@ def loads(parameters: RobotParameters, ground: Ground, threads: int, default_con
     robot = load_robot(parameters=parameters, contact_sensors=True)
     if default_contact:
         use_default_contact(robot.model)
-    radii = np.array(COMMANDED_RADII) * parameters.half_gauge / RobotParameters().half_gauge
-    radius, speed = np.array(list(itertools.product(radii, SPEEDS))).T
-    fleet = Fleet(robot, np.zeros((len(radius), 3)), ground, parameters.radius_error, tireless(), threads)
-    omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
-    fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
+    omega = turning_sprockets(parameters, *paper_turns(parameters))
+    fleet = Fleet(robot, np.zeros((len(omega), 3)), ground, parameters.radius_error, tireless(), threads)
+    fleet.command(omega)
     fleet.advance(2.0)
     contacts = read_contacts(fleet)
     position = contacts.position.mean(axis=0)
@@ -81,7 +78,7 @@ def loads(parameters: RobotParameters, ground: Ground, threads: int, default_con
     v, u, w = fleet.twist().T
     acceleration = np.stack([-w * (u + w * parameters.com_x), w * (v - w * parameters.com_y)], axis=-1)
     load = contacts.load / contacts.load.mean(axis=1, keepdims=True)
-    return Loads(position, load, theory.loads(acceleration / 9.81) * len(x), *fleet.attitude().T)
+    return Loads(position, load, theory.loads(acceleration / GRAVITY) * len(x), *fleet.attitude().T)
 
 
 def creep(parameters: RobotParameters, ground: Ground, threads: int) -> Creep:

@@ -9,6 +9,7 @@ import numpy as np
 from experiments.validation.terrain.grounds import Level
 from experiments.validation.terrain.subjects import Stand, Subject
 from experiments.validation.terrain.trial import Trial
+from experiments.validation.theory import GRAVITY
 from sim.instruments import use_default_contact
 from trackslip.kinematics import Array
 from trackslip.skid_theory import steady_twist
@@ -23,7 +24,6 @@ FRICTION = 0.7
 STEADY, WATCH = 2.0, 2.0
 """Time until robots turn steadily, and over which they are then watched [s]."""
 _PERIOD = 0.1  # between two looks at the heading [s]
-_GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
@@ -87,5 +87,5 @@ def _turns(stand: Stand, belts: Array, threads: int) -> Turns:
         turned += np.mod(now - before + np.pi, 2 * np.pi) - np.pi
         before = now
     spread = belts[:, 1] - belts[:, 0]
-    expected = steady_twist(belts, stand.line_contact(FRICTION), _GRAVITY)[:, 2]
+    expected = steady_twist(belts, stand.line_contact(FRICTION), GRAVITY)[:, 2]
     return Turns(belts, spread * WATCH / (2 * turned), spread / (2 * expected), stand.half_gauge)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rrd import component
 
-from experiments.validation.shear.findings import subjects
+from experiments.validation.shear import subjects
 from sim.robot.parameters import RobotParameters
 from trackslip.logs.logfile import read_runs
 
@@ -48,7 +48,7 @@ def test_every_bound_holds(trackslip):
     checks = trackslip("validate", "--shear").summary["checks"]
     assert len(checks) == 66
     for check in checks:
-        assert check.keys() == {"name", "value", "bound", "unit", "holds"}
+        assert check.keys() == {"name", "value", "expected", "bound", "unit", "holds", "source"}
         assert check["holds"] or "processor time" in check["name"], json.dumps(check)
 
 

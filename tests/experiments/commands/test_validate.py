@@ -11,17 +11,18 @@ from browser import assert_fits
 
 from experiments.cli import main
 from experiments.report.formats import significant
-from experiments.validation import convergence, energy, turning
+from experiments.validation import numerics, theory, turning
 
 SMALLER = {
-    turning: {
-        "RATIOS": (0.7, 1.4),
-        "LENGTHS": (1.0,),
-        "CENTRES_OF_MASS": ((0.0, 0.0), (-0.05, 0.1)),
-        "SPEEDS": (0.05, 0.25),
+    turning: {"RATIOS": (0.7, 1.4), "LENGTHS": (1.0,), "CENTRES_OF_MASS": ((0.0, 0.0), (-0.05, 0.1))},
+    theory: {"SPEEDS": (0.05, 0.25)},
+    numerics: {
+        "ROBOTS": 4,
+        "DURATION": 6.0,
+        "STEPS": (0.002, 0.005, 0.01),
+        "REFERENCE_STEP": 0.001,
+        "ENERGY_DURATION": 3.0,
     },
-    convergence: {"ROBOTS": 4, "DURATION": 6.0, "STEPS": (0.002, 0.005, 0.01), "REFERENCE_STEP": 0.001},
-    energy: {"DURATION": 3.0},
 }
 """Constants with which the command takes seconds."""
 FIGURES = {"turns": 2, "left": 3, "slip": 2, "loads": 2, "slopes": 2, "steps": 1, "energy": 2}
@@ -60,20 +61,10 @@ def page_of(folder):
 
 def assert_within_bounds(found):
     """What holds of any robot that stands evenly on its tracks."""
-    assert found["icr_error"]["worst"] <= 0.005
-    assert found["icr_error"]["median"] <= 0.0015
-    assert found["naive_icr_error"]["median"] > 0.1
-    assert found["naive_icr_error"]["worst"] > found["naive_icr_error"]["median"]
-    assert found["slip_error"]["worst"] < 0.1 * found["naive_slip_error"]["worst"]
-    assert found["pad_load_spread"] <= 0.05
-    assert found["sink_mm"] == pytest.approx(2.0, rel=0.05)
-    assert max(found["roll_deg"], found["pitch_deg"]) < 0.05
-    assert found["creep_mm_per_s"] <= 0.05
-    assert found["sliding_acceleration_error"] <= 0.05
-    assert found["straight_drift_mm"] < 0.1
-    assert found["solver_difference_mm"] <= 0.2
-    assert found["energy_residual"] <= 0.01
-    assert abs(found["friction_loss_error"]) <= 0.02
+    assert [check["name"] for check in found["checks"] if not check["holds"]] == []
+    assert len(found["checks"]) == 12
+    assert all(check["source"] for check in found["checks"])
+    assert found["naive_icr_error"]["worst"] > found["naive_icr_error"]["median"] > 0.1
     steps, errors = (np.array([entry[key] for entry in found["timestep"]]) for key in ("dt", "position_error_mm"))
     assert np.all(np.diff(steps) > 0)
     assert np.all(np.diff(errors) > 0)
@@ -116,6 +107,7 @@ def test_what_is_left_behind(quick):
     found = summary_of(folder)
     assert significant(100 * found["icr_error"]["worst"]) in printed
     assert significant(found["creep_mm_per_s"], "mm/s") in printed
+    assert "12 of 12 checks hold" in printed
 
 
 def test_the_report_is_whole_and_needs_no_network(quick):
@@ -141,7 +133,6 @@ def test_the_report_shows_the_numbers(quick):
         assert any(abs(float(number) - value) <= 0.051 * value for number in shown)
     assert "60 steady turns" in text
     assert "seed 3" in text
-    assert "friction 0.7 along, 0.49 to 0.98 across" in text
 
 
 @pytest.mark.slow
@@ -161,7 +152,6 @@ def test_a_robot_of_another_shape(tmp_path):
     assert_within_bounds(summary_of(folder))
     page = page_of(folder)
     assert_report_is_whole(page)
-    assert "wide.toml: b 250 mm, contact 500 mm, 25 kg" in page
 
 
 @pytest.mark.parametrize(

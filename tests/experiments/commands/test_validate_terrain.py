@@ -10,11 +10,11 @@ import pytest
 
 import models
 from experiments.cli import main
-from experiments.validation.terrain import bounds, engine, obstacles, slopes, steps, turning
+from experiments.validation.terrain import engine, obstacles, slopes, steps, suite, turning
 
 BOX = Path(models.__file__).parent / "box_robot.toml"
 SMALLER = {
-    bounds: {"BOUNDS": {"accurate": bounds.BOUNDS["accurate"]}},
+    suite: {"PRESETS": ("accurate",)},
     turning: {"SLOW": ((-0.04, 0.04), (0.04, 0.08)), "STEADY": 1.0, "WATCH": 0.5},
     slopes: {"FRICTIONS": (0.7,), "ROWS": 3, "ROUNDS": 1, "CLIMBING": 1.5, "TILT": 1.0, "HOLD": 0.5},
     steps: {"ROWS": 3, "ROUNDS": 1},

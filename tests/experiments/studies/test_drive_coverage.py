@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.checks import Check
 from experiments.driving.drives import KnownDrive
-from experiments.measuring.check import Check
 from experiments.studies.drive_coverage import CASES, SIMULATED, TRUE_LAW, Case, checks_of, fitted_drive, steady_laws
 from experiments.studies.trials import Estimate, Outcome, Trial
 from sim.wander.motion import Motion
@@ -40,9 +40,9 @@ def checked(outcomes: list[Outcome], case: Case = CASE, aim: dict[str, float] | 
 def test_honest_estimates_hold():
     checks = checked(estimated())
     assert all(check.holds for check in checks.values())
-    assert checks["rms error of offset"].value == pytest.approx(0.001, rel=0.1)
-    assert checks["coverage of offset"].value == pytest.approx(0.95, abs=0.02)
-    assert checks["half width of offset over the model's"].value == pytest.approx(1.0)
+    assert checks["rms error of offset"].measured == pytest.approx(0.001, rel=0.1)
+    assert checks["coverage of offset"].measured == pytest.approx(0.95, abs=0.02)
+    assert checks["half width of offset over the model's"].measured == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_the_cramer_rao_bound_is_the_measure_where_it_is_asked_for():
 def test_errors_are_measured_from_the_aim_and_intervals_from_the_truth_of_each_drive():
     aim = {"offset": TRUE_LAW["offset"] + 0.01, "radius_error": 0.0}
     checks = checked(estimated(), aim=aim)
-    assert checks["rms error of offset"].value == pytest.approx(0.01, rel=0.01)
+    assert checks["rms error of offset"].measured == pytest.approx(0.01, rel=0.01)
     assert checks["coverage of offset"].holds
 
 

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from experiments.report.figures.style import RADII_SHADES, Panels, panel, shade, styled
-from experiments.validation.shear.findings import ShearFindings
-from experiments.validation.shear.loads import Slips
-from experiments.validation.shear.turning import MODULI
+from experiments.report.figures.style import RADII_SHADES, Panels, make_room, panel, shade, styled
+from experiments.validation.shear_loads import MODULI, Slips, StopAndGo
 from trackslip.kinematics import Array
+
+if TYPE_CHECKING:
+    from experiments.validation.shear import ShearTurns
 
 _MARKERS = "osD^"
 
 
 @styled
-def offsets(found: ShearFindings) -> Panels:
+def offsets(turns: ShearTurns, half_gauge: float) -> Figure:
     """D against the radius on ground with every modulus."""
     figure, axes = panel("Turns", "radius commanded [m]", "D [mm]")
-    turns, half_gauge = found.turns, found.parameters.half_gauge
     for k, shear in enumerate((0.0, *MODULI)):
         rows = (turns.shear == shear) & ~turns.spins
         radius = np.unique(turns.radius[rows])
@@ -26,31 +29,32 @@ def offsets(found: ShearFindings) -> Panels:
             1e3 * (np.array([part[rows & (turns.radius == r)].mean() for r in radius]) - half_gauge)
             for part in (turns.half_width, turns.expected_half_width)
         )
-        _compared(axes, radius, simulated, expected, k - 1, f"K = {1e3 * shear:g} mm")
-    axes.legend(loc="best")
-    return (figure,)
+        _compared(axes, radius, simulated, expected, k - 1, _name(shear))
+    make_room(axes, 0.25)
+    axes.legend(loc="upper center", ncols=3)
+    return figure
 
 
 @styled
-def slips(found: ShearFindings) -> Panels:
+def slips(slopes: Slips, pulls: Slips) -> Panels:
     """Slip straight ahead against slope and pull."""
     on_slopes, axes = panel("Slopes", "slope [°]", "slip [–]")
-    _against_load(axes, found.slopes, 180 / np.pi)
+    _against_load(axes, slopes, 180 / np.pi)
     pulling, axes = panel("Drawbar pull", "pull / weight [–]", "slip [–]")
-    _against_load(axes, found.pulls, 1.0)
+    _against_load(axes, pulls, 1.0)
     return on_slopes, pulling
 
 
 @styled
-def stops(found: ShearFindings) -> Panels:
+def stops(found: StopAndGo) -> Figure:
     """Distance slipped on a slope with stops."""
     figure, axes = panel("Stop and go on 10°", "time [s]", "distance slipped [mm]")
     for k, shear in enumerate(MODULI):
         colour = _colour(k)
-        axes.plot(found.stops.time, 1e3 * found.stops.expected[:, k], color=colour, lw=1.0)
-        axes.plot(found.stops.time, 1e3 * found.stops.slipped[:, k], color=colour, ls=":", lw=2.4, label=_name(shear))
+        axes.plot(found.time, 1e3 * found.expected[:, k], color=colour, lw=1.0)
+        axes.plot(found.time, 1e3 * found.slipped[:, k], color=colour, ls=":", lw=2.4, label=_name(shear))
     axes.legend(loc="best")
-    return (figure,)
+    return figure
 
 
 def _against_load(axes: Axes, found: Slips, scale: float) -> None:

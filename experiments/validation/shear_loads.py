@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.validation.shear.turning import MODULI, PASSES, watched
+from experiments.validation.theory import GRAVITY, contact, mean_twist
 from sim.drive.drive import tireless
 from sim.drive.pull import Pull
 from sim.fleet import Fleet
@@ -15,8 +15,10 @@ from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
 from trackslip.kinematics import Array, track_slip
-from trackslip.skid_theory import Contact, Load, line_contact, steady_twist
+from trackslip.skid_theory import Load, steady_twist
 
+MODULI = (0.002, 0.005, 0.010, 0.025)
+"""Shear moduli [m]."""
 SLOPES = np.radians([5.0, 10.0, 15.0, 20.0])
 """Slopes that are climbed straight [rad]."""
 PULLS = (0.05, 0.10, 0.15, 0.20, 0.25)
@@ -30,6 +32,7 @@ CREEP_SLOPE = float(np.radians(10.0))
 HEADINGS = (0.0, np.pi / 4, np.pi / 2)
 """Headings of the parked robots: straight uphill, oblique, across the slope [rad]."""
 _PARKED = 5.0  # [s]
+_PASSES, _STEADY_PASSES = 4.5, 6.0  # of every element through its contact before slip is watched, and stops begin
 _CYCLES, _GO, _STOP, _RAMP = 4, 2.0, 1.5, 0.5  # of stop and go: number, and times of each [s]
 _TURN = (0.75, 1.25)  # speeds of the belts of a robot that turns under pull, over the mean
 
@@ -43,6 +46,10 @@ class Slips:
     turns: np.ndarray  # (M,) whether the robot turns
     slip: Array  # (M, 2) [-]
     expected: Array  # (M, 2) by theory [-]
+
+    def error(self, rows: np.ndarray) -> float:
+        """The largest error of some rows (M,) bool [-]."""
+        return float(np.abs(self.slip - self.expected)[rows].max())
 
 
 @dataclass(frozen=True)
@@ -92,21 +99,18 @@ def _slips(
     threads: int,
 ) -> tuple[Array, Array]:
     """Slips (M, 2) of robots whose belts run at `speeds` (M, 2) [m/s], simulated and by theory."""
-    robot = load_robot(parameters=parameters)
-    omega = speeds / (parameters.sprocket_radius * (1 + parameters.radius_error))
-    error = parameters.radius_error
+    robot, error = load_robot(parameters=parameters), parameters.radius_error
+    omega = speeds / (parameters.sprocket_radius * (1 + error))
     fleet = Fleet(robot, np.zeros((len(grounds), 3)), grounds, error, tireless(), threads, pull)
     fleet.command(omega)
-    twist = watched(fleet, 1.5 * PASSES * parameters.contact_length / float(speeds.min()))
-    contact = _contact(parameters, ground)
-    expected = np.stack(
-        [
-            steady_twist(belts, contact, 9.81, one.shear, load)
-            for belts, one, load in zip(speeds, grounds, loads, strict=True)
-        ]
+    twist, lines = (
+        mean_twist(fleet, _PASSES * parameters.contact_length / float(speeds.min())),
+        contact(parameters, ground),
     )
-    slips = (track_slip(omega, part[:, [0, 2]], robot.geometry) for part in (twist, expected))
-    return next(slips), next(slips)
+    cases = zip(speeds, grounds, loads, strict=True)
+    expected = np.stack([steady_twist(belts, lines, GRAVITY, one.shear, load) for belts, one, load in cases])
+    slip, by_theory = (track_slip(omega, part[:, [0, 2]], robot.geometry) for part in (twist, expected))
+    return slip, by_theory
 
 
 def creep(parameters: RobotParameters, ground: Ground, threads: int) -> Array:
@@ -124,14 +128,14 @@ def creep(parameters: RobotParameters, ground: Ground, threads: int) -> Array:
 
 def stop_and_go(parameters: RobotParameters, ground: Ground, threads: int) -> StopAndGo:
     """Drive uphill with stops on ground with every modulus."""
-    robot, steady = load_robot(parameters=parameters), 2 * PASSES * parameters.contact_length / SPEED
+    robot, steady = load_robot(parameters=parameters), _STEADY_PASSES * parameters.contact_length / SPEED
     grounds = [Ground(ground.along, ground.across, CREEP_SLOPE, 0.0, shear=k) for k in MODULI]
     fleet = Fleet(robot, np.zeros((len(MODULI), 3)), grounds, parameters.radius_error, tireless(), threads)
     radius = parameters.sprocket_radius * (1 + parameters.radius_error)
     fleet.command([SPEED / radius] * 2)
     fleet.advance(round(steady, 1))
-    contact, load = _contact(parameters, ground), Load(CREEP_SLOPE)
-    slip = np.array([1 - steady_twist([1.0, 1.0], contact, shear=k, load=load)[0] for k in MODULI])
+    lines, load = contact(parameters, ground), Load(CREEP_SLOPE)
+    slip = np.array([1 - steady_twist([1.0, 1.0], lines, shear=k, load=load)[0] for k in MODULI])
     period, cycle = 5 * fleet.period, _STOP + _GO
     begin, turned = fleet.pose()[:, 0], fleet.drive.angle.mean(axis=1)
     time, slipped, expected = [0.0], [np.zeros(len(MODULI))], [np.zeros(len(MODULI))]
@@ -145,9 +149,3 @@ def stop_and_go(parameters: RobotParameters, ground: Ground, threads: int) -> St
         slipped.append(way - (fleet.pose()[:, 0] - begin))
         expected.append(slip * way)
     return StopAndGo(np.array(time), np.array(slipped), np.array(expected))
-
-
-def _contact(parameters: RobotParameters, ground: Ground) -> Contact:
-    centre = (parameters.com_x, parameters.com_y, parameters.com_height)
-    half_length = parameters.contact_length / 2
-    return line_contact(parameters.half_gauge, half_length, ground.along, ground.across, centre, points=100)

@@ -1,49 +1,60 @@
 """Figures of a validation of tracks on terrain: simulated against theory, and penetration."""
 
-from collections.abc import Sequence
-from typing import Any
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from experiments.report.colours import BLUE, GREEN, ORANGE, RED
 from experiments.report.figures.style import THEORY, Panels, make_room, panel, styled
-from experiments.validation.terrain.bounds import BOUNDS
-from experiments.validation.terrain.findings import TerrainValidation
 from experiments.validation.terrain.turning import Turning, Turns
 from trackslip.kinematics import Array
 
+if TYPE_CHECKING:
+    from experiments.validation.terrain.suite import ByDefault, Measured
+
+Bounds = Mapping[str, tuple[float, float]]
+"""Of both presets, by quantity."""
+
 _COLOURS = {"accurate": BLUE, "fast": ORANGE}
+_ROBOT_COLOURS = (BLUE, ORANGE, GREEN, "#CC79A7")
 _MARKERS = "os^D"
 _DEFAULT: dict[str, Any] = {"color": RED, "mfc": "none", "mew": 1.2, "ls": "none"}
-_CASES = ("slow", "pivot", "centre of mass off")
+_CASES = ("slow", "pivot at 0.5 m/s", "centre of mass off")
 _SMALLEST = 0.01  # error that is drawn [%]
 
 
 @styled
-def turns(found: TerrainValidation) -> Panels:
+def turns(found: Sequence[Measured], naive: Sequence[ByDefault], bounds: Bounds) -> Figure:
     """Errors of the ICRs' half width of every turn, beside those with MuJoCo's default contact; and their bounds."""
     figure, axes = panel("Half width of the ICRs", "", "size of the error [%]")
-    shift = np.linspace(-0.3, 0.3, len(found.findings) + len(found.by_default))
-    for offset, one, marker in zip(shift, found.findings, _markers(found), strict=False):
+    shift = np.linspace(-0.3, 0.3, len(found) + len(naive))
+    for offset, one, marker in zip(shift, found, _markers(found), strict=False):
         style: dict[str, Any] = {"color": _COLOURS[one.preset], "marker": marker, "ls": "none", "ms": 4.5}
         _errors(axes, offset, (one.on_plane, one.on_box), f"{one.robot}, {one.preset}", style)
-    for offset, naive, marker in zip(shift[len(found.findings) :], found.by_default, _MARKERS, strict=False):
+    for offset, default, marker in zip(shift[len(found) :], naive, _MARKERS, strict=False):
         _errors(
-            axes, offset, (naive.turning,), f"{naive.robot}, default contact", _DEFAULT | {"marker": marker, "ms": 5}
+            axes,
+            offset,
+            (default.turning,),
+            f"{default.robot}, default contact",
+            _DEFAULT | {"marker": marker, "ms": 5},
         )
-    for preset in found.presets:
-        bounds = BOUNDS[preset]
-        for k, bound in enumerate((bounds.slow, bounds.pivot, bounds.offset)):
+    for k, case in enumerate(_CASES):
+        for colour, bound in zip(_COLOURS.values(), bounds[case], strict=True):
             if np.isfinite(bound):
-                axes.hlines(100 * bound, k - 0.4, k + 0.4, color=_COLOURS[preset], lw=1.0, ls="--")
+                axes.hlines(100 * bound, k - 0.4, k + 0.4, color=colour, lw=1.0, ls="--")
     axes.set_xticks(range(len(_CASES)), _CASES)
     axes.grid(visible=False, axis="x")
     axes.set(yscale="log")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set_ylim(bottom=_SMALLEST, top=3e3)
     axes.legend(loc="upper center", ncols=2)
-    return (figure,)
+    return figure
 
 
 def _errors(axes: Axes, offset: float, grounds: Sequence[Turning], name: str, style: dict[str, Any]) -> None:
@@ -55,10 +66,10 @@ def _errors(axes: Axes, offset: float, grounds: Sequence[Turning], name: str, st
 
 
 @styled
-def slopes(found: TerrainValidation) -> Panels:
+def slopes(found: Sequence[Measured]) -> Figure:
     """The steepest slopes that robots climb, and those on which they tip over, against theory."""
     figure, axes = panel("Steepest slope", "by theory [°]", "simulated [°]")
-    for one, marker in zip(found.findings, _markers(found), strict=True):
+    for one, marker in zip(found, _markers(found), strict=True):
         climbed = [*one.climb_on_plane, *one.climb_on_box]
         tipped = [one.tips_sideways, one.tips_backwards]
         style: dict[str, Any] = {"color": _COLOURS[one.preset], "marker": marker, "ls": "none", "ms": 5}
@@ -66,48 +77,47 @@ def slopes(found: TerrainValidation) -> Panels:
             expected, simulated = np.degrees([(angle.expected, angle.found) for angle in angles]).T
             axes.plot(expected, simulated, mfc=face, label=f"{one.robot}, {one.preset}: {name}", **style)
     _one_to_one(axes)
-    return (figure,)
+    return figure
 
 
 @styled
-def steps(found: TerrainValidation) -> Panels:
+def steps(found: Sequence[Measured]) -> Figure:
     """The highest steps that robots climb, against statics; open symbols by tipping over alone."""
     figure, axes = panel("Highest step", "by statics [mm]", "simulated [mm]")
-    for one, marker in zip(found.findings, _markers(found), strict=True):
+    for one, marker in zip(found, _markers(found), strict=True):
         expected, simulated = 1e3 * np.array([(step.expected, step.found) for step in one.steps]).T
         style: dict[str, Any] = {"color": _COLOURS[one.preset], "marker": marker, "ls": "none", "ms": 5}
         axes.plot(expected, simulated, label=f"{one.robot}, {one.preset}", **style)
-    limited = [step for one in found.findings for step in one.steps if step.tips_over > 1.01 * step.expected]
+    limited = [step for one in found for step in one.steps if step.tips_over > 1.01 * step.expected]
     if limited:
         over = 1e3 * np.array([(step.tips_over, step.found) for step in limited]).T
         axes.plot(*over, "x", color=GREEN, label="by tipping over alone")
     _one_to_one(axes)
-    return (figure,)
+    return figure
 
 
 @styled
-def depths(found: TerrainValidation) -> Panels:
+def depths(found: Sequence[Measured], naive: Sequence[ByDefault], bounds: Bounds) -> Panels:
     """Share of the time with a deeper penetration, per preset, on stairs and rough ground."""
-    return tuple(_depths(found, preset) for preset in found.presets)
+    return tuple(_depths(found, naive, bounds, preset) for preset in dict.fromkeys(one.preset for one in found))
 
 
-def _depths(found: TerrainValidation, preset: str) -> Any:
+def _depths(found: Sequence[Measured], naive: Sequence[ByDefault], bounds: Bounds, preset: str) -> Figure:
     figure, axes = panel(f"Penetration, {preset}", "depth [mm]", "tracks that are deeper [%]")
-    colours = iter((BLUE, ORANGE, GREEN, "#CC79A7"))
-    for one in found.of_preset(preset):
-        colour = next(colours)
+    for one, colour in zip([one for one in found if one.preset == preset], _ROBOT_COLOURS, strict=False):
         for name, sinking, dash in (
             ("stairs", one.stairs, "-"),
             ("stairs down", one.descent, ":"),
             ("rough ground", one.rough, "--"),
         ):
             axes.plot(*_deeper(sinking.depth), color=colour, ls=dash, lw=1.3, label=f"{one.robot}, {name}")
-    for naive, dash in zip(found.by_default, ("-", ":", "-.", "--"), strict=False):
-        axes.plot(*_deeper(naive.stairs.depth), color=RED, ls=dash, lw=1.0, label=f"{naive.robot}, stairs, default")
-    bounds = BOUNDS[preset]
-    axes.plot(1e3 * bounds.typical_depth, 1.0, "k_", ms=12)
-    axes.axvline(1e3 * bounds.largest_depth, color="#555555", ls=":", lw=1.0)
-    axes.plot(1e3 * bounds.typical_depth, 1.0, "kv", ms=6, label="bounds: p99, largest")
+    for by_default, dash in zip(naive, ("-", ":", "-.", "--"), strict=False):
+        label = f"{by_default.robot}, stairs, default"
+        axes.plot(*_deeper(by_default.stairs.depth), color=RED, ls=dash, lw=1.0, label=label)
+    typical, largest = (1e3 * bounds[name][[*_COLOURS].index(preset)] for name in ("99th percentile", "largest"))
+    axes.plot(typical, 1.0, "k_", ms=12)
+    axes.axvline(largest, color="#555555", ls=":", lw=1.0)
+    axes.plot(typical, 1.0, "kv", ms=6, label="bounds: p99, largest")
     axes.set(yscale="log", xlim=(0, 12), ylim=(1e-3, 150))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.legend(loc="upper right")
@@ -128,7 +138,7 @@ def _one_to_one(axes: Axes) -> None:
     axes.legend(loc="upper left", ncols=2, fontsize=6.5)
 
 
-def _markers(found: TerrainValidation) -> list[str]:
+def _markers(found: Sequence[Measured]) -> list[str]:
     """A marker per robot."""
-    robots = list(dict.fromkeys(one.robot for one in found.findings))
-    return [_MARKERS[robots.index(one.robot) % len(_MARKERS)] for one in found.findings]
+    robots = list(dict.fromkeys(one.robot for one in found))
+    return [_MARKERS[robots.index(one.robot) % len(_MARKERS)] for one in found]

@@ -1,1 +1,0 @@
-"""Ground that shears, compared with theory."""
