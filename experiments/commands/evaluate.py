@@ -76,7 +76,7 @@ def run(config: Config) -> None:
     from experiments.report.odometry import page, print_errors, sensing_lines
     from experiments.run import Run
     from experiments.storage.manifest import command_line
-    from experiments.storage.results import REPORT_FILE, TABLE_FILE, TRAJECTORIES_FOLDER, arrow_errors
+    from experiments.storage.results import REPORT_FILE, TABLE_FILE, TRAJECTORIES_FOLDER
     from experiments.sweep.table import chosen
     from trackslip.identification.source import origin
     from trackslip.odometry.mounting import Mounting
@@ -103,8 +103,7 @@ def run(config: Config) -> None:
         }
         manifest = run.manifest(**origin(source.logs))
         run.write(summary, manifest=manifest)
-        with arrow_errors(run.folder / TABLE_FILE):
-            odometry.write_error_table(found, run.folder / TABLE_FILE)
+        odometry.write_error_table(found, run.folder / TABLE_FILE)
         if config.tum:
             odometry.write_trajectories(found, run.folder / TRAJECTORIES_FOLDER)
         name = config.path.name or str(config.path)

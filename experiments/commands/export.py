@@ -1,8 +1,10 @@
 """`trackslip export`: stored runs as CSV, for spreadsheets and for programs without Parquet."""
 
+import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
@@ -10,6 +12,10 @@ from experiments.options.base import Distinct, Exclusion, Needs, Options
 from experiments.options.help import default_is
 from trackslip.errors import InvalidValueError
 
+if TYPE_CHECKING:
+    from trackslip.logs.runlog import RunLog
+
+_SHOWN = 10  # names in a message
 EXAMPLES = (
     ("list the runs", "trackslip export out/grid"),
     ("write all runs as CSV", "trackslip export out/grid --csv"),
@@ -51,7 +57,7 @@ def run(config: Config) -> None:
     """List the runs, or write them."""
     from dataclasses import replace
 
-    from experiments.export import chosen, identify_options, runs_table, write_columns
+    from experiments.report.table import Table
     from experiments.storage.results import write_output
     from trackslip.errors import OutputError
     from trackslip.logs.logfile import write_csv
@@ -60,22 +66,46 @@ def run(config: Config) -> None:
     read = read_runs_of(config.path)
     for line in read.warnings:
         print(f"warning: {line}")
-    logs = [replace(log, scans=None) for log in chosen(read.runs, config.run or ())]
+    known = {log.run: replace(log, scans=None) for log in read.runs}
+    for name in config.run or ():
+        if name not in known:
+            more = f", ... ({len(known)} of them)" if len(known) > _SHOWN else ""
+            raise InvalidValueError("run", name, f"one of {', '.join(map(repr, list(known)[:_SHOWN]))}{more}")
+    logs = [known[name] for name in config.run or known]
     if not config.csv:
-        runs_table(config.path, logs).print()
+        lengths = (f"{log.time[-1] - log.time[0]:.2f}" for log in logs)
+        rows = [
+            (log.run, str(len(log.time)), length, "no" if log.truth is None else "yes")
+            for log, length in zip(logs, lengths, strict=True)
+        ]
+        Table(f"Runs in {config.path}", ("run", "rows", "duration [s]", "truth"), rows).print()
         return
     file, about = config.file, config.file.with_suffix(".columns.csv")
     if file.exists() and file.samefile(config.path):
         raise InvalidValueError("out", str(file), "a file other than the one being read")
-    for name in (file, about):
-        if name.exists() and not config.overwrite:
-            raise OutputError(f"{name}: exists already; --overwrite replaces it")
+    for one in (file, about):
+        if one.exists() and not config.overwrite:
+            raise OutputError(f"{one}: exists already; --overwrite replaces it")
 
     def write(draft: Path) -> None:  # both files or none
         write_csv(logs, draft)
-        write_output(about, lambda columns: write_columns(logs, columns))
+        write_output(about, lambda columns: _write_columns(logs, columns))
 
     write_output(file, write)
     print(f"{file}: {len(logs)} run(s), {sum(len(log.time) for log in logs)} rows; units in {about.name}")
-    if options := identify_options(logs):
+    geometry = logs[0].metadata.get("geometry")
+    if isinstance(geometry, dict) and any(log.twist_command is None for log in logs):  # not all under a controller
+        options = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in geometry.items())
         print(f"trackslip identify {file} {options}")
+
+
+def _write_columns(logs: "Sequence[RunLog]", file: Path) -> None:
+    """Write unit and meaning of each column of the runs to a CSV file."""
+    from trackslip.logs.schema import COLUMNS
+    from trackslip.logs.table import to_table
+
+    with file.open("w", newline="", encoding="utf-8") as text:
+        writer = csv.writer(text)
+        writer.writerow(("column", "unit", "description"))
+        columns = (COLUMNS[name] for name in to_table(logs).column_names)
+        writer.writerows((column.name, column.unit, column.description) for column in columns)

@@ -66,14 +66,7 @@ def run(config: Config) -> None:
     from experiments.driving.world import World
     from experiments.recording import record_all
     from experiments.report.formats import stages_text
-    from experiments.storage.results import (
-        RECORDINGS_FOLDER,
-        RUNS_FILE,
-        TABLE_FILE,
-        arrow_errors,
-        bags_text,
-        write_bags,
-    )
+    from experiments.storage.results import RECORDINGS_FOLDER, RUNS_FILE, TABLE_FILE, bags_text, write_bags
     from experiments.sweep.drive import GridRuns
     from experiments.sweep.engine import drive_missing, resumable
     from experiments.sweep.parts import Parts
@@ -109,8 +102,7 @@ def run(config: Config) -> None:
             parts.gather([(one.id, one.name) for one in runs], file)
             if config.rrd:
                 record_all(run.folder, [*(read_runs(file) if driven else ()), *unfinished])
-            with arrow_errors(run.folder / TABLE_FILE):
-                write_table(rows, list(runs[0].axes), run.folder / TABLE_FILE)
+            write_table(rows, list(runs[0].axes), run.folder / TABLE_FILE)
         about: dict[str, Any] = {"timing": timing, "made_by": parts.made_by}
         if config.bag and driven:
             with run.watch.stage("bags"), run.progress("bags", len(driven), "bags") as done:

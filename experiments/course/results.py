@@ -13,7 +13,6 @@ import pyarrow.parquet
 
 from experiments.course.run import CourseRun
 from experiments.storage.plain_json import plain
-from experiments.storage.results import arrow_errors
 from sim.terrain import Course
 from trackslip.kinematics import Array
 from trackslip.logs.logfile import packing
@@ -152,8 +151,7 @@ def write_course_run(run: CourseRun, name: str, about: Mapping[str, Any], file: 
     fields += [pa.field(c.name, array.type, metadata=c.metadata) for (c, _), array in zip(columns, arrays, strict=True)]
     schema = pa.schema(fields, metadata=file_metadata(fields, {name: plain(about)}))
     table = pa.Table.from_arrays([pa.array([name] * len(run.time)), *arrays], schema=schema)
-    with arrow_errors(file):
-        pa.parquet.write_table(table, file, row_group_size=len(run.time), **packing(schema))
+    pa.parquet.write_table(table, file, row_group_size=len(run.time), **packing(schema))
 
 
 def _columns(run: CourseRun, radius: float) -> Iterator[tuple[Column, Array]]:

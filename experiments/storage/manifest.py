@@ -13,6 +13,7 @@ import subprocess
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import experiments
@@ -22,7 +23,6 @@ import trackslip
 from experiments.storage.plain_json import plain
 from trackslip.logs.file_format import FORMAT
 
-_CODE, _MODELS = (trackslip, sim, experiments), (models,)
 _SUFFIXES = (".py", ".xml", ".json", ".obj")
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "casadi")
 
@@ -46,16 +46,14 @@ def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict
     }
 
 
+@functools.cache
 def versions() -> dict[str, str | None]:
-    """Of Python and of the packages that results depend on."""
+    """Versions of Python and of the packages that results depend on; None for those that aren't installed."""
     found: dict[str, str | None] = {"python": platform.python_version(), **dict.fromkeys(_PACKAGES)}
     for package in _PACKAGES:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            found[package] = _version(package)
+            found[package] = importlib.metadata.version(package)
     return found
-
-
-_version = functools.cache(importlib.metadata.version)  # which reads a file of many lines
 
 
 def command_line(command: str) -> str:
@@ -85,7 +83,16 @@ def _relative_paths(value: Any) -> Any:
 @functools.cache
 def made_by() -> dict[str, Any]:
     """Digests of the code and of the models, and versions of the libraries."""
-    return {"code": _digest_of(_CODE), "models": _digest_of(_MODELS), "versions": versions()}
+    return {"code": _digest_of(trackslip, sim, experiments), "models": _digest_of(models), "versions": versions()}
+
+
+def _digest_of(*packages: ModuleType) -> str:
+    files = []
+    for package in packages:
+        root = Path(str(package.__path__[0]))
+        found = (file for file in sorted(root.rglob("*")) if file.suffix in _SUFFIXES)
+        files += [(package.__name__, str(file.relative_to(root)), content(file)) for file in found]
+    return digest(files)
 
 
 def digest(value: Any) -> str:
@@ -103,15 +110,6 @@ def changes(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
     found = [f"trackslip's {name}" for name in ("code", "models") if before.get(name) != now[name]]
     old = before.get("versions", {})
     return found + [f"{name} ({old.get(name)}, now {v})" for name, v in now["versions"].items() if old.get(name) != v]
-
-
-def _digest_of(packages: Any) -> str:
-    files = []
-    for package in packages:
-        root = Path(str(package.__path__[0]))
-        found = (file for file in sorted(root.rglob("*")) if file.suffix in _SUFFIXES)
-        files += [(package.__name__, str(file.relative_to(root)), content(file)) for file in found]
-    return digest(files)
 
 
 @functools.cache

@@ -60,24 +60,37 @@ def results_folder(out: Path, then: Callable[[], None] = lambda: None) -> Iterat
     Raises OutputError: at once, before anything is computed, if `out` can't be written or another command is writing
     there; later, if the disk is full.
     """
+    with output_errors(f"out = {str(out)!r}"), _folders(out), locked(out):
+        _require_own(out)
+        for left in out.glob(f"{_PARTIAL}*"):
+            _restore(left, out)
+            shutil.rmtree(left, ignore_errors=True)
+        staging = Path(tempfile.mkdtemp(prefix=_PARTIAL, dir=out))
+        try:
+            yield staging
+            with interrupts_later():
+                _replace(staging, out)
+                then()
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def output_errors(what: str) -> Iterator[None]:
+    """Turn failures to write, of the system or of pyarrow, into OutputErrors that say what can't be written."""
     try:
-        with _folders(out), locked(out):
-            _require_own(out)
-            for left in out.glob(f"{_PARTIAL}*"):
-                _restore(left, out)
-                shutil.rmtree(left, ignore_errors=True)
-            staging = Path(tempfile.mkdtemp(prefix=_PARTIAL, dir=out))
-            try:
-                yield staging
-                with interrupts_later():
-                    _replace(staging, out)
-                    then()
-            finally:
-                shutil.rmtree(staging, ignore_errors=True)
+        yield
     except OutputError:
         raise
+    except FileExistsError as error:
+        raise OutputError(f"{what}: can't be written (a folder of its path is a file)") from error
     except OSError as error:
-        raise OutputError(f"out = {str(out)!r}: can't be written ({_reason(error)})") from error
+        reason = os.strerror(error.errno) if error.errno else str(error)  # pyarrow's words are longer
+        raise OutputError(f"{what}: can't be written ({reason})") from error
+    except Exception as error:
+        if not type(error).__module__.startswith("pyarrow"):
+            raise
+        raise OutputError(f"{what}: can't be written ({first_line(error)})") from error
 
 
 @contextlib.contextmanager
@@ -86,7 +99,7 @@ def locked(folder: Path) -> Iterator[None]:
 
     The operating system holds the lock, so it ends with the process, however that ends; a file left behind by a killed
     process locks nothing. A file system without locks is used without one. Raises OutputError, at once, if another
-    command is using the folder or the folder isn't writable.
+    command is using the folder, OSError if it isn't writable.
     """
     lock = FileLock(folder / _LOCK, blocking=False, fallback_to_soft=False)
     try:
@@ -95,7 +108,7 @@ def locked(folder: Path) -> Iterator[None]:
         raise OutputError(f"out = {str(folder)!r}: another command is writing there") from error
     except OSError as error:
         if error.errno not in _NO_LOCKS:
-            raise OutputError(f"out = {str(folder)!r}: can't be written ({error.strerror})") from error
+            raise
     try:
         yield
     finally:
@@ -115,13 +128,6 @@ def _folders(folder: Path) -> Iterator[None]:
         for one in made:
             with contextlib.suppress(OSError):
                 one.rmdir()
-
-
-def _reason(error: OSError) -> str:
-    """Why a file cannot be written, in the system's words; pyarrow's are longer."""
-    if isinstance(error, FileExistsError):
-        return "a folder of its path is a file"
-    return os.strerror(error.errno) if error.errno else str(error)
 
 
 def _require_own(out: Path) -> None:
@@ -183,22 +189,19 @@ def write_whole(file: Path, write: Callable[[Path], object]) -> None:
 
 def write_output(file: Path, write: Callable[[Path], object]) -> None:
     """The same for a file that the user has named: raises OutputError if it can't be written."""
-    try:
+    with output_errors(str(file)):
         write_whole(file, write)
-    except OSError as error:
-        raise OutputError(f"{file}: can't be written ({_reason(error)})") from error
 
 
 def file_names(names: Sequence[str], ending: str = "") -> list[str]:
     """File names (n,) with an ending for runs, all different whatever the runs are called."""
-    found: list[str] = []
-    taken: set[str] = set()
+    found: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_MAX_NAME] or "run"
         candidates = (f"{plain}{ending}" if k == 1 else f"{plain}_{k}{ending}" for k in itertools.count(1))
-        found.append(next(file for file in candidates if file.lower() not in taken))
-        taken.add(found[-1].lower())
-    return found
+        file = next(file for file in candidates if file.lower() not in found)
+        found[file.lower()] = file
+    return list(found.values())
 
 
 def write_results(
@@ -215,8 +218,7 @@ def write_runs(folder: Path, logs: Sequence["RunLog"]) -> None:
     """Write runs as the folder's RUNS_FILE."""
     from trackslip.logs.logfile import write_parquet  # late: not every command has runs to write
 
-    with arrow_errors(folder / RUNS_FILE):
-        write_parquet(logs, folder / RUNS_FILE)
+    write_parquet(logs, folder / RUNS_FILE)
 
 
 def write_samples(folder: Path, samples: "SlipSamples") -> None:
@@ -230,21 +232,7 @@ def write_samples(folder: Path, samples: "SlipSamples") -> None:
     columns = np.concatenate([samples.omega, samples.twist, samples.slip], axis=1).T
     numbers = dict(zip((*SAMPLE_COLUMNS, "slip_l", "slip_r"), columns, strict=True))
     table = with_units(pa.table({"run": list(samples.run), **numbers}))
-    with arrow_errors(folder / RUNS_FILE):
-        pa.parquet.write_table(table, folder / RUNS_FILE, write_page_checksum=True)
-
-
-@contextlib.contextmanager
-def arrow_errors(file: Path) -> Iterator[None]:
-    """Turn pyarrow's own errors, unlike those of the system, into OutputErrors."""
-    import pyarrow as pa
-
-    try:
-        yield
-    except OSError:
-        raise
-    except pa.ArrowException as error:
-        raise OutputError(f"{file.name}: can't be written ({first_line(error)})") from error
+    pa.parquet.write_table(table, folder / RUNS_FILE, write_page_checksum=True)
 
 
 def write_bags(

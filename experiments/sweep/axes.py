@@ -45,7 +45,6 @@ _PARAMETERS = tuple(f"robot.{f.name}" for f in dataclasses.fields(RobotParameter
 _NO_AXES = ("radii", "speeds", "threads", "rrd", "out", "robot")
 _MAX_RATIO = 100.0
 _UNIT = re.compile(r"\[([^]]+)\]")
-_FLAGS = {"true": True, "false": False}
 _WORDS = {int: "an integer", float: "a number", bool: "true or false", str: "a name", Path: "a file"}
 
 
@@ -184,25 +183,20 @@ def _texts(cls: Any) -> dict[str, str]:
 
 def _converted(hint: Any, value: object, name: str) -> Any:
     """`value`, text or from TOML, as the type `hint`; raises InvalidValueError where it can't be converted."""
-    kinds = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
+    several = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
+    kinds = [kind for kind in several if kind is not type(None)]
     for kind in kinds:
-        with contextlib.suppress(TypeError, ValueError, OverflowError, KeyError):
-            return _as(kind, value)
-    words = [[_WORDS[kind]] if kind in _WORDS else typing.get_args(kind) for kind in kinds]  # or those of a Literal
-    raise InvalidValueError(name, value, " or ".join(str(word) for several in words for word in several))
+        with contextlib.suppress(ValueError, KeyError, OverflowError):
+            return _from_text(kind, str(value).lower() if isinstance(value, bool) else str(value))
+    words = (_WORDS.get(kind) or " or ".join(typing.get_args(kind)) for kind in kinds)  # the latter of a Literal
+    raise InvalidValueError(name, value, " or ".join(words))
 
 
-def _as(kind: Any, value: Any) -> Any:
-    """`value` as one type; raises TypeError, ValueError, OverflowError or KeyError where it can't be converted."""
-    if typing.get_origin(kind) is typing.Literal and value in typing.get_args(kind):
-        return value
+def _from_text(kind: Any, text: str) -> Any:
+    """`text` as one type; raises ValueError, OverflowError or KeyError where it can't be converted."""
+    text.encode()  # an argument may contain surrogates, which can't be stored
     if kind is bool:
-        return value if isinstance(value, bool) else _FLAGS[value]
-    if kind in (int, float) and not isinstance(value, bool):
-        number = kind(value)
-        if isinstance(value, str) or number == value or number != number:
-            return number
-    if kind in (str, Path) and isinstance(value, str):
-        value.encode()  # an argument may contain surrogates, which can't be stored
-        return kind(value)
-    raise TypeError
+        return {"true": True, "false": False}[text]
+    if typing.get_origin(kind) is typing.Literal:
+        return {str(one): one for one in typing.get_args(kind)}[text]
+    return kind(text)

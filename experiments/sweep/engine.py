@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol, TypeVar
 
@@ -69,21 +68,11 @@ class Kind(Protocol[KindRunT]):
         """A row for each run: its name (`run`), `id`, `error` (None unless it failed), and what was measured."""
 
 
-@dataclass(frozen=True)
-class DrivenFleet:
-    """Runs that were driven together, with those that failed."""
-
-    part: Part
-    """Rows and logs."""
-    unfinished: list[RunLog]
-    """What was recorded of runs until they failed."""
-    duration: float
-    """Simulated time of all runs together [s]."""
-    stages: dict[str, float]
-    """Work by stage [s]."""
+Driven = tuple[Part, list[RunLog], dict[str, float]]
+"""Runs that were driven together, what was recorded of others until they failed, and work by stage [s]."""
 
 
-def drive_fleet(kind: Kind[RunT], runs: Sequence[RunT], report: Progress | None = None) -> DrivenFleet:
+def drive_fleet(kind: Kind[RunT], runs: Sequence[RunT], report: Progress | None = None) -> Driven:
     """Drive and measure a fleet; runs that fail are isolated. `report` takes simulated seconds of single robots."""
     watch = Stopwatch()
 
@@ -95,7 +84,7 @@ def drive_fleet(kind: Kind[RunT], runs: Sequence[RunT], report: Progress | None 
     with watch.stage("storing"):
         part = Part.of(rows, [one for one in outcomes if isinstance(one, RunLog)])
     failed = [one for one in outcomes if isinstance(one, RunFailedError)] if kind.recorded else []
-    return DrivenFleet(part, [log for one in failed for log in one.logs], sum(r.duration for r in runs), watch.stages)
+    return part, [log for one in failed for log in one.logs], watch.stages
 
 
 def _isolating(runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[RunLog]]) -> list[Outcome]:
@@ -152,16 +141,18 @@ def drive_missing(
     if not missing:
         return []
     unfinished: list[RunLog] = []
-    total, left = (sum(run.duration for run in some) for some in (runs, missing))
+    durations = {run.id: run.duration for run in runs}
+    left = sum(run.duration for run in missing)
+    total = sum(durations.values())
     jobs = jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs, kind.sizes)))
     with progress(f"{len(runs)} runs", total, done=total - left) as report, workers(executor, jobs) as pool:
         drive = partial(drive_fleet, kind, report=report if pool.inline else None)
-        for fleet in pool.each(drive, fleets(missing, pool.count, kind.sizes)):
-            parts.keep(fleet.part)
-            report(0.0 if pool.inline else fleet.duration)
-            unfinished += fleet.unfinished
-            watch.add(fleet.stages)
+        for part, until_failure, stages in pool.each(drive, fleets(missing, pool.count, kind.sizes)):
+            parts.keep(part)
+            report(0.0 if pool.inline else sum(durations[row["id"]] for row in part.rows))
+            unfinished += until_failure
+            watch.add(stages)
     return unfinished
 
 

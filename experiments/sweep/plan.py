@@ -5,9 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-import math
 from collections.abc import Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +13,6 @@ from experiments.driving.grid_runs import Cell, require_radius
 from experiments.driving.world import Specification, World, WorldFiles
 from experiments.options.base import Whole, option, with_option
 from experiments.options.grid import GridConfig
-from experiments.report.terminal import progress
 from experiments.storage.manifest import digest
 from experiments.sweep.axes import ALIASES, axes_of
 from trackslip.errors import InvalidValueError
@@ -27,7 +24,6 @@ if TYPE_CHECKING:
 _DRIVEN = ("radius", "speed")
 _OF_A_RUN = (*_DRIVEN, "seed")  # axes on which the runs of a setting differ
 _IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_phase")  # options that a fleet shares
-_QUICK = 10_000  # runs that are planned in about a second
 
 
 @dataclass(frozen=True)
@@ -119,7 +115,7 @@ class PlannedRun:
 
 
 def plan(config: Config) -> list[PlannedRun]:
-    """Every run; raises TrackslipError for invalid values, before anything is driven. Shows progress of many runs."""
+    """Every run; raises TrackslipError for invalid values, before anything is driven."""
     axes = axes_of(config)
     Whole().check("seed", axes.get("seed", ()))
     base = GridConfig(**{f.name: getattr(config, f.name) for f in dataclasses.fields(GridConfig)})
@@ -129,15 +125,12 @@ def plan(config: Config) -> list[PlannedRun]:
     usual = {name: _usual(base, given, name) for name in axes if name not in _DRIVEN}
     settings: dict[tuple[Any, ...], Setting] = {}
     runs = []
-    total = math.prod(map(len, axes.values()))
-    with progress("planning", total, "runs") if total > _QUICK else nullcontext(lambda runs: None) as planned:
-        for values in itertools.product(*axes.values()):
-            taken = dict(zip(axes, values, strict=True))
-            shared = tuple(value for name, value in taken.items() if name not in _OF_A_RUN)
-            if shared not in settings:
-                settings[shared] = _setting(base, taken, files, config.bag)
-            runs.append(_run(taken, usual, settings[shared]))
-            planned(1)
+    for values in itertools.product(*axes.values()):
+        taken = dict(zip(axes, values, strict=True))
+        shared = tuple(value for name, value in taken.items() if name not in _OF_A_RUN)
+        if shared not in settings:
+            settings[shared] = _setting(base, taken, files, config.bag)
+        runs.append(_run(taken, usual, settings[shared]))
     narrowest = min((one.specification.parameters for one in settings.values()), key=lambda one: one.half_gauge)
     for radius in axes["radius"]:  # a radius too tight for only some of the robots is a run that fails
         require_radius(radius, RobotGeometry(narrowest.half_gauge, narrowest.sprocket_radius))

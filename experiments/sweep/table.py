@@ -43,8 +43,6 @@ COLUMNS = {
 }
 """Besides the axes of the sweep, which come after `id`."""
 _SHOWN = 10  # values of an axis in a message
-_MAX_INTEGER = 2**63 - 1
-"""Largest integer of a column; larger ones (seeds) become text."""
 
 
 def renamed(row: Row, name: str, axes: Mapping[str, Any]) -> Row:
@@ -66,15 +64,13 @@ def write_table(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
 
 
 def _array(values: list[Any], column: Column) -> pa.Array:
-    """A column of the values' common type; text if there are none, or several types."""
-    kinds = {type(value) for value in values if value is not None}
-    if kinds == {int} and max(value for value in values if value is not None) > _MAX_INTEGER:
-        kinds = {str}
-    if kinds <= {int, float} and (kinds or column.unit != NO_UNIT):
-        return pa.array(values, pa.int64() if kinds == {int} else pa.float64())
-    if kinds == {bool}:
-        return pa.array(values, pa.bool_())
-    return pa.array([None if value is None else str(value) for value in values], pa.string())
+    """A column of the values' common type; text if they have none, or are too large, as seeds may be."""
+    if all(value is None for value in values):
+        return pa.array(values, pa.float64() if column.unit else pa.string())
+    try:
+        return pa.array(values)
+    except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError):
+        return pa.array([None if value is None else str(value) for value in values])
 
 
 def chosen(folder: Path, where: Sequence[str]) -> set[str]:

@@ -115,7 +115,7 @@ def test_damaged_parts_are_driven_again(tmp_path, short):
         return cases[0].id in parts
 
     assert not there()
-    Parts(config.out, PARTS).keep(drive_fleet(ClosedLoops(config), cases).part)
+    Parts(config.out, PARTS).keep(drive_fleet(ClosedLoops(config), cases)[0])
     assert there()
     (rows,), (runs,) = ((config.out / PARTS).glob(f"*.{kind}") for kind in ("json", "parquet"))
     whole = {path: path.read_bytes() for path in (rows, runs)}

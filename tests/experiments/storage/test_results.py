@@ -114,7 +114,7 @@ def test_pyarrow_may_fail_in_its_own_way(refused, monkeypatch):
         raise pyarrow.ArrowInvalid("no such thing\nin detail")
 
     monkeypatch.setattr(pyarrow.parquet.ParquetWriter, "write_table", fail)
-    assert refused(*TRACK) == "runs.parquet: can't be written (no such thing)"
+    assert refused(*TRACK).endswith(": can't be written (no such thing)")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
