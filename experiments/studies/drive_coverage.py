@@ -18,7 +18,6 @@ from experiments.driving.world import World
 from experiments.report.checks import checks_table
 from experiments.report.formats import number
 from experiments.report.table import Table
-from experiments.studies.drive_bound import pose_source_bound
 from experiments.studies.trials import (
     Estimate,
     Estimates,
@@ -38,16 +37,19 @@ from sim.run_recorder import Description
 from sim.runs import open_loop
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
-from sim.wander.log import joined_log
 from sim.wander.motion import LASTING, WHITE, LawMotion, SlipVariation
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import LogError, TrackslipError
+from trackslip.identification.drive.drives import drive_of
 from trackslip.identification.drive.estimate import fit_drives
 from trackslip.identification.drive.model import EXTRAS as EXTRA_PARAMETERS
+from trackslip.identification.drive.model import DriveModel
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.true_samples import true_samples
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
+from trackslip.planning.information import PoseQuality, information, with_extras
 from trackslip.planning.plan import paper_runs
 from trackslip.slip.families import FAMILIES
 
@@ -269,14 +271,11 @@ def fitted_drive(trial: Trial, rng: np.random.Generator, geometry: RobotGeometry
     case = CASES.get(trial.case, Case(NOISE_FREE, PoseSource(rate=20.0), None))
     drive: KnownDrive = trial.given
     if case.slip is not None:
-        omega = _commands(geometry, rng)
-        drive = driven_by_law("drive", _law_motion(TRUTH, geometry, case.slip), omega, _ENCODER_RATE, rng)
-    stamps, poses = case.source.measure(drive.motion, rng)
-    log, bound = joined_log(drive.log, stamps, poses), {}
+        law = LawMotion(FAMILIES[LAW].law(TRUTH, geometry), geometry, case.slip)
+        drive = driven_by_law("drive", law, _commands(geometry, rng), _ENCODER_RATE, rng)
+    log, bound = drive.measured(case.source, rng), {}
     if case.slip is not None and case.over_bound is not None:
-        silent = partial(_law_motion, geometry=geometry, slip=SlipVariation())
-        found = pose_source_bound(silent, TRUTH, omega, _ENCODER_RATE, stamps, case.slip, case.source)
-        bound = dict(zip(TRUE_LAW, found.tolist(), strict=True))
+        bound = _bound(log, case.source, case.slip, geometry)
     try:
         estimates = Estimate.of(fit_drives(LAW, [log], geometry))
     except TrackslipError as error:
@@ -290,8 +289,13 @@ def _commands(geometry: RobotGeometry, rng: np.random.Generator) -> Array:
     return track_commands("random", _DURATION, _ENCODER_RATE, driver, rng) / geometry.sprocket_radius
 
 
-def _law_motion(values: Array, geometry: RobotGeometry, slip: SlipVariation) -> LawMotion:
-    return LawMotion(FAMILIES[LAW].law(values, geometry), geometry, slip)
+def _bound(log: RunLog, source: PoseSource, slip: SlipVariation, geometry: RobotGeometry) -> dict[str, float]:
+    """The Cramér-Rao bounds of the law's parameters, the trajectory being unknown as well, for white slip."""
+    model = DriveModel(FAMILIES[LAW], geometry)
+    poses = PoseQuality(source.rate, source.position_noise, source.heading_noise)
+    white = (slip.along, slip.across, slip.turning)
+    found = information(model, with_extras(TRUTH), [drive_of(log)], poses, white, list(TRUE_LAW))
+    return dict(zip(TRUE_LAW, np.sqrt(np.diag(np.linalg.inv(found))).tolist(), strict=True))
 
 
 def steady_laws(robot: Robot, threads: int) -> tuple[Values, Values]:
