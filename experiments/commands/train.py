@@ -49,7 +49,7 @@ class Config(Options):
     """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
     trials: Annotated[int, Whole(1, MAX_TRIALS)] = 300
     """Number of unseen courses, of each of three difficulties, to try the policy on; needs --env traverse."""
-    network: tuple[int, ...] = (64, 64)
+    network: Annotated[tuple[int, ...], Whole(1, MAX_LAYER)] = (64, 64)
     """Sizes of the hidden layers."""
     learning_rate: Annotated[float, Positive(1.0)] = 6e-4
     """Initial learning rate; it falls linearly to a twentieth [-]."""
@@ -67,14 +67,12 @@ class Config(Options):
     """Number of the simulator's worker threads, 0 for one per processor."""
     resume: bool = False
     """Resume from the last checkpoint in OUT instead of starting again."""
-    rrd: bool = False
-    """Also record the trained policy driving each path, for the rerun viewer, in OUT/recordings."""
     out: Path = Path("out/train")
     """Folder for the policy, its checkpoints and the training curve."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("robot", "difficulty", "trials"), "env", (TRAVERSE,)),
-        Excludes(("references", "grounds", "compensation", "authority", "rrd"), "env", (TRAVERSE,)),
+        Excludes(("references", "grounds", "compensation", "authority"), "env", (TRAVERSE,)),
     )
 
     def __post_init__(self) -> None:
@@ -89,40 +87,37 @@ class Config(Options):
         for name in ("references", "grounds", "network"):
             if not getattr(self, name):
                 raise InvalidValueError(name, getattr(self, name), "at least one")
-        for size in self.network:
-            if not 1 <= size <= MAX_LAYER:
-                raise InvalidValueError("network", size, f"integers from 1 to {MAX_LAYER}")
         if not 0 < self.discount < 1:
             raise InvalidValueError("discount", self.discount, "between 0 and 1")
 
 
 def run(config: Config) -> None:
     """Train, store the policy, draw its curve, and print the reward before and after."""
+    from experiments.learning.crossing import crossing_table, gain_text
     from experiments.learning.figures import learning_curve
-    from experiments.learning.training import CHECKPOINT, POLICY, driven, learn, model_of, training_of
-    from experiments.recording import record_all
+    from experiments.learning.tasks import PathTracking, Traversing
+    from experiments.learning.training import CHECKPOINT, POLICY, learn, model_of, network_of
     from experiments.run import Run
 
     with Run(config) as run:
-        training = training_of(config)
-        model = model_of(config, training)
-        before = model.num_timesteps
+        task = PathTracking(config) if config.env == PATH_TRACKING else Traversing(config)
+        model = model_of(config, task)
+        before, policy = model.num_timesteps, run.folder / POLICY
         try:
-            curve = learn(model, config, training, run.folder)
+            curve = learn(model, config, task, run.folder)
         except KeyboardInterrupt:
             if not (config.out / CHECKPOINT).is_file():
                 raise
             raise KeyboardInterrupt("interrupted; --resume continues from the last checkpoint") from None
-        training.save(model, run.folder / POLICY)
-        found = training.finish(run.folder / POLICY)
+        task.policy(network_of(model)).save(policy)
+        found = task.tried(policy)
         rate = (model.num_timesteps - before) / run.wall
         run.write({"steps": model.num_timesteps, "steps_per_s": rate, "curve": curve, **found}, seed=config.seed)
         learning_curve(curve, found.get("rates", ())).savefig(run.folder / "curve.png", dpi=160)
-        if config.rrd:
-            policy = run.folder / POLICY
-            record_all(run.folder, [log for name in config.references for log in driven(config, policy, name)])
     of = " of 1" if config.env == PATH_TRACKING else ""
     for point in curve[:1] + curve[-1:]:
         print(f"{point['steps']:>10,} steps: {point['reward']:.3f}{of} per step")
-    training.show(found)
+    if found:
+        crossing_table(f"Unseen courses, {config.trials} of each difficulty", found["rates"]).print()
+        print(gain_text(found["gain"]))
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {run.wall:.0f} s")

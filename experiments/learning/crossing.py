@@ -20,7 +20,6 @@ from sim.traverse.task import Crossing
 from trackslip.kinematics import Array
 
 SCRIPTED, POLICY = "scripted", "policy"
-_CONFIDENCE = 0.95
 _HEADER = ("controller", "difficulty", "crossed [%]", "95 % interval", "tipped", "stuck", "other", "time [s]")
 _RESAMPLES = 10_000
 
@@ -33,21 +32,18 @@ class CrossingRate:
     difficulty: float
     """Of the courses [-]."""
     courses: int
-    """Number of courses."""
     crossed: int
     """Number of courses that it crossed."""
     rate: float
     """Share of those [-]."""
     low: float
-    """Lower end of the rate's 95 % interval (Wilson) [-]."""
     high: float
-    """Its upper end [-]."""
+    """Ends of the rate's 95 % interval (Wilson) [-]."""
     tipped: int
-    """Number of runs that ended tipped over."""
     stuck: int
-    """Number that got stuck."""
+    """Number of runs that ended tipped over, or stuck."""
     other: int
-    """Number that ended otherwise: fallen, exploded, out of time."""
+    """Number of those that ended otherwise: fallen, exploded, out of time."""
     time: float | None
     """Mean time of the crossings [s]; None without any."""
 
@@ -59,13 +55,11 @@ class CrossingGain:
     gain: float
     """Difference of the rates [-]."""
     low: float
-    """Lower end of its 95 % interval, from resampling courses [-]."""
     high: float
-    """Its upper end [-]."""
+    """Ends of its 95 % interval, from resampling courses [-]."""
     only_policy: int
-    """Number of courses that the policy alone crosses."""
     only_scripted: int
-    """Number of courses that the scripted controller alone crosses."""
+    """Number of courses that one of the two alone crosses."""
 
 
 def compare(
@@ -86,7 +80,7 @@ def compare(
             unseen = [generator(seed, f"unseen course {level:g} {k}") for k in everyone]
             task.begin(everyone, [task.draw(one, {}) for one in unseen])
             ended = _drive(task, policy if controller == POLICY else None)
-            rates.append(_rate(controller, level, ended, task.world.time))
+            rates.append(crossing_rate(controller, level, ended, task.world.time))
             crossed.append(ended == Outcome.REACHED)
     scripted, learnt = np.concatenate(crossed[0::2]), np.concatenate(crossed[1::2])
     return rates, crossing_gain(scripted, learnt, generator(seed, "resampled courses"))
@@ -96,7 +90,7 @@ def crossing_gain(scripted: NDArray[np.bool_], policy: NDArray[np.bool_], rng: n
     """The difference between two controllers that crossed the same courses (C,) or not."""
     more = policy.astype(float) - scripted
     means = rng.choice(more, (_RESAMPLES, len(more))).mean(axis=1)
-    low, high = np.quantile(means, [(1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2])
+    low, high = np.quantile(means, [0.025, 0.975])
     return CrossingGain(float(more.mean()), float(low), float(high), int((more > 0).sum()), int((more < 0).sum()))
 
 
@@ -129,21 +123,13 @@ def _drive(task: Crossing, policy: CrossingPolicy | None) -> NDArray[np.int_]:
     return task.outcome.copy()
 
 
-def _rate(controller: str, difficulty: float, ended: NDArray[np.int_], time: Array) -> CrossingRate:
-    reached, total = ended == Outcome.REACHED, len(ended)
-    crossed = int(reached.sum())
-    interval = binomtest(crossed, total).proportion_ci(_CONFIDENCE, "wilson")
-    tipped, stuck = (int((ended == one).sum()) for one in (Outcome.TIPPED, Outcome.STUCK))
+def crossing_rate(controller: str, difficulty: float, ended: NDArray[np.int_], time: Array) -> CrossingRate:
+    """The rate of episodes that ended with these outcomes (N,) at these times (N,) [s]."""
+    crossed, tipped, stuck = (int((ended == one).sum()) for one in (Outcome.REACHED, Outcome.TIPPED, Outcome.STUCK))
+    total = len(ended)
+    low, high = binomtest(crossed, total).proportion_ci(0.95, "wilson")
+    mean = float(time[ended == Outcome.REACHED].mean()) if crossed else None
+    counts = (tipped, stuck, total - crossed - tipped - stuck)
     return CrossingRate(
-        controller,
-        difficulty,
-        total,
-        crossed,
-        crossed / total,
-        float(interval.low),
-        float(interval.high),
-        tipped,
-        stuck,
-        total - crossed - tipped - stuck,
-        float(time[reached].mean()) if crossed else None,
+        controller, difficulty, total, crossed, crossed / total, float(low), float(high), *counts, time=mean
     )

@@ -1,85 +1,28 @@
-"""Training with PPO: an environment to learn in, a model with checkpoints, and what becomes of the result."""
+"""Training with PPO: a model with checkpoints, and its network."""
 
 from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.report.terminal import progress
+from sim.network import Network
 from trackslip.errors import InvalidValueError, LogError, TrackslipError
-from trackslip.logs.runlog import RunLog
 
 if TYPE_CHECKING:
     from experiments.commands.train import Config
+    from experiments.learning.tasks import Task
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
 _MIN_RATE = 0.05  # final over initial learning rate
 _CHECKPOINT_EVERY = 20  # updates
 
 
-class Training(Protocol):
-    """An environment to learn in, and what becomes of the result."""
-
-    initial_deviation: float
-    """Standard deviation of the actions at the beginning, as a natural logarithm."""
-
-    def robots(self) -> Any:
-        """The vector environment, with the interface of Stable-Baselines3."""
-
-    def ended(self, infos: Sequence[dict[str, Any]]) -> dict[str, float]:
-        """Further values of a point of the learning curve, from the last infos of episodes that have ended."""
-
-    def save(self, model: Any, file: Path) -> None:
-        """Write the policy of a model."""
-
-    def finish(self, policy: Path) -> dict[str, Any]:
-        """Try the policy that was written; returns entries of summary.json."""
-
-    def show(self, found: dict[str, Any]) -> None:
-        """Print what `finish` returned."""
-
-
-def driven(config: Config, policy: Path, reference: str) -> list[RunLog]:
-    """Run the policy along a path, from its beginning, on the first of the grounds; as far as it gets if it fails."""
-    from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops
-    from experiments.driving.lookup import compensation
-    from experiments.driving.world import World
-    from experiments.options.world import GroundOptions, Simulation
-    from trackslip.errors import RunFailedError
-    from trackslip.trajectory.named import load_reference
-
-    ground = GroundOptions(config.grounds[0])
-    world = World.of(Simulation(ground=ground, seed=config.seed, threads=config.threads, rrd=True))
-    path, name = load_reference(reference), f"ppo:{policy}"
-    one = ClosedLoopRun(f"policy {reference}", "track", config.seed, name, config.compensation, path.pose(0.0))
-    try:
-        law = partial(compensation, robot=world.robot.geometry, laws=None)
-        logs = drive_closed_loops([one], world, path, "plate", law)
-    except RunFailedError as error:
-        logs = error.logs
-    more = {"controller": f"ppo:{config.out}", "reference": reference}
-    return [replace(log, metadata=log.metadata | more) for log in logs]
-
-
-def training_of(config: Config) -> Training:
-    """What is learnt, and where."""
-    if config.env == "path_tracking":
-        from experiments.learning.path_tracking import PathTrackingTraining
-
-        return PathTrackingTraining(config)
-    from experiments.learning.traverse import TraverseTraining
-
-    return TraverseTraining(config)
-
-
-def model_of(config: Config, training: Training) -> Any:
+def model_of(config: Config, task: Task) -> Any:
     """A new PPO model, or the one of the last checkpoint."""
     try:
         import torch
@@ -88,8 +31,13 @@ def model_of(config: Config, training: Training) -> Any:
         raise TrackslipError('train needs Stable-Baselines3: pip install "trackslip[rl]"') from error
 
     torch.set_num_threads(1)  # its threads would take processors from the simulation
-    robots, checkpoint = training.robots(), config.out / CHECKPOINT
-    rate = _falling(config.learning_rate)
+    robots, checkpoint = task.robots(), config.out / CHECKPOINT
+    first = config.learning_rate
+
+    def rate(left: float) -> float:
+        """The learning rate where so large a share of the training is left."""
+        return first * (_MIN_RATE + (1 - _MIN_RATE) * left)
+
     settings = {
         "n_steps": config.horizon,
         "batch_size": config.batch,
@@ -116,22 +64,17 @@ def model_of(config: Config, training: Training) -> Any:
         policy_kwargs={
             "net_arch": list(config.network),
             "activation_fn": torch.nn.Tanh,
-            "log_std_init": training.initial_deviation,
+            "log_std_init": task.initial_deviation,
         },
         **settings,
     )
 
 
-def _falling(rate: float) -> Callable[[float], float]:
-    """The learning rate as a function of the remaining share of the training."""
-    return lambda left: rate * (_MIN_RATE + (1 - _MIN_RATE) * left)
-
-
-def learn(model: Any, config: Config, training: Training, drafts: Path) -> list[dict[str, float]]:
+def learn(model: Any, config: Config, task: Task, drafts: Path) -> list[dict[str, float]]:
     """Train until `config.steps`, with checkpoints, which are drafted in the folder `drafts` on the same disk.
 
     Returns for each update the steps of all robots so far, their mean reward since the one before [-], and what
-    `training` says of the episodes that have ended since.
+    `task` says of the episodes that have ended since.
     """
     from stable_baselines3.common.callbacks import BaseCallback
 
@@ -151,7 +94,7 @@ def learn(model: Any, config: Config, training: Training, drafts: Path) -> list[
 
             def _on_rollout_end(self) -> None:
                 mean = {"steps": self.num_timesteps, "reward": float(np.mean(rewards))}
-                curve.append(mean | training.ended(ended))
+                curve.append(mean | task.ended(ended))
                 report(len(rewards) * config.robots)
                 rewards.clear()
                 ended.clear()
@@ -168,3 +111,12 @@ def _save(model: Any, folder: Path, drafts: Path) -> None:
     """Save the checkpoint, complete or not at all."""
     model.save(drafts / CHECKPOINT)
     os.replace(drafts / CHECKPOINT, folder / CHECKPOINT)
+
+
+def network_of(model: Any) -> Network:
+    """The network of a model, from features to mean actions."""
+    policy = model.policy
+    layers = [layer for layer in [*policy.mlp_extractor.policy_net, policy.action_net] if hasattr(layer, "weight")]
+    weights = tuple(layer.weight.detach().numpy().T.astype(float) for layer in layers)
+    biases = tuple(layer.bias.detach().numpy().astype(float) for layer in layers)
+    return Network(weights, biases)

@@ -52,7 +52,7 @@ OPTIONS = [
     # training and calibration
     ("train --env maze", "env = 'maze': must be one of path_tracking, traverse"),
     ("train --batch 1000", "batch = 1000: must be a factor of robots * horizon = 8192"),
-    ("train --network 1000000000", "network = 1000000000: must be integers from 1 to 4096"),
+    ("train --network 1000000000", "network = 1000000000: must be an integer from 1 to 4096"),
     ("calibrate --target nowhere.csv", "nowhere.csv: no such file"),
     # experiments to plan
     ("plan", "half_gauge = None: must be given (--half-gauge on the command line)"),

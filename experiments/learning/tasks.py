@@ -1,0 +1,117 @@
+"""The environments that `trackslip train` learns in, and what becomes of their policies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from experiments.learning.crossing import compare
+from sim.network import Network
+from sim.path_tracking.config import Reward
+from sim.path_tracking.randomization import Randomization
+from sim.policy import Policy
+from sim.traverse.outcome import Limits
+from sim.traverse.policy import OPTIONS, CrossingPolicy
+
+if TYPE_CHECKING:
+    from experiments.commands.train import Config
+
+_RANDOMIZATION = Randomization(start_distance=(0.0, 0.2), start_heading=(-0.4, 0.4), friction_ratio=(0.9, 1.4))
+_REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, position_scale=0.02, heading_scale=0.2)
+_HARD = ("step up", "stairs up", "beams")
+"""Kinds of obstacles that the scripted controller does not always cross, which training draws."""
+_LIMITS = Limits(time=20.0, stuck_time=3.0)
+"""Of training, which should not spend its time on robots that are stuck."""
+
+
+class Task(Protocol):
+    """An environment to learn in, and what becomes of the result."""
+
+    initial_deviation: float
+    """Standard deviation of the actions at the beginning, as a natural logarithm."""
+
+    def robots(self) -> Any:
+        """The vector environment, with the interface of Stable-Baselines3; its actions are corrections."""
+
+    def ended(self, infos: Sequence[dict[str, Any]]) -> dict[str, float]:
+        """Further values of a point of the learning curve, from the last infos of episodes that have ended."""
+
+    def policy(self, network: Network) -> Policy | CrossingPolicy:
+        """The policy of a trained network."""
+
+    def tried(self, policy: Path) -> dict[str, Any]:
+        """Entries of summary.json from a trial of the policy that was written."""
+
+
+class PathTracking:
+    """Corrections of the reference's twist, in trackslip/PathTracking-v0; `benchmark` compares its policies."""
+
+    initial_deviation = -1.2
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+
+    def robots(self) -> Any:
+        """See Task."""
+        from sim.sb3 import Corrections, PathTrackingVecEnv
+
+        config = self._config
+        robots = PathTrackingVecEnv(
+            config.robots,
+            config.threads,
+            reference=config.references,
+            ground=config.grounds,
+            action="twist",
+            compensation=config.compensation,
+            pose_source="noisy",
+            reward=_REWARD,
+            randomization=_RANDOMIZATION,
+        )
+        return Corrections(robots, config.authority)
+
+    def ended(self, infos: Sequence[dict[str, Any]]) -> dict[str, float]:
+        """See Task."""
+        return {}
+
+    def policy(self, network: Network) -> Policy:
+        """See Task."""
+        return Policy(network, self._config.authority, {"action": "twist"})
+
+    def tried(self, policy: Path) -> dict[str, Any]:
+        """See Task."""
+        return {}
+
+
+class Traversing:
+    """Corrections of the scripted controller, in trackslip/Traverse-v0."""
+
+    initial_deviation = -1.0
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+
+    def robots(self) -> Any:
+        """See Task."""
+        from sim.sb3 import TraverseVecEnv
+
+        courses = {"difficulty": self._config.difficulty, "kinds": _HARD, "obstacles": 1, "limits": _LIMITS}
+        options = {**OPTIONS, "robot": self._config.robot, **courses}
+        return TraverseVecEnv(self._config.robots, self._config.threads, **options)
+
+    def ended(self, infos: Sequence[dict[str, Any]]) -> dict[str, float]:
+        """See Task."""
+        return {"crossed": float(np.mean([info["outcome"] == "reached" for info in infos]))} if infos else {}
+
+    def policy(self, network: Network) -> CrossingPolicy:
+        """See Task."""
+        return CrossingPolicy(network, {**OPTIONS, "robot": self._config.robot})
+
+    def tried(self, policy: Path) -> dict[str, Any]:
+        """See Task: compared with the scripted controller, on courses that are new to both."""
+        config = self._config
+        trained = CrossingPolicy.load(policy)
+        rates, gain = compare(trained, config.difficulty, config.trials, config.seed, config.threads)
+        return {"rates": rates, "gain": gain}
