@@ -83,17 +83,13 @@ def measure(config: Config, robot: Robot, turn: Turn) -> tuple[list[Speed], dict
 
 
 def checks_of(speeds: Sequence[Speed], costs: dict[str, float]) -> list[Check]:
-    """The bounds that hold for a part of the cases."""
-    least = {FLEET: 0.9, SCANNER: 0.7, TRACKING: 0.75, TRAVERSE: 0.75}
+    """The bounds that hold for a part of the cases: of lone robots, and of several."""
+    lone, several = {FLEET: 0.9, TRACKING: 0.4}, {FLEET: 0.9, SCANNER: 0.7, TRACKING: 0.75, TRAVERSE: 0.75}
     checks = []
     for one in speeds:
-        single = one.robots == 1
-        bound = 0.4 if single and one.case == TRACKING else least.get(one.case)
-        if bound is not None and not (single and one.case in (SCANNER, TRAVERSE)):
-            robots = "1 robot" if single else f"{one.robots} robots"
-            checks.append(
-                Check(f"{one.case}, {robots}", "speed over the bare engine", one.over_bare, at_least(bound), "x")
-            )
+        if least := (lone if one.robots == 1 else several).get(one.case):
+            case = f"{one.case}, {one.robots} robot{'s' if one.robots > 1 else ''}"
+            checks.append(Check(case, "speed over the bare engine", one.over_bare, at_least(least), "x"))
     for name, most in ((LOOPS, 2.5), (LOCALIZATION, 1.0), (REPRODUCE, 6.0)):
         checks.append(Check(name, "time over its physics", costs[name], most, "x"))
     return checks
