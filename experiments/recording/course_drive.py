@@ -14,7 +14,7 @@ from experiments.recording.blueprint import begin_of_loop, blueprint
 from experiments.recording.columns import mesh, rgb, send, send_properties, send_series
 from experiments.recording.field import FIELD
 from experiments.recording.robot import CAMERA, ROBOT
-from experiments.recording.series import LEFT, RIGHT, Panel, Series, readable
+from experiments.recording.series import LEFT, RIGHT, Panel, Series, range_of
 from experiments.recording.stream import RUN
 from experiments.report.colours import BLUE, GREEN, GREY, VERMILLION
 from sim.robot.tracked_model import TrackedModel
@@ -57,7 +57,7 @@ def send_course_drive(
     series = list(_series(run))
     sent = send_series(stream, RUN, run.time, series)
     send_properties(stream, RUN, about)
-    panels = [replace(panel, range=panel.range or _range(panel, series)) for panel in PANELS]
+    panels = [replace(panel, range=panel.range or range_of(panel, series)) for panel in PANELS]
     duration = float(run.time[-1])
     begin = begin_of_loop(float(run.time[np.argmax(np.abs(run.state.pitch))]), duration)
     stream.send_blueprint(blueprint([RUN], panels, sent, within, begin, duration))
@@ -168,10 +168,3 @@ def _series(run: CourseRun) -> Iterator[Series]:
         flippers = tuple(name.replace("_", " ") for name in run.flippers)
         colours = tuple(_COLOURS[k % len(_COLOURS)] for k in range(len(flippers)))
         yield Series("attitude/flippers", np.degrees(state.flippers), flippers, colours)
-
-
-def _range(panel: Panel, series: list[Series]) -> tuple[float, float] | None:
-    """A range with all values that a panel shows; None without any."""
-    values = np.concatenate([[], *(line.values.ravel() for line in series if line.entity in panel.entities)])
-    values = values[np.isfinite(values)]
-    return readable(values) if values.size else None

@@ -110,7 +110,7 @@ def panels(runs: Sequence[Traces]) -> list[Panel]:
     slip = _slip_range(runs)
     many = [line for run in runs for line in compared_series(run, "", LEFT, LEFT)]
     lines = series_of(runs[0]) if len(runs) == 1 else many
-    ranges = {panel.title: slip if panel.range == _SLIP_RANGE else _range_of(panel, lines) for panel in chosen}
+    ranges = {panel.title: slip if panel.range == _SLIP_RANGE else range_of(panel, lines) for panel in chosen}
     if late:
         error = np.concatenate(late)
         ranges[_POSITION] = readable(1e3 * np.append(error[:, :2].ravel(), np.hypot(error[:, 0], error[:, 1])))
@@ -119,7 +119,7 @@ def panels(runs: Sequence[Traces]) -> list[Panel]:
     return [replace(panel, range=ranges[panel.title]) for panel in chosen]
 
 
-def _range_of(panel: Panel, lines: Sequence[Series]) -> tuple[float, float] | None:
+def range_of(panel: Panel, lines: Sequence[Series]) -> tuple[float, float] | None:
     """A range with all values that a panel shows of the lines; None without any."""
     values = np.concatenate([[], *(line.values.ravel() for line in lines if line.entity in panel.entities)])
     values = values[np.isfinite(values)]
