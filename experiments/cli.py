@@ -24,7 +24,7 @@ EXAMPLES = (
         'eval "$(trackslip --tyro-print-completion bash)"',
     ),
 )
-"""What a command line does, and the line, as trackslip's own `--help` prints them; each command has EXAMPLES, too."""
+"""Descriptions and command lines at the end of `trackslip --help`; each command has EXAMPLES, too."""
 
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples."""

@@ -27,7 +27,7 @@ class ClosedLoopRun:
 
     name: str
     key: str
-    """What the run's random numbers depend on, besides `seed`."""
+    """Key of the run's random numbers, besides `seed`."""
     seed: int
     """Root of the run's random numbers."""
     controller: str

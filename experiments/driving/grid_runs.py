@@ -35,7 +35,7 @@ class Cell:
 
     name: str
     key: str
-    """What the run's random numbers depend on, besides the root seed."""
+    """Key of the run's random numbers, besides the root seed."""
     radius: float
     """Of the no-slip command [m]."""
     speed: float

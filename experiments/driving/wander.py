@@ -67,7 +67,7 @@ def wander(config: Config, world: World, progress: Progress = lambda seconds: No
 
 
 def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
-    """What a drive's bag has besides its log, as arguments of `write_bag`.
+    """Contents of a drive's bag besides its log, as arguments of `write_bag`.
 
     The encoders' readings are marked, and the poses come as messages of the kind that such a source publishes. With the
     scanner as their source, there are scans by the poses' clock.

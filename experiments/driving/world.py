@@ -104,7 +104,7 @@ class World(Specification):
 
     @property
     def about(self) -> dict[str, Any]:
-        """What the manifest of a command says of the world."""
+        """The world's entries in the manifest of a command."""
         more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters, **self._towed}
         return {"seed": self.config.seed, "model_sha256": self.robot.digest, **more}
 

@@ -113,7 +113,7 @@ class LocalizationErrors(PoseErrors):
 
 @dataclass(frozen=True)
 class GridLocalization(LocalizationErrors):
-    """How well the poses of a grid were found, and how fast."""
+    """Accuracy and speed of localization in a grid."""
 
     ratio_to_bound: RatioToBound | None
     """None for runs without scans."""
@@ -249,7 +249,7 @@ class _Poses:
         self.period = float(np.median(np.diff(log.time)))
 
     def errors(self) -> dict[str, float]:
-        """What LocalizationErrors says of all runs that were added."""
+        """The fields of LocalizationErrors for all runs added."""
         x, y, heading = np.sqrt(self.squares / self.compared).tolist()
         valid = self.valid / self.rows
         return dict(rmse_x=x, rmse_y=y, rmse_heading=heading, valid_fraction=valid, rate_hz=valid / self.period)

@@ -1,4 +1,4 @@
-"""How closely simulated closed-loop runs follow their reference."""
+"""Tracking errors of simulated closed-loop runs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

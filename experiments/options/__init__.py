@@ -1,1 +1,1 @@
-"""What each command accepts, as frozen dataclasses. Importing them loads no simulator."""
+"""Options shared by commands, as frozen dataclasses. Importing them loads no simulator."""

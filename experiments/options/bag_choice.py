@@ -15,7 +15,7 @@ _CLEAR = "where the bag leaves no doubt"
 
 @dataclass(frozen=True)
 class BagOptions:
-    """What to take from a bag."""
+    """Topics, joints and sensors to take from a bag."""
 
     encoders: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
     """Topic of sensor_msgs/JointState with the wheels or sprockets."""

@@ -11,7 +11,7 @@ from trackslip.errors import InvalidValueError, require_at_most, require_non_neg
 
 @dataclasses.dataclass(frozen=True)
 class Bound:
-    """What an option may be, as metadata of its type: `speed: Annotated[float, Within(0.1, 2.0, "m/s")] = 0.3`.
+    """Allowed values of an option, as metadata of its type: `speed: Annotated[float, Within(0.1, 2.0, "m/s")] = 0.3`.
 
     None is an option that isn't given. Each number of a tuple is checked.
     """

@@ -12,4 +12,4 @@ WITHOUT_LAWS = ("none", "published", "online_cold")
 CONTROLLERS = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"
 REFERENCES = f"{{{','.join(REFERENCE_NAMES)},FILE.csv}}"
 COMPENSATIONS = "{none,published,LAW,online,online_load,online_cold}"
-"""What `--help` prints for the value of an option."""
+"""Placeholders of option values in `--help`."""

@@ -1,4 +1,4 @@
-"""What `--help` prints for an option that is None by default."""
+"""Text of `--help` for options that are None by default."""
 
 import tyro
 

@@ -20,7 +20,7 @@ Motion = Literal["paper", "butterworth", "arc", "bundle"]
 Method = Annotated[
     Motion | None, default_is("the most accurate method the run allows", "{paper,butterworth,arc,bundle}")
 ]
-"""How a twist is estimated from a run, if the user chooses."""
+"""Method that estimates a twist from a run, if the user chooses one."""
 IDENTIFIED = ("exponential", "icr", "icr_radius")
 """The identified laws that the paper's controllers are compared with."""
 

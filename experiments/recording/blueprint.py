@@ -1,4 +1,4 @@
-"""How the viewer opens: 3-D and plan on the left, plots over time on the right, around the moment of interest."""
+"""Layout of the viewer: 3-D and plan on the left, plots over time on the right, around the moment of interest."""
 
 from collections.abc import Sequence
 from dataclasses import replace

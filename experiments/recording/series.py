@@ -1,4 +1,4 @@
-"""What is plotted over time: entities, names with units, colours, and the panels that they are gathered in.
+"""Plots over time: entities, names with units, colours, and the panels that they are gathered in.
 
 The viewer draws the entities of a panel, and lists them in its legend, by the alphabet: what comes later lies on top.
 """

@@ -24,7 +24,7 @@ SENTENCES = {
 
 
 def sentences(result: DriveResult) -> tuple[str, str, str]:
-    """How the drive ended, how it moved, and how its tracks fared."""
+    """Outcome, motion and tracks of the drive."""
     ended = f"{SENTENCES[result.outcome]} after {result.duration:.1f} s"
     if result.outcome != "reached":
         ended += f", {result.remaining:.2f} m before the end"

@@ -1,4 +1,4 @@
-"""How numbers are printed: with a true minus sign, and a dash for those that do not exist."""
+"""Printed numbers: a true minus sign, and a dash where there is no number."""
 
 import math
 from collections.abc import Mapping, Sequence

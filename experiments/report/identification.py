@@ -87,7 +87,7 @@ def measured_slip(
 
 
 def remarks(found: Identification, more: Sequence[str] = ()) -> tuple[Section | None, Section | None]:
-    """What was left out, and warnings, `more` first; runs that were left out are not among the warnings as well."""
+    """Excluded runs, and warnings, `more` first; excluded runs are not repeated among the warnings."""
     excluded = [Markup("<strong>{}</strong>: {}.").format(one.run, one.reason) for one in found.outliers]
     why = "Runs that cannot be used, or whose motion no law explains together with the other runs':"
     known = set(map(str, found.outliers))
@@ -96,7 +96,7 @@ def remarks(found: Identification, more: Sequence[str] = ()) -> tuple[Section | 
 
 
 def _driven(runs: int, turns: InnerOuterSamples) -> str:
-    """How the samples were measured."""
+    """A paragraph on the measurement of the samples."""
     who = "The only run" if runs == 1 else f"Each of {runs} runs"
     where = ""
     if len(turns):

@@ -18,7 +18,7 @@ from trackslip.slip.families import FAMILIES
 
 @dataclass(frozen=True)
 class ShownLaw:
-    """How a slip law, or a compensation by one, is shown."""
+    """Title, colour and line style of a slip law, or of a compensation by one."""
 
     title: str
     colour: str = GREEN
@@ -100,7 +100,7 @@ _UNKNOWN_DIGITS = 2
 
 
 def shown(name: str) -> ShownLaw:
-    """How a law or compensation is shown; a law of the user's by its name."""
+    """Title and look of a law or compensation; a user's own law has its name as title."""
     return LAWS.get(name) or ShownLaw(name)
 
 

@@ -158,7 +158,7 @@ def best_text(comparison: Comparison) -> str:
 
 
 def _errors(comparison: Comparison, name: str) -> str:
-    """How far a law is off in the fit and at left-out radii and speeds."""
+    """Errors of a law in the fit and at left-out radii and speeds."""
     if name not in comparison.laws:
         return ""
     errors = comparison.validation[name]

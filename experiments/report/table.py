@@ -42,7 +42,7 @@ class Table:
     align: str = "lr"
     """A letter per column, l or r; the last one counts for all that follow."""
     note: str = ""
-    """What a reader has to know, below the table; on the page alone."""
+    """Text below the table, on the page alone."""
     folded: bool = False
     """Whether a page shows the table only when its title is clicked."""
 

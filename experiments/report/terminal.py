@@ -91,7 +91,7 @@ def _logged(stage: str, done: float, text: Callable[[float, float], str]) -> Ite
 
 
 def progress_line(now: float, total: float, unit: str, done: float, elapsed: float) -> str:
-    """How far a stage is, and how long it will still take."""
+    """Progress of a stage and its remaining time."""
     text = f"{now:.0f}/{total:.0f} {unit}"
     if now <= done:
         return text

@@ -1,1 +1,1 @@
-"""What `trackslip validate` measures: one file per question asked of the simulator."""
+"""Suites of checks against theory, for `trackslip validate`."""

@@ -135,7 +135,7 @@ def measure(parameters: RobotParameters, ground: Ground, config: Config, run: Ru
 
 
 def checks_of(name: str, found: Measured) -> list[Check]:
-    """What every robot that stands evenly on its tracks has to reach."""
+    """The checks of any robot that stands evenly on its tracks."""
     turns, contact, slip = found.turns, found.loads, found.turns.slip_error
     worse = _worst(slip) / _worst(found.naive_turns.slip_error)
     lean = np.abs([contact.roll, contact.pitch]).max()

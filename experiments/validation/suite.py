@@ -1,4 +1,4 @@
-"""What a suite of checks against theory has found, and its page."""
+"""Findings of a suite of checks against theory, and their page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Findings:
     sections: Sequence[Section]
     """Figures."""
     limits: Sequence[str]
-    """What the suite does not show."""
+    """Questions that the suite leaves open."""
     summary: Mapping[str, Any]
     """The content of summary.json besides the checks."""
     about: Mapping[str, Any] = field(default_factory=dict)
@@ -36,7 +36,7 @@ class Findings:
 
     @property
     def verdict(self) -> str:
-        """How many checks hold."""
+        """Number of checks that hold."""
         return f"{sum(check.holds for check in self.checks)} of {len(self.checks)} checks hold"
 
     def print(self) -> None:

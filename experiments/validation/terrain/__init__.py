@@ -1,1 +1,1 @@
-"""What `trackslip validate --terrain` measures: tracks on terrain compared with theory, a file a question."""
+"""Tracks on terrain compared with theory, for `trackslip validate --terrain`."""

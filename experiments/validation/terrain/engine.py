@@ -1,4 +1,4 @@
-"""What the engine makes of tracks: speeds of belts on moving bodies, rows of a batch, and computing time."""
+"""Tracks in the engine: speeds of belts on moving bodies, rows of a batch, computing time."""
 
 from __future__ import annotations
 

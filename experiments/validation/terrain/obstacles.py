@@ -36,7 +36,7 @@ _DROP = 0.15  # from which robots are put on rough ground, above its mean [m]
 
 @dataclass(frozen=True)
 class Sinking:
-    """How robots fared on terrain."""
+    """Penetration, speed and success of robots on terrain."""
 
     depth: Array  # (K,) largest penetration of a track that touches, per track and physics step [m]
     fastest: float
@@ -129,6 +129,6 @@ class _Watch:
         self._fastest = max(self._fastest, float(np.linalg.norm(trial.velocity, axis=1).max()))
 
     def found(self, arrived: int) -> Sinking:
-        """What was noted, with the number of robots that arrived."""
+        """Everything noted, with the number of robots that arrived."""
         warnings = int(self._trial.batch.warning[..., 1].sum())
         return Sinking(np.concatenate(self._depth), self._fastest, warnings, arrived, self._trial.size)

@@ -58,7 +58,7 @@ class Subject(Protocol):
 
     @property
     def name(self) -> str:
-        """How it is called in tables."""
+        """Name in tables."""
 
     def stand(self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP) -> Stand:
         """Put it on terrain, with its centre of mass `shift` further ahead [m]; a box has no `flippers`."""
@@ -115,7 +115,7 @@ class FromFile:
 
     @property
     def robot(self) -> TrackedRobot:
-        """What the file describes."""
+        """The robot that the file describes."""
         return load_tracked(self.source)
 
     @property
