@@ -59,10 +59,10 @@ class Case:
     @property
     def name(self) -> str:
         """The run's name."""
-        return " ".join(map(str, self.factors.values()))
+        return " ".join(map(str, self.axes.values()))
 
     @property
-    def factors(self) -> dict[str, Any]:
+    def axes(self) -> dict[str, Any]:
         """The values of FACTORS."""
         return {name: getattr(self, name) for name in FACTORS}
 
@@ -132,4 +132,4 @@ def identified(cases: Sequence[Case], config: Config, world: World) -> list[Case
         names |= set() if case.controller in CONTROLLERS else modules
         return {name: found for name in sorted(names) if (found := contents(name)) is not None}
 
-    return [replace(case, id=digest([common, case.factors, files(case)])) for case in cases]
+    return [replace(case, id=digest([common, case.axes, files(case)])) for case in cases]

@@ -19,7 +19,6 @@ from experiments.driving.world import World
 from experiments.options.world import Simulation
 from experiments.recording import record_all
 from experiments.storage.results import RUNS_FILE
-from experiments.sweep.engine import Outcome, failure_text
 from experiments.sweep.parts import Row
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
@@ -47,11 +46,6 @@ class ClosedLoops:
     config: Config
     sizes: ClassVar[tuple[int, int]] = (32, 32)
     """Larger fleets hardly gain speed, and smaller ones are shared better between processes."""
-
-    @property
-    def recorded(self) -> bool:
-        """Whether recordings are made."""
-        return self.config.rrd
 
     @property
     def world(self) -> World:
@@ -112,33 +106,16 @@ class ClosedLoops:
             loops, self.world, path, config.localization, self.compensation, config.preview, progress
         )
 
-    def measure(self, runs: Sequence[Case], outcomes: Sequence[Outcome], watch: Stopwatch) -> list[Row]:
-        """One row per case: its errors and expense, or why it failed.
-
-        Times per step are measured for the first of the cases that differ only in their seeds.
-        """
-        rows: list[Row] = []
-        timed: set[tuple[str, ...]] = set()
-        for case, outcome in zip(runs, outcomes, strict=True):
-            row = {"run": case.name, "id": case.id, **case.factors, "error": None}
-            if not isinstance(outcome, RunLog):
-                rows.append(row | {"error": failure_text(outcome)})
-                continue
-            row |= self._measured(case, outcome)
-            alike = tuple(str(value) for name, value in case.factors.items() if name != "seed")
-            if alike not in timed:
-                timed.add(alike)
-                with contextlib.suppress(Exception, SystemExit):  # a user's controller may fail on a single robot
-                    row["compute_ms"] = np.round(1e3 * np.array(self._step_times(case, outcome)), 4)
-            rows.append(row)
-        return rows
-
-    def _measured(self, case: Case, log: RunLog) -> Row:
+    def measure(self, run: Case, log: RunLog) -> Row:
+        """Errors, expense and, for the first seed, times of steps."""
         assert log.truth is not None
-        errors = tracking_errors(log.time, log.truth.pose, reference(case.reference))
+        errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
         row = vars(errors) | vars(expense(log, self.top_speed)) | {"valid_fraction": float(log.is_valid.mean())}
         if log.icr is not None:
             row["icr_offset"], row["icr_radius_error"] = map(float, log.icr[-1])
+        if run.seed == (self.config.seeds or (0,))[0]:
+            with contextlib.suppress(Exception, SystemExit):  # a user's controller may fail on a single robot
+                row["compute_ms"] = np.round(1e3 * np.array(self._step_times(run, log)), 4)
         return row
 
     def _step_times(self, case: Case, log: RunLog) -> list[float]:

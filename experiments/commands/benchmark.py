@@ -88,7 +88,7 @@ def run(config: Config) -> None:
     with resumable(config, cases, parts) as run:
         parts.take_current({case.id for case in cases})
         with run.watch.stage("driving"):
-            unfinished = drive_missing(cases, parts, loops, "processes", config.jobs, Stopwatch())
+            unfinished = drive_missing(config, cases, parts, loops, Stopwatch())
         with run.watch.stage("gathering"):
             runs = [parts[case.id].row for case in cases]
             rows = over_seeds(runs)

@@ -90,8 +90,7 @@ def run(config: Config) -> None:
             parts.discard(ids)
         taken, began, file = len(parts), run.wall, run.folder / RUNS_FILE
         simulated = sum(one.duration for one in runs if one.id not in parts)
-        kind = GridRuns(config.threads, config.rrd)
-        unfinished = drive_missing(runs, parts, kind, config.executor, config.jobs, run.watch)
+        unfinished = drive_missing(config, runs, parts, GridRuns(config.threads), run.watch, config.executor)
         timing = {"driving_s": run.wall - began, "driven": len(runs) - taken, "taken": taken}
         rows = [renamed(parts[one.id].row, one.name, one.axes) for one in runs]
         driven = [row["run"] for row in rows if row["error"] is None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol, TypeVar
 
@@ -38,6 +38,10 @@ class Planned(Protocol):
         """Hash of everything its numbers depend on, except code, models and libraries."""
 
     @property
+    def axes(self) -> Mapping[str, Any]:
+        """Values that differ within the sweep, by name."""
+
+    @property
     def fleet(self) -> str:
         """The same for runs that can be driven together; those last equally long."""
 
@@ -57,33 +61,38 @@ class Kind(Protocol[KindRunT]):
     def sizes(self) -> tuple[int, int]:
         """Robots of the smallest and of the largest fleet worth driving."""
 
-    @property
-    def recorded(self) -> bool:
-        """Whether recordings are made of runs that fail, too."""
-
     def drive(self, runs: Sequence[KindRunT], watch: Stopwatch, progress: Progress | None) -> Sequence[RunLog]:
         """Drive runs as one fleet; `progress` is given in the command's own process, and takes seconds of the fleet."""
 
-    def measure(self, runs: Sequence[KindRunT], outcomes: Sequence[Outcome], watch: Stopwatch) -> list[Row]:
-        """A row for each run: its name (`run`), `id`, `error` (None unless it failed), and what was measured."""
+    def measure(self, run: KindRunT, log: RunLog) -> Row:
+        """What is measured of a run that didn't fail, by column."""
 
 
 Driven = tuple[Part, list[RunLog], dict[str, float]]
 """Runs that were driven together, what was recorded of others until they failed, and work by stage [s]."""
 
 
-def drive_fleet(kind: Kind[RunT], runs: Sequence[RunT], report: Progress | None = None) -> Driven:
+def drive_fleet(
+    kind: Kind[RunT], runs: Sequence[RunT], recorded: bool = False, report: Progress | None = None
+) -> Driven:
     """Drive and measure a fleet; runs that fail are isolated. `report` takes simulated seconds of single robots."""
     watch = Stopwatch()
 
     def drive(some: Sequence[RunT]) -> Sequence[RunLog]:
         return kind.drive(some, watch, report and (lambda seconds: report(seconds * len(some))))
 
+    def row(run: RunT, outcome: Outcome) -> Row:
+        about = {"run": run.name, "id": run.id, **run.axes}
+        if not isinstance(outcome, RunLog):
+            return about | {"error": _reason(outcome)}
+        return about | {"error": None} | kind.measure(run, outcome)
+
     outcomes = _isolating(runs, drive)
-    rows = kind.measure(runs, outcomes, watch)
+    with watch.stage("measuring"):
+        rows = list(map(row, runs, outcomes))
     with watch.stage("storing"):
         part = Part.of(rows, [one for one in outcomes if isinstance(one, RunLog)])
-    failed = [one for one in outcomes if isinstance(one, RunFailedError)] if kind.recorded else []
+    failed = [one for one in outcomes if isinstance(one, RunFailedError)] if recorded else []
     return part, [log for one in failed for log in one.logs], watch.stages
 
 
@@ -98,7 +107,7 @@ def _isolating(runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[
     return _isolating(runs[:middle], drive) + _isolating(runs[middle:], drive)
 
 
-def failure_text(error: BaseException) -> str:
+def _reason(error: BaseException) -> str:
     """Why a run failed, on one line."""
     said = str(error) if isinstance(error, TrackslipError) else f"{type(error).__name__}: {error}"
     return " ".join(said.split())
@@ -122,20 +131,20 @@ def fleets(runs: Sequence[RunT], workers: int, sizes: tuple[int, int]) -> list[t
 
 
 def drive_missing(
-    runs: Sequence[RunT], parts: Parts, kind: Kind[RunT], executor: str, jobs: int, watch: Stopwatch
+    config: Any, runs: Sequence[RunT], parts: Parts, kind: Kind[RunT], watch: Stopwatch, executor: str = "processes"
 ) -> list[RunLog]:
     """Drive the runs that `parts` lacks, and keep them there.
 
     Args:
+        config: the options: number of `jobs`, 0 for one per processor, and whether recordings (`rrd`) are made.
         runs: all runs of the sweep.
         parts: the driven ones.
         kind: drives and measures a fleet.
-        executor: name of an executor, as in `workers`.
-        jobs: number of processes, 0 for one per processor.
         watch: takes the work of all workers together, by stage.
+        executor: name of an executor, as in `workers`.
 
     Returns:
-        What was recorded of runs until they failed.
+        What was recorded of runs until they failed, if recordings are made.
     """
     missing = [run for run in runs if run.id not in parts]
     if not missing:
@@ -144,10 +153,10 @@ def drive_missing(
     durations = {run.id: run.duration for run in runs}
     left = sum(run.duration for run in missing)
     total = sum(durations.values())
-    jobs = jobs or processors()
+    jobs = config.jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs, kind.sizes)))
     with progress(f"{len(runs)} runs", total, done=total - left) as report, workers(executor, jobs) as pool:
-        drive = partial(drive_fleet, kind, report=report if pool.inline else None)
+        drive = partial(drive_fleet, kind, recorded=config.rrd, report=report if pool.inline else None)
         for part, until_failure, stages in pool.each(drive, fleets(missing, pool.count, kind.sizes)):
             parts.keep(part)
             report(0.0 if pool.inline else sum(durations[row["id"]] for row in part.rows))

@@ -24,6 +24,7 @@ from trackslip.logs.logfile import StoredRuns, join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
 
 Row = dict[str, Any]
+"""A run and what was measured of it, by column; one that failed has but its name, id, axes, error and origin."""
 
 
 @dataclass(frozen=True)

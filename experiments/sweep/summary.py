@@ -19,8 +19,8 @@ from experiments.measuring.grid import (
 from experiments.report.table import Table
 from experiments.storage.plain_json import plain
 from experiments.storage.results import SUMMARY_FILE, TABLE_FILE
+from experiments.sweep.parts import Row
 from experiments.sweep.plan import PlannedRun
-from experiments.sweep.table import Row
 from sim.stopwatch import Stopwatch
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array

@@ -11,12 +11,11 @@ import pyarrow.parquet
 from experiments.storage.plain_json import plain
 from experiments.storage.results import TABLE_FILE
 from experiments.sweep.axes import AXES, axis_column
+from experiments.sweep.parts import Row
 from trackslip.errors import InvalidValueError
 from trackslip.logs.logfile import read_table
 from trackslip.logs.schema import NO_UNIT, PURE, Column, markdown
 
-Row = dict[str, Any]
-"""A run and what was measured of it, by column; a run that failed has only its name, id, axes, error and origin."""
 COLUMNS = {
     column.name: column
     for column in (

@@ -9,15 +9,12 @@ import time
 from pathlib import Path
 
 import pyarrow.parquet
-import pytest
 
 from experiments.benchmark.cases import Case, identified
 from experiments.benchmark.drive import ClosedLoops
-from experiments.cli import main
 from experiments.commands.benchmark import PARTS, Config
 from experiments.storage.manifest import digest, made_by
 from experiments.sweep.engine import drive_fleet
-from experiments.sweep.parts import Parts
 
 SMALL = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--grounds", "stone", "gravel")
 ROOT = Path(__file__).parents[3]
@@ -70,27 +67,6 @@ def test_a_killed_benchmark_resumes(trackslip, short, tmp_path, monkeypatch):
     assert killed.summary["cases"] == undisturbed.summary["cases"]
 
 
-def test_an_interrupted_benchmark_says_how_to_resume(short, tmp_path, monkeypatch, capsys):
-    """Of two fleets, one on each reference, the second is interrupted."""
-    (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
-    measured = []
-
-    def interrupted(*arguments, **options):
-        if measured:
-            raise KeyboardInterrupt
-        measured.append(True)
-        return drive_fleet(*arguments, **options)
-
-    monkeypatch.setattr("experiments.sweep.engine.drive_fleet", interrupted)
-    options = ("benchmark", "--references", "bend.csv", "turn.csv", *short[2:], *SMALL, "--seeds", "0", "--out", "out")
-    with pytest.raises(SystemExit) as stop:
-        main([*options])
-    assert stop.value.code == 130
-    message = "trackslip: interrupted with 8 of 16 runs driven; the same command resumes"
-    assert capsys.readouterr().err.splitlines()[-1] == message
-    assert [path.name for path in (tmp_path / "out").iterdir()] == [PARTS]
-
-
 def test_parts_of_another_benchmark_are_left_but_not_those_of_other_code(trackslip, short, tmp_path):
     folder = tmp_path / "benchmark" / PARTS
     folder.mkdir(parents=True)
@@ -103,38 +79,6 @@ def test_parts_of_another_benchmark_are_left_but_not_those_of_other_code(tracksl
     (folder / "cdef.json").write_text("{}")
     trackslip("benchmark", *short, *SMALL[:2], "--compensations", "none", "--grounds", "stone", "--seeds", "0")
     assert {file.name for file in folder.iterdir()} == {"0123.json", "0123.parquet"}
-
-
-def test_damaged_parts_are_driven_again(tmp_path, short):
-    config = Config(references=("bend.csv",), localization="truth", out=tmp_path / "out")
-    cases = identified([Case("linear", "none", "bend.csv", "stone", "zero", 0)], config, ClosedLoops(config).world)
-
-    def there():
-        parts = Parts(config.out, PARTS)
-        parts.take_current([cases[0].id])
-        return cases[0].id in parts
-
-    assert not there()
-    Parts(config.out, PARTS).keep(drive_fleet(ClosedLoops(config), cases)[0])
-    assert there()
-    (rows,), (runs,) = ((config.out / PARTS).glob(f"*.{kind}") for kind in ("json", "parquet"))
-    whole = {path: path.read_bytes() for path in (rows, runs)}
-    damages = [
-        (runs, whole[runs][:1000]),
-        (runs, whole[runs][:1000] + bytes([whole[runs][1000] ^ 1]) + whole[runs][1001:]),
-        (rows, b""),
-        (rows, b"{}"),
-        (rows, whole[rows][:50]),
-    ]
-    for path, damage in damages:
-        path.write_bytes(damage)
-        assert not there()
-        rows.parent.mkdir(exist_ok=True)
-        for kept, content in whole.items():
-            kept.write_bytes(content)
-        assert there()
-    runs.unlink()
-    assert not there()
 
 
 def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):

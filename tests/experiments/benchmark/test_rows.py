@@ -8,10 +8,10 @@ from experiments.benchmark.rows import board, bootstrap95, losses, over_seeds
 
 
 def run(controller, rms, success=True, error=None, seed=0):
-    factors = Case(controller, "none", "paper", "stone", "zero", seed).factors
+    axes = Case(controller, "none", "paper", "stone", "zero", seed).axes
     if error:
-        return factors | {"error": error}
-    return factors | {"error": None, "rms_position": rms, "rms_position_after_12s": rms, "success": success}
+        return axes | {"error": error}
+    return axes | {"error": None, "rms_position": rms, "rms_position_after_12s": rms, "success": success}
 
 
 def test_means_and_intervals_are_over_the_seeds_that_ran():

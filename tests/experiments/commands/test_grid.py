@@ -6,7 +6,6 @@ import typing
 
 import pytest
 
-from experiments.cli import main
 from experiments.options.world import Motion
 from trackslip.identification.identify import identify
 from trackslip.kinematics import RobotGeometry
@@ -89,18 +88,6 @@ def test_runs_that_cannot_be_used_are_stored_and_named(trackslip):
     assert "speed=0.25" in warning
     assert warning in result.printed
     assert None in result.summary["radius"]["observed"]
-
-
-def test_an_interrupted_command_leaves_nothing(tmp_path, monkeypatch, capsys):
-    def interrupt(*_args, **_options):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("experiments.driving.grid_runs.open_loop", interrupt)
-    with pytest.raises(SystemExit) as stop:
-        main(["grid", *SMALL, "--out", str(tmp_path / "a" / "b")])
-    assert stop.value.code == 130
-    assert list(tmp_path.iterdir()) == []
-    assert "interrupted" in capsys.readouterr().err
 
 
 def test_older_results_are_replaced_and_other_files_left(trackslip, tmp_path):

@@ -19,7 +19,6 @@ import pytest
 from filelock import FileLock
 
 from experiments.cli import main
-from experiments.parallel import interrupts_later
 from experiments.storage.results import file_names, locked, results_folder
 from trackslip.errors import LogError, OutputError
 from trackslip.logs.file_format import FORMAT, require_known_format
@@ -145,13 +144,6 @@ def test_a_file_system_without_locks_is_used_without(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["result"]
 
 
-def test_a_lock_of_one_command_is_none_of_another_folder(tmp_path):
-    (tmp_path / "inner").mkdir()
-    with locked(tmp_path), locked(tmp_path / "inner"):
-        pass
-    assert [path.name for path in tmp_path.rglob("*")] == ["inner"]
-
-
 def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
     before = contents(old)
     process = command("grid", "--out", str(old))
@@ -179,19 +171,6 @@ def test_an_interrupted_command_leaves_what_was_there(old, number):
     assert process.returncode == 130
     assert message == "trackslip: interrupted\n"
     assert contents(old) == before
-
-
-def test_interrupts_wait():
-    done = []
-
-    def work():
-        with interrupts_later():
-            os.kill(os.getpid(), signal.SIGINT)
-            done.append(True)
-
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert done
 
 
 def wait_for(what):

@@ -16,18 +16,23 @@ from experiments.sweep.parts import Part, Parts
 from trackslip.errors import TrackslipError
 
 
-def stop(*_):
-    raise KeyboardInterrupt
+def stopped_by(error, *arguments):
+    """Drive a grid that is stopped when all is driven."""
+
+    def stop(*_):
+        raise error
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Parts, "gather", stop)
+        with pytest.raises(SystemExit):
+            main(["grid", *arguments])
 
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
     """A folder with the parts of a grid that was stopped when all was driven."""
     folder = tmp_path_factory.mktemp("driven") / "stopped"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Parts, "gather", stop)
-        with pytest.raises(SystemExit):
-            main(["grid", *SHORT, "--out", str(folder)])
+    stopped_by(KeyboardInterrupt(), *SHORT, "--out", str(folder))
     return folder
 
 
@@ -58,7 +63,7 @@ def test_what_is_stored_is_not_driven_again(trackslip, monkeypatch):
 
 def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_path, monkeypatch):
     out = ("--out", str(tmp_path / "out"))
-    folder = trackslip("grid", *SHORT, *out).folder
+    trackslip("grid", *SHORT, *out)
     now = made_by()
     for change, named in (({"code": "0"}, "trackslip's code"), ({"versions": {"mujoco": "9.9"}}, "mujoco (")):
         with monkeypatch.context() as patch:
@@ -66,11 +71,9 @@ def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_pat
             patch.setattr("experiments.sweep.parts.made_by", lambda c=changed: c)
             message = refused("grid", *SHORT, *out)
             assert f"2 of these runs were driven before a change of {named}" in message
-            forced = trackslip("grid", *SHORT, *out, "--force")
-            assert forced.summary["timing"]["taken"] == 2
-            assert len(trackslip("grid", *SHORT, "--seed", "9", *out).summary["runs"]) == 2  # others aren't refused
+            assert trackslip("grid", *SHORT, *out, "--force").summary["timing"]["taken"] == 2
+            assert trackslip("grid", *SHORT, "--seed", "9", *out).summary["timing"]["driven"] == 2  # others aren't
         trackslip("grid", *SHORT, *out, "--no-resume")
-    assert logs(folder)
 
 
 @pytest.mark.parametrize(
@@ -89,18 +92,12 @@ def test_damaged_or_newer_results_are_not_thrown_away(trackslip, refused, tmp_pa
     (folder / name).write_bytes(spoilt)
     assert message in refused("grid", *SHORT, *out, "--seeds", "0", "1")  # at once: there is nothing new
     assert (folder / name).read_bytes() == spoilt
-    trackslip("grid", *SHORT, *out, "--no-resume")
-    assert len(logs(folder)) == 2
+    assert trackslip("grid", *SHORT, *out, "--no-resume").summary["timing"]["driven"] == 2
 
 
-def test_runs_whose_logs_are_gone_are_driven_again(trackslip):
+def test_what_is_gone_or_fails_anew_is_not_taken_from_before(trackslip, monkeypatch):
     (trackslip("grid", *SHORT).folder / "runs.parquet").unlink()
-    again = trackslip("grid", *SHORT)
-    assert again.summary["timing"]["driven"] == len(logs(again.folder)) == 2
-
-
-def test_what_fails_anew_is_not_taken_from_before(trackslip, monkeypatch):
-    trackslip("grid", *SHORT)
+    assert trackslip("grid", *SHORT).summary["timing"]["driven"] == 2
     monkeypatch.setattr("experiments.sweep.drive.drive_cells", fragile)
     anew = trackslip("grid", *SHORT, "--no-resume")
     assert [row["error"] for row in anew.summary["runs"]] == [None, "MemoryError: too wide"]
@@ -117,13 +114,13 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
         driven.append(1)
         return real(*arguments, **options)
 
-    monkeypatch.setattr(engine, "drive_fleet", twice)
-    with pytest.raises(SystemExit) as stop:
-        main([*arguments, "--out", str(tmp_path / "part")])
+    with monkeypatch.context() as patch:
+        patch.setattr(engine, "drive_fleet", twice)
+        with pytest.raises(SystemExit) as stop:
+            main([*arguments, "--out", str(tmp_path / "part")])
     assert stop.value.code == 130
     assert "interrupted with 4 of 8 runs driven; the same command resumes" in capsys.readouterr().err
     assert not (tmp_path / "part" / "runs.parquet").exists()
-    monkeypatch.setattr(engine, "drive_fleet", real)
     spoilt = min((tmp_path / "part" / PARTS).glob("*.parquet"))
     spoilt.write_bytes(spoilt.read_bytes()[:5000])
     result = trackslip(*arguments, "--out", str(tmp_path / "part"))
@@ -132,52 +129,50 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
         assert (whole / name).read_bytes() == (result.folder / name).read_bytes()
 
 
+def test_a_grid_that_is_stopped_late_says_how_to_go_on(trackslip, tmp_path, capsys):
+    out = ("--out", str(tmp_path / "grid"))
+    stopped_by(WorkersFailedError("a worker died"), *SHORT, "--no-resume", *out)
+    said = "a worker died with 2 of 2 runs driven; the same command without --no-resume resumes"
+    assert said in capsys.readouterr().err
+    assert trackslip("grid", *SHORT, *out).summary["timing"]["taken"] == 2
+
+
 @pytest.mark.parametrize(
-    ("stop", "more", "said"),
+    ("kind", "spoil"),
     [
-        (KeyboardInterrupt(), (), "interrupted with 2 of 2 runs driven; the same command resumes"),
-        (
-            WorkersFailedError("a worker died"),
-            ("--no-resume",),
-            "a worker died with 2 of 2 runs driven; the same command without --no-resume resumes",
+        *(
+            ("json", lambda _, content=content: content)
+            for content in (b"", b"{}", b"[]", b'{"runs": 1, "made_by": 2}')
         ),
+        ("json", lambda content: content[:200]),
+        ("parquet", lambda content: content[:1000]),
+        ("parquet", lambda content: content[:1000] + bytes([content[1000] ^ 1]) + content[1001:]),
     ],
 )
-def test_grids_that_are_stopped_late_say_how_to_go_on(trackslip, tmp_path, monkeypatch, capsys, stop, more, said):
-    def gather(*_):
-        raise stop
-
-    with monkeypatch.context() as patch:
-        patch.setattr("experiments.sweep.parts.Parts.gather", gather)
-        with pytest.raises(SystemExit):
-            main(["grid", *SHORT, *more, "--out", str(tmp_path / "grid")])
-    assert said in capsys.readouterr().err
-    assert trackslip("grid", *SHORT, "--out", str(tmp_path / "grid")).summary["timing"]["taken"] == 2
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"{}", b"[]", b'{"runs": [{}], "made_by": {}}', b'{"runs": 1, "made_by": 2}', None]
-)
-def test_damaged_parts_are_driven_again(stopped, content):
-    """Half of the rows, or something else in their place."""
+def test_damaged_parts_are_driven_again(stopped, kind, spoil):
+    """Half of the rows, or something else in their place; logs that are cut short, or have one bit that is wrong."""
     (file,) = (stopped / PARTS).glob("*.json")
+    ids = {row["id"] for row in json.loads(file.read_text())["runs"]}
+    file = file.with_suffix(f".{kind}")
 
     def found():
         parts = Parts(stopped, PARTS)
         parts.take(ids, force=False)
         return {*parts}
 
-    ids = {row["id"] for row in json.loads(file.read_text())["runs"]}
-    assert len(ids) == 2
     assert found() == ids
-    file.write_bytes(file.read_bytes()[:200] if content is None else content)
+    file.write_bytes(spoil(file.read_bytes()))
     assert not found()
 
 
-def test_a_grid_that_fails_leaves_the_parts_of_another(stopped, refused):
+def test_a_grid_that_fails_or_ends_leaves_the_parts_of_another(stopped, refused, trackslip):
+    out = ("--out", str(stopped))
     before = contents(stopped)
-    assert "all 2 runs fail" in refused("grid", *SHORT, "--vary", "slope=0.9", "--out", str(stopped))
+    assert "all 2 runs fail" in refused("grid", *SHORT, "--vary", "slope=0.9", *out)
     assert contents(stopped) == before
+    trackslip("grid", *SHORT, "--seed", "7", *out)
+    assert trackslip("grid", *SHORT, *out).summary["timing"]["taken"] == 2
+    assert not (stopped / PARTS).exists()
 
 
 def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
