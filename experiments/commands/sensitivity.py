@@ -24,8 +24,6 @@ class Config(GridConfig):
 
     out: Path = Path("out/sensitivity")
     """Folder for the results."""
-    pdf: bool = False
-    """Also write the figures as PDF."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -38,23 +36,16 @@ def run(config: Config) -> None:
     """Drive, evaluate, store and print."""
     from experiments.driving.world import World
     from experiments.recording import record_all
-    from experiments.report.sensitivity import page, table
     from experiments.run import Run
-    from experiments.storage.manifest import command_line
-    from experiments.storage.results import REPORT_FILE
+    from experiments.storage.results import SUMMARY_FILE
     from experiments.studies.sensitivity import examples, sensitivity
     from experiments.studies.trials import forget_trials
 
     with Run(config, partial(forget_trials, config.out)) as run:
-        about = World.of(config).about
-        rows = sensitivity(config, run)
-        page(rows, run.manifest(**about), command_line("sensitivity")).write(run.folder, config.pdf)
-        run.write({"rows": rows}, **about)
+        study = sensitivity(config, run)
+        run.write(study.to_json(), **World.of(config).about)
         if config.rrd:
             with run.busy("recordings"):
                 record_all(run.folder, examples(config))
-    table(rows).print()
-    for row in rows:
-        if row["slip_error"] is None:
-            print(f"warning: {row['effect']}: {row['warnings'][-1]}")
-    print(f"{config.out / REPORT_FILE}: {len(rows)} grids in {run.wall:.1f} s")
+    study.print()
+    print(f"{config.out / SUMMARY_FILE}: {run.wall:.1f} s")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import degrees
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,9 @@ from experiments.driving.world import Specification, World
 from experiments.measuring.grid import LocalizationErrors
 from experiments.options.base import with_option
 from experiments.options.grid import GridConfig
-from experiments.studies.trials import Outcome, Trial, run_trials
+from experiments.report.formats import number
+from experiments.report.table import Table
+from experiments.studies.trials import Outcome, Study, Trial, run_trials
 from sim.scanner.scanner import MIRROR_PERIOD
 from trackslip.errors import LogError
 from trackslip.identification.samples import usable_samples
@@ -25,6 +28,9 @@ from trackslip.logs.runlog import RunLog
 if TYPE_CHECKING:
     from experiments.commands.sensitivity import Config
     from experiments.run import Run
+
+_OF_SLIP = ("", "outer bias", "std", "largest", "inner bias", "std", "largest")
+_HEADER = (*_OF_SLIP, "x [mm]", "y [mm]", "phi [deg]", "valid", "runs")
 
 
 @dataclass(frozen=True)
@@ -78,25 +84,43 @@ DISTURBANCES = (
 )
 
 
-def sensitivity(config: Config, run: Run) -> list[dict[str, Any]]:
-    """A row of summary.json per disturbance, all with the same random numbers of the grid.
+def sensitivity(config: Config, run: Run) -> Study:
+    """Drive and evaluate the grid under each disturbance, with the same random numbers."""
+    trials = [Trial(disturbance.name, given=disturbance) for disturbance in DISTURBANCES]
+    outcomes = run_trials(run, partial(disturbed, config=config), trials, "{case}", Specification.of(config))
+    return sensitivity_study(DISTURBANCES, [outcome for (outcome,) in outcomes.values()])
+
+
+def sensitivity_study(disturbances: Sequence[Disturbance], outcomes: Sequence[Outcome]) -> Study:
+    """A row of summary.json and a line of the table per disturbance and its outcome, as from `disturbed`."""
+    rows = [
+        {"effect": one.name, "settings": one.settings, **outcome.numbers, "warnings": list(outcome.notes)}
+        for one, outcome in zip(disturbances, outcomes, strict=True)
+    ]
+    table = Table("Errors of slip over the runs, and of the poses (rms)", _HEADER, [_line(row) for row in rows])
+    warnings = [f"warning: {row['effect']}: {row['warnings'][-1]}" for row in rows if row["slip_error"] is None]
+    return Study({"rows": rows}, [table, *warnings])
+
+
+def _line(row: Mapping[str, Any]) -> tuple[str, ...]:
+    cells = []
+    for track in ("outer", "inner"):
+        errors = (row["slip_error"] or {}).get(track, dict.fromkeys(("bias", "std", "largest")))
+        bias = number(errors["bias"], 5)
+        cells += [bias if not errors["bias"] or errors["bias"] < 0 else f"+{bias}"]
+        cells += [number(errors[name], 5) for name in ("std", "largest")]
+    poses, runs = row["localization"], row["runs"]
+    cells += [number(1e3 * poses[name], 1) for name in ("rmse_x", "rmse_y")]
+    cells += [number(degrees(poses["rmse_heading"]), 2), f"{poses['valid_fraction']:.1%}"]
+    return row["effect"], *cells, f"{runs['used']}/{runs['all']}"
+
+
+def disturbed(trial: Trial, _: np.random.Generator, config: Config) -> Outcome:
+    """Drive a grid of left turns with a disturbance and evaluate it, by default with the most exact motion method.
 
     `slip_error` has bias, std and largest error [-] of the outer and the inner track over the runs, None if no run
     could be used; `localization` is of all runs, as LocalizationErrors; `runs` are those used and all.
     """
-    trials = [Trial(disturbance.name, given=disturbance) for disturbance in DISTURBANCES]
-    outcomes = run_trials(run, partial(disturbed, config=config), trials, "{case}", Specification.of(config))
-    return [row_of(disturbance, *outcomes[disturbance.name]) for disturbance in DISTURBANCES]
-
-
-def row_of(disturbance: Disturbance, outcome: Outcome) -> dict[str, Any]:
-    """A disturbance and its consequences."""
-    about = {"effect": disturbance.name, "settings": disturbance.settings}
-    return {**about, **outcome.numbers, "warnings": list(outcome.notes)}
-
-
-def disturbed(trial: Trial, _: np.random.Generator, config: Config) -> Outcome:
-    """Drive a grid of left turns with a disturbance and evaluate it, by default with the most exact motion method."""
     disturbance: Disturbance = trial.given
     grid = replace(disturbance.driven(config), threads=1)
     world = World.of(grid)

@@ -152,11 +152,11 @@ class Study:
     """What is stored besides the checks; `failures` are the reasons why fits failed."""
     shown: Sequence[Table | str]
     """What is printed."""
-    checks: Sequence[Check]
+    checks: Sequence[Check] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The content of summary.json."""
-        return {**self.summary, "checks": [check.to_json() for check in self.checks]}
+        return {**self.summary, **({"checks": [check.to_json() for check in self.checks]} if self.checks else {})}
 
     def print(self) -> None:
         """Print the tables, why fits failed, and how many checks hold."""
@@ -167,7 +167,8 @@ class Study:
                 print(one)
         for line in self.summary.get("failures", ()):
             print(f"a fit failed: {line}")
-        print(f"{sum(check.holds for check in self.checks)} of {len(self.checks)} checks hold")
+        if self.checks:
+            print(f"{sum(check.holds for check in self.checks)} of {len(self.checks)} checks hold")
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,6 @@
-"""`trackslip sensitivity`: its rows and its page."""
-
-import re
+"""`trackslip sensitivity`: its rows and its table."""
 
 import pytest
-from browser import assert_fits
 
 from experiments.studies.sensitivity import DISTURBANCES
 
@@ -12,13 +9,12 @@ SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "8")
 
 def test_a_row_for_each_disturbance(trackslip):
     found = trackslip("sensitivity", *SMALL, "--seed", "2")
-    assert {path.name for path in found.folder.iterdir()} == {"manifest.json", "summary.json", "report.html", "figures"}
-    assert found.manifest["command"] == "sensitivity"
-    assert found.manifest["seed"] == 2
+    assert {path.name for path in found.folder.iterdir()} == {"manifest.json", "summary.json"}
     rows = {row["effect"]: row for row in found.summary["rows"]}
     assert list(rows) == [effect.name for effect in DISTURBANCES]
     for name, row in rows.items():
         assert name in found.printed
+        assert f"{row['slip_error']['outer']['bias']:+.5f}" in found.printed
         assert row["runs"]["all"] == 2
     nominal, noisy = rows["nominal"], rows["noise 10 mm"]
     assert nominal["settings"] == {}
@@ -33,14 +29,6 @@ def test_a_row_for_each_disturbance(trackslip):
         assert noisy["localization"][error] > nominal["localization"][error]
     biased = rows["range bias 10 mm"]["localization"]["rmse_y"]  # the scanner looks along y
     assert biased == pytest.approx(0.01, abs=0.004)
-    page = (found.folder / "report.html").read_text(encoding="utf-8")
-    assert page.count("<svg ") == 1
-    assert (found.folder / "figures" / "slip_errors.svg").is_file()
-    assert all(reference.startswith("#") for reference in re.findall(r'(?:src|href)="([^"]*)"', page))
-    for row in rows.values():
-        assert row["effect"] in page
-        assert f"{row['slip_error']['outer']['bias']:+.5f}".replace("-", "−") in page
-    assert_fits(page)  # last: it skips the test where there is no browser
 
 
 @pytest.mark.parametrize(
