@@ -2,8 +2,9 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
@@ -13,6 +14,9 @@ from experiments.options.help import default_is
 from experiments.options.world import Method
 from trackslip.errors import InvalidValueError
 from trackslip.motion.constant_speed import SETTLE
+
+if TYPE_CHECKING:
+    from trackslip.identification.source import Source
 
 EXAMPLES = (
     ("from a stored grid", "trackslip identify out/grid"),
@@ -79,8 +83,7 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Fit the laws, store and print them."""
-    from experiments.identification import print_identification, source_of
-    from experiments.report.identification import page
+    from experiments.report.identification import page, print_identification
     from experiments.run import Run
     from experiments.storage.manifest import command_line
     from experiments.storage.results import REPORT_FILE, write_samples
@@ -108,3 +111,14 @@ def run(config: Config) -> None:
         report(1)
     print_identification(found)
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
+
+
+def source_of(config: Config) -> "Source":
+    """The runs and samples that the options select; raises LogError or InvalidValueError if none can be used."""
+    from experiments.sweep.table import chosen
+    from trackslip.identification.source import Reading, read_source
+
+    reading = Reading(
+        config.half_gauge, config.sprocket_radius, config.gear, config.settle, config.motion, config.bag.choice()
+    )
+    return read_source(config.path, reading, partial(chosen, where=config.where) if config.where else None)

@@ -1,6 +1,5 @@
 """Laws identified from whole drives: their tables, and their section of a page."""
 
-from collections.abc import Callable, Mapping
 from functools import partial
 from math import degrees
 
@@ -9,29 +8,27 @@ from markupsafe import Markup
 from experiments.report.figures import drives as figures
 from experiments.report.formats import MISSING, number, pair, significant
 from experiments.report.laws import (
-    EXTRA_SYMBOLS,
-    EXTRA_TITLES,
     NO_SLIP,
     SYMBOLS,
-    digits_for,
     law_cell,
     parameter_bullets,
+    parameter_rows,
     prediction_title,
     unit_of,
-    unit_of_extra,
+    with_error,
 )
-from experiments.report.page import Plot, Section
+from experiments.report.page import Block, Plot, Section
 from experiments.report.table import Cell, Table
 from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.drive.estimate import DriveFit
-from trackslip.identification.drive.prediction import HORIZONS, Errors
+from trackslip.identification.drive.model import EXTRAS
+from trackslip.identification.drive.prediction import HORIZONS
 from trackslip.identification.result import Identification
 
-_LAW_HEADER = ("law", "parameter", "value ± std. error", "95 % interval")
+_VALUES = ("value ± std. error", "95 % interval")
 _LAW_NOTE = (
-    "The standard error holds if slip varies from moment to moment. The 95 % interval also allows for slip that lasts "
-    "for seconds: it is the wider of the model's and of the one that follows from the scatter between stretches of "
-    "10 s. A parameter that the driving does not show is held."
+    "The standard error holds if slip varies from moment to moment; the 95 % interval also allows for slip that lasts "
+    "for seconds. A parameter that the driving does not show is held."
 )
 AHEAD = tuple(f"{horizon:g} s" for horizon in HORIZONS)
 _SCORE_NOTE = (
@@ -54,164 +51,74 @@ def law_table(found: DriveComparison) -> Table:
     rows: list[tuple[str | Cell, ...]] = []
     for name in found.ranking:
         law = found.laws[name]
-        parameters = [
-            (SYMBOLS.get(key, key), *_printed(law, key, value, *unit_of(name, key)))
-            for key, value in law.values.items()
-        ]
-        first = _law(name, found, formula=True)
-        rows += [(first if k == 0 else "", *cells) for k, cells in enumerate(parameters)]
+        parameters = [(SYMBOLS.get(key, key), *_printed(law, key, value)) for key, value in law.values.items()]
+        rows += parameter_rows(law_cell(name, name == found.best), parameters)
     count = len(found.drives)
     title = f"Slip laws from {'a whole drive' if count == 1 else f'{count} whole drives'}"
-    return Table(title, _LAW_HEADER, rows, "llr", _LAW_NOTE)
+    return Table(title, ("law", "parameter", *_VALUES), rows, "llr", _LAW_NOTE)
 
 
 def extra_table(law: DriveFit) -> Table:
     """Sensor, clock and drift under a law."""
     rows = []
     for name, value in law.extras.items():
-        text, interval = _printed(law, name, value, *unit_of_extra(name))
+        text, interval = _printed(law, name, value)
         held = Cell(f"{_HELD}: {law.held[name]}", _HELD) if name in law.held else interval
-        rows.append((EXTRA_TITLES[name], EXTRA_SYMBOLS[name], text, held))
-    header = ("of the best law", "", "value ± std. error", "95 % interval")
-    return Table("Sensor and clock, by the best law", header, rows, "llr")
+        rows.append((EXTRAS[name].title, SYMBOLS[name], text, held))
+    return Table("Sensor and clock, by the best law", ("of the best law", "", *_VALUES), rows, "llr")
+
+
+def _printed(law: DriveFit, name: str, value: float) -> tuple[str, ...]:
+    """Value with standard error, and 95 % interval."""
+    factor, unit = unit_of(law.name, name)
+    if name in law.stderr:
+        return with_error(value, law.stderr[name], (factor, unit), law.interval95[name])
+    return f"{factor * value:.4g} {unit}".rstrip().replace("-", "−"), _HELD
 
 
 def held_lines(law: DriveFit) -> list[str]:
     """A line for each parameter that was held, with the reason."""
-    symbols = SYMBOLS | EXTRA_SYMBOLS
-    return [f"held: {symbols[name]} ({name}), {reason}" for name, reason in law.held.items()]
+    return [f"held: {SYMBOLS[name]} ({name}), {reason}" for name, reason in law.held.items()]
 
 
 def position_table(found: DriveComparison) -> Table:
     """Errors of position of held-out prediction, the best law first."""
-    rows = [(*_errors(found, name, _position), number(found.score[name], 3)) for name in found.ranking]
+    rows = [(*_errors(found, name, "position", 1.0, 3), number(found.score[name], 3)) for name in found.ranking]
     header = ("law", *AHEAD, "score")
     return Table("Held-out prediction of position, rms | median [m]", header, rows, note=_SCORE_NOTE)
 
 
 def heading_table(found: DriveComparison) -> Table | None:
     """The same of heading; None if no headings were measured."""
-    if not any(drive.has_heading for drive in found.drives):
+    if not _has_headings(found):
         return None
-    rows = [_errors(found, name, _heading) for name in found.ranking]
+    rows = [_errors(found, name, "heading", degrees(1.0), 2) for name in found.ranking]
     return Table("Held-out prediction of heading, rms | median [deg]", ("law", *AHEAD), rows)
 
 
-def whole_drives(found: Identification) -> Section | None:
-    """The section of an identification from whole drives; None if there is none."""
-    drive = found.drive
-    if drive is None:
-        return None
-    best = drive.laws[drive.best]
-    several, title = len(drive.drives) > 1, prediction_title(drive.best)
-    told = gain(drive)
-    meaning = ["A slip law gives the slip of both tracks in a turn of radius R. Its parameters are:"]
-    prediction = Section(
-        "Which law predicts motion",
-        [
-            Markup(
-                "The best law here is <strong>{}</strong>{}. Each law is fitted to {} and predicts the rest: from "
-                "every measured pose, the sprocket speeds lead 1, 2, 5 and 10 s ahead, without looking at poses on the "
-                "way. Errors include those of the measured poses at both ends, which no law can remove."
-            ).format(
-                title, f": {told}" if told else "", "all drives but some" if several else "the first half of the drive"
-            ),
-            Plot(
-                "drive_prediction_errors",
-                partial(figures.prediction_errors, drive),
-                "Errors of prediction",
-                "Root mean square errors against how far ahead is predicted, on logarithmic scales; thick: the best "
-                "law. Where lines are flat, the poses' noise is all that is left; where they rise, the law is wrong "
-                "or slip varies.",
-            ),
-            position_table(drive),
-            heading_table(drive),
-        ],
-    )
-    laws = Section(
-        "Laws of whole drives",
-        [
-            *([*meaning, parameter_bullets(found.geometry)] if found.steady is None else ()),
-            law_table(drive),
-            extra_table(best),
-            noise_text(drive),
-        ],
-    )
-    path = Plot(
-        "drive_path",
-        partial(figures.path_and_predictions, drive),
-        f"Path of {drive.drives[figures.longest(drive)].name}",
-        f"Left: measured poses and the most likely trajectory{' of the longest drive' if several else ''}. Right: the "
-        "same trajectory (thin), and where the laws predict the robot to go from a few measured poses (dots) by its "
-        "sprocket speeds alone. The laws that predict were fitted to "
-        f"{'other drives' if several else 'the first half of the drive'}.",
-    )
-    return Section("Whole drives", [_summary(found, drive), path, prediction, laws, *_plots(drive, best)])
+def _errors(found: DriveComparison, law: str, quantity: str, factor: float, digits: int) -> tuple[str | Cell, ...]:
+    """A law and its errors of `quantity`, rms | median, at each horizon."""
+    title = law_cell(law, law == found.best, formula=False)
+    cells: list[str | Cell] = [Cell(NO_SLIP, mark=title.mark) if law == "none" else title]
+    for horizon in HORIZONS:
+        errors = found.errors[law].get(horizon)
+        known = [getattr(errors, f"{quantity}_{kind}", None) for kind in ("rms", "median")]
+        sizes = [number(factor * error, digits) for error in known if error is not None]
+        cells.append(pair(sizes) if sizes else MISSING)
+    return tuple(cells)
 
 
-def _summary(found: Identification, drive: DriveComparison) -> str:
-    """What the laws were estimated from, and together with what."""
-    best, count = drive.laws[drive.best], len(drive.drives)
-    duration = sum(float(one.time[-1] - one.time[0]) for one in drive.drives)
-    time = f"{duration:.0f} s" if duration < 600 else f"{duration / 60:.0f} min"
-    blind = "" if any(one.has_heading for one in drive.drives) else " without headings"
-    outlying = f"; {best.left_out} more are outlying and were left out" if best.left_out else ""
-    jumps = (
-        f" At {best.breaks} step{'' if best.breaks == 1 else 's'} the poses jump lastingly, or the robot slips out of "
-        "all proportion; there the trajectory is cut."
-    )
-    beside = (
-        " Most of the driving was steady, so the laws above are the result; these, from all of it, are for comparison."
-    )
-    return (
-        f"Every pose and every encoder reading of {'the drive' if count == 1 else f'{count} drives'} counts here "
-        f"({time}, {best.poses:,} poses{blind}{outlying}), at whatever speeds the robot drove. Estimated together are "
-        "the trajectory, the law, where the sensor sits, the offset of the clocks, and how large all errors are: the "
-        "most likely ones, if the robot moves as the law says, but for slip that varies, and the poses scatter about "
-        f"the trajectory.{jumps if best.breaks else ''}{'' if found.method == 'drive' else beside}"
-    )
-
-
-def _plots(drive: DriveComparison, best: DriveFit) -> tuple[Plot | None, ...]:
-    """The figures at the end of the section."""
-    return (
-        Plot(
-            "drive_residuals",
-            partial(figures.residuals_over_time, best),
-            "Residuals over time",
-            "Top: the trajectory minus measured poses; a good fit scatters within the green band without a trend. "
-            "Bottom: how far each step of the trajectory departs from the law, over its standard deviation. These "
-            "departures are smoothed, because single poses tell little of single steps: look for places where one "
-            "lasts, such as other ground. Points are thinned out.",
-        ),
-        Plot(
-            "drive_clock_offset",
-            partial(figures.clock_offset, drive),
-            "Offset of the clocks",
-            "How much less likely the data become if the encoders' clock is ahead of the poses' by something else. A "
-            "narrow valley means that the driving shows the offset well.",
-        )
-        if drive.clock is not None
-        else None,
-        Plot(
-            "drive_correlations",
-            partial(figures.drive_correlations, best),
-            "Correlation of the parameters",
-            "Correlation between the errors of two parameters. At +1 or −1 the driving shows only a combination of "
-            "the two; more varied driving separates them.",
-        )
-        if len(best.free) > 1
-        else None,
-    )
+def _has_headings(found: DriveComparison) -> bool:
+    return any(drive.has_heading for drive in found.drives)
 
 
 def noise_text(found: DriveComparison) -> str:
     """What scatters by the best law, and by how much."""
-    headings = any(drive.has_heading for drive in found.drives)
+    noise = found.laws[found.best].noise
     sizes = [
-        f"{what} {significant(factor * found.laws[found.best].noise[key], unit)}"
+        f"{what} {significant(factor * noise[key], unit)}"
         for key, (what, factor, unit) in _NOISE.items()
-        if headings or key != "heading"
+        if key != "heading" or _has_headings(found)
     ]
     scatter = "Estimated scatter (standard deviations; slip per square root of the distance driven)"
     return f"{scatter}: {', '.join(sizes)}."
@@ -228,32 +135,84 @@ def gain(found: DriveComparison) -> str:
     return f"{_TOLD:g} s ahead, it predicts {' and '.join(parts)} better than {NO_SLIP} (rms)"
 
 
-def _law(name: str, found: DriveComparison, formula: bool = False) -> Cell:
-    law = law_cell(name, name == found.best, formula)
-    return Cell(NO_SLIP, "", law.lines, law.mark) if name == "none" else law
+def whole_drives(found: Identification) -> Section | None:
+    """The section of an identification from whole drives; None if there is none."""
+    drive = found.drive
+    if drive is None:
+        return None
+    best, told = drive.laws[drive.best], gain(drive)
+    steady_too = "" if found.method == "drive" else (
+        " Most of the driving was steady, so the laws above are the result; these, from all of it, are for comparison."
+    )  # fmt: skip
+    path = Plot(
+        "drive_path",
+        partial(figures.path_and_predictions, drive),
+        f"Path of {drive.drives[figures.longest(drive)].name}",
+        "Left: measured poses and the most likely trajectory of the longest drive. Right: the same trajectory (thin), "
+        "and where laws that were fitted to other driving predict the robot to go from the dots by its sprocket speeds "
+        "alone.",
+    )
+    prediction = Section(
+        "Which law predicts motion",
+        [
+            Markup(
+                "The best law here is <strong>{}</strong>{}. Each law is fitted to a part of the driving and predicts "
+                "the rest: from every measured pose, the sprocket speeds lead 1, 2, 5 and 10 s ahead. Errors include "
+                "those of the measured poses at both ends, which no law can remove."
+            ).format(prediction_title(drive.best), told and f": {told}"),
+            Plot(
+                "drive_prediction_errors",
+                partial(figures.prediction_errors, drive),
+                "Errors of prediction",
+                "Root mean square errors against the time ahead; thick: the best law. Where lines are flat, the poses' "
+                "noise is all that is left; where they rise, the law is wrong or slip varies.",
+            ),
+            position_table(drive),
+            heading_table(drive),
+        ],
+    )
+    meaning = () if found.steady else ("The parameters of the laws are:", parameter_bullets(found.geometry))
+    laws = Section("Laws of whole drives", [*meaning, law_table(drive), extra_table(best), noise_text(drive)])
+    residuals = Plot(
+        "drive_residuals",
+        partial(figures.residuals_over_time, best),
+        "Residuals over time",
+        "Top: the trajectory minus measured poses; a good fit scatters within the green band without a trend. Bottom: "
+        "smoothed departures of each step from the law, over their standard deviation; where one lasts, the ground may "
+        "be another.",
+    )
+    clock = Plot(
+        "drive_clock_offset",
+        partial(figures.clock_offset, drive),
+        "Offset of the clocks",
+        "How much less likely the data become with another offset. A narrow valley means that the driving shows it.",
+    )
+    correlations = Plot(
+        "drive_correlations",
+        partial(figures.drive_correlations, best),
+        "Correlation of the parameters",
+        "Between the errors of two parameters. At +1 or −1 the driving shows only a combination of the two.",
+    )
+    blocks: list[Block | None] = [
+        _driven(drive) + steady_too,
+        path,
+        prediction,
+        laws,
+        residuals,
+        clock if drive.clock else None,
+        correlations if len(best.free) > 1 else None,
+    ]
+    return Section("Whole drives", blocks)
 
 
-def _errors(found: DriveComparison, name: str, cell: Callable[[Errors], str]) -> tuple[str | Cell, ...]:
-    """A law and its errors at each horizon."""
-    errors: Mapping[float, Errors] = found.errors[name]
-    return (_law(name, found), *(cell(errors[h]) if h in errors else MISSING for h in HORIZONS))
-
-
-def _printed(law: DriveFit, name: str, value: float, factor: float, unit: str) -> tuple[str, str]:
-    """Value with standard error, and 95 % interval, with as many decimals as show two digits of the error."""
-    if name not in law.stderr:
-        return f"{factor * value:.4g} {unit}".rstrip().replace("-", "−"), _HELD
-    error = factor * law.stderr[name]
-    digits = digits_for(error)
-    interval = " to ".join(number(factor * end, digits) for end in law.interval95[name])
-    return f"{number(factor * value, digits)} ± {number(error, digits)} {unit}".rstrip(), interval
-
-
-def _position(errors: Errors) -> str:
-    return pair([number(e, 3) for e in (errors.position_rms, errors.position_median)])
-
-
-def _heading(errors: Errors) -> str:
-    if errors.heading_rms is None or errors.heading_median is None:
-        return MISSING
-    return pair([number(degrees(error), 2) for error in (errors.heading_rms, errors.heading_median)])
+def _driven(drive: DriveComparison) -> str:
+    """What the laws were estimated from, and together with what."""
+    best = drive.laws[drive.best]
+    duration = sum(float(one.time[-1] - one.time[0]) for one in drive.drives)
+    blind = "" if _has_headings(drive) else " without headings"
+    return (
+        f"Every pose and every encoder reading counts here: {len(drive.drives)} drive(s), {duration:.0f} s, "
+        f"{best.poses:,} poses{blind}; {best.left_out} outlying poses and {best.breaks} lasting jumps are left out. "
+        "Estimated together are the trajectory, the law, where the sensor sits, the offset of the clocks, and how "
+        "large all errors are."
+    )

@@ -1,14 +1,14 @@
 """Slip laws as reports show them: title, colour, line, formula, and the symbols and units of their parameters."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
 
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
-from experiments.report.formats import MISSING
+from experiments.report.formats import MISSING, number
 from experiments.report.page import Bullets
 from experiments.report.table import Cell
 from trackslip.identification.drive.model import EXTRAS
@@ -78,22 +78,10 @@ _LETTERS = {
 }  # fmt: skip
 _TRACKS = ("", " outer", " inner", " left", " right")
 SYMBOLS = {
-    f"{name}{track.replace(' ', '_')}": f"{letter}{track}" for name, letter in _LETTERS.items() for track in _TRACKS
+    **{f"{name}{track.replace(' ', '_')}": letter + track for name, letter in _LETTERS.items() for track in _TRACKS},
+    **{"sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"},
 }
-"""Parameter -> its symbol, such as "α outer" for alpha_outer."""
-EXTRA_SYMBOLS = {
-    "sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"
-}  # fmt: skip
-"""The same for parameters of a drive that aren't its law's."""
-EXTRA_TITLES = {
-    "sensor_x": "sensor ahead of the turning centre",
-    "sensor_y": "sensor to the left",
-    "drift": "outward drift in turns",
-    "clock_offset": "encoder clock minus pose clock",
-    "sensor_yaw": "heading of the sensor in the robot",
-    "lag": "lag of the motion behind the belts",
-}
-"""The meaning of these parameters."""
+"""Parameter of a law or of a drive -> its symbol, such as "α outer" for alpha_outer."""
 _PRINTED = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°")}
 _MAX_DIGITS = 7
 _UNKNOWN_DIGITS = 2
@@ -117,53 +105,41 @@ def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
 
 def parameter_bullets(robot: RobotGeometry) -> Bullets:
     """The meaning of the laws' parameters."""
-    return Bullets(
-        [
-            Markup(
-                "<strong>α, β</strong>: slip at zero radius and its decay with radius, separately for the outer and "
-                "the inner track. <strong>γ</strong>: growth of slip with speed. The <em>exponential</em> is the "
-                "paper's law; the <em>exponential with speed</em> tests whether speed matters; the <em>power of "
-                "radius</em> decays differently."
-            ),
-            Markup(
-                "<strong>D</strong>: distance from a track's centre line outwards to its <em>instantaneous centre of "
-                "rotation</em> (ICR), the point about which the running track turns over the ground. Dry friction "
-                "keeps this point in place in slow turns of any radius: the <em>constant ICR</em>. <strong>b</strong> "
-                "= {:g} m is half the distance between the tracks' centre lines; it is measured, not fitted."
-            ).format(robot.half_gauge),
-            Markup(
-                "<strong>ε</strong>: relative excess of the sprockets' effective radius over the nominal one. It also "
-                "adds slip on straight paths. <em>Two-sided</em>: separate D and ε for the left and the right track, "
-                "for robots that turn differently to either side."
-            ),
-            Markup(
-                "<strong>g</strong>: share of the belts' mean speed that a robot loses, the more the sharper it turns "
-                "(<em>turn loss</em>), beside D and ε."
-            ),
-            Markup(
-                "<strong>a, p</strong>: size and pole of a <em>hyperbola</em> that assumes nothing about the robot; "
-                "with a = D and p = b + D it is a constant ICR."
-            ),
-            Markup("<em>No slip assumed</em> (no compensation) and <em>constant slip</em> serve as baselines."),
-        ]
+    meanings = (
+        ("α, β, γ", "slip at zero radius, its decay with radius and its growth with speed, for each track"),
+        ("D", "distance from a track's centre line outwards to its instantaneous centre of rotation (ICR)"),
+        ("b", f"half the distance between the tracks' centre lines, {robot.half_gauge:g} m, which is not fitted"),
+        ("ε", "relative excess of the sprockets' effective radius over the nominal one"),
+        ("g", "share of the belts' mean speed that a turn costs, the more the sharper it is"),
+        ("C, S", "slip per traction over load, ahead and in turning"),
+        ("a, p", "size and pole of a hyperbola; with a = D and p = b + D it is a constant ICR"),
     )
+    return Bullets([Markup("<strong>{}</strong>: {}.").format(*meaning) for meaning in meanings])
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:
-    """Factor from SI and unit in which a parameter is printed: mm for lengths, % for errors of the radius."""
+    """Factor from SI and unit in which a law's or a drive's parameter is printed: mm, ms, °; % for radius errors."""
     if parameter.startswith("radius_error"):
         return 1e2, "%"
-    unit = FAMILIES[law].parameters[parameter].unit
-    return (1e3, "mm") if unit == "m" else (1.0, unit)
+    unit = (EXTRAS[parameter] if parameter in EXTRAS else FAMILIES[law].parameters[parameter]).unit
+    return _PRINTED.get(unit, (1.0, unit))
 
 
-def unit_of_extra(name: str) -> tuple[float, str]:
-    """Factor from SI and unit in which another parameter of a drive is printed."""
-    return _PRINTED[EXTRAS[name].unit]
+def with_error(value: float, error: float, unit: tuple[float, str], *ends: Sequence[float] | None) -> tuple[str, ...]:
+    """A parameter ± its standard error, and intervals, with the decimals that show two digits of the error.
+
+    `unit` is a factor from SI and a unit's name; an interval of None is MISSING.
+    """
+    factor, name = unit
+    error *= factor
+    digits = _UNKNOWN_DIGITS if math.isinf(error) else _MAX_DIGITS
+    if 0 < error < math.inf:
+        digits = min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(error))))
+    intervals = (MISSING if e is None else " to ".join(number(factor * x, digits) for x in e) for e in ends)
+    return (f"{number(factor * value, digits)} ± {number(error, digits)} {name}".rstrip(), *intervals)
 
 
-def digits_for(error: float) -> int:
-    """Decimals that show two digits of an error; few where a law is not determined."""
-    if math.isinf(error):
-        return _UNKNOWN_DIGITS
-    return min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(error)))) if error > 0 else _MAX_DIGITS
+def parameter_rows(law: Cell, parameters: Iterable[Sequence[str | Cell]]) -> Iterator[tuple[str | Cell, ...]]:
+    """Rows of a law's parameters, the first of which names the law."""
+    for k, cells in enumerate(parameters):
+        yield (law if k == 0 else "", *cells)

@@ -61,15 +61,13 @@ def _published_and_simulated(found: Identification, radius: RadiusSummary) -> Pl
     turns = InnerOuterSamples.of(found.samples, found.geometry)
     if not len(turns):
         return None
-    apart = spread(turns)
-    differ = f". At one radius, runs of different speeds differ by at most {apart}" if apart else ""
     return Plot(
         "published_and_simulated",
         partial(published_and_simulated, radius, turns),
         "The paper's result and the simulation's",
         "Left: radius driven when the sprockets run at the speeds that a robot without slip would need. Right: "
         "slip of each track, by the published law (dashed; crosses at the radii that the paper observed) and in "
-        f"every simulated run{differ}.",
+        f"every simulated run. {spread(turns)}",
     )
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from experiments.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.figures import style
 from experiments.report.figures.laws import draw_matrix
-from experiments.report.laws import EXTRA_SYMBOLS, SYMBOLS, prediction_title
+from experiments.report.laws import SYMBOLS, prediction_title
 from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.drive.estimate import DriveFit
 from trackslip.identification.drive.fit import Fit
@@ -39,22 +39,17 @@ def path_and_predictions(found: DriveComparison) -> Figure:
     state, pose = fit.states[rows, :2], fit.nodes.pose[rows, :2]
     used = fit.nodes.weight[rows, 0] > 0
     out = (Nodes.of(fit.nodes.drives).weight[rows, 0] > 0) & ~used
-    every = np.concatenate([state, pose[used]])
-    room = 0.06 * float(np.ptp(every, axis=0).max()) + 0.02
-    low, high = every.min(axis=0) - room, every.max(axis=0) + room
-    width, height = high - low
-    size = float(np.clip(4.2 * height / width, 1.6, 6.2)) + 0.8
-    figure, (left, right) = style.subplots(size, 1, 2, across=0.3, sharex=True, sharey=True)
-    left.plot(*pose[used][style.thin(int(used.sum()), _POSES)].T, ".", color=GREY, ms=5, mew=0, label="measured poses")
     jump = np.append(1.0, fit.nodes.link)[rows] == 0  # lasting, on the way to a node: the robot did not drive there
     jump[0] = False
     line = np.where(jump[:, None], np.nan, state)[style.thin(len(state), _POSES)]
+    figure, (left, right) = style.subplots(4.8, 1, 2, across=0.3, sharex=True, sharey=True)
+    left.plot(*pose[used][style.thin(int(used.sum()), _POSES)].T, ".", color=GREY, ms=5, mew=0, label="measured poses")
     for axis, colour in ((left, BLUE), (right, _LINE)):
         axis.plot(*line.T, color=colour, lw=1.0, label="estimated trajectory")
-        style.plane(axis, xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        style.plane(axis)
+    left.set(title="Measured and estimated", xlim=left.get_xlim(), ylim=left.get_ylim())  # whatever follows
     if out.any():
         left.plot(*pose[out].T, "x", color=RED, ms=5, mew=1.0, label="left out as outlying")
-    left.set_title("Measured and estimated")
     right.set_ylabel("")
     names = compared(found)
     _draw_pieces(right, found, names, rows)
@@ -89,12 +84,10 @@ def _draw_pieces(axes: Axes, found: DriveComparison, names: Sequence[str], rows:
         return
     horizon = float(first.horizon[there].max())
     starts = first.start[there & (first.horizon == horizon)]
-    time = nodes.time
-    chosen: list[int] = []
-    for wanted in np.linspace(time[starts[0]], time[starts[-1]], _PIECES):
-        near = int(starts[np.abs(time[starts] - wanted).argmin()])
-        if not chosen or time[near] - time[chosen[-1]] >= horizon:
-            chosen.append(near)
+    chosen = [int(starts[0])]
+    for start in starts[np.linspace(0, len(starts) - 1, _PIECES).astype(int)]:
+        if nodes.time[start] >= nodes.time[chosen[-1]] + horizon:
+            chosen.append(int(start))
     for name in reversed(names):
         predictions, look = found.predictions[name], style.law_line(name)
         for k in np.flatnonzero(np.isin(predictions.start, chosen) & (predictions.horizon == horizon)):
@@ -113,30 +106,27 @@ def residuals_over_time(law: DriveFit) -> Figure:
     begins = np.cumsum([0.0, *lengths])
     joined = zip(fit.nodes.drives, begins, strict=False)
     time = np.concatenate([drive.time - drive.time[0] + begin for drive, begin in joined])
-    pose, kept = pose_residuals(fit)
-    step, linked = step_residuals(fit)
-    noise = law.noise
-    panels: list[tuple[str, Array, np.ndarray, Array, float]] = [
-        ("position [mm]", 1e3 * pose[:, :2], kept, time, 1e3 * noise["position"])
+    (pose, kept), (step, linked) = pose_residuals(fit), step_residuals(fit)
+    headings = bool(np.isfinite(pose[:, 2]).any())
+    figure, axes = style.subplots(4.2 + 1.9 * headings, 2 + headings, down=0.4, sharex=True)
+    parts: list[tuple[str, str, float, Array, Sequence[str]]] = [
+        ("position", "position [mm]", 1e3, pose[:, :2], ("x", "y")),
+        ("heading", "heading [°]", np.degrees(1.0), pose[:, 2:], ("",)),
     ]
-    if np.isfinite(pose[:, 2]).any():
-        panels.append(("heading [°]", np.degrees(pose[:, 2:]), kept, time, np.degrees(noise["heading"])))
-    # slips are smoothed: their scatter is much smaller than their standard deviation, so they have no band
-    panels.append(("slip of a step [–]", step, linked, (time[1:] + time[:-1]) / 2, 0.0))
-    figure, axes = style.subplots(1.9 * len(panels) + 0.4, len(panels), down=0.4, sharex=True)
-    for axis, (label, values, used, at, deviation) in zip(axes, panels, strict=True):
-        names = ("forwards", "sideways", "in turning") if label.startswith("slip") else ("x", "y")
-        _residual_panel(axis, at, values, used, names if values.shape[1] > 1 else ("",))
-        axis.axhspan(-_WITHIN * deviation, _WITHIN * deviation, color=style.BAND, lw=0, zorder=0)
+    for axis, (name, label, factor, values, names) in zip(axes[:-1], parts, strict=False):
+        _residual_panel(axis, time, factor * values, kept, names)
+        band = _WITHIN * factor * law.noise[name]
+        axis.axhspan(-band, band, color=style.BAND, lw=0, zorder=0)
+        axis.set_ylabel(label)
+    _residual_panel(axes[-1], (time[1:] + time[:-1]) / 2, step, linked, ("forwards", "sideways", "in turning"))
+    for axis in axes:
         for begin in begins[1:-1]:
             axis.axvline(begin, color=GREY, lw=0.8, ls=":")
-        axis.set_ylabel(label)
     axes[0].set(title="Poses: trajectory − measured", xlim=(0, time[-1]))
-    axes[-1].set_title("Steps: motion − law, in standard deviations")
-    axes[-1].set_xlabel("time, drive after drive [s]" if len(lengths) > 1 else "time [s]")
+    axes[-1].set(title="Steps: motion − law, in standard deviations", ylabel="slip of a step [–]")
+    axes[-1].set_xlabel("time, drive after drive [s]")
     handles = [style.key("95 % of normal residuals", color=style.BAND, lw=7)]
-    if not (kept.all() and linked.all()):
-        handles.append(style.key("left out (at the edge if beyond)", ls="none", marker="x", ms=5, color=RED))
+    handles.append(style.key("left out (at the edge if beyond)", ls="none", marker="x", ms=5, color=RED))
     style.legend_below(figure, handles, ncols=2)
     return figure
 
@@ -192,29 +182,27 @@ def clock_offset(found: DriveComparison) -> Figure:
 @style.styled
 def drive_correlations(law: DriveFit) -> Figure:
     """Correlation matrix of all parameters fitted."""
-    symbols = SYMBOLS | EXTRA_SYMBOLS
     figure, axes = style.subplots(1.2 + 0.38 * len(law.free))
-    draw_matrix(axes, law.correlation, [symbols[name] for name in law.free], prediction_title(law.name))
+    draw_matrix(axes, law.correlation, [SYMBOLS[name] for name in law.free], prediction_title(law.name))
     return figure
 
 
 @style.styled
 def prediction_errors(found: DriveComparison) -> Figure:
     """Errors of prediction against the horizon, by law; position, and heading where it was measured."""
-    kinds = [("position_rms", 1.0, "Position", "rms error [m]")]
-    if any(drive.has_heading for drive in found.drives):
-        kinds.append(("heading_rms", np.degrees(1.0), "Heading", "rms error [°]"))
-    figure, axes = style.subplots(3.6, 1, len(kinds), squeeze=False)
     looks = {name: style.law_line(name, lw=2.2 if name == found.best else 1.2) for name in found.ranking}
-    for axis, (error, factor, title, label) in zip(axes[0], kinds, strict=True):
-        for name in sorted(looks, key=lambda law: law != found.best):  # the best one is thick, so it lies below
-            points = [(h, factor * value) for h, e in found.errors[name].items() if (value := getattr(e, error))]
-            if points:
-                axis.plot(*np.transpose(points), marker="o", ms=3.5, **looks[name])
-        axis.set(title=title, xlabel="time ahead [s]", ylabel=label, xscale="log", yscale="log")
-        axis.set_xticks(HORIZONS, [f"{horizon:g}" for horizon in HORIZONS])
-        axis.set_xticks([], minor=True)
-        style.log_ticks(axis.yaxis)
+    kinds = [
+        ("position_rms", 1.0, "Position", "rms error [m]"),
+        ("heading_rms", np.degrees(1.0), "Heading", "rms error [°]"),
+    ]
+    panels = []
+    for error, factor, title, label in kinds[: 1 + any(drive.has_heading for drive in found.drives)]:
+        lines = [
+            ([(h, factor * value) for h, e in found.errors[name].items() if (value := getattr(e, error))], look)
+            for name, look in sorted(looks.items(), key=lambda item: item[0] != found.best)  # the best, thick, is below
+        ]
+        panels.append((title, label, lines))
+    figure = style.errors_ahead(panels, HORIZONS, "time ahead [s]")
     best = {found.best: " – best"}
     handles = [style.key(prediction_title(name) + best.get(name, ""), **look) for name, look in looks.items()]
     style.legend_below(figure, handles, ncols=4, handlelength=3.2)

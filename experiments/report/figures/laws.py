@@ -73,19 +73,16 @@ def fitted_laws(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
 @style.styled
 def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     """Residuals of every run, one panel per law on a common scale that is linear within the band of errors."""
-    laws = shown_laws(comparison)
     band, meaning = residual_band(runs, comparison)
-    off = {name: runs.residual(law) for name, law in laws.items()}
+    off = {name: runs.residual(law) for name, law in shown_laws(comparison).items()}
     largest = max(float(np.abs(residual).max()) for residual in off.values())
-    threshold = 10.0 ** np.floor(np.log10(max(band, 1e-4 * largest, 1e-9)))
-    powers = threshold * 10.0 ** np.arange(1, max(1.0, np.log10(1.5 * largest / threshold)) + 1e-9)
-    rows = -(-len(laws) // _COLUMNS)
-    shared = {"sharex": True, "sharey": True, "squeeze": False}
-    figure, panels = style.subplots(0.8 + 1.75 * rows, rows, _COLUMNS, across=0.3, down=0.35, **shared)
-    axes, free = panels.ravel()[: len(laws)], panels.ravel()[len(laws) :]
-    axes[0].set_yscale("symlog", linthresh=threshold, linscale=0.6)
-    axes[0].set(ylim=(-2 * largest, 2 * largest), yticks=[*(-powers[::-1]), 0.0, *powers])
-    for axis, (name, residual) in zip(axes, off.items(), strict=True):
+    rows = -(-len(off) // _COLUMNS)
+    figure, panels = style.subplots(
+        0.8 + 1.75 * rows, rows, _COLUMNS, across=0.3, down=0.35, sharex=True, sharey=True, squeeze=False
+    )
+    panels[0, 0].set_yscale("symlog", linthresh=max(band, 1e-4 * largest, 1e-9))
+    panels[0, 0].set_ylim(-2 * largest, 2 * largest)
+    for axis, (name, residual) in zip(panels.flat, off.items(), strict=False):
         style.zero_line(axis)
         axis.axhspan(-band, band, color=style.BAND, lw=0, zorder=0)
         axis.set_title(_title(name, comparison), fontsize=8.5)
@@ -96,21 +93,16 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
                 axis.errorbar(runs.radius, residual[:, track], runs.errors.slip[:, track], **bars)
             axis.plot(runs.radius, residual[:, track], ls="none", mew=0.8, zorder=2.1, **look)
             means = [(runs.radius[group].mean(), residual[group, track].mean()) for group in repeated(runs.radius)]
-            if means:
-                axis.plot(*np.transpose(means), color=look["color"], lw=0.8)
-    for axis in axes[-_COLUMNS:]:  # the lowest of each column
+            axis.plot(*np.reshape(means, (-1, 2)).T, color=look["color"], lw=0.8)
+    for axis in panels.flat[len(off) :]:
+        axis.set_axis_off()
+    for axis in panels.flat[: len(off)][-_COLUMNS:]:  # the lowest of each column
         show_radii(axis, runs)
         axis.tick_params(labelbottom=True)
     for axis in panels[:, 0]:
         axis.set_ylabel("measured − law [–]")
     handles = [style.key(f"{side} track", ls="none", **_TRACK_STYLE[side]) for side in reversed(TRACKS)]
-    handles.append(style.key(f"±{band:.1g}: {meaning}", color=style.BAND, lw=7))
-    for axis in free:
-        axis.set_axis_off()
-    if len(free):
-        free[0].legend(handles=handles, loc="center left")
-    else:
-        style.legend_below(figure, handles)
+    style.legend_below(figure, [*handles, style.key(f"±{band:.1g}: {meaning}", color=style.BAND, lw=7)])
     return figure
 
 
@@ -140,22 +132,20 @@ def criteria(comparison: Comparison) -> Figure:
         (axes[2], "Speed left out", "track speeds, rms [–]", speed, fitted),
         (axes[3], "Radius left out", "yaw rate, rms [mrad/s]", 1e3 * yaw_rate, None),
     ):
-        axis.set(title=title, xlabel=label)
+        axis.set(title=title, xlabel=label, xscale="linear" if axis is axes[0] else "log")
         axis.scatter(values, places, c=colours, s=36)
         if hollow is not None:
             axis.scatter(np.where(np.isnan(values), np.nan, hollow), places, s=72, ec=colours, fc="none")
         for row in places[np.isnan(values)]:
             axis.text(0.5, row, "not known", transform=axis.get_yaxis_transform(), va="center", ha="center", color=_DOT)
-        if axis is axes[0]:
-            axis.axvspan(0, _INDISTINCT, color=style.BAND, lw=0, zorder=0)
-            axis.set_xscale("symlog", linthresh=_DECIDED)
-            axis.set_xlim(-0.8, None)
-        elif (values > 0).any():
-            seen = np.log10([value for value in (*values, *(() if hollow is None else hollow)) if value > 0])
-            decades = np.floor(seen.min() - 0.1), np.ceil(seen.max() + 0.1)  # whole, so that few labels suffice
-            axis.set(xscale="log", xlim=10.0 ** np.array(decades))
-            axis.xaxis.set_major_locator(LogLocator(numticks=5))
-            axis.xaxis.set_minor_formatter(NullFormatter())
+    axes[0].axvspan(0, _INDISTINCT, color=style.BAND, lw=0, zorder=0)
+    axes[0].set_xscale("symlog", linthresh=_DECIDED)
+    axes[0].set_xlim(-0.8, None)
+    for axis in axes[1:]:
+        low, high = np.log10(axis.get_xlim())
+        axis.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))  # whole decades, so that few labels suffice
+        axis.xaxis.set_major_locator(LogLocator(numticks=5))
+        axis.xaxis.set_minor_formatter(NullFormatter())
     axes[0].set(yticks=places, yticklabels=titles)
     axes[0].set_ylim(len(names) - 0.4, -0.6)
     axes[0].get_yticklabels()[names.index(comparison.best)].set_fontweight("bold")

@@ -4,17 +4,25 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.odometry import Evaluated
 from experiments.report.colours import GREY
-from experiments.report.figures.style import key, law_line, legend_below, log_ticks, plane, styled, subplots, thin
+from experiments.report.figures.style import (
+    errors_ahead,
+    key,
+    law_line,
+    legend_below,
+    log_ticks,
+    plane,
+    styled,
+    subplots,
+    thin,
+)
 from trackslip.odometry.trajectory_errors import Trajectory
 
 _POINTS = 1500  # poses drawn
-_FEW_DECADES = 1e3  # largest over least, up to which decades are divided
 _WIDTHS = (1.6, 2.6, 0.9)  # of the lines of laws with the same name [pt]
 
 
@@ -38,7 +46,7 @@ def paths(found: Sequence[Evaluated]) -> Figure:
     plane(left, adjustable="datalim", title="Paths")
     right.set(xlabel="way [m]", ylabel="error of position [m]", yscale="log")
     right.set_title("Error from the first pose on" if drive.has_heading else "Error, fitted to all positions")
-    _label(right.yaxis)
+    log_ticks(right.yaxis)
     _legend(figure, found, key("measured poses", ls="none", marker=".", ms=7, color=GREY))
     return figure
 
@@ -46,27 +54,15 @@ def paths(found: Sequence[Evaluated]) -> Figure:
 @styled
 def errors_over_way(found: Sequence[Evaluated]) -> Figure:
     """Relative errors over the length of the stretches: of position, and of heading where it was measured."""
-    kinds = [("position_per_way", 100.0, "Position", "mean error [% of the way]")]
-    if longest(found).has_heading:
-        kinds.append(("heading_per_way", np.degrees(1.0), "Heading", "mean error [°/m]"))
-    figure, axes = subplots(3.5, 1, len(kinds), squeeze=False)
-    lengths = [*found[0].errors.after_metres]
-    for axis, (kind, factor, title, label) in zip(axes[0], kinds, strict=True):
-        for one, look in zip(found, _looks(found), strict=True):
-            values = factor * np.array([getattr(errors, kind) for errors in one.errors.after_metres.values()])
-            axis.plot([*one.errors.after_metres], np.where(values > 0, values, np.nan), marker="o", ms=3.5, **look)
-        axis.set(title=title, xlabel="way driven [m]", ylabel=label, xscale="log", yscale="log")
-        axis.set_xticks(lengths, [f"{length:g}" for length in lengths])
-        axis.set_xticks([], minor=True)
-        _label(axis.yaxis)
+    kinds = [("Position", "mean error [% of the way]", "position_per_way", 100.0)]
+    kinds += [("Heading", "mean error [°/m]", "heading_per_way", np.degrees(1.0))]
+    panels = []
+    for title, label, kind, factor in kinds[: 1 + longest(found).has_heading]:
+        errors = [[(at, factor * getattr(e, kind)) for at, e in one.errors.after_metres.items()] for one in found]
+        panels.append((title, label, list(zip(errors, _looks(found), strict=True))))
+    figure = errors_ahead(panels, [*found[0].errors.after_metres], "way driven [m]")
     _legend(figure, found)
     return figure
-
-
-def _label(axis: Axis) -> None:
-    """Several labels on a logarithmic axis, of one decade or of many."""
-    low, high = axis.get_view_interval()
-    log_ticks(axis, (1.0, 2.0, 5.0) if high < _FEW_DECADES * low else (1.0,))
 
 
 def _looks(found: Sequence[Evaluated]) -> list[dict[str, Any]]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -44,9 +45,11 @@ THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 _RIGHT, _TOP = 0.15, 0.32  # margins around axes [in]
 _LETTER = 0.073  # width of a letter, on average [in]
 _LEGEND_ROW = 0.172  # height of a legend's row [in]
+_FEW_DECADES = 1e3  # largest over least, up to which decades are divided
 POINTS = 500  # of a line that can be told apart at the figures' width
 
 Panels = tuple[Figure, ...]  # parts of a figure, drawn separately so that they stack on a narrow page
+Lines = Sequence[tuple[Any, dict[str, Any]]]  # points and look
 styled = matplotlib.rc_context(STYLE)
 
 
@@ -158,11 +161,27 @@ def zero_line(axes: Axes) -> None:
     axes.axhline(0, color="#888888", lw=0.8, zorder=1)
 
 
-def log_ticks(axis: Axis, steps: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
-    """Label a logarithmic axis with plain numbers, several in a decade."""
+def log_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers: several in a decade, or one where there are many decades."""
+    low, high = axis.get_view_interval()
+    steps = (1.0, 2.0, 5.0) if high < _FEW_DECADES * low else (1.0,)
     axis.set_major_locator(LogLocator(subs=steps))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
+
+
+def errors_ahead(panels: Sequence[tuple[str, str, Lines]], ahead: Sequence[float], xlabel: str) -> Figure:
+    """Errors against how far ahead they are; a panel for each title and label, with lines of points (n, 2)."""
+    figure, axes = subplots(3.5, 1, len(panels), squeeze=False)
+    for axis, (title, ylabel, lines) in zip(axes[0], panels, strict=True):
+        for points, look in lines:
+            if len(points):
+                axis.plot(*np.transpose(points), marker="o", ms=3.5, **look)
+        axis.set(title=title, xlabel=xlabel, ylabel=ylabel, xscale="log", yscale="log")
+        axis.set_xticks(ahead, [f"{at:g}" for at in ahead])
+        axis.set_xticks([], minor=True)
+        log_ticks(axis.yaxis)
+    return figure
 
 
 def plane(axes: Axes, **more: Any) -> None:

@@ -8,7 +8,7 @@ from wandered import wandered
 
 import trackslip as package
 from experiments.cli import main, parse
-from experiments.identification import source_of
+from experiments.commands.identify import source_of
 from trackslip.logs.schema import COLUMNS
 
 LOG = wandered(duration=20.0)

@@ -11,7 +11,7 @@ from identified import driven
 
 import trackslip as package
 from experiments.cli import main, parse
-from experiments.identification import source_of
+from experiments.commands.identify import source_of
 from experiments.storage.results import write_samples
 from trackslip.errors import LogError
 from trackslip.logs.logfile import RUNS, write_parquet

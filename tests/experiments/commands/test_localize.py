@@ -8,7 +8,7 @@ from beside import drive, room, teleoperated
 from scanned import other_poses, write_session
 
 from experiments.cli import main, parse
-from experiments.identification import source_of
+from experiments.commands.identify import source_of
 from trackslip.logs.logfile import read_runs
 
 PLATE = ("--plate", "0.6x0.04")

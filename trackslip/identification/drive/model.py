@@ -43,10 +43,10 @@ class Extra:
 
 EXTRAS: dict[str, Extra] = {
     "sensor_x": Extra("m", 0.05, 1.0, -10.0, 10.0, "sensor ahead of the turning centre"),
-    "sensor_y": Extra("m", 0.02, 0.5, -10.0, 10.0, "sensor to the left of the middle"),
-    "drift": Extra("s", 0.05, 0.3, -5.0, 5.0, "outward drift c in turns"),
+    "sensor_y": Extra("m", 0.02, 0.5, -10.0, 10.0, "sensor to the left"),
+    "drift": Extra("s", 0.05, 0.3, -5.0, 5.0, "outward drift in turns"),
     "clock_offset": Extra("s", 0.05, 2.0, -10.0, 10.0, "encoder clock minus pose clock"),
-    "sensor_yaw": Extra("rad", 0.02, 1.0, -4.0, 4.0, "heading of the sensor minus heading of the robot"),
+    "sensor_yaw": Extra("rad", 0.02, 1.0, -4.0, 4.0, "heading of the sensor in the robot"),
     "lag": Extra("s", 0.05, 0.1, 0.0, 2.0, "lag of the motion behind the belts"),
 }
 _LAG_DIFFERENCE = 1e-3  # [s]
