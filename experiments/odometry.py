@@ -144,12 +144,12 @@ def law_files(config: Config) -> list[LawFile]:
 
 def _law_file(spec: str) -> LawFile:
     """File and name of a law; no file for none. Raises InvalidValueError for what is neither."""
+    file, _, name = spec.rpartition(":")
     if spec == NO_SLIP:
         return None, NO_SLIP
     if Path(spec).exists():
         return Path(spec), None
-    file, colon, name = spec.rpartition(":")
-    if colon and name in FAMILIES and Path(file).exists():
+    if file and name in FAMILIES and Path(file).exists():
         return Path(file), name
     allowed = f"{NO_SLIP}, or a folder or file with laws, and :NAME for one of {', '.join(FAMILIES)}"
     raise InvalidValueError("law", spec, allowed)
@@ -207,14 +207,10 @@ def write_trajectories(found: Sequence[Evaluated], folder: Path) -> None:
 
 def write_error_table(found: Sequence[Evaluated], path: Path) -> None:
     """Write the errors of laws to a Parquet file, with units and meanings in the columns' metadata."""
-    rows = [row for one in found for row in _rows(one)]
-    arrays = [
-        pa.array([row.get(column.name) for row in rows], pa.string() if column.name in _TEXTS else pa.float64())
-        for column in COLUMNS
-    ]
-    pairs = zip(COLUMNS, arrays, strict=True)
-    fields = [pa.field(column.name, array.type, metadata=column.metadata) for column, array in pairs]
-    pa.parquet.write_table(pa.table(arrays, schema=pa.schema(fields)), path, write_page_checksum=True)
+    kinds = [pa.string() if column.name in _TEXTS else pa.float64() for column in COLUMNS]
+    fields = [pa.field(one.name, kind, metadata=one.metadata) for one, kind in zip(COLUMNS, kinds, strict=True)]
+    table = pa.Table.from_pylist([row for one in found for row in _rows(one)], pa.schema(fields))
+    pa.parquet.write_table(table, path, write_page_checksum=True)
 
 
 def _rows(one: Evaluated) -> Iterator[dict[str, Any]]:
