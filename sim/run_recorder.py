@@ -151,8 +151,8 @@ class RunRecorder:
         """Record the twists (N, 2) that the controllers want in row k."""
         self._twist_command[k] = twist
 
-    def compensated(self, k: int | slice, robots: np.ndarray, law: SlipLaw) -> None:
-        """Record the law that turns the twists of R robots into sprocket speeds in row k, or in many rows."""
+    def compensated(self, k: int, robots: np.ndarray, law: SlipLaw) -> None:
+        """Record the law that turns the twists of R robots into sprocket speeds in row k."""
         if isinstance(law, _WITH_ICR):
             self._icr[k, robots, 0], self._icr[k, robots, 1] = law.offset, law.radius_error
 

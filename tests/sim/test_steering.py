@@ -1,5 +1,3 @@
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
@@ -32,57 +30,31 @@ def commands(fleet, pilots, robots=range(4)):
 
 
 @pytest.mark.parametrize("controller", [LinearTimeVarying, DynamicFeedback, Feedforward])
-def test_company_changes_no_bits(fleet, controller):
-    b = fleet.robot.geometry.half_gauge
-    laws = [ConstantIcr(0.03, b), ConstantIcr(0.05, b, 0.006)]
-
-    def compensation(k):
-        return OnlineIcr(fleet.robot.geometry, laws[0]) if k == 3 else FixedLaw(laws[k % 2])
-
-    together = commands(fleet, [Pilot(controller(), [k], compensation(k), 0.02 * (k == 2)) for k in range(4)])
-    for k in range(4):
-        others = [i for i in range(4) if i != k]
-        pilots = [Pilot(controller(), [k], compensation(k), 0.02 * (k == 2)), Pilot(Feedforward(), others)]
-        np.testing.assert_array_equal(commands(fleet, pilots, [k]), together[:, [k]])
+def test_a_pilot_of_many_robots_is_as_many_pilots_to_the_bit(fleet, controller):
+    geometry = fleet.robot.geometry
+    law = ConstantIcr(0.03, geometry.half_gauge, 0.006)
+    for make in (lambda: FixedLaw(law), lambda: OnlineIcr(geometry, law)):
+        together = commands(fleet, [Pilot(controller(), range(4), make(), 0.02)])
+        alone = commands(fleet, [Pilot(controller(), [k], make(), 0.02) for k in range(4)])
+        np.testing.assert_array_equal(together, alone)
 
 
-@dataclass(frozen=True)
-class Counting:
-    """A user's controller, equal to any other of its kind, that stands still and counts its calls."""
+class Counting(Feedforward):
+    """A user's controller that counts the poses it is called with, and drives at a share of the reference's twist."""
 
-    calls: list
-
-    def reset(self):
-        self.calls.append("reset")
+    def __init__(self, share):
+        self.share, self.calls = share, []
 
     def twist(self, time, pose, reference):
         self.calls.append(len(pose))
-        return np.zeros((len(pose), 2))
-
-    def __eq__(self, other):
-        return isinstance(other, Counting)
-
-    __hash__ = None
+        return self.share * super().twist(time, pose, reference)
 
 
-def test_a_users_controllers_are_called_one_by_one(fleet):
-    first, second = Counting([]), Counting([])
-    commands(fleet, [Pilot(first, [0, 2]), Pilot(second, [1]), Pilot(Feedforward(), [3])])
-    assert first.calls == ["reset", *[2] * ROWS]
-    assert second.calls == ["reset", *[1] * ROWS]
-
-
-def test_a_subclass_of_a_controller_is_a_users_controller(fleet):
-    class Halved(Feedforward):
-        def __init__(self, share):
-            object.__setattr__(self, "share", share)
-
-        def twist(self, time, pose, reference):
-            return self.share * super().twist(time, pose, reference)
-
-    whole, half = Halved(1.0), Halved(0.5)
-    assert whole == half  # by the fields of the class above it
-    found = commands(fleet, [Pilot(whole, [0]), Pilot(half, [1]), Pilot(Feedforward(), [2, 3])])
+def test_each_pilots_controller_is_called_with_its_robots(fleet):
+    whole, half = Counting(1.0), Counting(0.5)
+    found = commands(fleet, [Pilot(whole, [0, 2]), Pilot(half, [1]), Pilot(Feedforward(), [3])])
+    assert whole.calls == [2] * ROWS
+    assert half.calls == [1] * ROWS
     np.testing.assert_allclose(found[:, 1], found[:, 0] / 2)
-    np.testing.assert_array_equal(found[:, 0], found[:, 2])
+    np.testing.assert_array_equal(found[:, 0], found[:, 3])
     assert np.abs(found[-1]).min() > 0

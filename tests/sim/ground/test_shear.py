@@ -113,3 +113,14 @@ def test_a_fleet_on_coulomb_ground_has_its_own_pads(robot):
     fleet.advance(0.1)
     with pytest.raises(InvalidValueError, match=r"ground\.shear = 0\.01: must be 0 for a fleet"):
         Fleet(robot, np.zeros((1, 3))).set_ground(SANDY)
+
+
+def test_a_steady_turn_hardly_ripples(robot):
+    """Parabolas between the points of a track, without the cubic's term, would leave three times as much."""
+    fleet = Fleet(robot, np.zeros((1, 3)), SANDY, 0.0, tireless())
+    drive(fleet, [-3.0, 3.0], 2.0)
+    yaw_rate = []
+    for _ in range(100):
+        fleet.advance(0.01)
+        yaw_rate.append(fleet.twist()[0, 2])
+    assert np.std(yaw_rate) < 2e-3 < 0.5 < yaw_rate[-1]
