@@ -51,8 +51,6 @@ class ScanBlocks:
         rows = slice(self._located, self._located + self._waiting)
         with self._watch.stage("localization"):
             angle = record.omega[rows].swapaxes(0, 1) * feed.period
-            if rows.start == 0:
-                angle[:, 0] = 0.0  # the tracker starts from the pose of the first scan
             record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
             scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[rows].swapaxes(0, 1))
             self._clusters.append(extract_plate(scan, self._plate, scan.from_world(pose)))

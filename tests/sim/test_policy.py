@@ -40,12 +40,13 @@ def test_each_robots_bits_are_its_own():
         np.testing.assert_array_equal(policy.action(seen[k : k + 1])[0], together[k])
 
 
-def test_without_corrections_the_references_twist_is_driven():
-    still = Network((np.zeros((19, 2)),), (np.zeros(2),))
-    controller = PolicyController(Policy(still, AUTHORITY, OPTIONS), 5.0)
+@pytest.mark.parametrize(("bias", "expected"), [(0.0, [0.15, 0.12]), (9.0, [0.15 + 0.1 * 0.3, 0.12 + 0.5])])
+def test_corrections_of_the_references_twist_are_as_large_as_the_authority(bias, expected):
+    constant = Network((np.zeros((19, 2)),), (np.full(2, bias),))
+    controller = PolicyController(Policy(constant, AUTHORITY, OPTIONS), 5.0)
     reference = paper_reference()
     twist = controller.twist(20.0, reference.pose(20.0)[None] + 0.1, reference)
-    np.testing.assert_allclose(twist, [[0.15, 0.12]], atol=1e-7)
+    np.testing.assert_allclose(twist, [expected], atol=1e-7)
 
 
 def test_what_is_no_policy_is_refused(tmp_path):

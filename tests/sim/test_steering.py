@@ -7,6 +7,7 @@ from sim.steering import Pilot, Steering
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.kinematics import advance
 from trackslip.slip.compensation import FixedLaw, OnlineIcr
 from trackslip.slip.icr import ConstantIcr
 from trackslip.trajectory.segmented import paper_reference
@@ -58,3 +59,12 @@ def test_each_pilots_controller_is_called_with_its_robots(fleet):
     np.testing.assert_allclose(found[:, 1], found[:, 0] / 2)
     np.testing.assert_array_equal(found[:, 0], found[:, 3])
     assert np.abs(found[-1]).min() > 0
+
+
+def test_a_preview_looks_ahead_of_the_motion_and_the_reference(fleet):
+    geometry, controller, reference = fleet.robot.geometry, LinearTimeVarying(), paper_reference()
+    law = ConstantIcr(0.03, geometry.half_gauge, 0.006)
+    found = commands(fleet, [Pilot(controller, range(4), FixedLaw(law), 0.1)])
+    ahead = advance(START, law.twist(np.ones((4, 2)), geometry), 0.1)
+    expected = law.sprocket_speeds(controller.twist(0.1, ahead, reference), geometry)
+    np.testing.assert_allclose(found[0], expected, rtol=1e-12)

@@ -121,6 +121,8 @@ def test_seams_are_flush():
     level = np.abs(before - behind).max(axis=0)
     assert (level[:5] < 1e-12).all()
     assert (level[5:-1] < 1e-7).all()  # height fields are in single precision
+    inner = seams[5] + np.array([1.0, 4.0])  # between the side slope and its twisted stretches
+    np.testing.assert_allclose(course.height(inner - 1e-9, y), course.height(inner + 1e-9, y), atol=1e-7)
     heights = [placed.z for placed in course.placed[:-2]]
     np.testing.assert_allclose(course.height(seams - 1e-9, 0.0), heights, atol=1e-8)
 

@@ -62,6 +62,7 @@ def test_the_servo_follows_its_lag_exactly():
     fine.command(np.array([[0.4, -9.0], [0.0, 0.2]]), np.array([[0.5], [-0.02]]))
     mean = servo.advance(0.05)
     np.testing.assert_allclose(mean, np.mean([fine.advance(1e-3) for _ in range(50)], axis=0), atol=1e-12)
+    assert mean[0, 0] == pytest.approx(0.4 * (1 + np.expm1(-0.5) / 0.5))
     np.testing.assert_allclose(servo.speed, np.array([[0.4, -0.5], [0.0, 0.2]]) * -np.expm1(-0.5), atol=1e-12)
     np.testing.assert_allclose(servo.angle, [[0.05], [-0.02]])
 
