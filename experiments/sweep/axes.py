@@ -41,17 +41,43 @@ AXES = {
 """Axes with a meaning of their own; the others are options, described by their help."""
 MAX_RUNS = 1_000_000
 _POSITIVE = ("radius", "speed", "friction_ratio")  # axes that are no options
-_PARAMETERS = tuple(f"robot.{f.name}" for f in dataclasses.fields(RobotParameters) if f.name != "radius_error")
-_NO_AXES = ("radii", "speeds", "threads", "rrd", "out", "robot")
+_NO_AXES = ("radii", "speeds", "threads", "rrd", "out", "robot", "robot.radius_error", *ALIASES.values())
 _MAX_RATIO = 100.0
 _UNIT = re.compile(r"\[([^]]+)\]")
 _WORDS = {int: "an integer", float: "a number", bool: "true or false", str: "a name", Path: "a file"}
 
 
-def names() -> list[str]:
-    """The names of all axes; those of nested options contain dots."""
-    options = [name for name in _leaves(GridConfig) if name not in (*_NO_AXES, *ALIASES.values())]
-    return [*_POSITIVE, *ALIASES, *_PARAMETERS, *options]
+@functools.cache
+def known() -> dict[str, tuple[Any, Column]]:
+    """Every axis by its name, with the type of its values, and its unit and meaning: for an option, those of `--help`.
+
+    The names of nested options contain dots; those of the robot's parameters begin with "robot.".
+    """
+    options, parameters = _fields(GridConfig), _fields(RobotParameters, "robot.")
+    special = {name: (float, AXES[name]) for name in _POSITIVE}
+    special |= {name: (options[long][0], AXES[name]) for name, long in ALIASES.items()}
+    found = {name: one for name, one in (special | parameters | options).items() if name not in _NO_AXES}
+    return found | {"seed": (int, AXES["seed"])}
+
+
+def _fields(cls: Any, prefix: str = "") -> dict[str, tuple[Any, Column]]:
+    """The fields of a dataclass and of the dataclasses in it: their types, and what their docstrings say."""
+    hints = typing.get_type_hints(cls)
+    documented = [docstring_parser.parse_from_object(own) for own in reversed(cls.__mro__[:-1])]  # as tyro reads them
+    texts = {field.arg_name: " ".join((field.description or "").split()) for one in documented for field in one.params}
+    found: dict[str, tuple[Any, Column]] = {}
+    for field in dataclasses.fields(cls):
+        hint, name = hints[field.name], prefix + field.name
+        if dataclasses.is_dataclass(hint):
+            found |= _fields(hint, f"{name}.")
+            continue
+        text = texts[field.name].removesuffix(".")
+        about = " ".join(_UNIT.sub("", text).split()) or field.name
+        unit = match[1] if (match := _UNIT.search(text)) else ""
+        is_number = {int, float} & {hint, *typing.get_args(hint)}
+        pure = unit == "-" or (is_number and not unit)
+        found[name] = hint, Column(name, PURE if pure else unit or NO_UNIT, about)
+    return found
 
 
 def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
@@ -96,7 +122,7 @@ def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
 def _refuse_replaced(config: Config, given: Mapping[str, Any]) -> None:
     """Raise InvalidValueError for an option whose value an axis replaces."""
     defaults = type(config)()
-    for name in (name for name in given if name not in ("friction_ratio", *_PARAMETERS)):
+    for name in (name for name in given if name != "friction_ratio" and not name.startswith("robot.")):
         replaced = {"radius": "radii", "speed": "speeds", **ALIASES}.get(name, name)
         if option(config, replaced) != option(defaults, replaced):
             allowed = f"left out where {name} is an axis"
@@ -107,9 +133,9 @@ def _refuse_replaced(config: Config, given: Mapping[str, Any]) -> None:
 
 def _checked(name: str, values: tuple[Any, ...], called: str) -> tuple[Any, ...]:
     """An axis' values, converted to its type; raises InvalidValueError, which calls them `called`."""
-    if name not in names():
-        raise InvalidValueError("axis", name, f"one of {', '.join(names())}")
-    taken = tuple(_converted(hint_of(name), value, called) for value in values)
+    if name not in known():
+        raise InvalidValueError("axis", name, f"one of {', '.join(known())}")
+    taken = tuple(_converted(known()[name][0], value, called) for value in values)
     Distinct().check(called, taken)
     for value in taken if name in _POSITIVE else ():
         require_positive(called, value)
@@ -125,60 +151,6 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
             yield from _flat(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
-
-
-def axis_column(name: str) -> Column:
-    """Unit and meaning of an axis: the text that `--help` prints for the option, or of the robot's parameter."""
-    if name in AXES:
-        return AXES[name]
-    cls, field = _owner(name)
-    hint, text = _hints(cls)[field], _texts(cls)[field].removesuffix(".")
-    unit = _UNIT.search(text)
-    if unit is None:
-        return Column(name, PURE if {int, float} & {hint, *typing.get_args(hint)} else NO_UNIT, text)
-    about = " ".join(_UNIT.sub("", text).split())
-    return Column(name, PURE if unit[1] == "-" else unit[1], about or field)
-
-
-def hint_of(name: str) -> Any:
-    """The type of an axis' values."""
-    if name in _POSITIVE:
-        return float
-    cls, field = _owner(name)
-    return _hints(cls)[field]
-
-
-def _owner(name: str) -> tuple[Any, str]:
-    """The dataclass that has an axis as a field, and the field's name."""
-    cls: Any = GridConfig
-    if name.startswith("robot."):
-        cls, name = RobotParameters, name.removeprefix("robot.")
-    *path, field = ALIASES.get(name, name).split(".")
-    for part in path:
-        cls = _hints(cls)[part]
-    return cls, field
-
-
-def _leaves(cls: Any) -> list[str]:
-    """The dotted names of all fields of a dataclass and of the dataclasses in it."""
-    found = []
-    for name, hint in _hints(cls).items():
-        found += [f"{name}.{leaf}" for leaf in _leaves(hint)] if dataclasses.is_dataclass(hint) else [name]
-    return found
-
-
-@functools.cache
-def _hints(cls: Any) -> dict[str, Any]:
-    hints = typing.get_type_hints(cls)
-    return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
-
-
-@functools.cache
-def _texts(cls: Any) -> dict[str, str]:
-    """The docstring of each field of a dataclass, read as tyro reads it for `--help`."""
-    documented = [docstring_parser.parse_from_object(own) for own in reversed(cls.__mro__[:-1])]  # without object
-    fields = (field for one in documented for field in one.params)
-    return {field.arg_name: " ".join((field.description or "").split()) for field in fields}
 
 
 def _converted(hint: Any, value: object, name: str) -> Any:

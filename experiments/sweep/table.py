@@ -10,7 +10,7 @@ import pyarrow.parquet
 
 from experiments.storage.plain_json import plain
 from experiments.storage.results import TABLE_FILE
-from experiments.sweep.axes import AXES, axis_column
+from experiments.sweep.axes import AXES, known
 from experiments.sweep.parts import Row
 from trackslip.errors import InvalidValueError
 from trackslip.logs.logfile import read_table
@@ -55,7 +55,7 @@ def renamed(row: Row, name: str, axes: Mapping[str, Any]) -> Row:
 def write_table(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
     """Write the rows of a sweep to a Parquet file, with units and meanings in the columns' metadata."""
     run, id, *measured = COLUMNS.values()
-    columns = (run, id, *map(axis_column, axes), *measured)
+    columns = (run, id, *(AXES.get(axis) or known()[axis][1] for axis in axes), *measured)
     arrays = [_array([row.get(column.name) for row in rows], column) for column in columns]
     pairs = zip(columns, arrays, strict=True)
     schema = pa.schema([pa.field(column.name, array.type, metadata=column.metadata) for column, array in pairs])
