@@ -10,7 +10,7 @@ from figures import assert_readable
 from matplotlib.colors import to_rgb
 
 import experiments
-from experiments.benchmark.figures import controller_line
+from experiments.benchmark.page import controller_line
 from experiments.report import colours
 from experiments.report.figures.style import RADII_SHADES, SPEED_SHADES, key, legend_below, shade, styled, subplots
 from experiments.report.laws import LAWS
