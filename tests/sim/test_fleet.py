@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from sim.drive.drive import Drive
-from sim.fleet import Fleet
-from sim.ground.ground import Ground
+from sim.fleet import Fleet, Setting
+from sim.ground.ground import Change, Ground
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import sprocket_speeds, track_speeds
+from trackslip.metrics import body_errors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import line_contact, steady_twist
 
@@ -52,12 +55,15 @@ def test_turning_in_place_and_turning_right_agree_with_theory(robot):
     np.testing.assert_allclose(fleet.twist()[:, [0, 2]], theory[:, [0, 2]], rtol=0.01, atol=1e-4)
 
 
-def test_sink_roll_and_pitch(robot):
-    fleet = drive(robot, grid_commands(robot))
+def test_the_grid_is_driven_upright_with_drives_that_do_not_saturate(robot):
+    fleet = Fleet(robot, np.zeros((25, 3)))
+    fleet.command(grid_commands(robot))
+    for _ in range(200):
+        fleet.advance(fleet.period)
+        assert np.abs(fleet.drive.torque).max() < 0.99 * Drive().torque_limit
     sink, roll, pitch = fleet.attitude().T
     np.testing.assert_allclose(sink, 0.002, rtol=0.05)
-    assert np.abs(roll).max() < 1e-3
-    assert np.abs(pitch).max() < 1e-3
+    assert np.abs([roll, pitch]).max() < 1e-3
     np.testing.assert_allclose(fleet.load().sum(axis=1), robot.mass * 9.81, rtol=1e-3)
 
 
@@ -86,14 +92,6 @@ def test_traction_on_straight_ground_is_what_accelerates(robot):
         fleet.advance(fleet.period)
         impulse += fleet.traction().sum() * fleet.period
     assert impulse == pytest.approx(robot.mass * fleet.twist()[0, 0], rel=0.02)
-
-
-def test_default_drives_do_not_saturate_in_the_grid(robot):
-    fleet = Fleet(robot, np.zeros((25, 3)))
-    fleet.command(grid_commands(robot))
-    for _ in range(200):
-        fleet.advance(fleet.period)
-        assert np.abs(fleet.drive.torque).max() < 0.99 * Drive().torque_limit
 
 
 def test_headings_are_unwrapped(robot):
@@ -129,3 +127,52 @@ def test_starts_where_asked_at_rest(robot):
 def test_impossible_fleets_are_refused(robot, options, field):
     with pytest.raises(InvalidValueError, match=field):
         Fleet(robot, **{"start": np.zeros((2, 3)), **options})
+
+
+def test_a_robot_begun_anew_drives_as_a_new_fleet_does(robot):
+    """Set down in another way, it stands a little differently; after a while little of that is left."""
+    start = (0.5, 0.2, 0.3)
+    ground = Ground(0.6, 0.8, slope=0.1, uphill=1.0)
+    leaning = load_robot(parameters=RobotParameters(com_x=0.03, com_y=-0.02))
+    new = Fleet(leaning, [start], ground, 0.02, Drive(lag=0.1))
+    old = Fleet(robot, np.zeros((1, 3)))
+    old.command([2.0, 3.0])
+    old.advance(1.0)
+    old.restart([0], [Setting(start, ground, 0.02, 0.1, (0.03, -0.02))])
+    np.testing.assert_allclose(old.pose(), new.pose(), atol=1e-12)
+    np.testing.assert_allclose(old.attitude(), new.attitude(), atol=5e-5)
+    assert np.all(old.drive.encoder_angle() == 0)
+    for fleet in (new, old):
+        fleet.command([2.0, 3.0])
+        fleet.advance(3.0)
+    np.testing.assert_allclose(old.pose(), new.pose(), atol=1e-4)
+
+
+def test_a_robot_begun_anew_stands_still_where_it_was_put(robot):
+    fleet = Fleet(robot, np.zeros((2, 3)))
+    start = (1.0, -2.0, 0.7)
+    fleet.restart([1], [Setting(start, Ground(slope=0.1), weight=(0.02, 0.03))])
+    np.testing.assert_allclose(fleet.pose()[1], start, atol=1e-12)
+    fleet.advance(2.0)
+    assert np.abs(body_errors(fleet.pose()[1], start)).max() < 1e-4
+
+
+def test_a_ground_changes_in_the_time_of_the_run(robot):
+    fleet = Fleet(robot, np.zeros((2, 3)))
+    fleet.advance(2.0)
+    fleet.restart([1], [Setting((0.0, 0.0, 0.0), Ground(changes=(Change(0.5, 0.3, 0.4),)))])
+    fleet.advance(0.5)
+    assert fleet.friction()[1] == pytest.approx([0.7, 0.778])
+    fleet.advance(0.05)
+    assert fleet.friction() == pytest.approx(np.array([[0.7, 0.778], [0.3, 0.4]]))
+    fleet.restart([1], [Setting((0.0, 0.0, 0.0))])
+    fleet.advance(1.0)
+    assert fleet.friction()[1] == pytest.approx([0.7, 0.778])
+
+
+def test_a_robot_is_not_begun_anew_where_it_cannot_park(robot):
+    fleet = Fleet(robot, np.zeros((2, 3)))
+    with pytest.raises(InvalidValueError, match="slope"):
+        fleet.restart([0], [Setting((0.0, 0.0, 0.0), Ground(0.2, 0.2, slope=0.3))])
+    with pytest.raises(InvalidValueError, match="start"):
+        fleet.restart([0], [Setting((np.nan, 0.0, 0.0))])

@@ -12,7 +12,6 @@ from sim.robot.parameters import RobotParameters
 from sim.robot.robot import SCANNED_GROUP, load_robot
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from sim.seeds import generator
 
 SCANNERS = {
     "half circle": LaserScanner(),
@@ -21,10 +20,6 @@ SCANNERS = {
     "all around": LaserScanner(field_of_view=2 * np.pi, resolution=float(np.radians(1.0))),
     "coarse and short-sighted": LaserScanner(resolution=0.5, max_range=1.5),
 }
-
-
-def feed_of(scanner, fleet):
-    return ScannerFeed(scanner, fleet, [generator(0, f"{k}") for k in range(fleet.size)])
 
 
 def all_beams(scanner, fleet):
@@ -54,7 +49,7 @@ def test_ranges_are_those_of_casting_every_beam(robot, seed, name, reach):
     rng = np.random.default_rng(seed)
     distance, bearing, heading = rng.uniform([[0.0], [-np.pi], [-np.pi]], [[reach], [np.pi], [np.pi]], (3, 12))
     fleet = Fleet(robot, around_the_scanner(robot, distance, bearing, heading))
-    np.testing.assert_array_equal(feed_of(SCANNERS[name], fleet).true_ranges(), all_beams(SCANNERS[name], fleet))
+    np.testing.assert_array_equal(ScannerFeed(SCANNERS[name], fleet).true_ranges(), all_beams(SCANNERS[name], fleet))
 
 
 @pytest.mark.parametrize("name", sorted(SCANNERS))
@@ -62,7 +57,7 @@ def test_the_seam_behind_the_scanner_and_its_edges(robot, name):
     bearing = np.radians([-180.0, -179.0, -166.0, -164.0, -91.0, -90.0, -20.0, 0.0, 19.0, 90.0, 165.0, 179.9])
     distance = np.full(12, 1.0)
     fleet = Fleet(robot, around_the_scanner(robot, distance, bearing, bearing))
-    ranges = feed_of(SCANNERS[name], fleet).true_ranges()
+    ranges = ScannerFeed(SCANNERS[name], fleet).true_ranges()
     np.testing.assert_array_equal(ranges, all_beams(SCANNERS[name], fleet))
     assert np.isfinite(ranges[7]).any()  # straight ahead
 
@@ -74,7 +69,7 @@ def test_while_robots_drive_past_fast(robot, name):
     drive = Drive(top_speed=2.0, torque_limit=1e3, motor=Motor(stall_torque=1e3, no_load_speed=1e5))
     start = around_the_scanner(robot, np.array([0.8, 1.0, 1.5]), np.array([1.0, -0.5, 3.0]), np.array([0.0, 1.0, 2.0]))
     fleet = Fleet(robot, start, drive=drive)
-    feed = feed_of(scanner, fleet)
+    feed = ScannerFeed(scanner, fleet)
     fleet.command([[33.0, 33.0], [-33.0, -30.0], [15.0, 33.0]])
     seen = 0
     for _ in range(30):
@@ -92,4 +87,4 @@ def test_a_plate_that_leans(robot):
         leaning, around_the_scanner(robot, np.array([0.35, 3.0]), np.array([0.3, -0.4]), np.array([1.0, 2.0]))
     )
     for scanner in SCANNERS.values():
-        np.testing.assert_array_equal(feed_of(scanner, fleet).true_ranges(), all_beams(scanner, fleet))
+        np.testing.assert_array_equal(ScannerFeed(scanner, fleet).true_ranges(), all_beams(scanner, fleet))

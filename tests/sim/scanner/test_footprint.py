@@ -11,7 +11,6 @@ from sim.scanner.beams import MIN_SHARE, PULSE, SUBRAYS, echo, footprint
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.obstacles import Obstacles, Wall
 from sim.scanner.scanner import LaserScanner
-from sim.seeds import generator
 
 LMS_200 = LaserScanner(divergence=0.0044)
 
@@ -60,7 +59,7 @@ def test_an_echo_lies_between_those_it_is_mixed_from(ranges):
 
 def scan(robot, scanner, obstacles=None):
     fleet = Fleet(robot, [[-1.5, 0.5, 0.2]])
-    return ScannerFeed(scanner, fleet, [generator(0, "")], obstacles).true_ranges()[0]
+    return ScannerFeed(scanner, fleet, obstacles=obstacles).true_ranges()[0]
 
 
 def test_pixels_are_mixed_at_edges_only(robot):

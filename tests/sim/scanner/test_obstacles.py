@@ -12,7 +12,6 @@ from sim.fleet import Fleet
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.obstacles import NAMED_OBSTACLES, Obstacles, Post, Walker, Wall
 from sim.scanner.scanner import LaserScanner
-from sim.seeds import generator
 from trackslip.errors import InvalidValueError
 
 NOW = np.zeros(1)
@@ -106,21 +105,17 @@ def test_a_person_walks_straight_on_or_to_and_fro():
 )
 def test_obstacles_on_the_scanner_are_refused(robot, name, inside, outside):
     fleet = Fleet(robot, [[-1.5, 0.5, 0.3]])
-    feed(fleet, Obstacles(**{name: (outside,)}))
+    ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(**{name: (outside,)}))
     message = f"{name}[1] = {inside}: must be at least 0.01 m away from the scanner, which is at (-1.5, -1.5)"
     with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}$"):
-        feed(fleet, Obstacles(**{name: (outside, inside)}))
-
-
-def feed(fleet, obstacles, scanner=None):
-    return ScannerFeed(scanner or LaserScanner(), fleet, [generator(0, f"{k}") for k in range(fleet.size)], obstacles)
+        ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(**{name: (outside, inside)}))
 
 
 def test_a_post_hides_a_part_of_the_plate_and_nothing_else(robot):
     fleet = Fleet(robot, [[-1.5, 0.5, 0.3], [3.0, 0.5, 0.0]])
     open_field, hidden = (
-        feed(fleet, None).true_ranges(),
-        feed(fleet, Obstacles(posts=(Post(-1.5, -0.5),))).true_ranges(),
+        ScannerFeed(LaserScanner(), fleet, obstacles=None).true_ranges(),
+        ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(posts=(Post(-1.5, -0.5),))).true_ranges(),
     )
     shadow = np.abs(LaserScanner().bearings) <= np.arcsin(0.05)
     np.testing.assert_array_equal(hidden[:, ~shadow], open_field[:, ~shadow])
@@ -128,21 +123,21 @@ def test_a_post_hides_a_part_of_the_plate_and_nothing_else(robot):
     near = np.cos(bearing) - np.sqrt(0.05**2 - np.sin(bearing) ** 2)
     np.testing.assert_allclose(hidden[:, shadow], np.tile(near, (2, 1)), atol=1e-12)
     assert np.isfinite(open_field[0, shadow]).all()
-    behind = feed(fleet, Obstacles(posts=(Post(-1.5, 2.0, 0.1),))).true_ranges()
+    behind = ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(posts=(Post(-1.5, 2.0, 0.1),))).true_ranges()
     np.testing.assert_array_equal(behind[0], open_field[0])  # the plate hides it wholly
 
 
 def test_walls_beyond_reach_are_not_seen(robot):
     fleet = Fleet(robot, [[-1.5, 0.5, 0.3]])
-    room = feed(fleet, NAMED_OBSTACLES["room"], LaserScanner(max_range=6.0)).true_ranges()
+    room = ScannerFeed(LaserScanner(max_range=6.0), fleet, obstacles=NAMED_OBSTACLES["room"]).true_ranges()
     assert np.nanmax(room) <= 6.0
     assert np.isnan(room).any()
-    assert np.isfinite(feed(fleet, NAMED_OBSTACLES["room"]).true_ranges()).all()
+    assert np.isfinite(ScannerFeed(LaserScanner(), fleet, obstacles=NAMED_OBSTACLES["room"]).true_ranges()).all()
 
 
 def test_the_person_walks_in_the_fleets_time(robot):
     fleet = Fleet(robot, [[3.0, 3.0, 0.0]])
-    person = feed(fleet, Obstacles(walkers=(Walker(-2.5, 0.5, 1.0, 0.0),)))
+    person = ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(walkers=(Walker(-2.5, 0.5, 1.0, 0.0),)))
     for middle in (-2.5, -1.5, -0.5):
         ranges = person.true_ranges()[0]
         seen = LaserScanner().bearings[np.isfinite(ranges) & (ranges < 3.0)]

@@ -8,14 +8,13 @@ from sim.fleet import Fleet
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.obstacles import Obstacles, Walker
 from sim.scanner.scanner import LaserScanner
-from sim.seeds import generator
 
 START = np.array([[-1.2, 0.3, 0.4], [-2.5, 0.8, 0.6]])
 TWIST = np.array([[0.8, 0.1, 1.5], [-0.5, 0.0, 0.0]])  # forward, lateral, yaw rate
 
 
-def feed(fleet, scanner, obstacles=None):
-    return ScannerFeed(scanner, fleet, [generator(0, f"{k}") for k in range(fleet.size)], obstacles)
+def ranges_of(fleet, scanner, obstacles=None):
+    return ScannerFeed(scanner, fleet, obstacles=obstacles).true_ranges()
 
 
 def moving(robot):
@@ -43,22 +42,22 @@ def moved(pose, twist, time):
 def test_each_beam_sees_the_plate_at_its_own_time(robot, divergence):
     options = {"resolution": np.radians(1.0), "divergence": divergence}
     skewed = LaserScanner(scan_duration=0.05, **options)
-    ranges, lag = feed(moving(robot), skewed).true_ranges(), skewed.lag
+    ranges, lag = ranges_of(moving(robot), skewed), skewed.lag
     assert lag[-1] - lag[0] == pytest.approx(0.05)
     assert lag[90] == 0.0  # the middle of the sweep is the scan's time
     for pose, twist, seen in zip(START, TWIST, ranges, strict=True):
         assert np.isfinite(seen).sum() > 5
         standing = Fleet(robot, [moved(pose, twist, time) for time in lag])
-        expected = np.diag(feed(standing, LaserScanner(**options)).true_ranges())
+        expected = np.diag(ranges_of(standing, LaserScanner(**options)))
         np.testing.assert_allclose(seen, expected, atol=3e-5)  # standing, the plate leans by microradians
-    assert np.nanmax(np.abs(ranges - feed(moving(robot), LaserScanner(**options)).true_ranges())) > 1e-3
+    assert np.nanmax(np.abs(ranges - ranges_of(moving(robot), LaserScanner(**options)))) > 1e-3
 
 
 def test_a_robot_at_rest_looks_the_same(robot):
     fleet = Fleet(robot, START)
     np.testing.assert_allclose(
-        feed(fleet, LaserScanner(scan_duration=0.05)).true_ranges(),
-        feed(fleet, LaserScanner()).true_ranges(),
+        ranges_of(fleet, LaserScanner(scan_duration=0.05)),
+        ranges_of(fleet, LaserScanner()),
         atol=1e-9,
     )
 
@@ -66,7 +65,7 @@ def test_a_robot_at_rest_looks_the_same(robot):
 def test_a_person_is_seen_where_each_beam_finds_them(robot):
     scanner = LaserScanner(scan_duration=0.05)
     walker = Walker(-1.9, -0.5, 4.0, 0.0)
-    ranges = feed(Fleet(robot, [[5.0, 5.0, 0.0]]), scanner, Obstacles(walkers=(walker,))).true_ranges()[0]
+    ranges = ranges_of(Fleet(robot, [[5.0, 5.0, 0.0]]), scanner, Obstacles(walkers=(walker,)))[0]
     beams = np.flatnonzero(ranges < 2.0)
     direction = np.pi / 2 + scanner.bearings[beams]
     point = np.array([-1.5, -1.5]) + ranges[beams, None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
