@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
-
-import numpy as np
+from typing import Annotated, ClassVar
 
 from experiments.options.base import Exclusion, Needs, Options, Positive, refuse_changed
 from experiments.options.help import default_is
@@ -13,9 +11,8 @@ from sim.drive.pull import Pull
 from sim.ground.ground import MAX_FRICTION, Ground
 from sim.robot.parameters import RobotParameters, load_robot_file
 from trackslip.errors import InvalidValueError
-from trackslip.kinematics import Array
 from trackslip.paper import OBSERVED_RADII
-from trackslip.skid_theory import Contact, Load, line_contact, steady_turns, steady_twist
+from trackslip.skid_theory import Load, line_contact, steady_turns, steady_twist
 from trackslip.slip.icr import ConstantIcr
 
 EXAMPLES = (
@@ -91,98 +88,59 @@ def run(config: Config) -> None:
     from experiments.run import Run
     from trackslip.logs.file_format import FORMAT
 
-    robot, ground = predicted_world(config)
-    load = predicted_load(config, robot)
-    turns = contact = None
-    more: dict[str, Any] = {}
-    if ground.shear == 0 and load == Load():
-        law = predict(config)
-        slip = law(1 / np.array(config.radii))
-    else:
-        contact = _contact(robot, ground)
-        turns = steady_turns(config.radii, contact, ground.shear, load)
-        error = (1 + config.radius_error) * (1 - float(turns.loss.mean())) - 1
-        law = ConstantIcr(float(turns.offset.mean()), robot.half_gauge, error)
-        slip = _nominal(turns.slip, config.radius_error)
-        ahead = 1 - steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)[0]
-        more = {
-            "offset": turns.offset,
-            "icr": {"left": turns.icr[:, 0], "right": turns.icr[:, 1]},
-            "straight_slip": float(_nominal(ahead, config.radius_error)),
-            "shear": ground.shear,
-            "load": load,
-            "friction": [ground.along, ground.across],
-        }
+    robot, ground, load = predicted_world(config)
+    centre = (robot.com_x, 0.0, robot.com_height)
+    contact = line_contact(robot.half_gauge, robot.contact_length / 2, ground.along, ground.across, centre)
+    turns = steady_turns(config.radii, contact, ground.shear, load)
+    error = (1 + config.radius_error) * (1 - float(turns.loss.mean())) - 1
+    law = ConstantIcr(float(turns.offset.mean()), robot.half_gauge, error)
+    ahead = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)[0]
+    slip = 1 - (1 - turns.slip) * (1 + config.radius_error)  # with respect to the nominal sprocket radius
+    straight = float(1 - ahead * (1 + config.radius_error))
+    varies = ground.shear > 0 or load != Load()
+    summary = {
+        "format": FORMAT,
+        "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": robot.sprocket_radius},
+        "slip_laws": {"icr_radius": {"values": {"offset": law.offset, "radius_error": law.radius_error}}},
+        "radius": list(config.radii),
+        "slip": {"outer": slip[:, 1], "inner": slip[:, 0]},
+        "offset": turns.offset,
+        "icr": {"left": turns.icr[:, 0], "right": turns.icr[:, 1]},
+        "straight_slip": straight,
+        "shear": ground.shear,
+        "load": load,
+        "friction": [ground.along, ground.across],
+    }
     with Run(config) as run:
-        summary = {
-            "format": FORMAT,
-            "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": robot.sprocket_radius},
-            "slip_laws": {"icr_radius": {"values": {"offset": law.offset, "radius_error": law.radius_error}}},
-            "radius": list(config.radii),
-            "slip": {"outer": slip[:, 1], "inner": slip[:, 0]},
-            **more,
-        }
         run.write(summary)
-        if turns is not None and contact is not None:
+        if varies:
             from experiments.report.figures.predict import draw_prediction  # here: matplotlib
             from experiments.report.page import drawn
 
             figures = run.folder / "figures"
             figures.mkdir()
             drawn("predict", draw_prediction(turns, contact, ground.shear, load)).write(figures)
-    rows = [(f"{r:g}", f"{s[1]:+.4f}", f"{s[0]:+.4f}") for r, s in zip(config.radii, slip, strict=True)]
-    if turns is None:
-        Table("Slip by quasi-static Coulomb theory", _HEADER[:3], rows).print()
-        print(f"D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
-        return
-    icrs = [f"{1e3 * left:+.1f} | {1e3 * right:+.1f}" for left, right in turns.icr]
-    wide = [(*row, f"{1e3 * d:.2f}", icr) for row, d, icr in zip(rows, turns.offset, icrs, strict=True)]
-    wide.append(("straight", f"{more['straight_slip']:+.4f}", f"{more['straight_slip']:+.4f}", "", ""))
-    Table(f"Slip by quasi-static theory, K = {1e3 * ground.shear:g} mm", _HEADER, wide).print()
-    print(f"mean D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
+    rows = [
+        (f"{r:g}", f"{outer:+.4f}", f"{inner:+.4f}", f"{1e3 * d:.2f}", f"{1e3 * left:+.1f} | {1e3 * right:+.1f}")
+        for r, (inner, outer), d, (left, right) in zip(config.radii, slip, turns.offset, turns.icr, strict=True)
+    ]
+    if varies:
+        rows.append(("straight", f"{straight:+.4f}", f"{straight:+.4f}", "", ""))
+        Table(f"Slip by quasi-static theory, K = {1e3 * ground.shear:g} mm", _HEADER, rows).print()
+    else:
+        Table("Slip by quasi-static Coulomb theory", _HEADER[:3], [row[:3] for row in rows]).print()
+    print(f"{'mean ' if varies else ''}D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
 
 
-def predicted_world(config: Config) -> tuple[RobotParameters, Ground]:
-    """The robot, its centre of mass midway between the tracks, and the ground."""
+def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
+    """The robot, its centre of mass midway between the tracks; the level ground; and what slope and pull add."""
     robot, ground = load_robot_file(config.robot)
     given = {name: getattr(config, name) for name in ("half_gauge", "contact_length", "com_x", "sprocket_radius")}
     robot = replace(robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None})
     along = ground.along if config.friction is None else config.friction
     ratio = ground.across / ground.along if config.friction_ratio is None else config.friction_ratio
     shear = ground.shear if config.shear is None else config.shear
-    return robot, Ground(along, ratio * along, shear=shear)
-
-
-def predicted_robot(config: Config) -> tuple[RobotParameters, float]:
-    """The robot, its centre of mass midway between the tracks, and the ratio of friction across to along [-]."""
-    robot, _ = predicted_world(config)
-    _, ground = load_robot_file(config.robot)
-    return robot, ground.across / ground.along if config.friction_ratio is None else config.friction_ratio
-
-
-def predicted_load(config: Config, robot: RobotParameters) -> Load:
-    """The load, whose centre of mass is as high as the robot's."""
-    if config.slope == 0 and config.pull == 0:
-        return Load()
-    return Load(config.slope, config.uphill, config.pull / (robot.mass * _GRAVITY), config.pull_height)
-
-
-def predict(config: Config) -> ConstantIcr:
-    """The constant ICR of Coulomb theory; raises InvalidValueError where the centre of mass would lift a track."""
-    robot, ratio = predicted_robot(config)
-    contact = line_contact(
-        robot.half_gauge, robot.contact_length / 2, along=1.0, across=ratio, centre_of_mass=(robot.com_x, 0.0, 0.0)
-    )
-    left, right = 1.0, 1.4  # the result does not depend on the turn
-    yaw_rate = steady_twist([left, right], contact)[2]
-    return ConstantIcr((right - left) / (2 * yaw_rate) - robot.half_gauge, robot.half_gauge, config.radius_error)
-
-
-def _contact(robot: RobotParameters, ground: Ground) -> Contact:
-    centre = (robot.com_x, 0.0, robot.com_height)
-    return line_contact(robot.half_gauge, robot.contact_length / 2, ground.along, ground.across, centre)
-
-
-def _nominal(slip: Array, radius_error: float) -> Array:
-    """Slips (...) with respect to the nominal sprocket radius."""
-    return 1 - (1 - slip) * (1 + radius_error)
+    load = Load()
+    if config.slope != 0 or config.pull != 0:
+        load = Load(config.slope, config.uphill, config.pull / (robot.mass * _GRAVITY), config.pull_height)
+    return robot, Ground(along, ratio * along, shear=shear), load

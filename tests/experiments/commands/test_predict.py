@@ -1,27 +1,28 @@
 import pytest
 
-from experiments.commands.predict import Config as PredictConfig
-from experiments.commands.predict import predict, predicted_robot
+from experiments.commands.predict import Config, predicted_world
 from sim.ground.ground import Ground
+from trackslip.skid_theory import Load
 from trackslip.slip.law_file import load_laws
 
 
 def test_the_default_is_the_simulated_robot(robot, trackslip):
     """Same geometry and friction as the model's, and the offset that the simulator shows and scans identify."""
-    (parameters, ratio), ground = predicted_robot(PredictConfig()), Ground()
+    parameters, ground, load = predicted_world(Config())
     assert parameters.half_gauge == robot.geometry.half_gauge
     assert parameters.contact_length == 2 * robot.contact_half_length
     assert parameters.sprocket_radius == robot.geometry.sprocket_radius
-    assert ratio == pytest.approx(ground.across / ground.along)
-    assert load_laws()["icr_radius"].offset == pytest.approx(predict(PredictConfig()).offset, rel=0.02)
-    result = trackslip("predict")
-    assert result.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(0.0445, abs=0.0005)
-    assert load_laws(result.folder, robot.geometry)["icr_radius"] == predict(PredictConfig())
+    assert (ground.along, ground.across) == pytest.approx((Ground().along, Ground().across))
+    assert load == Load()
+    predicted = load_laws(trackslip("predict").folder, robot.geometry)["icr_radius"]
+    assert load_laws()["icr_radius"].offset == pytest.approx(predicted.offset, rel=0.02)
+    assert predicted.offset == pytest.approx(0.0445, abs=0.0005)
 
 
-def test_slip_depends_on_the_shape_only():
-    small, large = PredictConfig(), PredictConfig(half_gauge=0.336, contact_length=0.68)
-    assert predict(large).offset == pytest.approx(2 * predict(small).offset)
+def test_slip_depends_on_the_shape_only(trackslip):
+    sizes = ((), ("--half-gauge", "0.336", "--contact-length", "0.68"))
+    small, large = (load_laws(trackslip("predict", *size).folder)["icr_radius"].offset for size in sizes)
+    assert large == pytest.approx(2 * small)
 
 
 def test_on_ground_that_shears_slip_depends_on_radius_and_load(trackslip):
