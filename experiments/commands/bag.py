@@ -1,8 +1,9 @@
 """`trackslip bag`: the topics of a bag, what trackslip takes of them, and the log that this makes."""
 
+import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
@@ -10,12 +11,17 @@ from experiments.options.bag_choice import Bag, BagOptions
 from experiments.options.base import Exclusion, Needs, Options
 from experiments.options.help import default_is
 from trackslip.errors import InvalidValueError
+from trackslip.ros.choice import BagChoice
+
+if TYPE_CHECKING:
+    from trackslip.ros.bag import Bag as RosBag
 
 EXAMPLES = (
     ("topics, and what is taken for what", "trackslip bag run.mcap"),
     ("as a log with units", "trackslip bag run.mcap --export log.parquet"),
     ("with other poses", "trackslip bag old.bag --poses tf:map:base_link --export log.csv"),
 )
+_HEADER = ("topic", "type", "messages", "rate [Hz]", "longest gap [s]", "use (*: taken)")
 _FORMATS = (".parquet", ".csv")
 
 
@@ -42,12 +48,49 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Print the topics of each bag, or write the log."""
-    from experiments.bags import export, print_topics
     from trackslip.ros.bag import open_bags
 
     choice = config.bag.choice()
     if config.export is not None:
-        export(config.path, choice, config.export, config.overwrite)
+        _export(config.path, choice, config.export, config.overwrite)
         return
     for bag in open_bags(config.path):
-        print_topics(bag, choice)
+        _print_topics(bag, choice)
+
+
+def _print_topics(bag: "RosBag", choice: BagChoice) -> None:
+    """Print the topics and their uses."""
+    from experiments.report.formats import MISSING, number
+    from experiments.report.table import Table
+    from trackslip.ros.overview import overview
+    from trackslip.ros.record import short_type
+
+    found = overview(bag, choice)
+    rows = [
+        (name, short_type(topic.type), str(topic.count), number(topic.rate, 1), number(topic.longest_gap, 2))
+        for name, topic in bag.topics.items()
+    ]
+    rows += [(name, "transforms", MISSING, MISSING, MISSING) for name in found.uses if name not in bag.topics]
+    begin, end = bag.span
+    used = [(*row, found.uses.get(row[0], "")) for row in rows]
+    Table(f"{bag.path}: {(end - begin) / 1e9:.1f} s", _HEADER, used).print()
+    for line in (*found.taken, *(f"warning: {line}" for line in (*bag.notes, *found.doubts))):
+        print(line)
+
+
+def _export(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
+    """Write the log of a bag to a file, and print what was taken; raises OutputError for a file that exists."""
+    from experiments.storage.results import write_output
+    from trackslip.errors import OutputError
+    from trackslip.logs.logfile import write_csv, write_parquet
+    from trackslip.ros.drive_log import read_bags
+
+    if file.exists() and not overwrite:
+        raise OutputError(f"{file}: exists already; --overwrite replaces it")
+    read = read_bags(path, choice)
+    write = write_parquet if file.suffix.lower() == ".parquet" else write_csv
+    write_output(file, lambda draft: write(read.runs, draft))
+    for line in (*read.taken, *(f"warning: {line}" for line in read.warnings)):
+        print(line)
+    print(f"{file}: {len(read.runs)} run(s), {sum(len(log.time) for log in read.runs)} rows")
+    print(f"trackslip identify {shlex.quote(str(file))} --half-gauge … --sprocket-radius …")

@@ -1,69 +1,47 @@
 """`trackslip localize`: poses of a robot's plate from the scans of a laser range finder beside the field."""
 
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
-from experiments.options.bag_choice import BagOptions, plate_of
+from experiments.options.bag_choice import BagOptions
 from experiments.options.base import Options
 from experiments.options.help import default_is
-from trackslip.ros.choice import BagChoice
 
 EXAMPLES = (
     ("a plate of 0.5 m by 2 cm", "trackslip localize run.mcap --plate 0.5x0.02"),
     ("a scanner whose place is known", "trackslip localize run.mcap --plate 0.5x0.02 --mount -1.5 -1.5 1.57"),
     ("by other poses", "trackslip localize run.mcap --plate 0.5x0.02 --poses /amcl_pose"),
 )
-_CLEAR = "where the bag leaves no doubt"
 
 
-@dataclass(frozen=True)
-class Config(Options):
+@dataclass(frozen=True, kw_only=True)
+class Config(BagOptions, Options):
     """Find the plate on a robot in the scans of a laser range finder beside the field, and write its poses as a log."""
 
     path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="BAG")]
     """A .bag, .mcap or .db3 file, or a folder of bags."""
-    plate: Annotated[str, tyro.conf.arg(metavar="LENGTHxTHICKNESS")]
+    plate: Annotated[str, tyro.conf.arg(metavar="LENGTHxTHICKNESS")] = field()
     """Size of the plate, as in 0.5x0.02 [m]."""
-    scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
-    """Topic of sensor_msgs/LaserScan of the scanner."""
-    mount: Annotated[tuple[float, float, float] | None, default_is("by transforms, else 0 0 0", "X Y YAW")] = None
-    """Pose of the scanner in the frame of the poses [m, m, rad]."""
-    noise: Annotated[float | None, default_is("found", "FLOAT")] = None
-    """Standard deviation of the scanner's ranges [m]."""
     poses: Annotated[str | None, default_is("none", "TOPIC")] = None
     """Topic of other poses, or tf:PARENT:CHILD, by which to find the pose of the scanner in their frame."""
-    encoders: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
-    """Topic of sensor_msgs/JointState with the wheels or sprockets."""
-    left: Annotated[str | None, default_is("by their names", "NAMES")] = None
-    """Names of the joints on the left, separated by commas; their mean is used."""
-    right: Annotated[str | None, default_is("by their names", "NAMES")] = None
-    """The same on the right."""
-    reversed: Annotated[Literal["left", "right", "both"] | None, default_is("none", "{left,right,both}")] = None
-    """Which encoders count backwards."""
     out: Path = Path("out/localize")
     """Folder for the results."""
     pdf: bool = False
     """Also write the figure as PDF."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        plate_of(self.plate)
+        Options.__post_init__(self)
         self.choice()
-
-    def choice(self) -> BagChoice:
-        """What to take from the bag."""
-        names = ("encoders", "left", "right", "reversed", "poses", "plate", "scan", "mount", "noise")
-        return BagOptions(**{name: getattr(self, name) for name in names}).choice()
 
 
 def run(config: Config) -> None:
     """Locate, store and print."""
     from experiments.localization import described, place_lines, print_drives, stand_line
-    from experiments.report.figures.localization import field
+    from experiments.report.figures.localization import field as field_figure
     from experiments.report.page import drawn
     from experiments.run import Run
     from experiments.storage.results import FIGURES_FOLDER, RUNS_FILE
@@ -77,7 +55,7 @@ def run(config: Config) -> None:
         run.write({"drives": [described(drive) for drive in drives], "warnings": warnings}, [one.log for one in drives])
         figures = run.folder / FIGURES_FOLDER
         figures.mkdir()
-        drawn("field", field(drives), config.pdf).write(figures)
+        drawn("field", field_figure(drives), config.pdf).write(figures)
     print(drives[0].taken)
     print_drives(f"The plate of {config.plate} m in scans", drives)
     for line in dict.fromkeys(stand_line(drive.stand) for drive in drives):
