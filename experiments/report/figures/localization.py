@@ -1,6 +1,9 @@
 """Figures of localization: errors against the angle at which the scanner sees the plate, and the field seen by it."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,7 +13,9 @@ from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE
 from experiments.report.figures.style import legend_below, log_ticks, mark_span, plane, styled, subplots, thin
 from trackslip.localization.bound import MIN_ANGLE
 from trackslip.metrics import rms
-from trackslip.ros.scanned import ScannedDrive
+
+if TYPE_CHECKING:
+    from trackslip.ros.scanned import ScannedDrive
 
 _EDGES = np.radians([0, 1, 2, 3, 5, 8, 12, 18, 26, 34, 42, 50, 58, 66, 74, 82, 90])
 _MIN_POSES = 10  # poses per bin, at least
