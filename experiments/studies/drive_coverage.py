@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import cycle, islice
@@ -42,7 +42,6 @@ from sim.wander.pose_source import PoseSource
 from trackslip.errors import LogError, TrackslipError
 from trackslip.identification.drive.drives import drive_of
 from trackslip.identification.drive.estimate import fit_drives
-from trackslip.identification.drive.model import EXTRAS as EXTRA_PARAMETERS
 from trackslip.identification.drive.model import DriveModel
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.true_samples import true_samples
@@ -176,7 +175,7 @@ def drive_study(config: Config, world: World, run: Run) -> Study:
     exact = {name: np.array([fits[k].estimates[name].value for k in known]) for name in TRUE_LAW}
     measured_exactly = {name: np.resize(values, repeats) for name, values in exact.items()}
     statistics: dict[str, Any] = {}
-    checks = []
+    checks: list[Check] = []
     for name, case in CASES.items():
         aim: Values = steady if name == SIMULATED else {**TRUE_LAW, **EXTRAS}
         truths = measured_exactly if name == SIMULATED else aim
@@ -230,37 +229,32 @@ def _law_table(laws: Mapping[str, Values], drives: int) -> Table:
 
 
 def checks_of(
-    case: Case, outcomes: Sequence[Outcome], aim: Values, truths: Mapping[str, float | Array] | None = None
-) -> list[Check]:
+    case: Case, outcomes: Sequence[Outcome], aim: Values, truths: Mapping[str, float | Array]
+) -> Iterator[Check]:
     """Fits, errors and intervals within the bounds of a case.
 
-    Errors are measured from `aim`; intervals must cover `truths`, by default the same, one or (n,) of each parameter.
+    Errors are measured from `aim`; intervals must cover `truths`, one or (n,) of each parameter.
     """
-    failed = float(sum(not one.estimates for one in outcomes))
-    rows: list[tuple[str, float, float | tuple[float, float], str]] = [("fits without D or epsilon", failed, 0.0, "1")]
-    limits = dict(case.rms)
+    yield Check(case.name, "fits without D or epsilon", float(sum(not one.estimates for one in outcomes)), 0.0)
+    limits = {name: (most, "") for name, most in case.rms.items()}
     if case.over_bound is not None:
-        limits |= {name: case.over_bound * rms([one.numbers[name] for one in outcomes]) for name in TRUE_LAW}
-    for name, most in limits.items():
-        rows.append((f"rms error of {name}", rms(Estimates.of(outcomes, name).errors(aim[name])), most, unit_of(name)))
+        source = f"{case.over_bound:g} times the Cramér-Rao bound"
+        bounds = {name: rms([one.numbers[name] for one in outcomes]) for name in TRUE_LAW}
+        limits |= {name: (case.over_bound * bound, source) for name, bound in bounds.items()}
+    for name, (most, source) in limits.items():
+        error, unit = rms(Estimates.of(outcomes, name).errors(aim[name])), FAMILIES[LAW].parameters[name].unit
+        yield Check(case.name, f"rms error of {name}", error, most, unit or "1", source=source)
     for name in case.covered:
         found = Estimates.of(outcomes, name)
-        share = float(found.cover((truths or aim)[name]).mean())
-        rows.append((f"coverage of {name}", share, case.coverage, "1"))
+        share = float(found.cover(truths[name]).mean())
+        yield Check(case.name, f"coverage of {name}", share, case.coverage, source="intervals of 95 %")
         if case.over_model is not None:
             widths = (found.high - found.low)[found.known] / 2 / (_NORMAL * found.stderr[found.known])
             over = float(np.median(widths)) if len(widths) else np.nan
-            rows.append((f"half width of {name} over the model's", over, case.over_model, "1"))
+            yield Check(case.name, f"half width of {name} over the model's", over, case.over_model)
         if case.standard_errors is not None:
             largest = float(np.fmax.reduce(np.abs(found.value - aim[name]) / found.stderr, initial=np.nan))
-            rows.append((f"largest error of {name} in standard errors", largest, case.standard_errors, "1"))
-    return [Check(case.name, *row) for row in rows]
-
-
-def unit_of(name: str) -> str:
-    """Unit of a parameter of the law or of the drive, 1 for a pure number."""
-    parameters = FAMILIES[LAW].parameters
-    return (parameters[name].unit if name in parameters else EXTRA_PARAMETERS[name].unit) or "1"
+            yield Check(case.name, f"largest error of {name} in standard errors", largest, case.standard_errors)
 
 
 def fitted_drive(trial: Trial, rng: np.random.Generator, geometry: RobotGeometry) -> Outcome:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -41,10 +41,9 @@ from sim.wander.pose_source import SOURCES, PoseSource
 from trackslip.errors import TrackslipError
 from trackslip.identification.drive.drives import drive_of
 from trackslip.identification.drive.estimate import DriveFit, fit_drives
-from trackslip.identification.drive.reckoning import rotated
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
-from trackslip.metrics import rms
+from trackslip.metrics import body_errors, rms
 from trackslip.planning.information import Expectation, with_extras
 from trackslip.planning.plan import PAPER_DURATION, DrivePlan, expected_alone, paper_runs, usual_values
 from trackslip.planning.strokes import RATE
@@ -193,15 +192,10 @@ def prediction_errors(fit: DriveFit, others: Sequence[KnownDrive]) -> tuple[floa
         drive = drive_of(other.log)
         start = np.arange(0, len(drive.pose) - round(_HORIZON * RATE), round(_EVERY * RATE))
         end = start + round(_HORIZON * RATE)
-        missed.append(_moved(fit.fit.model.sensor_path(values, drive), start, end) - _moved(drive.pose, start, end))
+        expected = fit.fit.model.sensor_path(values, drive)
+        missed.append(body_errors(expected[start], expected[end]) - body_errors(drive.pose[start], drive.pose[end]))
     x, y, turn = np.concatenate(missed).T
     return rms(np.hypot(x, y)), rms(wrap_angle(turn))
-
-
-def _moved(pose: Array, start: np.ndarray, end: np.ndarray) -> Array:
-    """Motion (n, 3) between poses, in the frame of the first."""
-    way = rotated(-pose[start, 2], pose[end, :2] - pose[start, :2])
-    return np.column_stack([way, pose[end, 2] - pose[start, 2]])
 
 
 def plan_study(
@@ -249,7 +243,7 @@ def plan_study(
         "inside": sum(one.numbers["reach"] <= _MOST for one in by_case[PLAN]),
         "failures": [f"{case}: {line}" for case in sorted(outcomes) for line in failures_of(outcomes[case])],
     }
-    checks = _checks(plan, by_case, summary)
+    checks = list(_checks(plan, by_case, summary))
     rows = []
     for name in plan.sizes:
         factor, unit = unit_of(plan.law, name)
@@ -274,30 +268,27 @@ def _ahead(outcomes: Sequence[Outcome]) -> tuple[float, ...] | None:
     return tuple(rms([numbers[name] for numbers in found]) for name in _AHEAD) if found else None
 
 
-def _checks(plan: DrivePlan, outcomes: Mapping[str, Sequence[Outcome]], summary: Mapping[str, Any]) -> list[Check]:
+def _checks(plan: DrivePlan, outcomes: Mapping[str, Sequence[Outcome]], summary: Mapping[str, Any]) -> Iterator[Check]:
     """Fits, limits of the drive, and errors over those predicted and those of the paper's runs."""
     case = f"{len(outcomes[PLAN])} drives of {plan.limits.duration:g} s"
     failed = sum(bool(one.notes) for ones in outcomes.values() for one in ones)
     reach, speed = (max(one.numbers[name] for one in outcomes[PLAN]) for name in ("reach", "speed"))
-    rows: list[tuple[str, float, float | tuple[float, float]]] = [
-        ("fits that failed", float(failed), 0.0),
-        ("farthest from the middle, of what the area allows", reach, _MOST),
-        ("largest speed, of what is allowed", speed, _MOST),
-    ]
+    yield Check(case, "fits that failed", float(failed), 0.0)
+    yield Check(case, "farthest from the middle, of what the area allows", reach, _MOST)
+    yield Check(case, "largest speed, of what is allowed", speed, _MOST)
     mine, theirs = summary["ahead"][PLAN], summary["ahead"][PAPER]
     if mine and theirs:
         for what, own, of_paper in zip(_AHEAD, mine, theirs, strict=True):
-            rows.append((f"{what} of another drive in 5 s, error over that of the paper's runs", own / of_paper, 1.2))
-    if summary["truth"] is not None and summary["repeats"] >= MIN_REPEATS:
-        real, predicted, bound = summary["real"][PLAN], summary["predicted"][PLAN], summary["predicted"][PAPER]
-        rows += [
-            (f"real over predicted error of {name}", real[name] / predicted[name], _AGREEMENT)
-            for name in real
-            if name in predicted
-        ]
-        rows += [
-            (f"error of {name} over the least that the paper's runs can have", real[name] / bound[name], most)
-            for name, most in _OVER_PAPER.items()
-            if name in real and name in bound and plan.limits.duration >= _AS_GOOD
-        ]
-    return [Check(case, what, value, limit, "1") for what, value, limit in rows]
+            yield Check(
+                case, f"{what} of another drive in 5 s, error over that of the paper's runs", own / of_paper, 1.2
+            )
+    if summary["truth"] is None or summary["repeats"] < MIN_REPEATS:
+        return
+    real, predicted, least = summary["real"][PLAN], summary["predicted"][PLAN], summary["predicted"][PAPER]
+    for name in (name for name in real if name in predicted):
+        over = real[name] / predicted[name]
+        yield Check(case, f"real over predicted error of {name}", over, _AGREEMENT, source="Fisher information")
+    if plan.limits.duration >= _AS_GOOD:
+        for name in (name for name in _OVER_PAPER if name in real and name in least):
+            over = real[name] / least[name]
+            yield Check(case, f"error of {name} over the least that the paper's runs can have", over, _OVER_PAPER[name])

@@ -85,8 +85,9 @@ def steady_coverage(config: Config, world: World, run: Run) -> Study:
 def _checks(case: str, shares: Values, repeats: int, low: float = 0.94, high: float = 0.98) -> Iterator[Check]:
     """Shares near 95 %; intervals that allow for errors of the law may cover more often."""
     bound = plausible_shares(low, high, repeats)
+    source = f"what a probability from {low:g} to {high:g} gives in {repeats} repeats, but once in a thousand studies"
     for name, share in shares.items():
-        yield Check(case, f"coverage of {name}", share, bound, "1")
+        yield Check(case, f"coverage of {name}", share, bound, source=source)
 
 
 def _law_table(

@@ -6,7 +6,6 @@ import io
 import itertools
 import json
 
-import numpy as np
 import pytest
 
 from experiments.cli import main
@@ -135,12 +134,3 @@ def test_bad_tables_get_one_line(refused, tmp_path, row, message):
     path = tmp_path / "table.csv"
     path.write_text("radius,speed,observed_radius,slip_outer,slip_inner\n" + row)
     assert message in refused("calibrate", "--target", str(path))
-
-
-@pytest.mark.slow
-def test_results_do_not_depend_on_threads(trackslip):
-    options = ("--starts", "1", "--free", "friction_ratio")
-    one, two = (trackslip("calibrate", *options, "--threads", n).summary for n in ("1", "2"))
-    assert len(one["starts"]) == 2
-    assert one["parameters"] == two["parameters"]
-    assert np.isfinite(one["parameters"]["friction_ratio"]["value"])

@@ -41,7 +41,7 @@ def test_mistakes(refused, arguments, message):
 def test_drives_are_checked(trackslip):
     result = trackslip("coverage", "--drives", "--drive-repeats", "2", "--threads", "2")
     checks = result.summary["checks"]
-    assert all(set(check) == {"name", "value", "bound", "unit", "holds"} for check in checks)
+    assert all(set(check) == {"name", "value", "expected", "bound", "unit", "holds", "source"} for check in checks)
     assert [check["value"] for check in checks if check["name"].endswith("fits without D or epsilon")] == [0.0] * 8
     errors = [check for check in checks if "rms error of offset" in check["name"]]
     assert len(errors) == 8

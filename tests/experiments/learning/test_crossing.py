@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from experiments.learning.crossing import POLICY, SCRIPTED, compare, crossing_gain, crossing_table, gain_text
-from experiments.learning.figures import learning_curve
 from sim.network import Network
 from sim.terrain import Course, Flat
 from sim.traverse.policy import OPTIONS, CrossingPolicy
@@ -44,6 +43,3 @@ def test_a_policy_that_corrects_nothing_crosses_what_the_scripted_controller_doe
     table = crossing_table("Courses", rates)
     assert [len(row) for row in table.rows] == [len(table.header)] * len(rates)
     assert "+0.0 points" in gain_text(gain)
-    curve = [{"steps": 10, "reward": 0.1}, {"steps": 20, "reward": 0.2, "crossed": 0.5}]
-    assert len(learning_curve(curve, rates).axes) == 3
-    assert len(learning_curve(curve).axes) == 1
