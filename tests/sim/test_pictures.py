@@ -45,8 +45,11 @@ def pixels(picture, colour):
 @pytest.mark.usefixtures("opengl")
 def test_pictures_show_the_robot_its_path_and_its_trail():
     env = gym.make(TRACKING, render_mode="rgb_array", reference="circle", off_path=5.0).unwrapped
+    env.reset(seed=0, options={"start_error": (0.0, 0.0, 1.0)})
+    turned = env.render()
     env.reset(seed=0)
     before = env.render()
+    assert (np.abs(turned.astype(int) - before).max(axis=2) > 50).sum() > 500  # only the robot has turned
     assert (before.shape, before.dtype) == ((480, 640, 3), np.uint8)
     assert pixels(before, "blue") > 200
     for _ in range(60):

@@ -9,7 +9,6 @@ from sim.run_recorder import Description
 from sim.runs import closed_loop, open_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from sim.seeds import generator
 from sim.steering import Pilot
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.linear import LinearTimeVarying
@@ -17,7 +16,7 @@ from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import tracking_errors
 from trackslip.skid_theory import line_contact, steady_twist
-from trackslip.slip.compensation import FixedLaw
+from trackslip.slip.compensation import FixedLaw, OnlineIcr
 from trackslip.slip.icr import ConstantIcr
 from trackslip.trajectory.segmented import Segment, SegmentedReference
 
@@ -25,10 +24,9 @@ START = np.array([[-1.5, 0.0, 0.0]] * 2)
 OMEGA = np.array([[2.0, 3.0], [3.0, 4.0]])
 
 
-def set_up(robot, start, threads=0, seed=0):
-    fleet = Fleet(robot, start, threads=threads)
-    feed = ScannerFeed(LaserScanner(), fleet, [generator(seed, f"{k}") for k in range(len(start))])
-    return fleet, feed
+def set_up(robot, start):
+    fleet = Fleet(robot, start)
+    return fleet, ScannerFeed(LaserScanner(), fleet)
 
 
 def names(n):
@@ -83,6 +81,20 @@ def test_the_right_law_keeps_the_robot_on_the_path(robot, controller):
     assert compensated.rms_position < 0.012
     assert compensated.rms_position < plain.rms_position / 1.5
     assert compensated.final_position < plain.final_position or plain.final_position < 0.01
+
+
+def test_the_icrs_are_learnt_on_the_way_and_logged(robot):
+    reference, law, geometry = short_path(), theoretical_law(robot), robot.geometry
+    fleet, feed = set_up(robot, np.tile(reference.pose(0.0), (2, 1)))
+    none = ConstantIcr(0.0, geometry.half_gauge)
+    pilots = [
+        Pilot(LinearTimeVarying(), [0], OnlineIcr(geometry, none)),
+        Pilot(LinearTimeVarying(), [1], FixedLaw(law)),
+    ]
+    learnt, fixed = closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate))
+    assert abs(learnt.icr[0, 0]) < 1e-3
+    assert learnt.icr[-1, 0] == pytest.approx(law.offset, rel=0.3)
+    np.testing.assert_array_equal(fixed.icr, np.tile([law.offset, law.radius_error], (len(fixed.time), 1)))
 
 
 def test_closed_loop_ends_with_the_reference_and_logs_its_twist(robot):

@@ -13,7 +13,6 @@ from sim.run_recorder import Description
 from sim.runs import open_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from sim.seeds import generator
 from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.localization.plate import PlateLocator
 from trackslip.skid_theory import line_contact, steady_twist
@@ -105,17 +104,11 @@ def test_each_robot_is_parked_on_its_own_ground(robot):
 
 def test_a_run_in_which_a_robot_tips_over_ends_with_its_name_and_keeps_its_rows(robot):
     fleet = Fleet(robot, np.zeros((2, 3)))
-    feed = ScannerFeed(LaserScanner(), fleet, [generator(0, f"{k}") for k in range(2)])
+    feed = ScannerFeed(LaserScanner(), fleet)
     fleet.set_ground([Ground(), Ground(8.0, 8.0, slope=1.4)])
+    names = [Description("level"), Description("steep")]
     with pytest.raises(RunFailedError, match=r"^run 'steep': the robot tips over after \d\.\d+ s$") as failure:
-        open_loop(
-            fleet,
-            np.full((2, 2), 1.0),
-            4.0,
-            feed,
-            PlateLocator(robot.plate),
-            [Description("level"), Description("steep")],
-        )
+        open_loop(fleet, [1.0, 1.0], 4.0, feed, PlateLocator(robot.plate), names)
     fallen = float(str(failure.value).split()[-2])
     level, steep = failure.value.logs
     for log in (level, steep):

@@ -44,7 +44,10 @@ class Counting(Feedforward):
     """A user's controller that counts the poses it is called with, and drives at a share of the reference's twist."""
 
     def __init__(self, share):
-        self.share, self.calls = share, []
+        self.share, self.calls, self.sensed = share, [], []
+
+    def sense(self, omega):
+        self.sensed.append(omega.tolist())
 
     def twist(self, time, pose, reference):
         self.calls.append(len(pose))
@@ -56,6 +59,7 @@ def test_each_pilots_controller_is_called_with_its_robots(fleet):
     found = commands(fleet, [Pilot(whole, [0, 2]), Pilot(half, [1]), Pilot(Feedforward(), [3])])
     assert whole.calls == [2] * ROWS
     assert half.calls == [1] * ROWS
+    assert half.sensed == [[[1.0, 1.0]]] * ROWS
     np.testing.assert_allclose(found[:, 1], found[:, 0] / 2)
     np.testing.assert_array_equal(found[:, 0], found[:, 3])
     assert np.abs(found[-1]).min() > 0
