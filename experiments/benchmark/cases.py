@@ -38,7 +38,6 @@ _SUITES: Mapping[str, Sequence[Sequence[tuple[Any, ...]]]] = {
     "full": [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, ("stone", "ice", "sticky"), ("random",), (0, 1, 2))],
 }
 """Suites by name, each the union of full factorial designs: the values of each of FACTORS, all combined."""
-_IN_COMMON = ("robot", "radius_error", "drive", "scanner", "obstacles", "localization", "preview", "laws")
 _PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
 _MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
 
@@ -115,15 +114,9 @@ def cases_of(config: Config) -> tuple[list[Case], list[str]]:
 def identified(cases: Sequence[Case], config: Config, world: World) -> list[Case]:
     """The cases with their ids; a user's controllers must have been imported."""
     laws = config.laws or SHIPPED
-    common = digest(
-        {name: getattr(config, name) for name in _IN_COMMON}
-        | {
-            "model": world.robot.digest,
-            "world": [world.parameters, world.obstacles, world.radius_error],
-            "laws": content(laws / SUMMARY_FILE if laws.is_dir() else laws),
-        }
-        | ({"pull": world.pull} if world.pull.force > 0 else {})
-    )
+    specified = [world.parameters, world.ground, world.radius_error, world.obstacles, world.pull, world.robot.digest]
+    evaluated = [config.drive, config.scanner, config.localization, config.preview]
+    common = digest([specified, evaluated, content(laws / SUMMARY_FILE if laws.is_dir() else laws)])
     contents = functools.cache(lambda name: content(Path(name)))
     modules = set(user_modules())
 

@@ -73,14 +73,23 @@ def _shipped_world_digest() -> str:
 class PlannedRun:
     """One run of a grid."""
 
-    name: str
-    """Its radius and speed, and every axis on which it differs from the options."""
+    cell: Cell
+    """Its command, and the key of its random numbers.
+
+    They follow from what is measured (seed, radius, speed and world), not from how the measurements are evaluated: runs
+    that differ only in their method of localization or motion share their scans.
+    """
     axes: Mapping[str, Any]
     """Values of the axes, by name."""
     seed: int
     setting: Setting
     id: str
     """Hash of what the run is and of how much of it is recorded, however it was requested."""
+
+    @property
+    def name(self) -> str:
+        """Its radius and speed, and every axis on which it differs from the options."""
+        return self.cell.name
 
     @property
     def fleet(self) -> str:
@@ -92,20 +101,10 @@ class PlannedRun:
         """Simulated time [s]."""
         return self.setting.config.duration
 
-    @property
-    def cell(self) -> Cell:
-        """Its command and random numbers.
-
-        The random numbers follow from what is measured (seed, radius, speed and world), not from how the measurements
-        are evaluated: runs that differ only in their method of localization or motion share their scans.
-        """
-        radius, speed = self.axes["radius"], self.axes["speed"]
-        return Cell(self.name, Cell.at(radius, speed).key + self.setting.world_key, radius, speed, {"id": self.id})
-
     def world(self, threads: int) -> World:
         """Its compiled world, for a fleet on that many worker threads."""
-        radius, speed = self.axes["radius"], self.axes["speed"]
-        own = replace(self.setting.config, radii=(radius,), speeds=(speed,), seed=self.seed, threads=threads)
+        radii, speeds = (self.cell.radius,), (self.cell.speed,)
+        own = replace(self.setting.config, radii=radii, speeds=speeds, seed=self.seed, threads=threads)
         return World.of(own, self.setting.specification)
 
     @property
@@ -140,9 +139,10 @@ def plan(config: Config) -> list[PlannedRun]:
 def _run(taken: Mapping[str, Any], usual: Mapping[str, Any], setting: Setting) -> PlannedRun:
     radius, speed, seed = taken["radius"], taken["speed"], taken.get("seed", setting.config.seed)
     unusual = [f"{name}={taken[name]}" for name, value in usual.items() if value != taken[name]]
-    name = " ".join([Cell.at(radius, speed).name, *sorted(unusual)])
-    recorded = setting.config.rrd, setting.kept
-    return PlannedRun(name, taken, seed, setting, digest([setting.id, (radius,), (speed,), seed, recorded]))
+    id = digest([setting.id, (radius,), (speed,), seed, (setting.config.rrd, setting.kept)])
+    plain = Cell.at(radius, speed)
+    name, key = " ".join([plain.name, *sorted(unusual)]), plain.key + setting.world_key
+    return PlannedRun(Cell(name, key, radius, speed, {"id": id}), taken, seed, setting, id)
 
 
 def _setting(base: GridConfig, taken: Mapping[str, Any], files: WorldFiles, kept: bool) -> Setting:
