@@ -29,18 +29,12 @@ class Sightings:
         """Whether a pose was measured, (n,) bool."""
         return np.asarray(np.isfinite(self.error).all(axis=1))
 
-    def facts(self) -> dict[str, str]:
-        """Facts for the caption: poses evaluated and missed, their errors over the bound, and where the bound ends."""
-        missed = self.angle[~self.measured]
+    def ratio(self) -> Array:
+        """Errors (3,) over the bound, rms, at the angles where the bound is meaningful; NaN without poses there [-]."""
         clear = self.measured & np.isfinite(self.bound).all(axis=1) & (self.angle > MIN_ANGLE)
-        ratio = [rms(self.error[clear, k]) / rms(self.bound[clear, k]) for k in range(3)] if clear.any() else []
-        return {
-            "looked": str(self.angle.size),
-            "missed": str(missed.size),
-            "missed_below": f"half of them below {np.degrees(np.median(missed)):.2g}°" if missed.size else "",
-            "ratio": " | ".join(f"{value:.2f}" for value in ratio),
-            "least_angle": f"{np.degrees(MIN_ANGLE):g}°",
-        }
+        if not clear.any():
+            return np.full(3, np.nan)
+        return np.array([rms(self.error[clear, k]) / rms(self.bound[clear, k]) for k in range(3)])
 
 
 def sightings(logs: Sequence[RunLog]) -> Sightings | None:

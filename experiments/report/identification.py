@@ -14,6 +14,7 @@ from experiments.report.figures import laws as law_figures
 from experiments.report.figures import steady_runs as figures
 from experiments.report.figures.localization import error_against_viewing_angle
 from experiments.report.figures.slip_under_load import slip_under_load
+from experiments.report.formats import number, pair
 from experiments.report.laws import parameter_bullets
 from experiments.report.page import Block, Bullets, Page, Plot, Section, warnings
 from experiments.report.steady_laws import best_text, criteria_table, lack_of_fit_text, law_table, size_text
@@ -113,7 +114,7 @@ def _measured(found: Identification, turns: InnerOuterSamples, logs: Sequence[Ru
             "Symbols: rms errors of the poses estimated from scans of an upright plate, against the angle between "
             "plate and line of sight. Lines: the Cramér-Rao bound, the smallest error that any unbiased method can "
             "reach from the same scan; it is not meaningful in the grey range. Over all angles beyond, errors are "
-            f"{seen.facts()['ratio']} times the bound (along | across | heading).",
+            f"{pair([number(ratio, 2) for ratio in seen.ratio()])} times the bound (along | across | heading).",
         )
     if len(turns):
         yield Plot(

@@ -88,19 +88,19 @@ def test_refusals(options, message, laws, refused):
     assert message in refused("deploy", laws, *options)
 
 
-@pytest.mark.parametrize("path", ["nowhere", "."])
-def test_no_results(path, refused):
-    assert "No such file or directory" in refused("deploy", path)
-
-
-def test_a_grid_has_no_laws(tmp_path, refused):
-    (tmp_path / "summary.json").write_text('{"radius": [1.0]}')
-    assert "no slip laws in it" in refused("deploy", ".")
-
-
-def test_a_damaged_summary(tmp_path, refused):
-    (tmp_path / "summary.json").write_text('{"slip_laws": {"icr"')
-    assert "summary.json: not JSON" in refused("deploy", ".")
+@pytest.mark.parametrize(
+    ("summary", "message"),
+    [
+        (None, "No such file or directory"),
+        ('{"radius": [1.0]}', "no slip laws in it"),
+        ('{"slip_laws": {"icr"', "not JSON"),
+    ],
+    ids=["no results", "a grid's", "damaged"],
+)
+def test_folders_without_laws(summary, message, tmp_path, refused):
+    if summary is not None:
+        (tmp_path / "summary.json").write_text(summary)
+    assert message in refused("deploy", ".")
 
 
 def test_a_file_is_replaced_whole_or_not_at_all(laws, tmp_path, monkeypatch, capsys):

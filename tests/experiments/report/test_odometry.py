@@ -37,12 +37,6 @@ def found():
 
 
 @pytest.fixture(scope="module")
-def alike(found):
-    """The laws whose errors are of the same decade."""
-    return [one for one in found if one.errors.drives[1].from_first.position.largest > 1e-3][:2]
-
-
-@pytest.fixture(scope="module")
 def blind():
     return found_on(drive_log(1, 50.0, PoseSource(rate=5.0, heading=False), STILL))
 
@@ -62,15 +56,6 @@ def test_paths_of_the_longest_drive(found):
     assert widths[0] == widths[1] != widths[2]
     worst = [np.nanmax(line.get_ydata()) for line in right.lines]
     np.testing.assert_allclose(worst, [one.errors.drives[1].from_first.position.largest for one in found])
-
-
-def test_logarithmic_axes_have_several_labels(found, alike):
-    assert alike
-    for some in (found, alike):
-        for figure in (figures.paths(some), figures.errors_over_way(some)):
-            for axis in [axis for axis in assert_readable(figure).axes if axis.get_yscale() == "log"]:
-                low, high = axis.get_ylim()
-                assert 2 <= sum(low <= at <= high for at in axis.get_yticks()) <= 12
 
 
 def test_errors_over_the_way(found, blind):

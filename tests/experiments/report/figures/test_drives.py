@@ -54,32 +54,11 @@ def test_steps_between_drives_are_not_assert_readable(two_drives):
     assert linked.all()
 
 
-def test_without_headings_a_panel_less(without_headings):
-    law = without_headings.drive.laws["icr_radius"]
-    assert len(assert_readable(drives.residuals_over_time(law)).axes) == 2
-    assert len(assert_readable(drives.prediction_errors(without_headings.drive)).axes) == 1
-
-
-def test_prediction_errors_of_every_law(two_drives):
-    found = two_drives.drive
-    figure = assert_readable(drives.prediction_errors(found))
-    assert [axis.get_ylabel() for axis in figure.axes] == ["rms error [m]", "rms error [°]"]
-    (legend,) = figure.legends
-    assert len(legend.get_texts()) == len(found.laws)
-    assert legend.get_texts()[0].get_text().endswith("best")
-
-
 def test_the_clock_offset_lies_in_the_valley(two_drives):
     found = two_drives.drive
     (axis,) = assert_readable(drives.clock_offset(found)).axes
     offset, rise = axis.lines[0].get_data()
     assert offset[np.argmin(rise)] == pytest.approx(1e3 * found.laws[found.best].extras["clock_offset"], abs=0.5)
-
-
-def test_correlations_have_a_cell_for_each_pair(two_drives):
-    law = two_drives.drive.laws["icr_radius"]
-    (axis,) = assert_readable(drives.drive_correlations(law)).axes
-    assert len(axis.texts) == len(law.free) ** 2
 
 
 def test_a_drive_too_short_to_predict():

@@ -17,8 +17,8 @@ def test_errors_are_those_of_the_poses_and_stand_beside_the_bound(factor):
     clear = seen.measured & (seen.angle > np.radians(5))
     ratio = np.sqrt(np.mean((seen.error / seen.bound)[clear] ** 2, axis=0))
     np.testing.assert_allclose(ratio, factor, rtol=0.08)
-    assert seen.facts()["looked"] == "2000"
-    assert seen.facts()["missed"] == "200"
+    assert (seen.angle.size, np.sum(~seen.measured)) == (2000, 200)
+    np.testing.assert_allclose(seen.ratio(), factor, rtol=0.1)
     figure = assert_readable(error_against_viewing_angle(seen))
     assert [axis.get_ylabel() for axis in figure.axes] == ["error of position, rms [mm]", "error of heading, rms [°]"]
     assert [len(axis.lines) for axis in figure.axes] == [4, 2]
