@@ -38,6 +38,7 @@ def write_bag(path, kind, messages, *, compression=None, split=None):
     `compression` is none, file, message or storage for rosbags' ROS 2 bags, bz2 or lz4 for ROS 1.
     """
     path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
     if kind == "foxglove":
         return _foxglove(path.with_suffix(".mcap"), messages, compression)
     if kind == "ros1":

@@ -1,4 +1,4 @@
-"""Sprocket speeds from joint states: wrapped or not, several wheels a side, any order, gaps, resets, velocities."""
+"""Sprocket speeds from joint states: left and right by name, wrapped or not, any order, gaps, resets, velocities."""
 
 import re
 
@@ -15,6 +15,7 @@ from trackslip.ros.angles import from_positions, from_velocities
 from trackslip.ros.bag import open_bag
 from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.ros.encoders import read_encoders
+from trackslip.ros.joints import sides
 
 LOG = wandered(duration=8.0)
 TURNED = np.concatenate([np.zeros((1, 2)), np.cumsum(LOG.omega[1:] * np.diff(LOG.time)[:, None], axis=0)])
@@ -78,7 +79,6 @@ def test_several_wheels_a_side_are_averaged(tmp_path):
     found = read(tmp_path, states(names, TURNED[:, [0, 1, 0, 1]] * scale))
     np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-10)
     chosen = BagChoice(left=("front_left_wheel",), right=("rear_right_wheel",))
-    (tmp_path / "chosen").mkdir()
     found = read(tmp_path / "chosen", states(names, TURNED[:, [0, 1, 0, 1]] * scale), chosen)
     np.testing.assert_allclose(found.omega[1:], 0.9 * LOG.omega[1:], atol=1e-10)
 
@@ -162,24 +162,16 @@ def test_an_encoder_that_is_reset_does_not_make_the_robot_race(tmp_path):
     ]
 
 
-def test_sides_that_count_backwards_are_turned_round(tmp_path):
-    messages = states(["left", "right"], TURNED * [1, -1])
-    found = read(tmp_path, messages, BagChoice(reversed="right"))
-    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-11)
-
-
 def test_the_topic_that_is_measured_is_chosen(tmp_path):
     commands = states(["left", "right"], TURNED + 1, topic="/joint_commands")
     arm = states(["shoulder", "elbow"], TURNED, topic="/arm/joint_states")
     assert read(tmp_path, [*states(["left", "right"], TURNED), *commands, *arm]).topic == "/joint_states"
-    (tmp_path / "two").mkdir()
     base = states(["left", "right"], TURNED, topic="/base/joint_states")
     other = states(["left", "right"], TURNED, topic="/other/joint_states")
     with pytest.raises(
         LogError, match="encoders may be /base/joint_states, /other/joint_states: choose with --encoders"
     ):
         read(tmp_path / "two", [*base, *other, *arm])
-    (tmp_path / "named").mkdir()
     found = read(tmp_path / "named", [*base, *other], BagChoice(encoders="other/joint_states"))
     assert found.topic == "/other/joint_states"
 
@@ -253,19 +245,36 @@ def test_choices_that_make_no_sense(choice, line):
         BagChoice(**choice)
 
 
-def test_repeated_and_late_stamps_are_left_out_and_told(tmp_path):
-    messages = joints_of(LOG)
-    topic, kind, arrival, fields = messages[50]
-    messages.insert(51, (topic, kind, arrival + 1, fields))
-    notes = []
-    found = read(tmp_path, messages, notes=notes)
-    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-11)
-    assert notes == ["topic /joint_states: 1 of 161 messages left out: time is stamped twice at 2.5 s"]
+@pytest.mark.parametrize(
+    ("names", "left", "right"),
+    [
+        (["left_wheel", "right_wheel"], ["left_wheel"], ["right_wheel"]),
+        (["wheel_left_joint", "wheel_right_joint"], ["wheel_left_joint"], ["wheel_right_joint"]),
+        (["rr_wheel", "fl_wheel", "fr_wheel", "rl_wheel"], ["fl_wheel", "rl_wheel"], ["rr_wheel", "fr_wheel"]),
+        (["wheel_FL", "wheel_FR"], ["wheel_FL"], ["wheel_FR"]),
+        (["LeftTrack", "RightTrack"], ["LeftTrack"], ["RightTrack"]),
+        (["l_sprocket", "r_sprocket"], ["l_sprocket"], ["r_sprocket"]),
+        (["drivewhl_l_joint", "drivewhl_r_joint"], ["drivewhl_l_joint"], ["drivewhl_r_joint"]),
+        (["leftwheel1", "leftwheel2", "rightwheel1", "rightwheel2"], ["leftwheel1", "leftwheel2"], None),
+        (["arm_left_joint", "arm_right_joint", "motor_l", "motor_r"], ["motor_l"], ["motor_r"]),
+        (["left_arm_1", "left_wheel", "right_wheel", "head_pan"], ["left_wheel"], ["right_wheel"]),
+        (
+            ["front_left_steer", "front_right_steer", "front_left_wheel", "front_right_wheel"],
+            ["front_left_wheel"],
+            None,
+        ),
+        (["panther/fl_wheel_joint", "panther/fr_wheel_joint"], ["panther/fl_wheel_joint"], ["panther/fr_wheel_joint"]),
+    ],
+)
+def test_common_names(names, left, right):
+    found = sides(names)
+    assert found is not None
+    assert list(found[0]) == left
+    assert list(found[1]) == (right or [name.replace("left", "right") for name in left])
 
 
-def test_a_clock_that_restarts_makes_two_drives(tmp_path):
-    again = [(t, k, at + 9_000_000_000, fields) for t, k, at, fields in joints_of(LOG)]
-    notes = []
-    found = read_encoders(open_bag(write_bag(tmp_path / "run", "mcap", [*joints_of(LOG), *again])), notes=notes)
-    assert [len(one.stamp) for one in found] == [160, 160]
-    assert notes == ["topic /joint_states: time goes back from 7.95 s to 0 s: read as 2 drives"]
+@pytest.mark.parametrize(
+    "names", [[], ["a", "b"], ["wheel1", "wheel2"], ["left_wheel"], ["fl_wheel", "rl_wheel", "fr_wheel"]]
+)
+def test_names_that_leave_a_doubt(names):
+    assert sides(names) is None

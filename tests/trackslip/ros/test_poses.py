@@ -16,6 +16,7 @@ from bags import (
     transform,
     write_bag,
 )
+from ecef import ecef
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -24,6 +25,7 @@ from wandered import wandered
 from trackslip.errors import LogError
 from trackslip.ros import covariance
 from trackslip.ros.bag import open_bag
+from trackslip.ros.datum import Datum
 from trackslip.ros.navsat import local_plane
 from trackslip.ros.poses import read_poses
 from trackslip.ros.rotation import headings
@@ -57,7 +59,6 @@ def test_poses_of_every_type(tmp_path, kind, topic):
 def test_stated_covariances_come_along(tmp_path):
     (found,), _ = read(tmp_path, poses_of(LOG, pose_with_covariance, variances=(1e-4, 4e-4, 9e-6)), "/amcl_pose")
     np.testing.assert_array_equal(found.covariance, np.tile(np.diag([1e-4, 4e-4, 9e-6]), (80, 1, 1)))
-    (tmp_path / "zero").mkdir()
     (found,), _ = read(tmp_path / "zero", poses_of(LOG, odometry), "/odom")
     assert found.covariance is None
 
@@ -97,39 +98,8 @@ def test_headings_are_those_of_the_x_axis_from_above(yaw, pitch, roll):
     assert bool(notes) == (tilt > np.radians(20))
 
 
-def test_tilt_is_told(tmp_path):
-    messages = poses_of(LOG)
-    for k in range(10, 15):
-        topic, kind, at, fields = messages[k]
-        tilted = fields | {"pose": fields["pose"] | {"orientation": quaternion(SEEN[k, 2], np.radians(31))}}
-        messages[k] = topic, kind, at, tilted
-    (found,), notes = read(tmp_path, messages, "/slam/pose")
-    np.testing.assert_allclose(found.pose[:, 2], WRAPPED[:, 2], atol=1e-9)
-    assert notes == [
-        "topic /slam/pose: tilted by more than 20° in 5 of 80 poses, by up to 31°: slip is identified in the plane"
-    ]
-
-
-def test_a_frame_on_its_side_has_no_heading(tmp_path):
-    """A camera's optical frame: z forwards."""
-    sideways = Rotation.from_euler("ZYX", [0.3, 0, -np.pi / 2]).as_quat()
-    messages = [
-        (
-            "/camera_pose",
-            "geometry_msgs/msg/PoseStamped",
-            at,
-            fields | {"pose": fields["pose"] | {"orientation": dict(zip("xyzw", sideways.tolist(), strict=True))}},
-        )
-        for _, _, at, fields in poses_of(LOG)
-    ]
-    (found,), notes = read(tmp_path, messages, "/camera_pose")
-    assert np.isnan(found.pose[:, 2]).all()
-    assert (
-        "tilted by more than 20° in 80 of 80 poses, by up to 90°: headings left out; is it a camera's frame" in notes[0]
-    )
-
-
-def with_turn(turn, rows):
+def with_turn(turn, rows=range(80)):
+    """Poses of LOG, with another orientation in some."""
     messages = poses_of(LOG)
     for k in rows:
         topic, kind, at, fields = messages[k]
@@ -137,35 +107,43 @@ def with_turn(turn, rows):
     return messages
 
 
-def test_quaternions_that_mean_nothing_are_left_out(tmp_path):
-    long = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 2.0}
-    (found,), notes = read(tmp_path, with_turn(long, [3, 4]), "/slam/pose")
-    assert len(found.stamp) == 78
-    assert notes == ["topic /slam/pose: 2 of 80 poses left out: the quaternion [0. 0. 0. 2.] is not of unit length"]
-    (tmp_path / "all").mkdir()
-    with pytest.raises(
-        LogError, match=r"topic /slam/pose: the quaternion .* is not of unit length; so are 80 of its 80"
-    ):
-        read(tmp_path / "all", with_turn(long, range(80)), "/slam/pose")
+def turned(x, y, z, w):
+    return {"x": x, "y": y, "z": z, "w": w}
+
+
+SIDEWAYS = turned(*Rotation.from_euler("ZYX", [0.3, 0, -np.pi / 2]).as_quat().tolist())
+"""A camera's optical frame: z forwards."""
 
 
 @pytest.mark.parametrize(
     ("turn", "line"),
     [
-        (
-            {"x": 0.0, "y": 0.0, "z": 0.0, "w": 0.0},
-            "it states no orientation (all quaternions are 0): read without headings",
-        ),
-        (
-            {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
-            "its heading never changes although it moves: read without headings",
-        ),
+        (SIDEWAYS, "its frame is tilted by more than 20° in 80 of 80 poses, by up to 90°: headings left out"),
+        (turned(0.0, 0.0, 0.0, 0.0), "it states no orientation (all quaternions are 0): read without headings"),
+        (turned(0.0, 0.0, 0.0, 1.0), "its heading never changes although it moves: read without headings"),
     ],
 )
-def test_orientations_that_nobody_measured(tmp_path, turn, line):
-    (found,), notes = read(tmp_path, with_turn(turn, range(80)), "/slam/pose")
+def test_orientations_that_are_no_headings(tmp_path, turn, line):
+    (found,), (note,) = read(tmp_path, with_turn(turn), "/slam/pose")
     assert np.isnan(found.pose[:, 2]).all()
+    assert note.startswith(f"topic /slam/pose: {line}")
+
+
+def test_tilt_is_told(tmp_path):
+    (found,), notes = read(tmp_path, with_turn(quaternion(SEEN[10, 2], np.radians(31)), [10]), "/slam/pose")
+    np.testing.assert_allclose(found.pose[:, 2], WRAPPED[:, 2], atol=1e-9)
+    line = "tilted by more than 20° in 1 of 80 poses, by up to 31°: slip is identified in the plane"
     assert notes == [f"topic /slam/pose: {line}"]
+
+
+def test_quaternions_that_mean_nothing_are_left_out(tmp_path):
+    long = turned(0.0, 0.0, 0.0, 2.0)
+    (found,), notes = read(tmp_path, with_turn(long, [3, 4]), "/slam/pose")
+    assert len(found.stamp) == 78
+    assert notes == ["topic /slam/pose: 2 of 80 poses left out: the quaternion [0. 0. 0. 2.] is not of unit length"]
+    line = r"topic /slam/pose: the quaternion .* is not of unit length; so are 80 of its 80"
+    with pytest.raises(LogError, match=line):
+        read(tmp_path / "all", with_turn(long), "/slam/pose")
 
 
 def test_a_variance_that_calls_the_heading_unknown(tmp_path):
@@ -199,6 +177,17 @@ def test_fixes_on_a_plane(latitude):
     np.testing.assert_allclose(where, [[0, 0], [0, north], [east, 0]], atol=2e-4)
 
 
+@pytest.mark.parametrize("datum", [Datum(), Datum(-33.0, 179.9999, 1500.0), Datum(0.0, 0.0), Datum(89.9, -70.0)])
+def test_places_of_fixes_by_earth_centred_coordinates(datum):
+    place = np.random.default_rng(0).uniform(-2000, 2000, (100, 2))
+    phi, lam = np.radians([datum.latitude, datum.longitude])
+    east = np.array([-np.sin(lam), np.cos(lam), 0])
+    north = np.array([-np.sin(phi) * np.cos(lam), -np.sin(phi) * np.sin(lam), np.cos(phi)])
+    from_datum = ecef(*datum.geodetic(place).T) - ecef(datum.latitude, datum.longitude, datum.altitude)
+    np.testing.assert_allclose(from_datum @ np.stack([east, north]).T, place, atol=1e-7)
+    np.testing.assert_allclose(from_datum @ np.cross(east, north), 0, atol=1e-7)
+
+
 def test_fixes_are_read_and_those_without_are_left_out(tmp_path):
     messages = [
         fix(stamp(k / 5), 47.0 + 1e-6 * k, 8.0 - 1e-6 * k, 400.0, status=-1 if k in (3, 4) else 2, variance=0.0004)
@@ -211,7 +200,6 @@ def test_fixes_are_read_and_those_without_are_left_out(tmp_path):
     assert found.pose[-1, 0] < 0
     np.testing.assert_array_equal(found.covariance[0, :2, :2], 0.0004 * np.eye(2))
     assert notes == ["topic /fix: 2 of 20 messages left out: they have no fix"]
-    (tmp_path / "none").mkdir()
     with pytest.raises(LogError, match="topic /fix: none of its 3 messages has a fix"):
         read(tmp_path / "none", [fix(stamp(k), 0.0, 0.0, status=-1) for k in range(3)], "/fix")
 

@@ -107,12 +107,6 @@ def test_a_bag_that_holds_every_message_several_times(tmp_path, times):
     assert all("time is stamped twice" in line for line in found.warnings)
 
 
-def test_a_side_that_counts_backwards(tmp_path):
-    log, found = read(tmp_path, states(FOUR * [1, -1, 1, -1]), poses_of(LOG))
-    assert_driven(log)
-    assert "the right encoder counts backwards: turned round" in found.warnings[0]
-
-
 def test_an_encoder_that_is_dead(tmp_path):
     log, found = read(tmp_path, states(FOUR * [1, 0, 1, 1]), poses_of(LOG))
     assert_driven(log)

@@ -1,5 +1,3 @@
-import timeit
-
 import numpy as np
 import pytest
 from quadrature import integral_miss, times
@@ -118,12 +116,6 @@ def test_a_reference_moves_with_its_start(name):
         return np.column_stack([np.exp(-1j * start[2]) * (x + 1j * y), phi])
 
     np.testing.assert_allclose(seen((3.0, -7.0, 2.0)), seen((0.0, 0.0, 0.0)), atol=1e-11)
-
-
-@pytest.mark.parametrize("name", REFERENCES)
-def test_a_pose_is_ready_in_less_than_a_control_step(name):
-    reference = REFERENCES[name]()
-    assert min(timeit.repeat(lambda: reference.pose(20.0), number=100, repeat=5)) / 100 < 1e-3
 
 
 def test_impossible_references_are_refused():
