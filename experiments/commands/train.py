@@ -93,8 +93,7 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Train, store the policy, draw its curve, and print the reward before and after."""
-    from experiments.learning.crossing import crossing_table, gain_text
-    from experiments.learning.figures import learning_curve
+    from experiments.learning.crossing import crossing_table, gain_text, learning_curve
     from experiments.learning.tasks import PathTracking, Traversing
     from experiments.learning.training import CHECKPOINT, POLICY, learn, model_of, network_of
     from experiments.run import Run

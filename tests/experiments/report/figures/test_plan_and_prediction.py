@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 from figures import assert_readable, legend_texts
 
-from experiments.learning.crossing import POLICY, SCRIPTED, CrossingRate
-from experiments.learning.figures import learning_curve
+from experiments.learning.crossing import POLICY, SCRIPTED, CrossingRate, learning_curve
 from experiments.report.figures.plan import draw_plan
 from experiments.report.figures.predict import MODULI, draw_prediction
 from trackslip.planning.limits import DriveLimits
