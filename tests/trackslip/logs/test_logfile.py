@@ -57,20 +57,14 @@ def test_round_trip_is_exact(tmp_path, suffix, write):
 
 
 @pytest.mark.parametrize(("suffix", "write"), [("csv", write_csv), ("parquet", write_parquet)])
-def test_runs_with_and_without_validity_go_together(tmp_path, suffix, write):
-    logs = [make_log("a"), replace(make_log("b"), valid=None)]
+def test_runs_with_and_without_validity_and_covariance_go_together(tmp_path, suffix, write):
+    logs = [make_log("a"), replace(make_log("b"), valid=None), replace(make_log("c"), covariance=None)]
     write(logs, tmp_path / f"runs.{suffix}")
     for before, after in zip(logs, read_runs(tmp_path / f"runs.{suffix}"), strict=True):
         np.testing.assert_array_equal(after.is_valid, before.is_valid)
-
-
-@pytest.mark.parametrize(("suffix", "write"), [("csv", write_csv), ("parquet", write_parquet)])
-def test_a_run_without_covariance_stays_without_beside_one_that_has_it(tmp_path, suffix, write):
-    logs = [make_log("a"), replace(make_log("b"), covariance=None)]
-    write(logs, tmp_path / f"runs.{suffix}")
-    with_covariance, without = read_runs(tmp_path / f"runs.{suffix}")
-    np.testing.assert_array_equal(with_covariance.covariance, logs[0].covariance)
-    assert without.covariance is None
+        assert (after.covariance is None) == (before.covariance is None)
+        if before.covariance is not None:
+            np.testing.assert_array_equal(after.covariance, before.covariance)
 
 
 def test_runs_with_other_columns_may_come_between_alike_ones():
@@ -118,9 +112,8 @@ def test_a_real_robots_log_needs_seven_columns(tmp_path):
         (HEADER + LINES[0] + "a,1,1,2,oops,0,0\na,2,1,2,oops,0,0\n", "row 2, column x: 'oops' .*; so are 2 of its 3"),
         (HEADER + LINES[0] + "a,0.1,1,inf,0,0,0\n", "run 'a': 1 row"),
         (HEADER + LINES[0] + "a,0.1,1,2\n", "Expected 7 columns, got 4"),
-        (HEADER + LINES[0] + LINES[0], "run 'a': 1 row"),
-        (HEADER + 3 * LINES[0], "row 2, column t: 0 is not after 0, the time before it; so are 2 of its 3 rows"),
         (HEADER + LINES[0], "run 'a': 1 row"),
+        (HEADER + 3 * LINES[0], "row 2, column t: 0 is not after 0, the time before it; so are 2 of its 3 rows"),
         (HEADER + 2 * ",0.1,1,2,0,0,0\n", "2 rows left out: row 1, column run: empty"),
         (HEADER + "a,0,,2,0,0,0\na,1,1,,0,0,0\n", "run 'a': columns omega_l, omega_r: no row has both"),
     ],
@@ -200,9 +193,6 @@ def test_steady_samples(tmp_path):
 def test_files_that_are_no_logs(tmp_path):
     with pytest.raises(LogError, match="no such file"):
         read_runs(tmp_path / "none.csv")
-    (tmp_path / "x.parquet").write_text("not parquet")
-    with pytest.raises(LogError, match=r"x\.parquet"):
-        read_runs(tmp_path / "x.parquet")
     (tmp_path / "x.txt").write_text("")
     with pytest.raises(LogError, match="must end in"):
         read_runs(tmp_path / "x.txt")
@@ -215,8 +205,7 @@ def test_a_table_in_memory_is_read_as_well():
 def test_damage_to_what_is_remembered_of_runs_is_noticed(tmp_path):
     """It stands in the footer, of which Parquet has no checksum."""
     path = tmp_path / "runs.parquet"
-    write_parquet([replace(make_log("a"), metadata={"geometry": {"half_gauge": 0.168}})], path)
-    assert read_runs(path)[0].metadata["geometry"]["half_gauge"] == 0.168
+    write_parquet([make_log("a")], path)
     footer = pa.parquet.read_metadata(path).metadata
     assert footer[b"trackslip"].count(b"0.168") == 1
     table = pa.parquet.read_table(path)

@@ -1,11 +1,14 @@
 import numpy as np
 import pytest
+import scipy
 
 from trackslip.errors import LogError
 from trackslip.kinematics import advance
 from trackslip.logs.runlog import RunLog
+from trackslip.motion import butterworth
 from trackslip.motion.arc import arc
 from trackslip.motion.filtered import butterworth_motion, difference, mean_twist, paper_motion
+from trackslip.motion.steady_twist import long_run_covariance
 
 
 def circle_log(twist, rows=600, step=0.05, noise=(0.0, 0.0, 0.0), seed=0, valid=None):
@@ -162,3 +165,51 @@ def test_a_window_without_poses_is_refused(method):
         METHODS["arc"](log, (20.0, 25.0))
     with pytest.raises(LogError, match=r"its steady window between 29\.5 s and 30 s is short: it has 9 poses"):
         METHODS[method](circle_log((0.1, 0.1)), (29.5, 30.0))
+
+
+LOW_PASS = scipy.signal.butter(2, 0.5, output="sos")
+
+
+@pytest.fixture(params=[10, 17, 400])
+def values(request):
+    return 5 + np.cumsum(np.random.default_rng(0).normal(size=(request.param, 3)), axis=0)
+
+
+def test_forwards_it_is_scipys_filter_settled_at_the_first_row(values):
+    settled = scipy.signal.sosfilt_zi(LOW_PASS)[..., None] * values[0]
+    expected, _ = scipy.signal.sosfilt(LOW_PASS, values, axis=0, zi=settled)
+    np.testing.assert_allclose(butterworth.forwards(values), expected, rtol=1e-12)
+
+
+def test_both_ways_it_is_scipys_filter(values):
+    expected = scipy.signal.sosfiltfilt(LOW_PASS, values, axis=0)
+    np.testing.assert_allclose(butterworth.both_ways(values), expected, rtol=1e-12)
+
+
+def test_half_of_the_power_passes_at_half_of_the_highest_frequency():
+    time = np.arange(2000)
+    wave = np.cos(np.pi / 2 * time)[:, None]
+    passed = butterworth.forwards(wave)[1000:]
+    assert passed.std() / wave[1000:].std() == pytest.approx(np.sqrt(0.5), rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 1.0])
+def test_long_run_covariance_is_that_of_newey_and_west(share):
+    series = np.cumsum(np.random.default_rng(0).standard_normal((60, 3)), axis=0)
+    series -= series.mean(axis=0)
+    lags = int(share * 60)
+    expected = series.T @ series
+    for lag in range(1, min(lags, 59) + 1):
+        product = series[lag:].T @ series[:-lag]
+        expected += (1 - lag / (lags + 1)) * (product + product.T)
+    np.testing.assert_allclose(long_run_covariance(series, share), expected / 60, rtol=1e-12, atol=1e-12 * 60)
+
+
+def test_by_default_the_width_follows_the_memory_of_the_series():
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal((4000, 1))
+    slow = noise.copy()
+    for k in range(1, len(slow)):
+        slow[k] += 0.8 * slow[k - 1]
+    assert long_run_covariance(noise)[0, 0] == pytest.approx(1.0, rel=0.2)
+    assert long_run_covariance(slow)[0, 0] == pytest.approx(1 / (1 - 0.8) ** 2, rel=0.3)

@@ -1,5 +1,4 @@
 from dataclasses import replace
-from time import process_time
 
 import numpy as np
 import pytest
@@ -7,7 +6,6 @@ import pytest
 from trackslip.errors import LogError
 from trackslip.identification.samples import slip_samples, usable_samples
 from trackslip.kinematics import RobotGeometry, advance
-from trackslip.logs.logfile import read_runs, write_csv
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
 from trackslip.motion.steady import MARGIN, steady_part, steady_parts
@@ -181,25 +179,6 @@ def test_standing_still_between_commands_is_no_sample():
     (part,) = steady_parts(log, GEOMETRY)
     assert part.name == "run"
     assert part.window[1] < 10.0
-
-
-@pytest.mark.slow
-def test_a_million_rows_take_seconds(tmp_path):
-    """Reading and finding all stretches of one run, in CPU time; Parquet takes half as long to read."""
-    rng = np.random.default_rng(0)
-    twists = np.column_stack([rng.uniform(0.05, 0.3, 1666), rng.uniform(-0.5, 0.5, 1666)])
-    command = np.repeat(np.arange(1666), 600)
-    omega = LAW.sprocket_speeds(twists, GEOMETRY)[command]
-    turn = np.cumsum(twists[command, 1]) * 0.01
-    place = np.cumsum(twists[command, 0] * np.exp(1j * turn)) * 0.01
-    pose = np.column_stack([place.real, place.imag, turn]) + rng.normal(0, 0.005, (len(turn), 3))
-    write_csv([RunLog("long", 0.01 * np.arange(len(turn)), omega, pose)], tmp_path / "log.csv")
-    began = process_time()
-    (log,) = read_runs(tmp_path / "log.csv")
-    parts = steady_parts(log, GEOMETRY)
-    assert process_time() - began < 10.0
-    assert len(log.time) == 999_600
-    assert len(parts) > 1600
 
 
 def test_how_short_a_stretch_may_be_depends_on_the_rate_of_poses():

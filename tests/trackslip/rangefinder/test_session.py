@@ -21,16 +21,8 @@ WALKER = cylinder(lambda time: np.stack([4 * np.sin(time / 5), 1.6 + 0 * time], 
 
 
 def series_of(session):
-    return ScanSeries.measured(
-        "a",
-        session.time,
-        session.ranges,
-        session.angle_min,
-        session.angle_increment,
-        0.05,
-        30.0,
-        session.time_increment,
-    )
+    limits = session.angle_min, session.angle_increment, 0.05, 30.0, session.time_increment
+    return ScanSeries.measured("a", session.time, session.ranges, *limits)
 
 
 def sighted(session, plate=PLATE, noise=None):
