@@ -1,4 +1,5 @@
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,12 +50,16 @@ def failing(capsys, tmp_path, monkeypatch):
     return run
 
 
+_PROGRESS = re.compile(r"[^:]+: [\d.]+(/[\d.]+)? \w+.*")
+
+
 @pytest.fixture
 def refused(failing):
     """Runs a command that must fail with one line of ours; returns the line."""
 
     def run(*arguments: str) -> str:
-        (line,) = failing(*arguments).strip().splitlines()
+        *progress, line = failing(*arguments).strip().splitlines()
+        assert all(_PROGRESS.fullmatch(one) for one in progress)  # of a busy machine
         assert line.startswith("trackslip: ")
         return line.removeprefix("trackslip: ")
 
