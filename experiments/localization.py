@@ -10,20 +10,12 @@ from trackslip.rangefinder.place import PlatePlace
 from trackslip.ros.scanned import ScannedDrive, Stand
 
 _HEADER = ("run", "scans", "located", "noise [mm]", "on the plate [mm]", "background", "others move")
-_MOST_ROWS = 30  # of the table
 _SIDES = {"x": ("ahead of", "behind", "the turning centre"), "y": ("to the left of", "to the right of", "the middle")}
 
 
-def print_drives(title: str, drives: Sequence[ScannedDrive]) -> None:
-    """Print a row per drive, for the first of them."""
-    Table(title, _HEADER, _rows(drives[:_MOST_ROWS])).print()
-    if len(drives) > _MOST_ROWS:
-        print(f"and {len(drives) - _MOST_ROWS} more")
-
-
-def _rows(drives: Sequence[ScannedDrive]) -> list[tuple[str, ...]]:
-    """A row per drive."""
-    return [
+def drives_table(title: str, drives: Sequence[ScannedDrive]) -> Table:
+    """A row for each drive."""
+    rows = [
         (
             drive.log.run,
             str(len(drive.seen.time)),
@@ -35,6 +27,7 @@ def _rows(drives: Sequence[ScannedDrive]) -> list[tuple[str, ...]]:
         )
         for drive in drives
     ]
+    return Table(title, _HEADER, rows)
 
 
 def stand_line(stand: Stand) -> str:

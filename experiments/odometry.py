@@ -96,9 +96,13 @@ def clock_doubt(found: Sequence[Evaluated], logs: Sequence[RunLog]) -> list[str]
 
 def pose_doubts(found: Sequence[Evaluated]) -> list[str]:
     """A line for each drive whose measured poses jump away and back, or lastingly, by the law that fits them best."""
-    best = min(found, key=_misfit)
+
+    def misfit(one: Evaluated) -> float:
+        position = one.errors.aligned.position
+        return float("inf") if position is None else position.median
+
     doubts = []
-    for drive in best.errors.trajectories:
+    for drive in min(found, key=misfit).errors.trajectories:
         outlying, lasting = jumps(drive)
         what = [f"{outlying} outlying pose(s)"] if outlying > _MANY * len(drive.time) else []
         what += [f"{lasting} lasting jump(s) of the poses"] if lasting else []
@@ -120,12 +124,6 @@ def summary_of(one: Evaluated) -> dict[str, Any]:
         "after_metres": {f"{length:g}": found for length, found in errors.after_metres.items()},
         "after_seconds": {f"{length:g}": found for length, found in errors.after_seconds.items()},
     }
-
-
-def _misfit(one: Evaluated) -> float:
-    """Median error of positions that are aligned [m]."""
-    position = one.errors.aligned.position
-    return float("inf") if position is None else position.median
 
 
 def _odometry(used: LawInUse) -> SlipOdometry:

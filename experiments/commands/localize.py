@@ -40,7 +40,7 @@ class Config(BagOptions, Options):
 
 def run(config: Config) -> None:
     """Locate, store and print."""
-    from experiments.localization import described, place_lines, print_drives, stand_line
+    from experiments.localization import described, drives_table, place_lines, stand_line
     from experiments.report.figures.localization import field as field_figure
     from experiments.report.page import drawn
     from experiments.run import Run
@@ -57,12 +57,10 @@ def run(config: Config) -> None:
         figures.mkdir()
         drawn("field", field_figure(drives), config.pdf).write(figures)
     print(drives[0].taken)
-    print_drives(f"The plate of {config.plate} m in scans", drives)
-    for line in dict.fromkeys(stand_line(drive.stand) for drive in drives):
-        print(line)
+    drives_table(f"The plate of {config.plate} m in scans", drives).print()
+    lines = [*dict.fromkeys(stand_line(drive.stand) for drive in drives)]
     if len(drives) == 1:
-        for line in place_lines(drives[0].place):
-            print(line)
-    for line in warnings:
-        print(f"warning: {line}")
+        lines += place_lines(drives[0].place)
+    for line in (*lines, *(f"warning: {line}" for line in warnings)):
+        print(line)
     print(f"{config.out / RUNS_FILE}: {run.wall:.1f} s; next: trackslip identify {shlex.quote(str(config.out))}")
