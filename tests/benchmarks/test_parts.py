@@ -14,6 +14,8 @@ from sim.scanner.scanner import LaserScanner
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.drive.estimate import fit_drives, prepare
 from trackslip.localization.plate import PlateLocator
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.steady import steady_parts
 
 pytest.importorskip("pytest_benchmark")
 ROBOTS = 25
@@ -63,3 +65,13 @@ def test_laws_of_25_steady_runs(benchmark):
 
 def test_a_law_of_a_drive_of_a_minute(benchmark):
     benchmark(fit_drives, "icr_radius", prepare([wandered(duration=60.0)]), GEOMETRY)
+
+
+def test_steady_stretches_of_a_log_of_100_000_rows(benchmark):
+    rng = np.random.default_rng(0)
+    twist = np.repeat(np.column_stack([rng.uniform(0.05, 0.3, 166), rng.uniform(-0.5, 0.5, 166)]), 600, axis=0)
+    turn = np.cumsum(twist[:, 1]) * 0.01
+    place = np.cumsum(twist[:, 0] * np.exp(1j * turn)) * 0.01
+    pose = np.column_stack([place.real, place.imag, turn]) + rng.normal(0, 0.005, (len(turn), 3))
+    log = RunLog("long", 0.01 * np.arange(len(turn)), LAW.sprocket_speeds(twist, GEOMETRY), pose)
+    assert len(benchmark(steady_parts, log, GEOMETRY)) > 160
