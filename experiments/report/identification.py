@@ -88,13 +88,10 @@ def _driven(runs: int, turns: InnerOuterSamples) -> str:
     if len(turns):
         ends = (f"{end:.2f}" for values in (turns.radius, turns.speed) for end in (values.min(), values.max()))
         where = ", at observed radii from {} to {} m and speeds from {} to {} m/s".format(*ends)
-    straight = (
-        f" The other {runs - len(turns)} run(s) were nearly straight: they count for the laws but have no place on an "
-        "axis of radii."
-    )
+    straight = f" Nearly straight runs ({runs - len(turns)}) count for the laws but have no place on an axis of radii."
     return (
         "The robot drives at constant sprocket speeds. Each run gives one mean slip per track from its measured "
-        f"motion: {len(turns)} turn(s){where}.{straight if runs > len(turns) else ''}"
+        f"motion: {len(turns)} turn{'s' * (len(turns) != 1)}{where}.{straight if runs > len(turns) else ''}"
     )
 
 

@@ -125,7 +125,7 @@ def test_all_kinds_of_turns_have_a_page(twists):
 def test_straight_runs_alone_have_tables_but_no_axis_of_radii():
     found = identified(driven([(0.1, 0.0), (0.2, 0.0), (0.15, 0.0)]), ("none",), best="none")
     assert plots(found) == ("comparison_of_laws",)
-    assert "The other 3 run(s) were nearly straight" in text_of(found)
+    assert "Nearly straight runs (3) count for the laws" in text_of(found)
 
 
 def test_one_run_has_a_page():
