@@ -43,10 +43,8 @@ from trackslip.trajectory.segmented import circle, paper_reference
 if TYPE_CHECKING:
     from experiments.commands.bench import Config
 
-BARE, FLEET, SCANNER, LOOP, TRACKING, TRAVERSE = CASES = (
-    *("bare engine", "fleet", "scanner", "closed loop"),
-    *("PathTracking-v0", "Traverse-v0"),
-)
+CASES = ("bare engine", "fleet", "scanner", "closed loop", "PathTracking-v0", "Traverse-v0")
+BARE, FLEET, SCANNER, LOOP, TRACKING, TRAVERSE = CASES
 LOOPS, LOCALIZATION, REPRODUCE = "ten closed loops", "localization", "reproduce"
 _RADIUS, _SPEED = 1.25, 0.15  # of the circle that robots drive [m], [m/s]
 _STEADY = 2.0  # time after which the sprockets turn at their set points [s]
@@ -127,12 +125,11 @@ def _measured(case: _Case, periods: int, repeats: int, turn: Turn = lambda _: No
     """The median speed over some turns, after one that warms up."""
     case.take_turn(_FEWEST)
     turn(1.0)
-    took: list[float] = []
-    bare: list[float] = []
+    turns = []
     for _ in range(repeats):
-        for found, seconds in zip((took, bare), case.take_turn(periods), strict=True):
-            found.append(seconds)
+        turns.append(case.take_turn(periods))
         turn(1.0)
+    took, bare = np.transpose(turns)
     rate = case.robots * periods * case.steps / float(np.median(took))
     return Speed("", case.robots, rate, float(np.median(np.divide(bare, took))))
 
