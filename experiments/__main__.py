@@ -1,5 +1,6 @@
 """Where `trackslip` starts: runs the command line; an interrupt prints one line, whenever it comes."""
 
+import contextlib
 import io
 import signal
 import sys
@@ -18,19 +19,24 @@ class _Interrupts:
 
     def __init__(self) -> None:
         self.received = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, self._interrupt)
-        if hasattr(signal, "SIGALRM"):
-            signal.signal(signal.SIGALRM, self._interrupt)
+        self._numbers = [
+            number
+            for name in ("SIGINT", "SIGTERM", "SIGALRM")
+            if (number := getattr(signal, name, None)) and signal.getsignal(number) is not signal.SIG_IGN
+        ]
+        for number in self._numbers:
+            signal.signal(number, self._interrupt)
 
     def ignore(self) -> None:
-        """From now on, the process ends by itself, with its own exit code."""
-        if hasattr(signal, "pthread_sigmask"):
-            signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGALRM))
+        """From now on, the process ends by itself, with its own exit code: no signal in any thread can end it."""
+        for number in self._numbers:
+            while signal.getsignal(number) is not signal.SIG_IGN:
+                with contextlib.suppress(Interrupted):  # of a signal that has just come
+                    signal.signal(number, signal.SIG_IGN)
 
     def _interrupt(self, number: int, frame: FrameType | None) -> NoReturn:
         self.received = True
+        sys.unraisablehook = lambda _: None  # a callback that is interrupted can't raise, and would print a traceback
         if hasattr(signal, "SIGALRM"):
             signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         raise Interrupted

@@ -5,6 +5,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -163,6 +164,7 @@ class _Task:
     def terminate(self, number: int, frame: FrameType | None) -> None:
         """Handle SIGTERM."""
         self._terminated, running, self._running = True, self._running, False
+        sys.unraisablehook = lambda _: None  # a callback that is interrupted can't raise, and would print a traceback
         if running:
             raise KeyboardInterrupt
 
