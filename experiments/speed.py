@@ -21,10 +21,13 @@ import numpy as np
 from mujoco import batch
 
 from experiments.checks import Check, at_least
+from experiments.driving.closed_loop import start_pose
 from experiments.driving.grid_runs import before_scanner, cells_of, drive_grid
 from experiments.driving.lookup import locator
+from experiments.driving.paper_model import KNOWN_LAWS
 from experiments.driving.world import World
 from experiments.options.grid import GridConfig
+from experiments.options.world import IDENTIFIED
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.fleet import SETTLING, Fleet
 from sim.path_tracking.config import PERIOD
@@ -34,7 +37,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.steering import Pilot
 from sim.stopwatch import Stopwatch
-from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array, sprocket_speeds
 from trackslip.slip.compensation import FixedLaw
 from trackslip.slip.law_file import load_laws
@@ -73,8 +76,7 @@ class Speed:
 def measure(config: Config, robot: Robot, turn: Turn) -> tuple[list[Speed], dict[str, float]]:
     """Speeds of all cases, and costs over their physics of ten closed loops, localization and reproduce [-]."""
     speeds = [speed for size in config.sizes for speed in _speeds(config, robot, size, turn)]
-    loops = _measured(_closed_loops(robot, _LOOPS, config.threads), 40, config.repeats)
-    turn(1.0)
+    loops = _measured(LOOPS, _closed_loops(robot, _LOOPS, config.threads), 40, config.repeats, turn)
     costs = {LOOPS: 1 / loops.over_bare, LOCALIZATION: _localization(config), REPRODUCE: _reproduction(config, robot)}
     turn(1.0)
     return speeds, costs
@@ -106,8 +108,7 @@ def _speeds(config: Config, robot: Robot, size: int, turn: Turn) -> Iterator[Spe
     for name, case in cases.items():
         made = case()
         periods = math.ceil(_SLOWER.get(name, 1.0) * config.seconds / (size * made.period) - 1e-9)
-        found = _measured(made, max(_FEWEST, periods), config.repeats, turn)
-        yield Speed(name, size, found.steps_per_s, found.over_bare)
+        yield _measured(name, made, max(_FEWEST, periods), config.repeats, turn)
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class _Case:
     """Drives for some periods; returns the time that this took, and that of the bare engine in the same motion [s]."""
 
 
-def _measured(case: _Case, periods: int, repeats: int, turn: Turn = lambda _: None) -> Speed:
+def _measured(name: str, case: _Case, periods: int, repeats: int, turn: Turn) -> Speed:
     """The median speed over some turns, after one that warms up."""
     case.take_turn(_FEWEST)
     turn(1.0)
@@ -131,7 +132,7 @@ def _measured(case: _Case, periods: int, repeats: int, turn: Turn = lambda _: No
         turn(1.0)
     took, bare = np.transpose(turns)
     rate = case.robots * periods * case.steps / float(np.median(took))
-    return Speed("", case.robots, rate, float(np.median(np.divide(bare, took))))
+    return Speed(name, case.robots, rate, float(np.median(np.divide(bare, took))))
 
 
 def _fleet(robot: Robot, size: int, threads: int, case: str) -> _Case:
@@ -161,7 +162,7 @@ def _fleet(robot: Robot, size: int, threads: int, case: str) -> _Case:
 def _closed_loops(robot: Robot, size: int, threads: int) -> _Case:
     """Robots that localize themselves and follow a circle by the paper's controller."""
     period = LaserScanner().period
-    pilot = Pilot(LinearTimeVarying(), range(size), FixedLaw(load_laws()["icr_radius"]))
+    pilot = Pilot(CONTROLLERS["linear"](), range(size), FixedLaw(load_laws()["icr_radius"]))
 
     def take_turn(periods: int) -> tuple[float, float]:
         path = circle(_RADIUS, _SPEED, periods * period, before_scanner(robot))
@@ -176,11 +177,8 @@ def _closed_loops(robot: Robot, size: int, threads: int) -> _Case:
 
 def _path_tracking(size: int, threads: int, seed: int) -> _Case:
     """Robots that follow their references in the environment; a single one in the environment of one robot."""
-    options: dict[str, Any] = {
-        "reference": ("circle", "figure_eight", "slalom", "spiral"),
-        "action": "twist",
-        "compensation": "icr_radius",
-    }
+    references = ("circle", "figure_eight", "slalom", "spiral")
+    options: dict[str, Any] = {"reference": references, "action": "twist", "compensation": "icr_radius"}
     env: Any = PathTrackingVectorEnv(size, threads=threads, **options)
     if size == 1:
         env = gymnasium.make("sim:trackslip/PathTracking-v0", **options).unwrapped
@@ -301,15 +299,17 @@ def _grid_physics(world: World, grid: GridConfig, threads: int) -> float:
 def _reproduction(config: Config, robot: Robot) -> float:
     """Time of `trackslip reproduce`, start of Python included, over that of its physics on as many processors [-]."""
     threads = min(2, os.cpu_count() or 1)
-    grid, path = GridConfig(threads=threads), paper_reference()
-    fleet = Fleet(robot, np.tile(path.pose(0.0), (_LOOPS, 1)), threads=threads)
-    motion = SameMotion(fleet)
-    closed_loop(fleet, [Pilot(LinearTimeVarying(), range(_LOOPS))], path, progress=motion.note)
+    grid, path, laws = GridConfig(threads=threads), paper_reference(), {**KNOWN_LAWS, **load_laws()}
+    runs = [(name, laws[law]) for name in ("feedforward", "linear") for law in (*KNOWN_LAWS, *IDENTIFIED)]
+    fleet = Fleet(robot, [start_pose(name, "paper", path) for name, _ in runs], threads=threads)
+    pilots = [Pilot(CONTROLLERS[name](), [k], FixedLaw(law)) for k, (name, law) in enumerate(runs)]
+    motion, feed = SameMotion(fleet), ScannerFeed(LaserScanner(), fleet)
+    closed_loop(fleet, pilots, path, feed, locator("plate", robot), progress=motion.note)
     bare = motion.repeat() + _grid_physics(World.of(grid), grid, threads)
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    with tempfile.TemporaryDirectory() as folder:
-        options = ["--seed", str(config.seed), "--threads", str(threads), "--out", f"{folder}/out"]
-        command = [sys.executable, "-m", "experiments", "reproduce", *options]
+    command = [sys.executable, "-m", "experiments", "reproduce", "--seed", str(config.seed), "--threads", str(threads)]
+    with tempfile.TemporaryDirectory() as out:
+        command += ["--out", f"{out}/out"]
         return _seconds(lambda: subprocess.run(command, check=True, capture_output=True, env=environment)) / bare
 
 

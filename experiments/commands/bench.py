@@ -40,7 +40,7 @@ def run(config: Config) -> None:
 
     robot = load_robot()
     with Run(config) as run:
-        with run.progress("bench", 2 + (1 + config.repeats) * len(config.sizes) * len(CASES), "turns") as turn:
+        with run.progress("bench", 1 + (1 + config.repeats) * (1 + len(config.sizes) * len(CASES)), "turns") as turn:
             speeds, costs = measure(config, robot, turn)
         checks = checks_of(speeds, costs)
         summary = {
