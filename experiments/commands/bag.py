@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import tyro
 
 from experiments.options.bag_choice import Bag, BagOptions
-from experiments.options.base import Exclusion, Needs, Options
-from experiments.options.help import default_is
+from experiments.options.base import Exclusion, Needs, Options, default_is
 from trackslip.errors import InvalidValueError
 from trackslip.ros.choice import BagChoice
 

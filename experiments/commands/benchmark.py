@@ -4,10 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from experiments.options.base import Distinct, Whole, Within
-from experiments.options.checks import refuse_unused
+from experiments.options.base import Distinct, Whole, Within, default_is, refuse_changed
 from experiments.options.choices import COMPENSATIONS, CONTROLLERS, REFERENCES, WITHOUT_LAWS
-from experiments.options.help import default_is
 from experiments.options.world import MAX_JOBS, MAX_PREVIEW, Equipment
 
 EXAMPLES = (
@@ -61,8 +59,8 @@ class Config(Equipment):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if all(name in WITHOUT_LAWS for name in self.compensations or ("icr_radius",)):
-            refuse_unused(self, ("laws",), f"with --compensations {' '.join(self.compensations or ())}")
+        if self.compensations and set(self.compensations) <= set(WITHOUT_LAWS):
+            refuse_changed("laws", self.laws, None, f"with --compensations {' '.join(self.compensations)}")
 
 
 def run(config: Config) -> None:

@@ -5,8 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
-from experiments.options.base import Distinct, Whole
-from experiments.options.help import default_is
+from experiments.options.base import Distinct, Whole, default_is
 from experiments.options.world import Repeatable
 from trackslip.errors import InvalidValueError
 

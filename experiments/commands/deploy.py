@@ -6,8 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 import tyro
 
-from experiments.options.base import Exclusion, Needs, Options
-from experiments.options.help import default_is
+from experiments.options.base import Exclusion, Needs, Options, default_is
 
 EXAMPLES = (
     ("parameters of diff_drive_controller", "trackslip deploy out/identify"),

@@ -7,8 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 import tyro
 
-from experiments.options.base import Excludes, Exclusion, Options, Positive, Whole, Within
-from experiments.options.help import default_is
+from experiments.options.base import Excludes, Exclusion, Options, Positive, Whole, Within, default_is
 from experiments.options.world import MAX_DURATION
 from trackslip.errors import InvalidValueError, require_positive
 

@@ -9,8 +9,7 @@ from typing import Annotated
 import tyro
 
 from experiments.options.bag_choice import Bag, BagOptions
-from experiments.options.base import Distinct, Options, Positive, Within
-from experiments.options.help import default_is
+from experiments.options.base import Distinct, Options, Positive, Within, default_is
 from trackslip.errors import InvalidValueError
 
 EXAMPLES = (

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
-from experiments.options.base import Distinct, Exclusion, Needs, Options
-from experiments.options.help import default_is
+from experiments.options.base import Distinct, Exclusion, Needs, Options, default_is
 from trackslip.errors import InvalidValueError
 
 if TYPE_CHECKING:

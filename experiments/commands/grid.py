@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from experiments.options.base import Distinct, Excludes, Exclusion, Needs, Whole
+from experiments.options.base import Distinct, Excludes, Exclusion, Needs, Whole, default_is
 from experiments.options.grid import GridConfig
-from experiments.options.help import default_is
 from experiments.options.world import MAX_JOBS
 from trackslip.errors import InvalidValueError
 

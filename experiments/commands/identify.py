@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import tyro
 
 from experiments.options.bag_choice import Bag, BagOptions
-from experiments.options.base import Distinct, Excludes, Exclusion, NonNegative, Options, Positive, Within
-from experiments.options.help import default_is
+from experiments.options.base import Distinct, Excludes, Exclusion, NonNegative, Options, Positive, Within, default_is
 from experiments.options.world import Method
 from trackslip.errors import InvalidValueError
 from trackslip.motion.constant_speed import SETTLE

@@ -8,8 +8,7 @@ from typing import Annotated
 import tyro
 
 from experiments.options.bag_choice import BagOptions
-from experiments.options.base import Options
-from experiments.options.help import default_is
+from experiments.options.base import Options, default_is
 
 EXAMPLES = (
     ("a plate of 0.5 m by 2 cm", "trackslip localize run.mcap --plate 0.5x0.02"),

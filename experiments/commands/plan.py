@@ -9,8 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 import tyro
 
-from experiments.options.base import Exclusion, Needs, Positive, Whole, Within
-from experiments.options.help import default_is
+from experiments.options.base import Exclusion, Needs, Positive, Whole, Within, default_is
 from experiments.options.world import Repeatable
 from trackslip.errors import InvalidValueError, require_finite
 from trackslip.planning.limits import DriveLimits

@@ -4,8 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from experiments.options.base import Exclusion, Needs, Options, Positive, refuse_changed
-from experiments.options.help import default_is
+from experiments.options.base import Exclusion, Needs, Options, Positive, default_is, refuse_changed
 from experiments.options.world import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR
 from sim.drive.pull import Pull
 from sim.ground.ground import MAX_FRICTION, Ground

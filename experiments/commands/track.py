@@ -8,11 +8,9 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 import tyro
 
-from experiments.options.base import Excludes, Exclusion, Needs, Within
-from experiments.options.checks import require_speed
+from experiments.options.base import Excludes, Exclusion, Needs, Within, default_is
 from experiments.options.choices import COMPENSATIONS, CONTROLLERS, REFERENCES, WITHOUT_LAWS
-from experiments.options.help import default_is
-from experiments.options.world import MAX_COORDINATE, MAX_DURATION, MAX_PREVIEW, MAX_RADIUS, Simulation
+from experiments.options.world import MAX_COORDINATE, MAX_DURATION, MAX_PREVIEW, MAX_RADIUS, Simulation, require_speed
 
 EXAMPLES = (
     ("the paper's path and controller", "trackslip track"),

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from experiments.options.base import Excludes, Exclusion
-from experiments.options.help import default_is
+from experiments.options.base import Excludes, Exclusion, default_is
 from experiments.options.world import Repeatable
 
 EXAMPLES = (

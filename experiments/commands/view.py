@@ -8,8 +8,7 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from experiments.options.base import Excludes, Exclusion, Options
-from experiments.options.help import default_is
+from experiments.options.base import Excludes, Exclusion, Options, default_is
 from trackslip.errors import InvalidValueError
 
 EXAMPLES = (

@@ -17,11 +17,18 @@ from experiments.options.base import (
     Positive,
     Whole,
     Within,
+    default_is,
     refuse_changed,
 )
-from experiments.options.checks import require_speed
-from experiments.options.help import default_is
-from experiments.options.world import MAX_DURATION, RADIUS_ERROR, GroundOptions, PullOptions, Repeatable, Simulation
+from experiments.options.world import (
+    MAX_DURATION,
+    RADIUS_ERROR,
+    GroundOptions,
+    PullOptions,
+    Repeatable,
+    Simulation,
+    require_speed,
+)
 from sim.drive.drive import Drive
 from sim.scanner.scanner import LaserScanner
 from sim.wander.pose_source import SOURCES, PoseSource

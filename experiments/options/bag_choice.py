@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from experiments.options.help import default_is
+from experiments.options.base import default_is
 from trackslip.errors import InvalidValueError
 from trackslip.localization.scan import Plate
 from trackslip.ros.choice import BagChoice

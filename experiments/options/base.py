@@ -6,6 +6,8 @@ import typing
 from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
 
+import tyro
+
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
 
 
@@ -220,3 +222,8 @@ def with_option(config: Any, name: str, value: object) -> Any:
     except InvalidValueError as error:
         raise InvalidValueError(f"{head}.{error.field}", error.value, error.allowed) from error
     return dataclasses.replace(config, **{head: inner})
+
+
+def default_is(text: str, metavar: str) -> object:
+    """Annotation of an option that is None by default: what `--help` prints as its default, and for its value."""
+    return tyro.conf.arg(metavar=metavar, help_behavior_hint=f"(default: {text})")

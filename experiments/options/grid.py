@@ -4,9 +4,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from experiments.options import checks
 from experiments.options.base import Distinct, Positive, Within
-from experiments.options.world import MAX_DURATION, MAX_RADIUS, MIN_DURATION, Localization, Method, Simulation
+from experiments.options.world import (
+    MAX_DURATION,
+    MAX_RADIUS,
+    MIN_DURATION,
+    Localization,
+    Method,
+    Simulation,
+    require_speed,
+)
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 
 
@@ -26,7 +33,7 @@ class RunsConfig(Simulation):
     def __post_init__(self) -> None:
         super().__post_init__()
         for speed in self.speeds:
-            checks.require_speed("speeds", speed, self.drive.top_speed)
+            require_speed("speeds", speed, self.drive.top_speed)
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,12 @@ from typing import Annotated, Literal
 
 import tyro
 
-from experiments.options.base import Options, Whole, Within
-from experiments.options.help import default_is
+from experiments.options.base import Options, Whole, Within, default_is
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.drive.pull import Pull
 from sim.ground.ground import Ground
 from sim.scanner.scanner import LaserScanner
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, require_positive
 
 Localization = Literal["plate", "line"]
 Motion = Literal["paper", "butterworth", "arc", "bundle"]
@@ -28,6 +27,7 @@ MAX_THREADS = MAX_JOBS = 1024
 MAX_PREVIEW = 1.0  # [s]
 MIN_DURATION, MAX_DURATION = 4.0, 3600.0
 """Of a run; a shorter one leaves no steady part to average over [s]."""
+_MIN_SPEED = 1e-3  # [m/s]
 MIN_RADIUS, MAX_RADIUS = 1e-3, 1000.0  # [m]
 MIN_FRICTION_RATIO = 0.01  # across the track over along it [-]
 MAX_COORDINATE = 100.0  # of a start [m]
@@ -129,3 +129,12 @@ class Simulation(Repeatable, Equipment):
 
     ground: GroundOptions = field(default_factory=GroundOptions)
     """The ground, and properties that differ from the named one's."""
+
+
+def require_speed(name: str, speed: float, top_speed: float) -> None:
+    """Refuse a speed [m/s] that is not positive, can't be told from standing, or is above what the drive allows."""
+    require_positive(name, speed)
+    if speed > top_speed:
+        raise InvalidValueError(name, speed, f"at most drive.top_speed = {top_speed} m/s")
+    if speed < _MIN_SPEED:
+        raise InvalidValueError(name, speed, f"at least {_MIN_SPEED:g} m/s")
