@@ -55,7 +55,7 @@ def run(config: Config) -> None:
         if config.run:
             raise InvalidValueError("run", config.run, f"left out: {config.path} has one run, with its recording")
         if config.save is None:
-            viewer.show(kept, config.web, begin=0.0)
+            viewer.show(kept, config.web)
         else:
             viewer.copy(kept, config.save)
             print(f"{config.save}: {kept}; rerun {shlex.quote(str(config.save))}")
@@ -73,4 +73,5 @@ def run(config: Config) -> None:
         return
     with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
         file = Path(folder) / file_names([title(chosen)], ".rrd")[0]
-        viewer.show(file, config.web, begin=record(file, chosen, laws))
+        record(file, chosen, laws)
+        viewer.show(file, config.web)

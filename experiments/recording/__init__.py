@@ -1,4 +1,4 @@
-"""Record RunLogs for the rerun viewer. Importing this does not import rerun; recording does."""
+"""Record runs for the rerun viewer. Importing this does not import rerun; recording does."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,25 +19,25 @@ def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequ
         record(folder / RECORDINGS_FOLDER / name, group)
 
 
-def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> float:
+def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> None:
     """Record a run, or several for comparison, as a .rrd file, complete or not at all.
 
-    Returns the start of the loop that the viewer plays [s]; raises OutputError if the file can't be written.
+    Raises OutputError if the file can't be written.
     """
-    from experiments.recording import stream
-    from experiments.recording.files import recording
+    from experiments.recording.run import send_runs
+    from experiments.recording.stream import recording
 
-    with recording(file, title(logs)) as opened:
-        return stream.send(opened, logs, laws)
+    with recording(file, title(logs)) as stream:
+        send_runs(stream, logs, laws)
 
 
 def record_course_drive(file: Path, run: "CourseRun", world: "TrackedModel", about: Mapping[str, Any]) -> None:
     """Record a drive over a course; `world` is the model with its looks. Raises OutputError as `record` does."""
-    from experiments.recording import course_drive
-    from experiments.recording.files import recording
+    from experiments.recording.course_drive import send_course_drive
+    from experiments.recording.stream import recording
 
-    with recording(file, f"{world.robot.name}: {run.outcome}") as opened:
-        course_drive.send_course_drive(opened, run, world, about)
+    with recording(file, f"{world.robot.name}: {run.outcome}") as stream:
+        send_course_drive(stream, run, world, about)
 
 
 def title(logs: Sequence[RunLog]) -> str:

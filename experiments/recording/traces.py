@@ -4,13 +4,11 @@ import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import scipy
 
 from experiments.driving.lookup import reference as load_reference
-from experiments.driving.paper_model import KNOWN_LAWS
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.runlog import RunLog
@@ -18,8 +16,6 @@ from trackslip.logs.stored_geometry import stored_geometry
 from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.motion.filtered import even_poses
 from trackslip.motion.steady_twist import Motion
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.law_file import load_laws
 from trackslip.slip.stored_laws import SHIPPED
 from trackslip.trajectory.base import Reference
@@ -55,12 +51,6 @@ class Traces:
         return None if self.error is None else np.hypot(self.error[:, 0], self.error[:, 1])
 
     @property
-    def late_error(self) -> Array | None:
-        """The error (T', 3) after the transient; None for a shorter run [m, m, rad]."""
-        late = self.time >= TRANSIENT
-        return None if self.error is None or not late.any() else self.error[late]
-
-    @property
     def moment(self) -> float:
         """The moment of interest: the largest error after the transient, else the middle of the run [s]."""
         distance, late = self.distance, self.time >= TRANSIENT
@@ -84,7 +74,7 @@ def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
             twist = log.truth.twist[:, [0, 2]]
             mean = (twist + np.concatenate([twist[:1], twist[:-1]])) / 2  # measured sprocket speeds are means, too
             true, driven = _slip(log.omega, mean, geometry), mean
-        law, name = _slip_by_law(log, geometry, driven if log.twist_command is None else log.twist_command, laws)
+        law, name = _slip_by_law(log, geometry, driven, laws)
     error = None if desired is None else body_errors(pose, desired)
     return Traces(log, log.time - log.time[0], pose, estimate, desired, error, true, identified, law, name)
 
@@ -132,38 +122,28 @@ def _smooth_motion(log: RunLog) -> Motion:
 
 
 def _slip_by_law(
-    log: RunLog, geometry: RobotGeometry, twist: Array | None, file: Path | None
+    log: RunLog, geometry: RobotGeometry, driven: Array | None, file: Path | None
 ) -> tuple[Array | None, str]:
-    """Slips (T, 2) by the law that compensated the run, else by a constant ICR, and the law's name."""
-    if twist is None:
-        return None, ""
+    """Slips (T, 2) that the run's compensation assumed, else those of the shown law as the robot drove; and its name.
+
+    Compensation's slips are those between commanded twists and set points that the top speed didn't limit.
+    """
     name = str(log.metadata.get("compensation", "none"))
-    law: SlipLaw | None = None
-    if log.icr is not None and name != "none":
-        law = ConstantIcr(log.icr[:, 0], geometry.half_gauge, log.icr[:, 1])  # type: ignore[arg-type]
-    elif name != "none" and (compensated := _compensated(log, geometry)) is not None:
-        return compensated, name
+    if name != "none" and log.command is not None and log.twist_command is not None:
+        drive = log.metadata.get("drive")
+        fastest = drive.get("top_speed") if isinstance(drive, Mapping) else None
+        limit = _BELOW_TOP * (fastest or np.inf) / geometry.sprocket_radius
+        slip = track_slip(log.command, log.twist_command, geometry)
+        shown = np.abs(log.command).max(axis=1, keepdims=True) < limit
     else:
-        laws: dict[str, Any] = dict(KNOWN_LAWS)
+        law = None
         with contextlib.suppress(TrackslipError):
-            laws |= load_laws(file or SHIPPED, geometry)
-        name = name if name != "none" and name in laws else _BY_DEFAULT
-        law = laws.get(name)
-    if law is None:
-        return None, ""
-    slip = law(curvature(twist))
-    return np.where((np.abs(slip) < _POLE) & (np.abs(log.omega) > _MIN_SPROCKET_SPEED), slip, np.nan), name
-
-
-def _compensated(log: RunLog, geometry: RobotGeometry) -> Array | None:
-    """Slips (T, 2) between commanded twists and set points; NaN where the top speed limited these, None if unknown."""
-    drive = log.metadata.get("drive")
-    fastest = drive.get("top_speed") if isinstance(drive, Mapping) else None
-    if log.command is None or log.twist_command is None or not isinstance(fastest, int | float):
-        return None
-    free = np.abs(log.command).max(axis=1, keepdims=True) < _BELOW_TOP * fastest / geometry.sprocket_radius
-    slip = track_slip(log.command, log.twist_command, geometry)
-    return np.where(free & (np.abs(slip) < _POLE) & (np.abs(log.omega) > _MIN_SPROCKET_SPEED), slip, np.nan)
+            law, name = load_laws(file or SHIPPED, geometry).get(_BY_DEFAULT), _BY_DEFAULT
+        twist = driven if log.twist_command is None else log.twist_command
+        if law is None or twist is None:
+            return None, ""
+        slip, shown = law(curvature(twist)), np.ones((len(log.time), 1), bool)
+    return np.where(shown & (np.abs(slip) < _POLE) & (np.abs(log.omega) > _MIN_SPROCKET_SPEED), slip, np.nan), name
 
 
 def _held(pose: Array) -> Array:

@@ -1,18 +1,13 @@
 """The rerun viewer: which runs it shows, and how it is started, native or in the browser."""
 
-import contextlib
 import json
 import os
-import re
 import shutil
-import socket
+import signal
 import subprocess
 import sys
-import threading
-import urllib.parse
 from collections.abc import Sequence
 from pathlib import Path
-from time import monotonic, sleep
 
 from experiments.storage.results import DRIVE_RECORDING, MANIFEST_FILE, RECORDINGS_FOLDER
 from trackslip.errors import LogError, OutputError, TrackslipError
@@ -21,10 +16,6 @@ from trackslip.slip.law_file import load_laws
 
 _NAMED = 5  # runs listed in an error message
 _SHORT = 12  # characters shown of an id
-_LOCAL = "127.0.0.1"
-_PAGE, _STREAM = 9090, 9876  # default ports of the viewer's page and of its data
-_MAX_MESSAGE = 300  # characters quoted from the viewer's error
-_PATIENCE, _BETWEEN = 30.0, 0.1  # how long to wait for the viewer to start, and how often to look [s]
 
 
 def drive_recording(path: Path) -> Path | None:
@@ -78,59 +69,26 @@ def has_laws(path: Path) -> bool:
         return False
 
 
-def show(file: Path, web: bool, begin: float) -> None:
+def show(file: Path, web: bool) -> None:
     """Show a recording in a new viewer, native or in the browser, until it is closed or interrupted.
 
-    The native viewer starts at `begin` [s]; in the browser, playback starts at zero and then repeats the loop.
     Raises TrackslipError if there is no viewer, or it doesn't start.
     """
     beside = Path(sys.executable).with_name("rerun")  # found even if the environment isn't active
     viewer = str(beside) if beside.exists() else shutil.which("rerun")
     if viewer is None:
         raise TrackslipError("the rerun viewer isn't installed; --save FILE writes the recording to a file")
-    port = free_port(_STREAM)
-    stream = f"rerun+http://{_LOCAL}:{port}/proxy"
-    command = [viewer, "--bind", _LOCAL, "--port", str(port), str(file)]
+    command = [viewer, "--bind", "127.0.0.1", "--new", str(file)]
     if web:
-        page = free_port(_PAGE)
-        command += ["--web-viewer", "--web-viewer-port", str(page)]
-        source = urllib.parse.quote(stream, safe="")
-        print(f"showing in the browser until interrupted: http://{_LOCAL}:{page}?url={source}", flush=True)
-    quiet = {"RUST_LOG": "error", "RERUN_APP_ONLY": "true"}
-    with subprocess.Popen(command, env={**quiet, **os.environ}, stderr=subprocess.PIPE, text=True) as process:
-        if not web:
-            threading.Thread(target=put_time, args=(stream, begin, process), daemon=True).start()
+        print("showing in the browser until interrupted", flush=True)
+        command += ["--web-viewer", "--web-viewer-port", "0"]
+    log = "error,re_sdk::web_viewer=info"  # which names the page
+    with subprocess.Popen(command, env={"RUST_LOG": log, **os.environ}) as process:
         try:
-            _, said = process.communicate()
-        except BaseException:
-            process.terminate()
+            process.wait()
+        except BaseException:  # `rerun` is a script that starts the viewer, and ends it only when interrupted itself
+            process.send_signal(signal.SIGINT if os.name == "posix" else signal.SIGTERM)
             raise
     if process.returncode != 0:
-        why = next((line for line in said.splitlines() if line.startswith("Error: ")), said).removeprefix("Error: ")
-        why = re.sub(r"\S*/\S+: ", "", why)  # a place in the viewer's source
         other = "" if web else "--web, or "
-        raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE ({why.strip()[:_MAX_MESSAGE]})")
-
-
-def put_time(stream: str, time: float, viewer: subprocess.Popen[str]) -> None:
-    """Move the viewer at `stream` to a time [s] once it has opened the recording, which cannot specify it itself."""
-    from rerun.experimental import ViewerClient
-
-    end = monotonic() + _PATIENCE
-    while monotonic() < end and viewer.poll() is None:
-        with contextlib.suppress(Exception):  # not ready yet, or this experimental interface has changed
-            client = ViewerClient.connect(stream)
-            if client.get_state().recordings:
-                client.set_time(duration=time)
-                return
-        sleep(_BETWEEN)
-
-
-def free_port(usual: int) -> int:
-    """The usual port or, if it is taken, any free one."""
-    for port in (usual, 0):
-        with socket.socket() as test, contextlib.suppress(OSError):
-            test.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the viewer will
-            test.bind((_LOCAL, port))
-            return int(test.getsockname()[1])
-    raise TrackslipError("no free port on this machine; --save FILE writes the recording to a file")
+        raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE")

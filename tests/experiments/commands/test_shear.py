@@ -38,7 +38,7 @@ def test_recordings_show_how_far_the_ground_gives_way(trackslip):
     assert log.truth.shear.shape == (len(log.time), 20)
     assert log.truth.contact.shape[1] == 20
     (file,) = (result.folder / "recordings").iterdir()
-    _, colours = component(file, "/run/robot/shear", "colors")
+    _, colours = component(file, "/run/robot/chassis/shear", "colors")
     assert colours.shape == (len(log.time), 18)
     assert len(np.unique(colours)) > 10
 

@@ -6,16 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from rerun.chunk import RrdReader
 from rrd import CIRCLE, component, verify
 
 from experiments import recording
 from experiments.cli import main
-from experiments.recording.robot_mesh import belt, body, looks
 from experiments.storage.plain_json import plain
 from sim.ground.ground import Ground, Patch
-from sim.robot.parameters import RobotParameters
 from trackslip.kinematics import RobotGeometry, track_slip
 from trackslip.localization.scan import Plate
 from trackslip.logs.logfile import read_runs
@@ -41,8 +38,7 @@ def test_recording_holds_the_run(driven):
     log = logs[1]
     file = folder / "icr_radius" / "recordings" / "linear_icr_radius.rrd"
     verify(file)
-    assert file.stat().st_size < 3e6
-    require_pose(file, "/run/robot", log)
+    require_pose(file, "/run/robot/chassis", log)
     _, slip = component(file, "/run/slip/true", "scalars")
     geometry = RobotGeometry(**log.metadata["geometry"])
     twist = log.truth.twist[:, [0, 2]]
@@ -52,9 +48,23 @@ def test_recording_holds_the_run(driven):
     assert np.isnan(slip[1:][~turning]).all()
     _, measured = component(file, "/run/sprocket/measured", "scalars")
     np.testing.assert_array_equal(measured, log.omega)
-    _, force = component(file, "/run/robot/contact_forces", "vectors")
+    _, force = component(file, "/run/robot/chassis/contact_forces", "vectors")
     scale = force.reshape(len(force), -1, 3)[:, :, 2].sum(axis=1) / log.truth.contact[..., 2].sum(axis=1)
     np.testing.assert_allclose(scale, scale[0], rtol=1e-5)
+
+
+def test_shoes_run_with_the_belt(driven):
+    """Backwards below the robot, forwards above, by the way that the sprocket drives the belt."""
+    log = driven[1][1]
+    file = driven[0] / "icr_radius" / "recordings" / "linear_icr_radius.rrd"
+    _, place = component(file, "/run/robot/chassis/left_track/moving_boxes", "centers")
+    place = place.reshape(len(log.time), -1, 3)
+    way = 0.06 * log.omega[:, 0] * np.diff(log.time, prepend=0.0)
+    moved, height = np.diff(place[..., 0], axis=0), (place[1:, :, 2] + place[:-1, :, 2]) / 2
+    straight = np.abs((place[1:, :, 0] + place[:-1, :, 0]) / 2) < 0.15
+    for side, sign in ((height < 0.07, -1.0), (height > 0.07, 1.0)):
+        rows, shoes = np.nonzero(straight & side)
+        np.testing.assert_allclose(moved[rows, shoes], sign * way[1:][rows], atol=1e-6)
 
 
 def lengths(file: Path, entity: str, name: str) -> np.ndarray:
@@ -120,7 +130,7 @@ def test_runs_side_by_side(driven, tmp_path):
     recording.record(file, logs)
     verify(file)
     for log in logs:
-        require_pose(file, f"/run/{log.run.replace(' ', chr(92) + ' ')}/robot", log)
+        require_pose(file, f"/run/{log.run.replace(' ', chr(92) + ' ')}/robot/chassis", log)
     assert len(RrdReader(file).recordings()) == 1
     assert len(RrdReader(file).blueprints()) == 1
 
@@ -144,32 +154,6 @@ def test_detail_is_stored_and_changes_nothing(driven, tmp_path):
     hit = log.scans.cluster.hit[k, :width]
     np.testing.assert_array_equal(seen[hit], log.scans.cluster.range[k, :width][hit].astype(np.float32))
     assert np.isfinite(log.scans.full[k]).sum() > hit.sum()  # the posts
-
-
-def test_shoes_run_with_the_belt():
-    model = looks(RobotParameters())
-    band, shoes = belt(model, "left_belt")
-    assert shoes is not None
-    assert len(shoes.place) == 44
-    assert len(band.vertices) + 44 * len(shoes.shoe) == 3 * 936
-    assert shoes.pitch == pytest.approx((0.8 + 2 * np.pi * 0.067) / 44, rel=0.01)
-    place, turn = shoes.shoes(np.array([0.0, 0.01, shoes.pitch]))
-    below = place[0, :, 2] < 0.01
-    forwards = np.zeros_like(below)
-    forwards[1:-1] = place[1, 1:-1, 0] > place[0, 1:-1, 0]
-    assert not forwards[below].any()  # under the robot the belt runs backwards
-    np.testing.assert_allclose(place[2], np.roll(place[0], -1, axis=0), atol=1e-9)
-    np.testing.assert_allclose(np.linalg.norm(turn, axis=-1), 1)
-    _, above = np.unravel_index(np.argmax(place[..., 2]), place.shape[:2])
-    np.testing.assert_allclose(np.abs(turn[0, above]), [0, 1, 0, 0], atol=0.1)  # upside down
-
-
-def test_triangles_face_outwards():
-    plate = body(looks(RobotParameters()), "chassis", without=("left_belt", "right_belt"))
-    assert np.isfinite(plate.normals).all()
-    mesh = plate.vertices.reshape(-1, 3, 3)
-    volume = np.einsum("ni,ni->n", mesh[:, 0], np.cross(mesh[:, 1], mesh[:, 2])).sum() / 6
-    assert volume > 0.60 * 0.04 * 0.20  # that of the plate and more: of outward faces
 
 
 def test_recordings_are_replaced_whole(driven, trackslip):

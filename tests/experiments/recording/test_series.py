@@ -4,21 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import rerun.blueprint as rrb
 
-from experiments.recording.blueprint import blueprint
-from experiments.recording.series import COMPARED, LEFT, PANELS, RIGHT, panels, readable, series_of
-from experiments.recording.stream import telling_names
+from experiments.recording.plots import LEFT, RIGHT
+from experiments.recording.run import PANELS, panels, series_of
 from experiments.recording.traces import traces_of
 from trackslip.kinematics import RobotGeometry, limit_sprocket_speeds
+from trackslip.metrics import TRANSIENT
 from trackslip.slip.exponential import ExponentialSpeed
-
-
-def has_labels(low: float, high: float) -> bool:
-    """Whether an axis of the viewer's has two labels or more, but not more than there is room for."""
-    powers = 10.0 ** np.arange(-5, 5)
-    count = np.floor(high / powers) - np.ceil(low / powers) + 1
-    return bool(((count >= 2) & (count <= 5)).any())
 
 
 def test_slips_agree_in_steady_turns(driven):
@@ -53,32 +45,17 @@ def test_slips_are_on_their_axis(driven):
     assert slip == {"Slip [-]": (-0.25, 0.20)}
     more = replace(traces, slip=np.tile([-0.7, 0.3], (len(traces.time), 1)))
     for runs in ([more], [traces, more]):
-        ranges = [panel.range for panel in panels(runs) if "lip" in panel.title]
+        ranges = [panel.range for panel in panels(runs) if "slip/true" in panel.entities]
         assert all(low < -0.7 and high > 0.3 for low, high in ranges)
 
 
-def test_axes_hold_what_they_show_and_can_be_read(driven):
-    log = driven[1][1]
-    wild = replace(log, command=log.command + np.array([-6.0, 0.0]))
-    for runs in ([log], [wild], [log, wild]):
-        traces = [traces_of(run) for run in runs]
-        shown = {panel.title.split(" [")[0]: panel.range for panel in panels(traces)}
-        low, high = shown["Sprocket speed"]
-        for run in runs:
-            speeds = run.omega if len(runs) > 1 else np.append(run.omega, run.command)
-            assert low < speeds.min() <= speeds.max() < high
-        assert all(has_labels(*shown[name]) for name in shown if "lip" not in name)
-
-
-def test_runs_without_a_reference_have_a_legend(driven, monkeypatch):
-    shown = []
-    view = rrb.TimeSeriesView
-    monkeypatch.setattr(rrb, "TimeSeriesView", lambda **about: shown.append(about) or view(**about))
-    sent = [f"{root}/slip/{name}" for root in ("run/a", "run/b") for name in ("true", "identified")]
-    blueprint(["run/a", "run/b"], COMPARED, sent, np.zeros((1, 2)), 1.0, 6.0)
-    assert [about["name"].split()[0] for about in shown] == ["True", "Identified"]
-    visible = [about["plot_legend"].visible.as_arrow_array()[0].as_py() for about in shown]
-    assert visible == [True, False]
+def test_axes_of_errors_leave_out_the_transient(driven):
+    traces = traces_of(driven[1][1])
+    late = 1e3 * traces.distance[traces.time >= TRANSIENT]
+    assert 1e3 * traces.distance[0] > 2 * late.max()
+    for runs in ([traces], [traces, traces]):
+        (shown,) = [panel.range for panel in panels(runs) if "error/distance" in panel.entities]
+        assert late.max() < shown[1] < 1.5 * late.max()
 
 
 def test_lines_lie_on_thicker_ones(driven):
@@ -92,23 +69,3 @@ def test_lines_lie_on_thicker_ones(driven):
             assert line.colours == (LEFT, RIGHT)
         elif line.names[0].startswith("left"):
             assert not set(line.colours) & {LEFT, RIGHT}
-
-
-@pytest.mark.parametrize(
-    "values", [(-40.0, 50.0), (0.2, 11.9), (-0.7, 0.99), (-5.0, -0.1), (0.0, 0.0), (0.0, 1420.0), (0.0, 4.0)]
-)
-def test_errors_axes_have_two_labels_or_more(values):
-    low, high = readable(np.array(values))
-    assert low < min(values) <= max(values) < high
-    assert has_labels(low, high)
-
-
-def test_an_axis_is_not_much_longer_than_what_it_shows():
-    """Unless there would be only one label: speeds up to 4 rad/s don't get an axis up to 10."""
-    for high in np.linspace(1.0, 4.5, 15):
-        assert readable(np.array([0.0, high]))[1] < 1.25 * high
-
-
-def test_names_that_tell_runs_apart():
-    assert telling_names(["linear none stone 0", "linear icr stone 0"]) == ["none", "icr"]
-    assert telling_names(["a b", "a b c"]) == ["a b", "a b c"]

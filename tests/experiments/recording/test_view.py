@@ -1,7 +1,5 @@
 """`trackslip view`: which runs it shows, and how."""
 
-import socket
-import types
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,10 +7,9 @@ import numpy as np
 import pytest
 from rrd import component, verify
 
-from experiments import recording
 from experiments.cli import main
-from experiments.recording.robot_mesh import parameters_of
-from experiments.recording.viewer import choose, free_port, put_time
+from experiments.recording.run import parameters_of
+from experiments.recording.viewer import choose
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import LogError
 from trackslip.logs.logfile import write_csv
@@ -27,7 +24,7 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     assert "2 runs; showing 'linear none'" in said
     assert f"; rerun '{file}'" in said  # as a shell takes it
     verify(file)
-    _, translation = component(file, "/run/robot", "translation")
+    _, translation = component(file, "/run/robot/chassis", "translation")
     np.testing.assert_allclose(translation[:, :2], bare[0].pose[:, :2], atol=1e-6)
     assert parameters_of(bare[0]) == RobotParameters()
 
@@ -54,45 +51,6 @@ def test_view_chooses_by_name_or_id(driven):
             choose(logs, [unknown], path)
     with pytest.raises(LogError, match="are the same"):
         choose(logs, ["abcd", "linear none"], path)
-
-
-def test_a_taken_port_is_left_alone():
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        taken = other.getsockname()[1]
-        assert free_port(taken) != taken
-    assert free_port(taken) == taken
-
-
-def test_the_native_viewer_is_put_to_the_interesting_moment(driven, tmp_path, monkeypatch):
-    """As soon as it listens and has opened the recording; not if it has ended before."""
-    begin = recording.record(tmp_path / "run.rrd", driven[1][:1])
-    assert 0 < begin < 14
-    asked, put = [], []
-
-    class Viewer:
-        def poll(self):
-            return 1 if len(asked) > 5 else None
-
-        @staticmethod
-        def connect(_stream):
-            asked.append(1)
-            if len(asked) == 1:
-                raise ConnectionError
-            return Viewer()
-
-        def get_state(self):
-            return types.SimpleNamespace(recordings=["run"] if len(asked) == 3 else [])
-
-        def set_time(self, duration):
-            put.append(duration)
-
-    monkeypatch.setattr("rerun.experimental.ViewerClient", Viewer)
-    put_time("there", begin, Viewer())
-    assert (len(asked), put) == (3, [begin])
-    put_time("there", begin, Viewer())
-    assert (len(asked), put) == (6, [begin])
 
 
 def test_view_without_a_viewer(driven, refused, monkeypatch):
