@@ -3,7 +3,9 @@
 import shlex
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from shutil import copyfile
 from typing import Annotated, ClassVar
 
 import tyro
@@ -48,7 +50,7 @@ class Config(Options):
 def run(config: Config) -> None:
     """Read, choose, show."""
     from experiments.recording import record, title, viewer
-    from experiments.storage.results import file_names
+    from experiments.storage.results import file_names, write_output
     from trackslip.ros.any_log import read_runs_of
 
     if (kept := viewer.drive_recording(config.path)) is not None:
@@ -57,7 +59,7 @@ def run(config: Config) -> None:
         if config.save is None:
             viewer.show(kept, config.web)
         else:
-            viewer.copy(kept, config.save)
+            write_output(config.save, partial(copyfile, kept))
             print(f"{config.save}: {kept}; rerun {shlex.quote(str(config.save))}")
         return
     read = read_runs_of(config.path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -13,6 +12,7 @@ import numpy as np
 from matplotlib.image import imsave
 
 from experiments.course.run import CourseRun
+from experiments.storage.results import write_output
 from sim.robot.tracked_model import TrackedModel
 from sim.robot.tracked_view import TrackedView
 from sim.terrain import Course
@@ -30,36 +30,6 @@ def require_video() -> None:
         raise TrackslipError('a video needs PyAV: pip install -e ".[video]"; --pictures N needs nothing else')
 
 
-@contextlib.contextmanager
-def video(file: Path, width: int, height: int) -> Iterator[Callable[[np.ndarray], None]]:
-    """Yields what adds a picture (height, width, 3) uint8 to an .mp4 file; width and height are even.
-
-    The file is complete or not written at all. Raises OutputError if it can't be written.
-    """
-    import av
-
-    draft = file.with_name(f".partial-{file.name}")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with av.open(str(draft), "w", format="mp4") as container:
-            stream = container.add_stream("libx264", rate=FRAME_RATE, options={"crf": "22", "preset": "veryfast"})
-            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-            stream.time_base = Fraction(1, FRAME_RATE)
-
-            def add(picture: np.ndarray) -> None:
-                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-
-            yield add
-            container.mux(stream.encode())
-        draft.replace(file)
-    except av.FFmpegError as error:
-        raise OutputError(f"{file}: can't be written ({first_line(error)})") from error
-    except OSError as error:
-        raise OutputError(f"{file}: can't be written ({error.strerror or error})") from error
-    finally:
-        draft.unlink(missing_ok=True)
-
-
 def write_pictures(folder: Path, run: CourseRun, looks: TrackedModel, course: Course, count: int) -> list[Path]:
     """Write PNG files, named by their number and time, evenly over the run; `looks` is the model with its looks."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -73,13 +43,29 @@ def write_pictures(folder: Path, run: CourseRun, looks: TrackedModel, course: Co
 def write_video(
     file: Path, run: CourseRun, looks: TrackedModel, course: Course, advance: Callable[[float], None]
 ) -> None:
-    """Write an .mp4 file in real time; `advance` is called with the simulated time of each picture [s]."""
+    """Write an .mp4 file in real time, complete or not at all; OutputError if it can't be written.
+
+    `advance` is called with the simulated time of each picture [s].
+    """
+    import av
+
     times = np.arange(max(1, round(run.time[-1] * FRAME_RATE))) / FRAME_RATE
     rows = np.clip(np.searchsorted(run.time, times), 0, len(run.time) - 1)
-    with video(file, WIDTH, HEIGHT) as add:
-        for picture in _pictures(run, looks, course, rows):
-            add(picture)
-            advance(1 / FRAME_RATE)
+
+    def write(draft: Path) -> None:
+        try:
+            with av.open(str(draft), "w", format="mp4") as container:
+                stream = container.add_stream("libx264", rate=FRAME_RATE, options={"crf": "22", "preset": "veryfast"})
+                stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+                stream.time_base = Fraction(1, FRAME_RATE)
+                for picture in _pictures(run, looks, course, rows):
+                    container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+                    advance(1 / FRAME_RATE)
+                container.mux(stream.encode())
+        except av.FFmpegError as error:
+            raise OutputError(f"{file}: can't be written ({first_line(error)})") from error
+
+    write_output(file, write)
 
 
 def _pictures(run: CourseRun, looks: TrackedModel, course: Course, rows: np.ndarray) -> Iterator[np.ndarray]:

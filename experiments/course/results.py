@@ -19,20 +19,15 @@ from trackslip.logs.logfile import packing
 from trackslip.logs.schema import COLUMNS, PURE, Column
 from trackslip.logs.table import file_metadata
 
+_ATTITUDE = "attitude of the chassis, a unit quaternion"
+_VELOCITY, _RATE = "velocity of the chassis' frame in the world", "angular velocity in the chassis' frame"
 _BODY = (
     Column("z", "m", "height of the chassis' frame"),
-    Column("q_w", PURE, "attitude of the chassis, a unit quaternion"),
-    Column("q_x", PURE, "attitude of the chassis, a unit quaternion"),
-    Column("q_y", PURE, "attitude of the chassis, a unit quaternion"),
-    Column("q_z", PURE, "attitude of the chassis, a unit quaternion"),
+    *(Column(f"q_{axis}", PURE, _ATTITUDE) for axis in "wxyz"),
     Column("roll", "rad", "angle by which the chassis leans to its right"),
     Column("pitch", "rad", "angle by which the chassis points upwards"),
-    Column("v_x", "m/s", "velocity of the chassis' frame in the world"),
-    Column("v_y", "m/s", "velocity of the chassis' frame in the world"),
-    Column("v_z", "m/s", "velocity of the chassis' frame in the world"),
-    Column("w_x", "rad/s", "angular velocity in the chassis' frame"),
-    Column("w_y", "rad/s", "angular velocity in the chassis' frame"),
-    Column("w_z", "rad/s", "angular velocity in the chassis' frame"),
+    *(Column(f"v_{axis}", "m/s", _VELOCITY) for axis in "xyz"),
+    *(Column(f"w_{axis}", "rad/s", _RATE) for axis in "xyz"),
     Column("slope", "rad", "slope of the ground under the tracks along the robot, uphill is positive"),
     Column("belt_cmd_l", "m/s", "belt speed asked for, left"),
     Column("belt_cmd_r", "m/s", "belt speed asked for, right"),
@@ -53,45 +48,28 @@ class TrackResult:
     """What one track did on the way."""
 
     name: str
-    """Name of the track."""
-    slip: float | None
-    """Mean slip by the way of the belt: 1 - way over ground / way of the belt while it touched [-]."""
-    slip_p95: float | None
-    """95th percentile of the slip's magnitude [-]."""
-    touching: float
-    """Share of the time in which it touched the ground [-]."""
-    max_penetration: float
-    """Largest penetration [m]."""
-    work: float
-    """Work of the belt against the ground [J]."""
+    slip: float | None  # mean weighted by the way of the belt while it touched [-]
+    slip_p95: float | None  # 95th percentile of the slip's magnitude [-]
+    touching: float  # share of the time in which it touched the ground [-]
+    max_penetration: float  # [m]
+    work: float  # of the belt against the ground [J]
 
 
 @dataclass(frozen=True)
 class DriveResult:
     """How a drive over a course went."""
 
-    outcome: str
-    """How it ended: reached, tipped, stuck, fell, exploded, time, or stopped."""
-    duration: float
-    """Simulated time [s]."""
-    way: float
-    """Way of the chassis in the plane [m]."""
-    remaining: float
-    """Way along the course that was left until its end [m]."""
-    climbed: float
-    """Height of the chassis at the end, above that at the start [m]."""
-    max_pitch: float
-    """Largest magnitude of the pitch [rad]."""
-    max_roll: float
-    """Largest magnitude of the roll [rad]."""
-    max_penetration: float
-    """Largest penetration of any track [m]."""
-    penetration_p99: float
-    """99th percentile of the largest penetration in each row [m]."""
-    energy: float
-    """Work of all belts against the ground [J]."""
+    outcome: str  # that of the run
+    duration: float  # simulated time [s]
+    way: float  # of the chassis in the plane [m]
+    remaining: float  # along the course until its end [m]
+    climbed: float  # height of the chassis at the end, above that at the start [m]
+    max_pitch: float  # largest magnitude [rad]
+    max_roll: float  # largest magnitude [rad]
+    max_penetration: float  # of any track [m]
+    penetration_p99: float  # 99th percentile of the largest penetration in each row [m]
+    energy: float  # work of all belts against the ground [J]
     tracks: tuple[TrackResult, ...]
-    """Each track."""
 
     @classmethod
     def of(cls, run: CourseRun, course: Course) -> DriveResult:

@@ -25,7 +25,6 @@ HELP = (
     "Home, End: front flippers up, down; Page Up, Page Down: rear flippers up, down; close the window to end"
 )
 _BETWEEN = 0.03  # pictures, at least [s]
-_SHARE = 0.5  # of the time that may go by with drawing [-]
 
 
 class Keyboard:
@@ -66,58 +65,48 @@ class Teleop:
 
     def __init__(self, looks: TrackedModel, keyboard: Keyboard) -> None:
         """Open the viewer on the model `looks`, which is only drawn; TrackslipError without a display."""
-        self._looks, self._view = looks, TrackedView(looks)
+        self._looks, self._view, self._keyboard = looks, TrackedView(looks), keyboard
         self._data = mujoco.MjData(looks.model)
         self._window = Window(self._data, keyboard.press, panels=False)
         self._travel: Array = np.zeros(len(looks.track_side))
-        self._began: float | None = None
-        self._shown, self._cost = -np.inf, 0.0  # when the last picture was finished, and how long it took [s]
-        self._aim()
+        self._began, self._next = time.monotonic(), 0.0  # real time of the start, and of the next picture [s]
+        camera, viewer = self._view.camera(self._data), self._window.viewer
+        with viewer.lock():  # its camera follows the chassis
+            viewer.cam.type, viewer.cam.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, looks.body
+            viewer.cam.distance, viewer.cam.azimuth = camera.distance, camera.azimuth
+            viewer.cam.elevation = camera.elevation
 
     def __call__(self, world: Traverse, pilot: CoursePilot) -> bool:
         """Show the state; False once the window is closed."""
-        viewer = self._window.viewer
-        if not viewer.is_running():
+        if not self._window.viewer.is_running():
             return False
         self._travel = self._travel + world.contact.belt[0] * PERIOD
-        if time.monotonic() - self._shown >= max(_BETWEEN, self._cost * (1 / _SHARE - 1)):
-            self._show(world, pilot)
-        self._wait(float(world.time[0]))
+        now = time.monotonic()
+        if now >= self._next:
+            self._show(world)
+            drawn = time.monotonic()
+            self._next = drawn + max(_BETWEEN, drawn - now)  # drawing takes half of the time at most
+        ahead = self._began + float(world.time[0]) - time.monotonic()
+        if ahead < 0:  # fallen behind: go on from here
+            self._began -= ahead
+        time.sleep(max(0.0, ahead))
         return True
 
-    def _show(self, world: Traverse, pilot: CoursePilot) -> None:
-        began, viewer, model = time.monotonic(), self._window.viewer, self._looks.model
+    def _show(self, world: Traverse) -> None:
+        viewer = self._window.viewer
         with viewer.lock():
             self._data.qpos[:] = world.state.qpos[0]
-            mujoco.mj_kinematics(model, self._data)
-            mujoco.mj_camlight(model, self._data)
+            mujoco.mj_kinematics(self._looks.model, self._data)
+            mujoco.mj_camlight(self._looks.model, self._data)
             viewer.user_scn.ngeom = 0
             self._view.draw(viewer.user_scn, self._data, self._travel)
-        if isinstance(pilot, Keyboard):
-            now = f"{pilot.speed:+.2f} m/s\n{pilot.turn:+.1f} rad/s\n{world.time[0]:.1f} s"
-            viewer.set_texts((None, None, "speed\nturn\ntime", now))
+        now = f"{self._keyboard.speed:+.2f} m/s\n{self._keyboard.turn:+.1f} rad/s\n{world.time[0]:.1f} s"
+        viewer.set_texts((None, None, "speed\nturn\ntime", now))
         viewer.sync()
-        self._shown = time.monotonic()
-        self._cost = self._shown - began
 
     def close(self) -> None:
         """Close the window."""
         self._window.close()
-
-    def _aim(self) -> None:
-        """Let the viewer's camera follow the chassis."""
-        camera = self._view.camera(self._data)
-        with self._window.viewer.lock():
-            own = self._window.viewer.cam
-            own.type, own.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, self._looks.body
-            own.distance, own.azimuth, own.elevation = camera.distance, camera.azimuth, camera.elevation
-
-    def _wait(self, simulated: float) -> None:
-        """Wait until real time has caught up with the simulated time [s]."""
-        now = time.monotonic()
-        if self._began is None or now - simulated > self._began:  # fallen behind: go on from here
-            self._began = now - simulated
-        time.sleep(max(0.0, self._began + simulated - now))
 
 
 def teleoperate(world: CourseWorld) -> CourseRun:

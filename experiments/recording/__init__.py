@@ -22,22 +22,21 @@ def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequ
 def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> None:
     """Record a run, or several for comparison, as a .rrd file, complete or not at all.
 
-    Raises OutputError if the file can't be written.
+    Raises OutputError if it can't be written.
     """
     from experiments.recording.run import send_runs
-    from experiments.recording.stream import recording
+    from experiments.recording.stream import write_recording
 
-    with recording(file, title(logs)) as stream:
-        send_runs(stream, logs, laws)
+    write_recording(file, title(logs), lambda stream: send_runs(stream, logs, laws))
 
 
 def record_course_drive(file: Path, run: "CourseRun", world: "TrackedModel", about: Mapping[str, Any]) -> None:
     """Record a drive over a course; `world` is the model with its looks. Raises OutputError as `record` does."""
     from experiments.recording.course_drive import send_course_drive
-    from experiments.recording.stream import recording
+    from experiments.recording.stream import write_recording
 
-    with recording(file, f"{world.robot.name}: {run.outcome}") as stream:
-        send_course_drive(stream, run, world, about)
+    name = f"{world.robot.name}: {run.outcome}"
+    write_recording(file, name, lambda stream: send_course_drive(stream, run, world, about))
 
 
 def title(logs: Sequence[RunLog]) -> str:

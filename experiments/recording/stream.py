@@ -1,7 +1,6 @@
-"""Files of recordings, complete or not at all, and the columns of rows over time that they consist of."""
+"""Files of recordings, and the columns of rows over time that they consist of."""
 
-import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -9,7 +8,7 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
-from trackslip.errors import OutputError
+from experiments.storage.results import write_output
 from trackslip.kinematics import Array
 
 TIMELINE = "time"
@@ -17,24 +16,19 @@ RUN, FIELD, CAMERA = "run", "field", "camera"
 """Entities: the run, or several runs below it; what stands still; and what the eye of the viewer follows."""
 
 
-@contextlib.contextmanager
-def recording(file: Path, title: str) -> Iterator[rr.RecordingStream]:
-    """A stream; what it gets is the .rrd file `file` if the block succeeds. OutputError if it can't be written."""
-    draft = file.with_name(f".partial-{file.name}")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        draft.touch()
+def write_recording(file: Path, title: str, send: Callable[[rr.RecordingStream], None]) -> None:
+    """Write what `send` sends as a .rrd file, complete or not at all; OutputError if it can't be written."""
+
+    def write(draft: Path) -> None:
+        draft.touch()  # fails as files do
         with rr.RecordingStream("trackslip", recording_id=uuid4()) as stream:
             stream.send_recording_name(title)
             stream.save(draft)
-            yield stream
+            send(stream)
             stream.flush()
             stream.disconnect()
-        draft.replace(file)
-    except OSError as error:
-        raise OutputError(f"{file}: can't be written ({error.strerror or error})") from error
-    finally:
-        draft.unlink(missing_ok=True)
+
+    write_output(file, write)
 
 
 def send(stream: rr.RecordingStream, entity: str, time: Array, columns: Any) -> None:

@@ -1,6 +1,5 @@
 """The rerun viewer: which runs it shows, and how it is started, native or in the browser."""
 
-import json
 import os
 import shutil
 import signal
@@ -9,8 +8,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.storage.results import DRIVE_RECORDING, MANIFEST_FILE, RECORDINGS_FOLDER
-from trackslip.errors import LogError, OutputError, TrackslipError
+from experiments.storage.results import DRIVE_RECORDING, RECORDINGS_FOLDER
+from trackslip.errors import LogError, TrackslipError
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.law_file import load_laws
 
@@ -20,20 +19,8 @@ _SHORT = 12  # characters shown of an id
 
 def drive_recording(path: Path) -> Path | None:
     """The recording that `trackslip drive` left in a folder, which shows the course; None in any other place."""
-    try:
-        about = json.loads((path / MANIFEST_FILE).read_text(encoding="utf-8"))
-        file = path / RECORDINGS_FOLDER / DRIVE_RECORDING
-        return file if about["command"] == "drive" and file.is_file() else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-
-
-def copy(recording: Path, file: Path) -> None:
-    """Copy a recording to a file; raises OutputError if it can't be written."""
-    try:
-        shutil.copyfile(recording, file)
-    except OSError as error:
-        raise OutputError(f"{file}: can't be written ({error.strerror or error})") from error
+    file = path / RECORDINGS_FOLDER / DRIVE_RECORDING
+    return file if file.is_file() else None
 
 
 def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[RunLog]:

@@ -1,16 +1,21 @@
-"""The page and the table of a drive over a course."""
+"""The page, the figures and the table of a drive over a course."""
 
 from collections.abc import Mapping, Sequence
 from math import degrees
 from typing import Any
 
-from experiments.course.results import DriveResult
+import numpy as np
+from matplotlib.figure import Figure
+
+from experiments.course.results import DriveResult, slip_by_slope
 from experiments.course.run import CourseRun
-from experiments.report.figures import course_drive as figures
+from experiments.report.colours import BLUE, GREY, ORANGE
+from experiments.report.figures.style import styled, subplots, thin
 from experiments.report.formats import number, percent
 from experiments.report.page import Page, Pictures, Plot, Section
 from experiments.report.table import Table
 from sim.terrain import Course
+from trackslip.kinematics import Array
 
 SENTENCES = {
     "reached": "It crossed the course",
@@ -21,6 +26,18 @@ SENTENCES = {
     "time": "It ran out of time",
     "stopped": "Its driver stopped it",
 }
+_TRACKS = ((BLUE, "o", "left", -0.25), (ORANGE, "^", "right", 0.25))  # with the offset of a bin's symbol [deg]
+_SLIP = (-0.5, 1.0)  # range of slips that is drawn [-]
+_BIN = 3.0  # width of bins of slope [deg]
+_HEADER = ("track", "slip", "slip, p95", "touching", "penetration [mm]", "work [J]")
+_NOTE = (
+    "The slip of a track is its mean weighted by the way of the belt. Work is traction times belt speed; it is "
+    "negative where the robot drives down and its belts hold it back."
+)
+_SLIP_CAPTION = (
+    "Every dot is a row of the run; symbols are medians with quartiles in bins of 3°. The slope is that of the line "
+    "that best fits the ground under the tracks, positive uphill; slip is positive where the belt runs ahead."
+)
 
 
 def sentences(result: DriveResult) -> tuple[str, str, str]:
@@ -49,11 +66,7 @@ def tracks_table(result: DriveResult) -> Table:
         )
         for one in result.tracks
     ]
-    note = (
-        "The slip of a track is its mean weighted by the way of the belt. Work is traction times belt speed; it is "
-        "negative where the robot drives down and its belts hold it back."
-    )
-    return Table("Tracks", ("track", "slip", "slip, p95", "touching", "penetration [mm]", "work [J]"), rows, note=note)
+    return Table("Tracks", _HEADER, rows, note=_NOTE)
 
 
 def page(
@@ -66,27 +79,13 @@ def page(
 ) -> Page:
     """The page of a drive; `pictures` are files beside it."""
     ended, *more = sentences(result)
-    profile = Plot(
-        "drive_profile",
-        figures.profile(run, course),
-        "Way of the chassis",
-        "The ground is that along the middle of the course. The chassis' frame lies on the ground between the tracks "
-        "when the robot stands.",
-        "",
+    way = Plot(
+        "drive_profile", profile(run, course), "Way of the chassis", "The ground along the middle of the course.", ""
     )
-    slip = Plot(
-        "drive_slip_over_slope",
-        figures.slip_over_slope(run),
-        "Slip against slope",
-        "Every dot is a row of the run; symbols are medians with quartiles in bins of 3°. The slope is that of the "
-        "line that best fits the heights of the ground under the tracks, positive uphill. Slip is 1 − speed over "
-        "ground / belt speed, averaged over the load, where a track touches and its belt runs: positive where the belt "
-        "runs ahead of the robot, negative where it holds the robot back.",
-        "",
-    )
+    slip = Plot("drive_slip_over_slope", slip_over_slope(run), "Slip against slope", _SLIP_CAPTION, "")
     time = Plot(
         "drive_over_time",
-        figures.over_time(run),
+        over_time(run),
         "Attitude, flippers, slip, load and penetration",
         "Slip and load are those of the chassis' tracks.",
         "",
@@ -97,8 +96,68 @@ def page(
         manifest=manifest,
         intro=(ended, *(f"{line[0].upper()}{line[1:]}." for line in more)),
         sections=(
-            Section("Over the course", (profile, Pictures(pictures, "The robot on the course") if pictures else None)),
+            Section("Over the course", (way, Pictures(pictures, "The robot on the course") if pictures else None)),
             Section("Slip", (slip, tracks_table(result))),
             Section("Over time", (time,)),
         ),
     )
+
+
+@styled
+def profile(run: CourseRun, course: Course) -> Figure:
+    """The ground along the course, and the way of the chassis' frame over it."""
+    figure, axes = subplots(2.6)
+    position = run.state.position
+    low, high = course.bounds[0, 0], course.bounds[1, 0]
+    x = np.linspace(low, high, 2000)
+    height = course.height(x, np.zeros_like(x))
+    axes.fill_between(x, height, course.floor, color="#b9b2a6", lw=0, label="ground at y = 0")
+    axes.plot(position[:, 0], position[:, 2], color=BLUE, lw=1.2, label="chassis")
+    axes.plot(*position[-1, [0, 2]], "o", color=BLUE, ms=5)
+    axes.axvline(course.goal, color=GREY, lw=0.8, ls="--", label="end of the course")
+    axes.set(xlabel="x [m]", ylabel="z [m]", xlim=(low, high), title=f"{run.outcome}, {run.time[-1]:.1f} s")
+    axes.set_ylim(course.floor, float(max(height.max(), position[:, 2].max())) + 0.35)
+    axes.legend(ncols=3, loc="upper left")
+    return figure
+
+
+@styled
+def slip_over_slope(run: CourseRun) -> Figure:
+    """Slip of the chassis' tracks against the slope of the ground under them."""
+    figure, axes = subplots(3.4)
+    slope, shown = np.degrees(run.slope), thin(len(run.time), 1500)
+    for k, (colour, marker, name, offset) in enumerate(_TRACKS):
+        axes.plot(slope[shown], run.slip[shown, k], ".", color=colour, ms=2.5, alpha=0.35, mew=0)
+        middle, quartiles = slip_by_slope(slope, run.slip[:, k], _BIN)
+        median, bars = quartiles[:, 0], np.abs(quartiles[:, 1:] - quartiles[:, :1]).T
+        axes.errorbar(middle + offset, median, bars, color=colour, marker=marker, ms=4, lw=1.2, label=name)
+    axes.axhline(0, color=GREY, lw=0.8)
+    axes.set(xlabel="slope of the ground along the robot [deg]", ylabel="slip [-]", ylim=_SLIP)
+    axes.legend(loc="upper left", ncols=2)
+    return figure
+
+
+@styled
+def over_time(run: CourseRun) -> Figure:
+    """Attitude, flippers, slip, load and penetration over time."""
+    figure, panels = subplots(8.2, 5, down=0.35, sharex=True)
+    shown, state = thin(len(run.time), 2000), run.state
+    sides = [(name, colour) for colour, _, name, _ in _TRACKS]
+    flippers = [(name.replace("_", " "), None) for name in run.flippers]
+    attitude = np.degrees(np.stack([state.pitch, state.roll, run.slope], axis=-1))
+    contents: list[tuple[str, Array, Sequence[tuple[str, str | None]]]] = [
+        ("attitude [deg]", attitude, (("pitch", BLUE), ("roll", ORANGE), ("slope", GREY))),
+        ("flippers [deg]", np.degrees(state.flippers), flippers),
+        ("slip [-]", run.slip, sides),
+        ("load [N]", run.load, sides),
+        ("penetration [mm]", 1e3 * run.depth.max(axis=1, keepdims=True), (("largest", BLUE),)),
+    ]
+    for panel, (title, values, lines) in zip(panels, contents, strict=True):
+        for k, (name, colour) in enumerate(lines):
+            panel.plot(run.time[shown], values[shown, k], color=colour, lw=0.9, label=name)
+        panel.set_ylabel(title)
+        if lines:
+            panel.legend(loc="upper left", ncols=4, bbox_to_anchor=(0.0, 1.18), borderaxespad=0.0)
+    panels[2].set_ylim(_SLIP)
+    panels[4].set_xlabel("t [s]")
+    return figure
