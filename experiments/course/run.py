@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,25 +30,8 @@ _SEARCH = 1.0  # how far ahead on a path the robot is looked for [m]
 _SHARPEST = 4.0  # curvature of an arc towards a path [1/m]
 
 
-class CoursePilot(Protocol):
-    """Gives the belts their speeds."""
-
-    def speeds(self, state: States) -> Array | None:
-        """Belt speeds (2,), left and right, of the robot in row 0 of `state` [m/s]; None once there is nothing left."""
-
-
-@dataclass(frozen=True)
-class ConstantPilot:
-    """Open loop: the same speeds all the time."""
-
-    left: float
-    """Speed of the left belt [m/s]."""
-    right: float
-    """Speed of the right belt [m/s]."""
-
-    def speeds(self, state: States) -> Array | None:
-        """See `CoursePilot`."""
-        return np.array([self.left, self.right])
+Pilot = Callable[[States], Array | None]
+"""Gives the belt speeds (2,), left and right, of the robot in row 0 of a state [m/s]; None once nothing is left."""
 
 
 @dataclass
@@ -57,12 +39,9 @@ class PathPilot:
     """Pure pursuit of a path by the true position: an arc towards the point `look_ahead` further on (Coulter, 1992)."""
 
     points: Array  # (P, 2) along the path, evenly spaced [m]
-    speed: float
-    """Speed of the robot, if it didn't slip [m/s]."""
-    half_gauge: float
-    """Half the distance between the tracks [m]."""
-    look_ahead: float = 0.5
-    """Distance of the point that the robot drives to, along the path [m]."""
+    speed: float  # of the robot, if it didn't slip [m/s]
+    half_gauge: float  # half the distance between the tracks [m]
+    look_ahead: float = 0.5  # distance along the path of the point that the robot drives to [m]
     _at: int = field(default=0, init=False)  # index of the point that the robot has got to
 
     @classmethod
@@ -75,8 +54,8 @@ class PathPilot:
         points = np.stack([np.interp(even, way, column) for column in dense.T], axis=-1)
         return cls(points, speed, half_gauge)
 
-    def speeds(self, state: States) -> Array | None:
-        """See `CoursePilot`."""
+    def __call__(self, state: States) -> Array | None:
+        """See `Pilot`."""
         here, heading = state.position[0, :2], float(state.heading[0])
         ahead = self.points[self._at : self._at + round(_SEARCH / _SPACING)]
         self._at += int(np.argmin(np.hypot(*(ahead - here).T)))
@@ -101,8 +80,7 @@ class CourseRun:
     time: Array  # (R,) since the start [s]
     qpos: Array  # (R, nq) of the model
     qvel: Array  # (R, nv)
-    state: States
-    """Poses and velocities, from `qpos` and `qvel`."""
+    state: States  # poses and velocities, from `qpos` and `qvel`
     command: Array  # (R, 2) belt speeds asked for, left and right [m/s]
     flipper_command: Array  # (R, F) set points of the flippers, tips up [rad]
     belt: Array  # (R, T) mean speeds of the belts [m/s]
@@ -115,10 +93,8 @@ class CourseRun:
     slope: Array  # (R,) of the ground under the tracks, along the robot, uphill is positive [rad]
     outcome: str
     """How it ended: reached, tipped, stuck, fell, exploded, time, or stopped."""
-    tracks: tuple[str, ...]
-    """Names of the tracks (T,)."""
-    flippers: tuple[str, ...]
-    """Names of the flippers (F,)."""
+    tracks: tuple[str, ...]  # names (T,)
+    flippers: tuple[str, ...]  # names (F,)
 
     @property
     def travel(self) -> Array:
@@ -128,10 +104,10 @@ class CourseRun:
 
 def drive_course(
     world: Traverse,
-    pilot: CoursePilot,
+    pilot: Pilot,
     flippers: Callable[[Traverse], Array],
     progress: Callable[[float], None] = lambda seconds: None,
-    watch: Callable[[Traverse, CoursePilot], bool] = lambda *_: True,
+    watch: Callable[[Traverse], bool] = lambda world: True,
 ) -> CourseRun:
     """Drive the first robot of `world` until its run ends.
 
@@ -142,11 +118,10 @@ def drive_course(
         progress: called with the seconds simulated since the last call.
         watch: called after each row; the run is stopped when it returns False.
     """
-    count = len(world.track_names)
     rows = [_row(world, np.zeros(2), world.servo.angle[0].copy())]
     outcome = ""
     while not outcome:
-        speeds, angles = pilot.speeds(world.state), flippers(world)
+        speeds, angles = pilot(world.state), flippers(world)
         if speeds is None:
             outcome = Outcome.REACHED.label
             break
@@ -155,10 +130,9 @@ def drive_course(
         progress(world.period)
         if world.outcome[0] != Outcome.DRIVING:
             outcome = Outcome(int(world.outcome[0])).label
-        elif not watch(world, pilot):
+        elif not watch(world):
             outcome = STOPPED
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    columns["touching"] = columns["touching"].astype(bool).reshape(-1, count)
     tracked = world.tracked
     state = States(tracked, columns["qpos"], columns["qvel"])
     names = tuple(flipper.body for flipper in tracked.robot.flippers)
@@ -188,15 +162,11 @@ def ground_slope(course: Course, state: States, robot: TrackedRobot) -> Array:
 
 def _row(world: Traverse, speeds: Array, angles: Array) -> dict[str, Array]:
     """What is recorded of the first robot at the end of a control period."""
-    contact = world.contact
-    measured = {name: getattr(contact, name)[0].copy() for name in ("traction", "load", "belt", "slip", "touching")}
     return {
         "time": world.time[0].copy(),
         "qpos": world.state.qpos[0].copy(),
         "qvel": world.state.qvel[0].copy(),
         "command": np.array(speeds, float),
         "flipper_command": np.array(angles, float),
-        **measured,
-        "depth": contact.depth[0].copy(),
-        "work": contact.work[0].copy(),
+        **{name: values[0].copy() for name, values in vars(world.contact).items()},
     }

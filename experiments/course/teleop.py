@@ -7,7 +7,7 @@ import time
 import mujoco
 import numpy as np
 
-from experiments.course.run import PERIOD, CoursePilot, CourseRun, drive_course
+from experiments.course.run import PERIOD, CourseRun, drive_course
 from experiments.course.world import CourseWorld
 from sim.opengl import Window
 from sim.robot.tracked_model import TrackedModel
@@ -54,8 +54,8 @@ class Keyboard:
             self.angles = np.clip(self.angles + change * moved, *self._range.T)
             self.by_reflex = False
 
-    def speeds(self, state: States) -> Array | None:
-        """See `CoursePilot`."""
+    def __call__(self, state: States) -> Array:
+        """See `Pilot`."""
         outwards = self.turn * self._half_gauge
         return np.array([self.speed - outwards, self.speed + outwards])
 
@@ -76,7 +76,7 @@ class Teleop:
             viewer.cam.distance, viewer.cam.azimuth = camera.distance, camera.azimuth
             viewer.cam.elevation = camera.elevation
 
-    def __call__(self, world: Traverse, pilot: CoursePilot) -> bool:
+    def __call__(self, world: Traverse) -> bool:
         """Show the state; False once the window is closed."""
         if not self._window.viewer.is_running():
             return False

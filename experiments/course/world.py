@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from experiments.course.run import PERIOD, SAMPLE, ConstantPilot, CoursePilot, PathPilot, reflexes
+from experiments.course.run import PERIOD, SAMPLE, PathPilot, Pilot, reflexes
 from sim.robot.tracked import TrackedRobot, load_tracked
 from sim.robot.tracked_model import TrackedModel, build_tracked, clear_angles
 from sim.terrain import Course, load_course
@@ -44,17 +44,10 @@ class CourseWorld:
         if config.friction is not None:
             course = replace(course, friction=config.friction)
         outwards = abs(config.turn) * robot.half_gauge
-        servos = Servos(top_speed=max(_TOP_SPEED, abs(config.speed) + outwards))
-        limits = Limits(time=config.duration)
+        servos, limits = Servos(top_speed=max(_TOP_SPEED, abs(config.speed) + outwards)), Limits(time=config.duration)
+        preset = config.preset
         world = Traverse(
-            robot,
-            [course],
-            preset=config.preset,
-            servos=servos,
-            limits=limits,
-            period=PERIOD,
-            sample=SAMPLE,
-            threads=1,
+            robot, [course], preset=preset, servos=servos, limits=limits, period=PERIOD, sample=SAMPLE, threads=1
         )
         made = cls(robot, course, world, config)
         world.begin([0], flippers=clear_angles(world.tracked, made.set_angles))
@@ -82,13 +75,13 @@ class CourseWorld:
         angles = self.set_angles
         return lambda _: angles
 
-    def pilot(self) -> CoursePilot:
-        """Who drives, unless it is somebody at the keyboard."""
+    def pilot(self) -> Pilot:
+        """Who drives, unless it is somebody at the keyboard: along the path, or at the same speeds all the time."""
         config = self.config
         if config.path is not None:
             return PathPilot.of(config.path, config.speed, self.robot.half_gauge)
-        outwards = config.turn * self.robot.half_gauge
-        return ConstantPilot(config.speed - outwards, config.speed + outwards)
+        speeds = config.speed + config.turn * self.robot.half_gauge * np.array([-1.0, 1.0])
+        return lambda state: speeds
 
     @property
     def top_speed(self) -> float:

@@ -110,18 +110,12 @@ class DriveContents:
     """The true motion of a drive, and what was measured of it."""
 
     run: str
-    readings: int
-    """Rows of its log."""
-    poses: int
-    """Rows with a pose."""
-    way: float
-    """Length of the true path [m]."""
-    turned_left: float
-    """Sum of all turns to the left [rad]."""
-    turned_right: float
-    """Sum of all turns to the right [rad]."""
-    standing: float
-    """Share of the time at rest [-]."""
+    readings: int  # rows of its log
+    poses: int  # rows with a pose
+    way: float  # length of the true path [m]
+    turned_left: float  # sum of all turns to the left [rad]
+    turned_right: float  # sum of all turns to the right [rad]
+    standing: float  # share of the time at rest [-]
 
     @classmethod
     def of(cls, log: RunLog) -> Self:

@@ -33,19 +33,15 @@ def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[Ru
 
 def _find(logs: Sequence[RunLog], wanted: str, path: Path) -> RunLog:
     """The run with that name or, in a sweep, with that id or the only id that begins with it."""
+    ids = {log.run: str(log.metadata.get("id", "")) for log in logs}
     found = [log for log in logs if log.run == wanted]
-    found = found or [log for log in logs if wanted and str(log.metadata.get("id", "")).startswith(wanted)]
+    found = found or [log for log in logs if wanted and ids[log.run].startswith(wanted)]
     if len(found) != 1:
-        some = found or logs
-        names = ", ".join(_called(log) for log in some[:_NAMED])
-        more = f" and {len(some) - _NAMED} more" if len(some) > _NAMED else ""
+        known = [repr(log.run) + (f" (id {ids[log.run][:_SHORT]})" if ids[log.run] else "") for log in found or logs]
         what = f"{len(found)} runs whose id begins with" if found else "no run"
-        raise LogError(f"{path}: {what} {wanted!r}; there are {names}{more}")
+        more = ", ..." if len(known) > _NAMED else ""
+        raise LogError(f"{path}: {what} {wanted!r}; there are {', '.join(known[:_NAMED])}{more}")
     return found[0]
-
-
-def _called(log: RunLog) -> str:
-    return repr(log.run) + (f" (id {str(log.metadata['id'])[:_SHORT]})" if "id" in log.metadata else "")
 
 
 def has_laws(path: Path) -> bool:

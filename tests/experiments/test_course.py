@@ -92,12 +92,12 @@ def test_a_straight_path_leads_straight_on(tmp_path):
     pilot = PathPilot.of(path, 0.3, 0.2)
     np.testing.assert_allclose(np.diff(pilot.points, axis=0), [[0.02, 0.0]] * 250, atol=1e-3)
     state = Level(np.array([[1.0, 0.0, 0.0]]))
-    np.testing.assert_allclose(pilot.speeds(state), [0.3, 0.3], atol=1e-9)
-    left = pilot.speeds(Level(np.array([[1.0, -0.1, 0.0]])))
+    np.testing.assert_allclose(pilot(state), [0.3, 0.3], atol=1e-9)
+    left = pilot(Level(np.array([[1.0, -0.1, 0.0]])))
     assert left[0] < left[1] == pytest.approx(0.3)
     for x in (1.9, 2.8, 3.7, 4.6):
-        assert pilot.speeds(Level(np.array([[x, 0.0, 0.0]]))) is not None
-    assert pilot.speeds(Level(np.array([[5.1, 0.0, 0.0]]))) is None
+        assert pilot(Level(np.array([[x, 0.0, 0.0]]))) is not None
+    assert pilot(Level(np.array([[5.1, 0.0, 0.0]]))) is None
 
 
 def test_flippers_as_asked():
@@ -122,13 +122,13 @@ def test_slip_in_bins_of_slope():
     np.testing.assert_allclose(quartiles, [[0.45, 0.225, 0.675], [0.2, 0.2, 0.2]])
 
 
-def blow_up(traverse, _):
+def blow_up(traverse):
     if traverse.time[0] > 0.1:
         traverse.batch.qvel[0, :3] = 1e9
     return True
 
 
-def stop(traverse, _):
+def stop(traverse):
     return traverse.time[0] < 0.1
 
 

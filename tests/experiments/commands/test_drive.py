@@ -196,12 +196,12 @@ def test_keys():
         keyboard.press(265)  # arrow up
     keyboard.press(263)  # arrow left
     half = world.robot.half_gauge
-    np.testing.assert_allclose(keyboard.speeds(None), [0.15 - 0.1 * half, 0.15 + 0.1 * half])
+    np.testing.assert_allclose(keyboard(None), [0.15 - 0.1 * half, 0.15 + 0.1 * half])
     for _ in range(50):
         keyboard.press(265)
     assert keyboard.speed == 0.6
     keyboard.press(32)  # space
-    np.testing.assert_allclose(keyboard.speeds(None), [0.0, 0.0])
+    np.testing.assert_allclose(keyboard(None), [0.0, 0.0])
     assert keyboard.by_reflex
     keyboard.press(268)  # Home
     keyboard.press(267)  # Page Down
