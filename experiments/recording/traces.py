@@ -15,7 +15,6 @@ from trackslip.logs.runlog import RunLog
 from trackslip.logs.stored_geometry import stored_geometry
 from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.motion.filtered import even_poses
-from trackslip.motion.steady_twist import Motion
 from trackslip.slip.law_file import load_laws
 from trackslip.slip.stored_laws import SHIPPED
 from trackslip.trajectory.base import Reference
@@ -69,11 +68,12 @@ def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
     true = identified = law = None
     name = ""
     if geometry is not None:
-        identified, driven = _identified_slip(log, geometry)
+        driven = _smooth_twist(log)
+        identified = None if driven is None else _slip(log.omega, driven, geometry)
         if log.truth is not None:
             twist = log.truth.twist[:, [0, 2]]
-            mean = (twist + np.concatenate([twist[:1], twist[:-1]])) / 2  # measured sprocket speeds are means, too
-            true, driven = _slip(log.omega, mean, geometry), mean
+            driven = (twist + np.concatenate([twist[:1], twist[:-1]])) / 2
+            true = _slip(log.omega, driven, geometry)
         law, name = _slip_by_law(log, geometry, driven, laws)
     error = None if desired is None else body_errors(pose, desired)
     return Traces(log, log.time - log.time[0], pose, estimate, desired, error, true, identified, law, name)
@@ -94,22 +94,15 @@ def _slip(omega: Array, twist: Array, geometry: RobotGeometry) -> Array:
     return np.where(np.abs(omega) > _MIN_SPROCKET_SPEED, track_slip(omega, twist, geometry), np.nan)
 
 
-def _identified_slip(log: RunLog, geometry: RobotGeometry) -> tuple[Array | None, Array | None]:
-    """Slips (T, 2) from the smoothed measured poses, and their twists (T, 2); None if there are too few poses."""
+def _smooth_twist(log: RunLog) -> Array | None:
+    """Mean twists (T, 2) since the row before, by polynomials fitted to a sliding window of measured poses.
+
+    NaN beyond the poses; None if there are too few.
+    """
     try:
-        motion = _smooth_motion(log)
+        time, pose = even_poses(log)
     except TrackslipError:
-        return None, None
-    within = (log.time >= motion.time[0]) & (log.time <= motion.time[-1])
-    middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2  # measured sprocket speeds are means
-    twist = np.stack([np.interp(middle, motion.time, column) for column in motion.twist.T], axis=-1)
-    slip = _slip(log.omega, twist, geometry)
-    return np.where(within[:, None], slip, np.nan), twist
-
-
-def _smooth_motion(log: RunLog) -> Motion:
-    """Poses and twists at even times from polynomials fitted to a sliding window; LogError if poses are too few."""
-    time, pose = even_poses(log)
+        return None
     step = float(time[1] - time[0])
     rate = abs(pose[-1, 2] - pose[0, 2]) / (time[-1] - time[0])
     rows = int(min(_MAX_WINDOW, _MAX_TURN / max(rate, 1e-9)) / step)
@@ -118,7 +111,8 @@ def _smooth_motion(log: RunLog) -> Motion:
         scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=order, delta=step, axis=0) for order in (0, 1)
     )
     v = slope[:, 0] * np.cos(smooth[:, 2]) + slope[:, 1] * np.sin(smooth[:, 2])
-    return Motion(time, smooth, np.stack([v, slope[:, 2]], axis=-1))
+    middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2  # measured sprocket speeds are means, too
+    return np.stack([np.interp(middle, time, column, np.nan, np.nan) for column in (v, slope[:, 2])], axis=-1)
 
 
 def _slip_by_law(
