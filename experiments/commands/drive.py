@@ -1,7 +1,7 @@
 """`trackslip drive`: a tracked robot over a course."""
 
 import shlex
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -90,7 +90,7 @@ def run(config: Config) -> None:
     if config.pictures or config.video is not None:
         prefer_egl()
     from experiments.course.pictures import require_video, write_pictures, write_video
-    from experiments.course.results import DriveResult, write_course_run
+    from experiments.course.results import drive_summary, write_course_run
     from experiments.course.run import drive_course
     from experiments.course.teleop import teleoperate
     from experiments.course.world import CourseWorld
@@ -115,9 +115,9 @@ def run(config: Config) -> None:
         else:
             with run.progress(f"{world.robot.name} on {config.course}", config.duration) as advance:
                 driven = drive_course(world.traverse, world.pilot(), world.flippers(), advance)
-        result, about, looks = DriveResult.of(driven, world.course), world.about, world.with_looks()
+        result, about, looks = drive_summary(driven, world.course), world.about, world.with_looks()
         manifest = run.manifest(**about)
-        run.write({"drive": asdict(result)}, simulated=result.duration, manifest=manifest)
+        run.write({"drive": result}, simulated=result["duration"], manifest=manifest)
         write_course_run(driven, "drive", about, run.folder / RUNS_FILE)
         with run.busy("recording"):
             record_course_drive(run.folder / RECORDINGS_FOLDER / DRIVE_RECORDING, driven, looks, about)
@@ -128,7 +128,7 @@ def run(config: Config) -> None:
             pictures = [f"{PICTURES_FOLDER}/{file.name}" for file in files]
         page(driven, result, world.course, manifest, command_line("drive"), pictures).write(run.folder)
         if config.video is not None:
-            with run.progress("video", result.duration) as advance:
+            with run.progress("video", result["duration"]) as advance:
                 write_video(config.video, driven, looks, world.course, advance)
     print("\n".join(sentences(result)))
     tracks_table(result).print()

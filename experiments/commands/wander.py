@@ -195,7 +195,7 @@ class Config(Repeatable):
 
 def run(config: Config) -> None:
     """Drive, store and print."""
-    from experiments.driving.wander import DriveContents, bag_contents, wander
+    from experiments.driving.wander import bag_contents, drive_contents, wander
     from experiments.driving.world import World
     from experiments.recording import record_all
     from experiments.report.table import Table
@@ -209,7 +209,7 @@ def run(config: Config) -> None:
     with Run(config) as run:
         with run.progress(f"{config.driving}, {config.drives} drives", simulated) as report:
             logs = wander(config, world, report)
-        contents = [DriveContents.of(log) for log in logs]
+        contents = [drive_contents(log) for log in logs]
         summary: dict[str, Any] = {"drives": contents}
         if config.bag:
             with run.busy("bags"):
@@ -222,9 +222,9 @@ def run(config: Config) -> None:
     title = f"Drives, with poses of {config.source.source} at {config.source.poses().rate:g} Hz"
     rows = [
         (
-            *(one.run, str(one.readings), str(one.poses), f"{one.way:.1f}"),
-            *(f"{degrees(turned):.0f}" for turned in (one.turned_left, one.turned_right)),
-            f"{one.standing:.0%}",
+            *(one["run"], str(one["readings"]), str(one["poses"]), f"{one['way']:.1f}"),
+            *(f"{degrees(one[turned]):.0f}" for turned in ("turned_left", "turned_right")),
+            f"{one['standing']:.0%}",
         )
         for one in contents[:_MOST_ROWS]
     ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +18,6 @@ from trackslip.logs.logfile import packing
 from trackslip.logs.schema import COLUMNS, PURE, Column
 from trackslip.logs.table import file_metadata
 
-_ATTITUDE = "attitude of the chassis, a unit quaternion"
-_VELOCITY, _RATE = "velocity of the chassis' frame in the world", "angular velocity in the chassis' frame"
-_BODY = (
-    Column("z", "m", "height of the chassis' frame"),
-    *(Column(f"q_{axis}", PURE, _ATTITUDE) for axis in "wxyz"),
-    Column("roll", "rad", "angle by which the chassis leans to its right"),
-    Column("pitch", "rad", "angle by which the chassis points upwards"),
-    *(Column(f"v_{axis}", "m/s", _VELOCITY) for axis in "xyz"),
-    *(Column(f"w_{axis}", "rad/s", _RATE) for axis in "xyz"),
-    Column("slope", "rad", "slope of the ground under the tracks along the robot, uphill is positive"),
-    Column("belt_cmd_l", "m/s", "belt speed asked for, left"),
-    Column("belt_cmd_r", "m/s", "belt speed asked for, right"),
-)
 _TRACK = {
     "belt": ("belt", "m/s", "mean belt speed since the previous row, track {}"),
     "slip": ("slip", PURE, "1 - speed over ground / belt speed, track {}; null where it doesn't touch or stands"),
@@ -40,69 +26,42 @@ _TRACK = {
     "depth": ("depth", "m", "largest penetration since the previous row, track {}"),
     "work": ("work", "J", "work of the belt against the ground since the previous row, track {}"),
 }
+_SLOPE = "slope of the ground under the tracks along the robot, uphill is positive"
 _LOG = ("t", "omega_l", "omega_r", "x", "y", "phi")
 
 
-@dataclass(frozen=True)
-class TrackResult:
-    """What one track did on the way."""
-
-    name: str
-    slip: float | None  # mean weighted by the way of the belt while it touched [-]
-    slip_p95: float | None  # 95th percentile of the slip's magnitude [-]
-    touching: float  # share of the time in which it touched the ground [-]
-    max_penetration: float  # [m]
-    work: float  # of the belt against the ground [J]
-
-
-@dataclass(frozen=True)
-class DriveResult:
-    """How a drive over a course went."""
-
-    outcome: str  # that of the run
-    duration: float  # simulated time [s]
-    way: float  # of the chassis in the plane [m]
-    remaining: float  # along the course until its end [m]
-    climbed: float  # height of the chassis at the end, above that at the start [m]
-    max_pitch: float  # largest magnitude [rad]
-    max_roll: float  # largest magnitude [rad]
-    max_penetration: float  # of any track [m]
-    penetration_p99: float  # 99th percentile of the largest penetration in each row [m]
-    energy: float  # work of all belts against the ground [J]
-    tracks: tuple[TrackResult, ...]
-
-    @classmethod
-    def of(cls, run: CourseRun, course: Course) -> DriveResult:
-        """The results of a run."""
-        state, moving = run.state, run.depth[1:]
-        position = state.position
-        deepest = moving.max(axis=1) if len(moving) else np.zeros(1)
-        return cls(
-            outcome=run.outcome,
-            duration=round(float(run.time[-1]), 9),
-            way=float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),
-            remaining=max(0.0, course.goal - float(position[-1, 0])),
-            climbed=float(position[-1, 2] - position[0, 2]),
-            max_pitch=float(np.abs(state.pitch).max()),
-            max_roll=float(np.abs(state.roll).max()),
-            max_penetration=float(deepest.max()),
-            penetration_p99=float(np.percentile(deepest, 99)),
-            energy=float(run.work.sum()),
-            tracks=tuple(_track(run, k) for k in range(len(run.tracks))),
-        )
+def drive_summary(run: CourseRun, course: Course) -> dict[str, Any]:
+    """How a drive went: its outcome, lengths [m], angles [rad], penetration [m], energy [J], and each of its tracks."""
+    state, moving = run.state, run.depth[1:]
+    position = state.position
+    deepest = moving.max(axis=1) if len(moving) else np.zeros(1)
+    return {
+        "outcome": run.outcome,
+        "duration": round(float(run.time[-1]), 9),  # simulated time [s]
+        "way": float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),  # of the chassis in the plane
+        "remaining": max(0.0, course.goal - float(position[-1, 0])),  # along the course until its end
+        "climbed": float(position[-1, 2] - position[0, 2]),  # height of the chassis at the end, above the start
+        "max_pitch": float(np.abs(state.pitch).max()),
+        "max_roll": float(np.abs(state.roll).max()),
+        "max_penetration": float(deepest.max()),
+        "penetration_p99": float(np.percentile(deepest, 99)),  # of the largest penetration in each row
+        "energy": float(run.work.sum()),  # work of all belts against the ground
+        "tracks": [_track_summary(run, k) for k in range(len(run.tracks))],
+    }
 
 
-def _track(run: CourseRun, k: int) -> TrackResult:
+def _track_summary(run: CourseRun, k: int) -> dict[str, Any]:
+    """Slip [-], share of the time in touch, penetration [m] and work [J] of a track; no slip where it never touched."""
     slip, known = run.slip[:, k], np.isfinite(run.slip[:, k])
     belt = np.abs(run.belt[known, k])
-    return TrackResult(
-        name=run.tracks[k],
-        slip=float(np.average(slip[known], weights=belt)) if belt.sum() > 0 else None,
-        slip_p95=float(np.percentile(np.abs(slip[known]), 95)) if known.any() else None,
-        touching=float(run.touching[1:, k].mean()) if len(run.time) > 1 else 0.0,
-        max_penetration=float(run.depth[:, k].max()),
-        work=float(run.work[:, k].sum()),
-    )
+    return {
+        "name": run.tracks[k],
+        "slip": float(np.average(slip[known], weights=belt)) if belt.sum() > 0 else None,
+        "slip_p95": float(np.percentile(np.abs(slip[known]), 95)) if known.any() else None,
+        "touching": float(run.touching[1:, k].mean()) if len(run.time) > 1 else 0.0,
+        "max_penetration": float(run.depth[:, k].max()),
+        "work": float(run.work[:, k].sum()),
+    }
 
 
 def slip_by_slope(slope: Array, slip: Array, width: float) -> tuple[Array, Array]:
@@ -139,9 +98,18 @@ def _columns(run: CourseRun, radius: float) -> Iterator[tuple[Column, Array]]:
     omega = run.belt[:, :2] / radius
     for name, values in zip(_LOG, (run.time, *omega.T, *position.T[:2], heading), strict=True):
         yield COLUMNS[name], values
-    first = state.quaternion.T
-    body = (position[:, 2], *first, state.roll, state.pitch, *state.velocity.T, *state.rate.T, run.slope)
-    yield from zip(_BODY, (*body, *run.command.T), strict=True)
+    for names, unit, what, columns in (
+        (("z",), "m", "height of the chassis' frame", position[:, 2:]),
+        (("q_w", "q_x", "q_y", "q_z"), PURE, "attitude of the chassis, a unit quaternion", state.quaternion),
+        (("roll",), "rad", "angle by which the chassis leans to its right", state.roll[:, None]),
+        (("pitch",), "rad", "angle by which the chassis points upwards", state.pitch[:, None]),
+        (("v_x", "v_y", "v_z"), "m/s", "velocity of the chassis' frame in the world", state.velocity),
+        (("w_x", "w_y", "w_z"), "rad/s", "angular velocity in the chassis' frame", state.rate),
+        (("slope",), "rad", _SLOPE, run.slope[:, None]),
+        (("belt_cmd_l",), "m/s", "belt speed asked for, left", run.command[:, :1]),
+        (("belt_cmd_r",), "m/s", "belt speed asked for, right", run.command[:, 1:]),
+    ):
+        yield from ((Column(name, unit, what), values) for name, values in zip(names, columns.T, strict=True))
     for field, (prefix, unit, what) in _TRACK.items():
         for track, values in zip(run.tracks, getattr(run, field).T, strict=True):
             yield Column(f"{prefix}_{track}", unit, what.format(track)), values

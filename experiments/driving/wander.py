@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -105,31 +104,18 @@ def _random(config: Config, name: str, what: str) -> np.random.Generator:
     return generator(config.seed, f"wander {name} {what}")
 
 
-@dataclass(frozen=True)
-class DriveContents:
-    """The true motion of a drive, and what was measured of it."""
-
-    run: str
-    readings: int  # rows of its log
-    poses: int  # rows with a pose
-    way: float  # length of the true path [m]
-    turned_left: float  # sum of all turns to the left [rad]
-    turned_right: float  # sum of all turns to the right [rad]
-    standing: float  # share of the time at rest [-]
-
-    @classmethod
-    def of(cls, log: RunLog) -> Self:
-        """Sum up a simulated drive."""
-        step = np.diff(true_pose(log), axis=0)
-        duration, turn = np.diff(log.time), step[:, 2]
-        way = np.hypot(step[:, 0], step[:, 1])
-        resting = (way + np.abs(turn)) < _AT_REST * duration
-        return cls(
-            run=log.run,
-            readings=len(log.time),
-            poses=int(log.is_valid.sum()),
-            way=float(way.sum()),
-            turned_left=float(turn[turn > 0].sum()),
-            turned_right=float(-turn[turn < 0].sum()),
-            standing=float(duration[resting].sum() / duration.sum()),
-        )
+def drive_contents(log: RunLog) -> dict[str, Any]:
+    """The true motion of a simulated drive, and what was measured of it: the summary's entry."""
+    step = np.diff(true_pose(log), axis=0)
+    duration, turn = np.diff(log.time), step[:, 2]
+    way = np.hypot(step[:, 0], step[:, 1])
+    resting = (way + np.abs(turn)) < _AT_REST * duration
+    return {
+        "run": log.run,
+        "readings": len(log.time),  # of the encoders
+        "poses": int(log.is_valid.sum()),
+        "way": float(way.sum()),  # [m]
+        "turned_left": float(turn[turn > 0].sum()),  # [rad]
+        "turned_right": float(-turn[turn < 0].sum()),  # [rad]
+        "standing": float(duration[resting].sum() / duration.sum()),  # share of the time at rest [-]
+    }

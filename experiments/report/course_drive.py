@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.course.results import DriveResult, slip_by_slope
+from experiments.course.results import slip_by_slope
 from experiments.course.run import CourseRun
 from experiments.report.colours import BLUE, GREY, ORANGE
 from experiments.report.figures.style import styled, subplots, thin
@@ -40,38 +40,38 @@ _SLIP_CAPTION = (
 )
 
 
-def sentences(result: DriveResult) -> tuple[str, str, str]:
-    """Outcome, motion and tracks of the drive."""
-    ended = f"{SENTENCES[result.outcome]} after {result.duration:.1f} s"
-    if result.outcome != "reached":
-        ended += f", {result.remaining:.2f} m before the end"
-    climbed = number(round(result.climbed, 2) + 0.0, 2)
+def sentences(result: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Outcome, motion and tracks of a drive, from its summary."""
+    ended = f"{SENTENCES[result['outcome']]} after {result['duration']:.1f} s"
+    if result["outcome"] != "reached":
+        ended += f", {result['remaining']:.2f} m before the end"
+    climbed = number(round(result["climbed"], 2) + 0.0, 2)
     return (
         f"{ended}.",
-        f"way {result.way:.2f} m, height gained {climbed} m, "
-        f"pitch up to {degrees(result.max_pitch):.1f} deg, roll up to {degrees(result.max_roll):.1f} deg",
-        f"penetration up to {1e3 * result.max_penetration:.2f} mm (99 %: {1e3 * result.penetration_p99:.2f} mm), "
-        f"work of the belts {number(result.energy, 0)} J",
+        f"way {result['way']:.2f} m, height gained {climbed} m, "
+        f"pitch up to {degrees(result['max_pitch']):.1f} deg, roll up to {degrees(result['max_roll']):.1f} deg",
+        f"penetration up to {1e3 * result['max_penetration']:.2f} mm (99 %: {1e3 * result['penetration_p99']:.2f} mm), "
+        f"work of the belts {number(result['energy'], 0)} J",
     )
 
 
-def tracks_table(result: DriveResult) -> Table:
+def tracks_table(result: Mapping[str, Any]) -> Table:
     """A row per track."""
     rows = [
         (
-            one.name.replace("_", " "),
-            *(percent(value) for value in (one.slip, one.slip_p95, one.touching)),
-            number(1e3 * one.max_penetration, 2),
-            number(one.work, 0),
+            one["name"].replace("_", " "),
+            *(percent(one[name]) for name in ("slip", "slip_p95", "touching")),
+            number(1e3 * one["max_penetration"], 2),
+            number(one["work"], 0),
         )
-        for one in result.tracks
+        for one in result["tracks"]
     ]
     return Table("Tracks", _HEADER, rows, note=_NOTE)
 
 
 def page(
     run: CourseRun,
-    result: DriveResult,
+    result: Mapping[str, Any],
     course: Course,
     manifest: Mapping[str, Any],
     command: str,

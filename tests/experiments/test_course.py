@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.commands.drive import Config as DriveConfig
-from experiments.course.results import DriveResult, slip_by_slope
+from experiments.course.results import drive_summary, slip_by_slope
 from experiments.course.run import STOPPED, PathPilot, drive_course, ground_slope
 from experiments.course.world import CourseWorld
 from sim.robot.tracked import load_tracked
@@ -72,7 +72,7 @@ def test_ends_by_name(options, outcome):
     world, run = driven(**options)
     assert run.outcome == outcome
     assert np.isfinite(run.qpos).all()
-    assert DriveResult.of(run, world.course).outcome == outcome
+    assert drive_summary(run, world.course)["outcome"] == outcome
 
 
 def test_a_path_is_followed_to_its_end(tmp_path):

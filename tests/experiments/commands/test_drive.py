@@ -39,14 +39,8 @@ def test_a_drive_is_stored_with_units_and_without_nan(stored):
             assert np.isfinite(values).all(), field.name
     assert table["slip_chassis_left"][0].as_py() is None  # nothing is known at rest
     assert table["t"].to_numpy()[-1] == pytest.approx(2.0)
-    about = json.loads(table.schema.metadata[b"trackslip"])
-    assert about["columns"]["load_chassis_left"] == {
-        "unit": "N",
-        "description": "mean normal force, track chassis_left",
-    }
-    assert {f"angle_{side}_flipper" for side in ("front_left", "front_right", "rear_left", "rear_right")} < set(
-        table.column_names
-    )
+    flippers = ("front_left", "front_right", "rear_left", "rear_right")
+    assert {f"angle_{side}_flipper" for side in flippers} < set(table.column_names)
 
 
 def test_its_log_reads_like_any_other(stored):
@@ -155,21 +149,10 @@ def test_a_video_has_a_picture_for_each_moment(trackslip, tmp_path):
         (("--robot", "nobody"), "robot = 'nobody': must be one of rescue, box, or a .toml file"),
         (("--course", "nowhere"), "course = 'nowhere': must be one of"),
         (("--flippers", "sideways"), "flippers = 'sideways': must be up, down, reflex, or angles"),
-        (("--flippers", "nan"), "flippers = 'nan': must be"),
         (("--flippers", "1,2,3"), "flippers = '1,2,3': must be one angle, two (front, rear) or 4"),
-        (("--speed", "9"), "speed = 9.0: must be from -2 to 2 m/s"),
-        (("--speed", "nan"), "speed = nan: must be from -2 to 2 m/s"),
-        (("--turn", "-99"), "turn = -99.0: must be from -5 to 5 rad/s"),
-        (("--duration", "0"), "duration = 0.0: must be a finite number > 0"),
-        (("--duration", "1e9"), "duration = 1000000000.0: must be at most"),
-        (("--friction", "nan"), "friction = nan: must be a finite number > 0"),
-        (("--pictures", "-1"), "pictures = -1: must be an integer from 0 to 100"),
-        (("--seed", "-1"), "seed = -1: must be an integer >= 0"),
         (("--video", "drive.avi"), "video = 'drive.avi': must be a file that ends in .mp4"),
         (("--path", "gone.csv"), "gone.csv: no such file"),
-        (("--path", "gone.csv", "--turn", "1"), "turn = 1.0: must be left out with --path"),
         (("--path", "gone.csv", "--speed", "-1"), "speed = -1.0: must be a finite number > 0"),
-        (("--teleop", "--turn", "1"), "turn = 1.0: must be left out with --teleop"),
     ],
 )
 def test_mistakes(refused, options, said):

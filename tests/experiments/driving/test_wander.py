@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from experiments.driving.wander import DriveContents
+from experiments.driving.wander import drive_contents
 from sim.wander.motion import Motion, arc_steps, joined
 from trackslip.logs.runlog import RunLog, Truth
 
@@ -16,8 +16,7 @@ def test_ways_turns_and_rests_are_summed():
     valid = np.arange(401) % 5 == 0
     truth = Truth(Motion(time, pose).pose, np.concatenate([np.zeros((1, 3)), twist]))
     log = RunLog("drive", time, np.zeros((401, 2)), pose, valid=valid, truth=truth)
-    found = DriveContents.of(log)
-    assert (found.readings, found.poses) == (401, 81)
-    np.testing.assert_allclose(
-        (found.way, found.turned_left, found.turned_right, found.standing), (0.5, 1.0, 1.0, 0.25), rtol=1e-4
-    )
+    found = drive_contents(log)
+    assert (found["readings"], found["poses"]) == (401, 81)
+    measured = [found[name] for name in ("way", "turned_left", "turned_right", "standing")]
+    np.testing.assert_allclose(measured, (0.5, 1.0, 1.0, 0.25), rtol=1e-4)
