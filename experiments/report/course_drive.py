@@ -26,6 +26,7 @@ SENTENCES = {
     "time": "It ran out of time",
     "stopped": "Its driver stopped it",
 }
+_EARTH = "#b9b2a6"  # an area
 _TRACKS = ((BLUE, "o", "left", -0.25), (ORANGE, "^", "right", 0.25))  # with the offset of a bin's symbol [deg]
 _SLIP = (-0.5, 1.0)  # range of slips that is drawn [-]
 _BIN = 3.0  # width of bins of slope [deg]
@@ -111,7 +112,7 @@ def profile(run: CourseRun, course: Course) -> Figure:
     low, high = course.bounds[0, 0], course.bounds[1, 0]
     x = np.linspace(low, high, 2000)
     height = course.height(x, np.zeros_like(x))
-    axes.fill_between(x, height, course.floor, color="#b9b2a6", lw=0, label="ground at y = 0")
+    axes.fill_between(x, height, course.floor, facecolor=_EARTH, lw=0, label="ground at y = 0")
     axes.plot(position[:, 0], position[:, 2], color=BLUE, lw=1.2, label="chassis")
     axes.plot(*position[-1, [0, 2]], "o", color=BLUE, ms=5)
     axes.axvline(course.goal, color=GREY, lw=0.8, ls="--", label="end of the course")
