@@ -16,6 +16,7 @@ from sim.traverse.reflex import Reflex
 from sim.traverse.states import States
 from sim.traverse.world import Command, Traverse
 from trackslip.kinematics import Array
+from trackslip.metrics import body_errors
 from trackslip.trajectory.waypoints import read_waypoints
 
 PERIOD = 0.02
@@ -62,10 +63,8 @@ class PathPilot:
         if self._at >= len(self.points) - 1:
             return None
         goal = self.points[min(self._at + round(self.look_ahead / _SPACING), len(self.points) - 1)]
-        x, y = goal - here
-        across = y * np.cos(heading) - x * np.sin(heading)
-        along = x * np.cos(heading) + y * np.sin(heading)
-        distance = max(float(np.hypot(x, y)), self.look_ahead / 2)
+        along, across, _ = body_errors([*here, heading], [*goal, heading])
+        distance = max(float(np.hypot(along, across)), self.look_ahead / 2)
         curvature = float(np.clip(2 * across / distance**2, -_SHARPEST, _SHARPEST))
         if along < 0:  # it has passed the goal by: turn on the spot
             return self.speed * np.sign(across) * np.array([-1.0, 1.0])

@@ -102,7 +102,6 @@ def series_of(traces: Traces) -> list[Series]:
     """Everything that can be plotted of a run."""
     log, law, truth = traces.log, traces.law_name, traces.log.truth
     sides, ways = (LEFT, RIGHT), (_AHEAD, _TURNING)
-    error, distance = traces.error, traces.distance
     every: list[tuple[str, Array | None, tuple[str, ...], tuple[str, ...], float]] = [
         ("slip/by_law", traces.law, (f"left, law {law}", f"right, law {law}"), _DIM_SIDES, _THICK),
         ("slip/identified", traces.identified, ("left, identified", "right, identified"), _PALE_SIDES, _THIN),
@@ -111,11 +110,12 @@ def series_of(traces: Traces) -> list[Series]:
         ("sprocket/measured", log.omega, ("left, measured", "right, measured"), sides, _LINE),
         ("twist/command", log.twist_command, ("v commanded [m/s]", "w commanded [rad/s]"), _PALE_WAYS, _THICK),
     ]
-    if error is not None and distance is not None:
+    if traces.error is not None:
+        position, distance = 1e3 * traces.error[:, :2], 1e3 * np.hypot(*traces.error[:, :2].T)
         every += [
-            ("error/distance", 1e3 * distance[:, None], ("distance",), (_GREY,), _THICK),
-            ("error/position", 1e3 * error[:, :2], ("ahead", "to the left"), (_AHEAD, _SIDEWAYS), _LINE),
-            ("error/heading", np.degrees(error[:, 2:]), ("heading",), (_TURNING,), _LINE),
+            ("error/distance", distance[:, None], ("distance",), (_GREY,), _THICK),
+            ("error/position", position, ("ahead", "to the left"), (_AHEAD, _SIDEWAYS), _LINE),
+            ("error/heading", np.degrees(traces.error[:, 2:]), ("heading",), (_TURNING,), _LINE),
         ]
     if truth is not None:
         load = None

@@ -66,7 +66,7 @@ def show(file: Path, web: bool) -> None:
         print("showing in the browser until interrupted", flush=True)
         command += ["--web-viewer", "--web-viewer-port", "0"]
     log = "error,re_sdk::web_viewer=info"  # which names the page
-    with subprocess.Popen(command, env={"RUST_LOG": log, **os.environ}) as process:
+    with subprocess.Popen(command, env={"RUST_LOG": log, "RERUN_APP_ONLY": "true", **os.environ}) as process:
         try:
             process.wait()
         except BaseException:  # `rerun` is a script that starts the viewer, and ends it only when interrupted itself
