@@ -12,6 +12,7 @@ if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get(
 
 import numpy as np
 import pytest
+from beside import rectangle
 from hypothesis import settings
 
 from sim.robot.robot import Robot, load_robot
@@ -37,7 +38,7 @@ def geometry() -> RobotGeometry:
 
 @pytest.fixture(scope="session")
 def scan_rectangle():
-    """A scanner of its own: ranges from segment intersections, a side of the rectangle at a time."""
+    """A scanner of its own, with formulas for rays to a rectangle."""
 
     def scan(
         poses: Array,
@@ -52,19 +53,7 @@ def scan_rectangle():
         direction = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # (B, 2)
         template = Scan(bearings, np.empty((0, len(bearings))), noise, np.array(mount))
         local = template.from_world(np.asarray(poses, float))
-        e = np.stack([np.cos(local[:, 2]), np.sin(local[:, 2])], axis=-1) * plate.length / 2
-        n = np.stack([-np.sin(local[:, 2]), np.cos(local[:, 2])], axis=-1) * plate.thickness / 2
-        corners = [local[:, :2] + a * e + b * n for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
-        ranges = np.full((len(local), len(bearings)), np.inf)
-        for k in range(4):
-            start, side = corners[k], corners[(k + 1) % 4] - corners[k]
-            # range * direction = start + fraction * side
-            determinant = direction[:, 1] * side[:, :1] - direction[:, 0] * side[:, 1:]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                distance = (start[:, 1:] * side[:, :1] - start[:, :1] * side[:, 1:]) / determinant
-                fraction = (start[:, 1:] * direction[:, 0] - start[:, :1] * direction[:, 1]) / determinant
-            hit = (distance > 0) & (fraction >= 0) & (fraction <= 1)
-            ranges = np.where(hit, np.minimum(ranges, distance), ranges)
+        ranges = rectangle(local[:, None], (plate.length, plate.thickness))(np.zeros(2), direction, np.zeros(1))
         ranges = np.where(np.isfinite(ranges), ranges + rng.normal(0, noise, ranges.shape), np.nan)
         return Scan(bearings, ranges, noise, np.array(mount))
 

@@ -1,6 +1,7 @@
 """The posterior of a plate's pose under the exact likelihood of a scan with lost beams, summed over a grid of poses."""
 
 import numpy as np
+from beside import rectangle
 
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Plate
@@ -12,18 +13,8 @@ _HOPELESS = 16.0
 
 def ranges_of(pose: Array, plate: Plate, bearings: Array) -> Array:
     """Ranges (G, B) of beams to plates at poses (G, 3), infinite where they miss."""
-    cos, sin = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
-    x, y = pose[:, 0, None], pose[:, 1, None]
-    u_x, u_y = np.cos(bearings), np.sin(bearings)
-    enter, leave = np.full((len(pose), len(bearings)), -np.inf), np.full((len(pose), len(bearings)), np.inf)
-    for centre, u, size in (
-        (cos * x + sin * y, cos * u_x + sin * u_y, plate.length),
-        (cos * y - sin * x, cos * u_y - sin * u_x, plate.thickness),
-    ):
-        u = np.where(u == 0, 1e-12, u)
-        enter = np.maximum(enter, (centre - np.sign(u) * size / 2) / u)
-        leave = np.minimum(leave, (centre + np.sign(u) * size / 2) / u)
-    return np.where((enter < leave) & (enter > 0), enter, np.inf)
+    directions = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+    return rectangle(pose[:, None], (plate.length, plate.thickness))(np.zeros(2), directions, np.zeros(1))
 
 
 def log_likelihood(pose: Array, plate: Plate, bearings: Array, ranges: Array, noise: float, dropout: float) -> Array:
