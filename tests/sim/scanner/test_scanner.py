@@ -1,12 +1,15 @@
 import numpy as np
 import pytest
 
+from sim.drive.drive import Drive
 from sim.fleet import Fleet
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError
 from trackslip.localization.plate import PlateLocator
+from trackslip.trajectory.named import REFERENCES
+from trackslip.trajectory.profile import LIMITS
 
 POSES = np.array([[-1.5, 0.5, 0.3], [0.0, 1.0, 2.0], [-3.0, 3.0, -1.0], [-1.5, 1.0, np.pi / 2]])
 
@@ -111,3 +114,23 @@ def test_the_locator_is_told_of_noise_and_rounding(robot):
     assert stated == pytest.approx(np.sqrt(0.003**2 + 0.01**2 / 12))
     true, ranges = measured(robot, **both)
     assert np.nanstd(ranges - true) == pytest.approx(stated, rel=0.02)
+
+
+TRACKING_ERROR = 0.4  # m, to any side
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+def test_the_plate_stays_in_view_and_clear_of_the_scanner(robot, name):
+    reference = REFERENCES[name]()
+    x, y, phi = reference.pose(np.linspace(0, reference.duration, 1001)).T
+    ends = (x + 1j * y) + robot.plate_radius * np.array([[-1], [1]]) * np.exp(1j * phi)  # of the plate
+    seen = (ends - complex(*robot.lrf_mount[:2])) * np.exp(-1j * robot.lrf_mount[2])  # forwards, to the left
+    distance = np.abs(seen)
+    assert distance.min() - TRACKING_ERROR > 1.0
+    assert distance.max() + TRACKING_ERROR < 6.0
+    bearing = np.abs(np.angle(seen)) + np.arcsin(TRACKING_ERROR / distance)
+    assert bearing.max() < LaserScanner().field_of_view / 2 - np.radians(3)
+
+
+def test_limits_leave_the_drives_a_margin():
+    assert LIMITS.track_speed <= 0.9 * Drive().top_speed

@@ -1,9 +1,11 @@
+"""The hull of a track and the belt around it."""
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.tracks.hull import Hull
+from sim.tracks.hull import Hull, Outline
 
 OVAL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
 NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
@@ -55,3 +57,34 @@ def test_the_length_of_the_belt_is_that_of_the_convex_hull():
 def test_a_flipper_may_be_modelled_upright(tip):
     hull = Hull.from_wheels([(0.0, 0.0, 0.08), (0.0, 0.25, tip)])
     assert hull.longest_below == pytest.approx(np.sqrt(0.25**2 - (0.08 - tip) ** 2))
+
+
+TWO = [(-0.22, 0.08, 0.08), (0.22, 0.08, 0.08)]
+TAPERED = [(0.0, 0.0, 0.065), (0.245, 0.0, 0.04)]
+FOUR = [(-0.3, 0.2, 0.05), (0.3, 0.2, 0.05), (0.2, 0.05, 0.05), (-0.2, 0.05, 0.05)]
+
+
+def test_length_of_an_open_belt():
+    """2 sqrt(L^2 - (R - r)^2) + pi (R + r) + 2 (R - r) asin((R - r) / L)."""
+    big, small, apart = 0.065, 0.04, 0.245
+    less = big - small
+    length = 2 * np.sqrt(apart**2 - less**2) + np.pi * (big + small) + 2 * less * np.arcsin(less / apart)
+    assert Outline.of(Hull.from_wheels(TAPERED)).ends[-1] == pytest.approx(length, rel=1e-12)
+
+
+@pytest.mark.parametrize("hull", [TWO, TAPERED, FOUR])
+def test_the_belt_is_closed_and_touches_its_hull(hull):
+    outline = Outline.of(Hull.from_wheels(hull))
+    length = outline.ends[-1]
+    s = np.linspace(0, length, 4001)
+    place, heading = outline.place(s)
+    np.testing.assert_allclose(place[0], place[-1], atol=1e-12)
+    step = np.diff(place, axis=0)
+    np.testing.assert_allclose(np.hypot(*step.T), length / 4000, rtol=1e-4)
+    middle = (s[:-1] + s[1:]) / 2
+    turn = np.arctan2(step[:, 1], step[:, 0]) - outline.place(middle)[1]
+    np.testing.assert_allclose(np.sin(turn), 0, atol=2e-3)
+    x, z, radius = np.array(hull).T
+    depth = (np.hypot(place[:, :1] - x, place[:, 1:] - z) - radius).min(axis=1)
+    assert depth.min() > -1e-9  # nowhere inside a wheel
+    assert np.ptp(np.unwrap(heading)) == pytest.approx(2 * np.pi, abs=1e-9)

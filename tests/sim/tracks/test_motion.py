@@ -121,28 +121,6 @@ def test_the_belt_of_a_moving_flipper_moves_relative_to_the_flipper():
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_belts_have_the_same_speed_all_around_the_hull(preset):
-    """Wheels turn with the belt: the surface of each has the belt's speed, clockwise."""
-    spec = plane()
-    add_robot(spec)
-    model, data, belts = built(spec, preset)
-    belts.set(model, [0.4, -0.3])
-    np.testing.assert_allclose(belts.speeds(model), [0.4, -0.3])
-    mujoco.mj_forward(model, data)
-    for geom in range(model.ngeom):
-        name = model.geom(geom).name
-        if not name.startswith("robot_") or name.endswith("_core"):
-            continue
-        speed = 0.4 if name.startswith("robot_left") else -0.3
-        frame, velocity = data.geom_xmat[geom].reshape(3, 3), model.geom_surfacevel[geom]
-        if "wheel" in name:
-            np.testing.assert_allclose(frame @ velocity[3:] * model.geom_size[geom, 0], [0, speed, 0], atol=1e-15)
-        else:
-            below = data.geom_xpos[geom][2] < 0.08
-            np.testing.assert_allclose(frame @ velocity[:3], [-speed if below else speed, 0, 0], atol=1e-15)
-
-
-@pytest.mark.parametrize("preset", PRESETS)
 def test_a_row_of_a_batch_moves_as_it_does_alone(preset):
     spec = slab()
     add_robot(spec)

@@ -1,11 +1,14 @@
-"""Poses between rows, and steps between poses."""
+"""Motion by a law, against the law; its variation, against what it was made with; poses between rows."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from sim.wander.motion import Motion, arc_steps, joined, steps_between
-from trackslip.kinematics import advance
+from sim.wander.commands import Driver, track_commands
+from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation, arc_steps, joined, steps_between
+from trackslip.kinematics import RobotGeometry, advance
+from trackslip.slip.icr import ConstantIcr
 
 RNG = np.random.default_rng(4)
 
@@ -29,3 +32,64 @@ def test_an_arc_with_lateral_speed_is_many_short_straight_steps():
     twist = np.array([0.3, -0.1, 1.2])
     fine = joined(np.zeros(3), np.tile(twist * 1e-5, (100_000, 1)))[-1]
     np.testing.assert_allclose(arc_steps(twist, 1.0), fine, atol=1e-5)
+
+
+RATE = 50.0
+GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
+LAW = ConstantIcr(offset=0.045, half_gauge=0.168, radius_error=0.0066)
+EXACT = SlipVariation()
+
+
+def sprockets(duration: float = 60.0, seed: int = 0) -> np.ndarray:
+    return track_commands("random", duration, RATE, Driver(), np.random.default_rng(seed)) / GEOMETRY.sprocket_radius
+
+
+def test_without_variation_the_law_decides():
+    omega = sprockets()
+    motion, twist = LawMotion(LAW, GEOMETRY, EXACT).drive(omega, RATE, np.random.default_rng(0))
+    law = np.insert(LAW.twist(omega, GEOMETRY), 1, 0.0, axis=-1)
+    np.testing.assert_allclose(twist[1:], law[1:], atol=1e-15)
+    time = np.arange(len(omega)) / RATE
+    np.testing.assert_allclose(motion.at(time), joined(np.zeros(3), arc_steps(law[1:], 1 / RATE)), atol=1e-10)
+
+
+@pytest.mark.parametrize("rate", [20.0, 50.0, 100.0])
+def test_white_slip_grows_with_the_way(rate):
+    omega = np.array([0.0, 0.0]) + np.r_[0.0, np.full(int(100 * rate), 4.0)][:, None] * [1.0, -0.5]
+    moved, twist = LawMotion(LAW, GEOMETRY, WHITE).drive(omega, rate, np.random.default_rng(1))
+    still, _ = LawMotion(LAW, GEOMETRY, EXACT).drive(omega, rate, np.random.default_rng(1))
+    count = len(moved.time) - 1
+    way = GEOMETRY.sprocket_radius * 3.0 * 100.0 / count  # of a step: the mean of |4| and |-2| rad/s
+    errors = steps_between(moved.pose) - steps_between(still.pose)
+    spread = errors.std(axis=0) / np.sqrt(way)
+    np.testing.assert_allclose(spread, [WHITE.along, WHITE.across, WHITE.turning], rtol=5 / np.sqrt(2 * count))
+    neighbours = (errors[1:] * errors[:-1]).mean(axis=0) / errors.var(axis=0)
+    assert np.abs(neighbours).max() < 5 / np.sqrt(count)
+    np.testing.assert_allclose(twist[1:, [0, 2]], LAW.twist(omega[1:], GEOMETRY))
+
+
+def test_lasting_slip_has_its_size_and_its_time():
+    variation = SlipVariation(lasting=0.02, lasting_time=0.5)
+    omega = np.r_[0.0, np.full(50_000, 3.0)][:, None] * np.ones(2)
+    _, twist = LawMotion(LAW, GEOMETRY, variation).drive(omega, RATE, np.random.default_rng(2))
+    surface = 0.06 * (1 + LAW.radius_error) * 3.0
+    left = (twist[1:, 0] - (0.168 + LAW.offset) * twist[1:, 2]) / surface - 1
+    assert left.std() == pytest.approx(0.02, rel=0.1)
+    lag = 25  # rows in half a second
+    assert np.corrcoef(left[lag:], left[:-lag])[0, 1] == pytest.approx(np.exp(-1), abs=0.1)
+    assert LASTING.lasting == 0.02
+
+
+def test_the_lag_is_of_first_order():
+    omega = np.r_[0.0, np.full(100, 3.0)][:, None] * np.ones(2)
+    motion, _ = LawMotion(LAW, GEOMETRY, EXACT, lag=0.2).drive(omega, RATE, np.random.default_rng(0))
+    speed, t = 0.06 * (1 + LAW.radius_error) * 3.0, motion.time
+    np.testing.assert_allclose(motion.pose[:, 0], speed * (t - 0.2 * (1 - np.exp(-t / 0.2))), atol=1e-12)
+
+
+def test_lateral_speed_follows_turning_centre_and_drift():
+    omega = sprockets()
+    moved = LawMotion(LAW, GEOMETRY, EXACT, turning_centre=0.03, drift=0.02)
+    _, twist = moved.drive(omega, RATE, np.random.default_rng(0))
+    v, lateral, w = twist.T
+    np.testing.assert_allclose(lateral, -0.03 * w - 0.02 * v * w, atol=1e-15)

@@ -6,6 +6,7 @@ from bags import (
     KINDS,
     START,
     chain_of,
+    ecef,
     fix,
     odometry,
     pose_stamped,
@@ -16,7 +17,6 @@ from bags import (
     transform,
     write_bag,
 )
-from ecef import ecef
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation

@@ -16,39 +16,8 @@ def test_the_table_is_the_reference(name):
     for time in [*times[::37].tolist(), float(times[-1])]:  # up to the rounding of sums in vector registers
         np.testing.assert_allclose(tabulated.pose(time), reference.pose(time), rtol=1e-14, atol=1e-15)
         np.testing.assert_allclose(tabulated.twist(time), reference.twist(time), rtol=1e-14, atol=1e-15)
+    tabulated.pose(float(times[1]))[:] = 7.0  # what a caller does to its pose is its own affair
+    np.testing.assert_allclose(tabulated.pose(float(times[1])), reference.pose(float(times[1])), rtol=1e-14, atol=1e-15)
     for time in (-1.0, 0.0123, float(times[1]) + 1e-9, times[:5]):
         np.testing.assert_array_equal(tabulated.pose(time), reference.pose(time))
         np.testing.assert_array_equal(tabulated.twist(time), reference.twist(time))
-
-
-class Fading:
-    """A reference that is asked at most once for each time."""
-
-    duration = 1.0
-    colour = "green"
-
-    def __init__(self):
-        self.asked = []
-
-    def pose(self, time):
-        self.asked += np.atleast_1d(time).tolist()
-        return np.zeros((*np.shape(time), 3))
-
-    def twist(self, time):
-        return np.zeros((*np.shape(time), 2))
-
-
-def test_a_time_of_the_table_is_computed_once():
-    reference = Fading()
-    tabulated = Tabulated(reference, [0.0, 0.1])
-    tabulated.pose(0.1)[:] = 7.0  # what a caller does to its pose is its own affair
-    np.testing.assert_array_equal(tabulated.pose(0.1), np.zeros(3))
-    tabulated.pose(0.2)
-    assert reference.asked == [0.0, 0.1, 0.2]
-
-
-def test_whatever_else_the_reference_offers_is_there():
-    tabulated = Tabulated(Fading(), [0.0])
-    assert tabulated.colour == "green"
-    with pytest.raises(AttributeError):
-        tabulated.size  # noqa: B018

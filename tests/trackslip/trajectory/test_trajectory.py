@@ -49,27 +49,6 @@ def test_pose_is_the_integral_of_the_twist(name):
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_pose_is_continuous(name):
-    reference = EVERY[name]
-    knots = reference.knots[1:-1]
-    before, after = reference.pose(np.nextafter(knots, -1)), reference.pose(knots)
-    np.testing.assert_allclose(before, after, atol=1e-11)
-
-
-@pytest.mark.parametrize("name", EVERY)
-def test_robot_drives_where_it_heads_or_opposite(name):
-    reference = EVERY[name]
-    time = times(reference)
-    middle, step = (time[1:] + time[:-1]) / 2, np.diff(time)
-    pose, phi = reference.pose(time), reference.pose(middle)[:, 2]
-    moved = np.diff(pose[:, :2], axis=0)
-    ahead = moved[:, 0] * np.cos(phi) + moved[:, 1] * np.sin(phi)
-    aside = moved[:, 1] * np.cos(phi) - moved[:, 0] * np.sin(phi)
-    assert np.abs(aside).max() < 1e-5
-    np.testing.assert_allclose(ahead, reference.twist(middle)[:, 0] * step, atol=1e-6)
-
-
-@pytest.mark.parametrize("name", EVERY)
 def test_it_stands_before_and_after(name):
     reference = EVERY[name]
     end = reference.duration
