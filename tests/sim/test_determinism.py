@@ -1,4 +1,4 @@
-"""The same bits at any number of threads, in steps of any length, in any company, and after any past."""
+"""A fleet drives the same at any number of threads, in steps of any length, in any company, and after any past."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,6 @@ import pytest
 from sim.drive.drive import Drive
 from sim.fleet import Fleet, Setting
 from sim.ground.ground import Change, Ground, Patch
-from sim.runs import open_loop
-from sim.scanner.feed import ScannerFeed
-from sim.scanner.obstacles import NAMED_OBSTACLES
-from sim.scanner.scanner import LaserScanner
-from sim.seeds import generator
-from trackslip.localization.plate import PlateLocator
 
 PATCHED = Ground(patches=(Patch((0.02, 0.3), (0.0, 1.0), 0.2, 0.2),), changes=(Change(0.21, 0.4, 0.5),))
 COULOMB = [Ground(), Ground(0.9, 1.1, slope=0.2, uphill=2.0), PATCHED, Ground(0.15, 0.15)]
@@ -61,15 +55,6 @@ def test_strong_and_weak_robots_on_any_ground(robot, grounds):
         assert_same([values[k : k + 1] for values in together], drive([k], 1, [0.05] * 6))
 
 
-def test_steady_belts_are_stepped_in_one_go(robot):
-    fleets = [Fleet(robot, np.zeros((3, 3))) for _ in range(2)]
-    for fleet, at_once in zip(fleets, (4.0, 0.01), strict=True):
-        fleet.command([[5.0, 6.0], [-4.0, 4.0], [2.0, 2.0]])
-        for _ in range(round(4.0 / at_once)):
-            fleet.advance(at_once)
-    assert_same(*map(known, fleets))
-
-
 OMEGA = np.array([[2.0, 3.0], [-5.0, 5.0], [4.0, 1.0]])
 
 
@@ -98,25 +83,3 @@ def test_a_robot_begun_anew_is_the_same_in_any_company_and_after_any_past(robot,
             fleet.advance(0.1)
     assert_same(known(alone, 0), known(company, 1))
     assert_same(known(unchanged, [0, 2]), known(company, [0, 2]))
-
-
-EVERYTHING = LaserScanner(dropout=0.1, quantisation=0.01, range_bias=0.01, divergence=0.0044, scan_duration=0.0133)
-
-
-def test_scans_and_poses_found_in_them(robot):
-    start, omega = np.array([[-1.5, 0.5, 0.3], [0.0, 1.0, 2.0], [-3.0, 3.0, -1.0]]), [2.0, 3.0]
-
-    def run(rows, threads):
-        fleet = Fleet(robot, start[rows], threads=threads)
-        noise = [generator(0, f"{k}") for k in rows]
-        feed = ScannerFeed(EVERYTHING, fleet, noise, NAMED_OBSTACLES["walker"], kept=True)
-        return open_loop(fleet, omega, 1.0, feed, PlateLocator(robot.plate))
-
-    together = run([0, 1, 2], 1)
-    assert all(np.isfinite(log.scans.full).any(axis=1).all() for log in together)
-    for logs, rows in ((run([0, 1, 2], 2), (0, 1, 2)), *((run([k], 1), (k,)) for k in range(3))):
-        for log, row in zip(logs, rows, strict=True):
-            for name in ("omega", "pose", "covariance", "valid"):
-                np.testing.assert_array_equal(getattr(log, name), getattr(together[row], name))
-            np.testing.assert_array_equal(log.truth.pose, together[row].truth.pose)
-            np.testing.assert_array_equal(log.scans.full, together[row].scans.full)

@@ -118,15 +118,6 @@ def test_seeds_may_be_one_each():
         native.reset(seed=[1, 2])
 
 
-def test_same_bits_at_any_number_of_threads():
-    runs = []
-    for threads in (1, 2):
-        env = gym.make_vec(TRACKING, num_envs=4, threads=threads, **DRAWN)
-        runs.append(drive(env, 1, 60))
-    for one, two in zip(*runs, strict=True):
-        assert_same(one, two)
-
-
 def test_who_has_ended_must_be_reset_where_nobody_else_does():
     drawn = Randomization(start_distance=(0.1, 0.1))
     env = gym.make_vec(TRACKING, num_envs=2, autoreset_mode="Disabled", off_path=0.11, randomization=drawn)

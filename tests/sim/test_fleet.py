@@ -10,7 +10,6 @@ from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import sprocket_speeds, track_speeds
-from trackslip.metrics import body_errors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import line_contact, steady_twist
 
@@ -67,23 +66,6 @@ def test_the_grid_is_driven_upright_with_drives_that_do_not_saturate(robot):
     np.testing.assert_allclose(fleet.load().sum(axis=1), robot.mass * 9.81, rtol=1e-3)
 
 
-def test_left_and_right_turns_mirror(robot):
-    omega = grid_commands(robot, radii=(0.5, 2.0), speeds=(0.1, 0.2))
-    left, right = drive(robot, omega), drive(robot, omega[:, ::-1])
-    mirror = np.array([1, -1, -1])
-    np.testing.assert_allclose(right.pose(), left.pose() * mirror, atol=2e-6)
-    np.testing.assert_allclose(right.twist(), left.twist() * mirror, atol=2e-6)
-    np.testing.assert_allclose(right.traction(), left.traction()[:, ::-1], atol=0.05)
-
-
-def test_each_robot_has_its_own_ground_and_radius(robot):
-    omega = np.tile([2.0, 3.0], (3, 1))
-    fleet = drive(robot, omega, ground=[Ground(), Ground(across=1.2), Ground()], radius_error=[0.0, 0.0, 0.02])
-    yaw_rate = fleet.twist()[:, 2]
-    assert yaw_rate[1] < 0.9 * yaw_rate[0]
-    assert yaw_rate[2] == pytest.approx(1.02 * yaw_rate[0], rel=1e-3)
-
-
 def test_traction_on_straight_ground_is_what_accelerates(robot):
     fleet = Fleet(robot, np.zeros((1, 3)), drive=Drive(lag=0.5, period=0.005))  # slow, so that force is sampled well
     fleet.command([3.0, 3.0])
@@ -104,14 +86,6 @@ def test_headings_are_unwrapped(robot):
     assert turned[0] == pytest.approx(10 * fleet.twist()[0, 2], rel=0.02)
     assert turned[0] > 2 * np.pi
     assert turned[0] == pytest.approx(-turned[1], rel=1e-6)
-
-
-def test_starts_where_asked_at_rest(robot):
-    start = [[1.0, -2.0, 0.7], [0.0, 0.0, -3.0]]
-    fleet = Fleet(robot, start)
-    np.testing.assert_allclose(fleet.pose(), start, atol=1e-9)
-    fleet.advance(5.0)
-    np.testing.assert_allclose(fleet.pose(), start, atol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -146,15 +120,6 @@ def test_a_robot_begun_anew_drives_as_a_new_fleet_does(robot):
         fleet.command([2.0, 3.0])
         fleet.advance(3.0)
     np.testing.assert_allclose(old.pose(), new.pose(), atol=1e-4)
-
-
-def test_a_robot_begun_anew_stands_still_where_it_was_put(robot):
-    fleet = Fleet(robot, np.zeros((2, 3)))
-    start = (1.0, -2.0, 0.7)
-    fleet.restart([1], [Setting(start, Ground(slope=0.1), weight=(0.02, 0.03))])
-    np.testing.assert_allclose(fleet.pose()[1], start, atol=1e-12)
-    fleet.advance(2.0)
-    assert np.abs(body_errors(fleet.pose()[1], start)).max() < 1e-4
 
 
 def test_a_ground_changes_in_the_time_of_the_run(robot):

@@ -32,14 +32,6 @@ def test_network_is_layers_of_tanh():
     np.testing.assert_allclose(layers(x), np.tanh(np.tanh(x @ a + d) @ b + e) @ c + f, atol=1e-12)
 
 
-def test_each_robots_bits_are_its_own():
-    rng = np.random.default_rng(0)
-    policy, seen = Policy(network(rng), AUTHORITY, {}), rng.uniform(-1, 1, (5, 19))
-    together = policy.action(seen)
-    for k in range(5):
-        np.testing.assert_array_equal(policy.action(seen[k : k + 1])[0], together[k])
-
-
 @pytest.mark.parametrize(("bias", "expected"), [(0.0, [0.15, 0.12]), (9.0, [0.15 + 0.1 * 0.3, 0.12 + 0.5])])
 def test_corrections_of_the_references_twist_are_as_large_as_the_authority(bias, expected):
     constant = Network((np.zeros((19, 2)),), (np.full(2, bias),))

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from sim.drive.drive import Drive, tireless
-from sim.drive.pull import Pull
 from sim.fleet import Fleet
-from sim.ground.ground import Change, Ground, Patch
+from sim.ground.ground import Ground, Patch
 from sim.ground.shear import LARGEST
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
@@ -105,19 +104,6 @@ def test_a_patch_under_one_track_turns_the_robot_as_theory_says(robot, omega):
         assert abs(expected[2] / even[2] - 1) > 0.1  # the patch matters
 
 
-def test_friction_that_changes_at_a_time(robot):
-    before, after = Ground(0.7, 0.778), Ground(0.7, 1.1)
-    changing = Ground(0.7, 0.778, changes=(Change(1.0, 0.7, 1.1),))
-    omega = np.tile([2.0, 3.0], (3, 1))
-    fleet = Fleet(robot, np.zeros((3, 3)), [changing, before, after])
-    fleet.command(omega)
-    fleet.advance(1.0)
-    np.testing.assert_array_equal(fleet.batch.state[0], fleet.batch.state[1])
-    fleet.advance(1.0)
-    np.testing.assert_allclose(fleet.twist()[0], fleet.twist()[2], rtol=1e-3, atol=1e-5)
-    assert fleet.twist()[0, 2] < 0.95 * fleet.twist()[1, 2]
-
-
 SHEARS = st.floats(0.001, 0.03)
 
 
@@ -139,21 +125,6 @@ def test_mirrored_turns_on_mirrored_ground_that_shears_mirror(robot, shear, left
     fleet.advance(1.5)
     one, mirrored = fleet.twist()
     np.testing.assert_allclose(mirrored, one * [1, -1, -1], atol=2e-4)
-
-
-@settings(max_examples=2, deadline=None)
-@given(shear=SHEARS, share=st.floats(0.0, 0.35))
-def test_slip_grows_with_the_pull(robot, shear, share):
-    slips = []
-    for pull in (share, share + 0.05):
-        towed = Pull(pull * 25.0 * 9.81)
-        fleet = Fleet(robot, np.zeros((1, 3)), Ground(shear=shear), 0.0, FAST, pull=towed)
-        fleet.command([6.0, 6.0])
-        fleet.advance(2.0)
-        before = fleet.pose()[0, 0]
-        fleet.advance(1.0)
-        slips.append(1 - (fleet.pose()[0, 0] - before) / 0.36)
-    assert slips[1] > slips[0]
 
 
 @settings(max_examples=3, deadline=None)

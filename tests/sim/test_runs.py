@@ -204,7 +204,3 @@ def test_runs_without_a_scanner_log_the_true_poses(robot):
     assert len(one.time) == 21
     np.testing.assert_array_equal(one.pose, one.truth.pose)
     np.testing.assert_array_equal(one.pose, two.pose)
-    reference = short_path()
-    (log,) = closed_loop(Fleet(robot, reference.pose([0.0])), LinearTimeVarying(), reference)
-    np.testing.assert_array_equal(log.pose, log.truth.pose)
-    assert tracking_errors(log.time, log.truth.pose, reference).rms_position < 0.1

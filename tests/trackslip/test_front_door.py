@@ -59,19 +59,6 @@ def test_importing_the_package_imports_next_to_nothing():
     assert not found & {"numpy", "scipy", "typing", "dataclasses", "pathlib"}
 
 
-def test_reading_laws_imports_what_laws_need():
-    found = modules_after("import trackslip.slip.law_file")
-    assert {name for name in found if name.startswith("trackslip.") and name.count(".") > 1} == {
-        *("trackslip.logs.file_format", "trackslip.slip.law_file", "trackslip.slip.families"),
-        *(
-            f"trackslip.slip.{name}"
-            for name in ("base", "constant", "exponential", "icr", "icr_load", "power", "turn_loss")
-        ),
-        *("trackslip.slip.nested", "trackslip.slip.stored_laws"),
-    }
-    assert not any(name.startswith(("scipy", "pyarrow")) for name in found)
-
-
 @pytest.mark.usefixtures("few_resamples")
 def test_runs_in_memory_in_a_folder_and_in_a_file_give_the_same_laws(runs, found, tmp_path):
     from trackslip.logs.logfile import RUNS, write_csv, write_parquet
@@ -104,13 +91,6 @@ def test_nothing_to_identify_from_is_refused():
     closed_loop = [steady_run(1.0, metadata={"controller": "linear"})]
     with pytest.raises(trackslip.LogError, match=r"closed loops"):
         trackslip.identify(closed_loop, GEOMETRY, method="steady")
-
-
-def test_a_run_shows_itself_in_a_line(runs):
-    assert repr(runs[0]) == "<RunLog 'R0.6_v0.1': 240 rows, 11.95 s>"
-    valid = np.ones(240, bool)
-    log = trackslip.RunLog("a", runs[0].time, runs[0].omega, runs[0].pose, valid=valid, command=runs[0].omega)
-    assert repr(log) == "<RunLog 'a': 240 rows, 11.95 s, command, valid>"
 
 
 def test_an_identification_shows_its_best_laws(found):

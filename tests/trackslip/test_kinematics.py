@@ -10,10 +10,7 @@ from trackslip.kinematics import (
     advance,
     arc_quotients,
     body_twist,
-    column,
-    columns,
     curvature,
-    in_frame,
     limit_sprocket_speeds,
     sprocket_speeds,
     track_slip,
@@ -45,21 +42,6 @@ def test_slip_is_what_made_the_twist(omega, slip):
 @given(twists)
 def test_track_speeds_invert(twist):
     np.testing.assert_allclose(twist_of_tracks(track_speeds(twist, 0.168), 0.168), twist, atol=1e-12)
-
-
-@given(arrays(float, (3, 3), elements=st.floats(-100, 100)))
-def test_a_row_has_the_same_bits_alone_as_in_company(pose):
-    together = in_frame(pose[:, 2], pose[:, 0], pose[:, 1])
-    for k, row in enumerate(pose):
-        x, y, heading = columns(row[None])
-        assert in_frame(heading, x, y) == (together[0][k], together[1][k])
-        assert isinstance(column(row[:1]), float)
-        for function in (lambda rows: track_speeds(rows, 0.2), lambda rows: limit_sprocket_speeds(rows, 5.0)):
-            np.testing.assert_array_equal(function(row[:2]), function(pose[:, :2])[k])
-            np.testing.assert_array_equal(function(row[None, :2]), function(pose[:, :2])[k : k + 1])
-    for k, values in enumerate(columns(pose)):
-        np.testing.assert_array_equal(values, pose[:, k])
-    np.testing.assert_array_equal(column(pose[:, 0]), pose[:, 0])
 
 
 def test_a_left_turn_is_outer_right():

@@ -45,14 +45,6 @@ def test_torque_turns_the_rotor_pulls_the_robot_and_is_lost_in_the_gear():
     np.testing.assert_allclose(torque, expected, rtol=1e-6)
 
 
-def test_impulse_of_the_torque_is_the_rotors_spin_and_the_loss():
-    drive = Drive(motor=Motor(friction=0.0))
-    state = DriveState(drive, 1, 0.06)
-    state.command(np.array([[3.0, -2.0]]))
-    impulse = run_free(state, 30).sum(axis=0) * drive.period
-    np.testing.assert_allclose(impulse, drive.motor.inertia * state.omega, rtol=1e-9)
-
-
 def test_limits_are_the_current_and_the_torque_speed_line():
     motor = Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0, friction=0.1)
     state = DriveState(Drive(torque_limit=8.0, motor=motor), 1, 0.06)
@@ -71,16 +63,6 @@ def test_electrical_power_of_a_direct_current_motor():
     assert motor.power(torque, omega)[1] < 0  # it brakes and feeds back
     stalled = motor.gear * motor.stall_torque
     np.testing.assert_allclose(motor.power(np.array(stalled), np.array(0.0)), motor.voltage**2 / motor.resistance)
-
-
-def test_energy_adds_up():
-    drive = Drive()
-    state = DriveState(drive, 1, 0.06)
-    state.command(np.array([[3.0, 1.0]]))
-    run_free(state, 100)
-    before = state.energy.copy()
-    torque = run_free(state, 100)
-    np.testing.assert_allclose(state.energy - before, drive.motor.power(torque[-1], state.omega) * 1.0, rtol=1e-6)
 
 
 def test_encoder_counts():

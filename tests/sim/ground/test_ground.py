@@ -1,12 +1,10 @@
 """Grounds: patches and changes under each pad, names, files, and what is refused."""
 
 import numpy as np
-from pages import ROOT
 
 from sim.ground.ground import Change, Ground, Patch
 from sim.ground.pad_friction import PadFriction
 
-PAGE = ROOT / "docs" / "grounds_and_robots.md"
 PADS = np.array([[0.1, 0.2], [0.1, -0.2]])
 
 

@@ -61,13 +61,6 @@ def test_ranges_are_those_of_the_engine(seed):
     np.testing.assert_allclose(ranges[~differ], expected[~differ], atol=1e-3)
 
 
-def test_a_wall_straight_ahead_and_the_beams_that_miss_it():
-    wall = Obstacles(walls=(Wall(2.0, -1.0, 2.0, 1.0),))
-    angle = np.radians([-30.0, -26.0, 0.0, 20.0, 180.0, 90.0])
-    ranges = wall.ranges(np.zeros(2), np.stack([np.cos(angle), np.sin(angle)], axis=-1), NOW)
-    np.testing.assert_allclose(ranges, [np.nan, *(2 / np.cos(angle[1:4])), np.nan, np.nan], rtol=1e-12)
-
-
 def test_a_beam_along_a_wall_passes_it():
     wall = Obstacles(walls=(Wall(1.0, 0.0, 2.0, 0.0),))
     assert np.isnan(wall.ranges(np.zeros(2), np.array([[1.0, 0.0]]), NOW)).all()
@@ -76,15 +69,6 @@ def test_a_beam_along_a_wall_passes_it():
 def test_within_a_person_nothing_else_is_seen():
     crowd = Obstacles(walkers=(Walker(0.1, 0.0, 0.0, 0.0),), posts=(Post(2.0, 0.0),))
     np.testing.assert_array_equal(crowd.ranges(np.zeros(2), fan(), NOW), 0.0)
-
-
-def test_the_nearest_counts_and_none_is_nothing():
-    near, far = Post(1.0, 0.0, 0.2), Post(3.0, 0.0, 0.9)
-    ahead = np.array([[1.0, 0.0]])
-    assert Obstacles(posts=(far, near)).ranges(np.zeros(2), ahead, NOW) == pytest.approx(0.8)
-    assert np.isnan(Obstacles().ranges(np.zeros(2), ahead, NOW))
-    assert not Obstacles()
-    assert Obstacles(posts=(near,))
 
 
 def test_a_person_walks_straight_on_or_to_and_fro():

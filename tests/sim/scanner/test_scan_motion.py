@@ -53,15 +53,6 @@ def test_each_beam_sees_the_plate_at_its_own_time(robot, divergence):
     assert np.nanmax(np.abs(ranges - ranges_of(moving(robot), LaserScanner(**options)))) > 1e-3
 
 
-def test_a_robot_at_rest_looks_the_same(robot):
-    fleet = Fleet(robot, START)
-    np.testing.assert_allclose(
-        ranges_of(fleet, LaserScanner(scan_duration=0.05)),
-        ranges_of(fleet, LaserScanner()),
-        atol=1e-9,
-    )
-
-
 def test_a_person_is_seen_where_each_beam_finds_them(robot):
     scanner = LaserScanner(scan_duration=0.05)
     walker = Walker(-1.9, -0.5, 4.0, 0.0)

@@ -123,14 +123,6 @@ def test_the_python_file_is_the_law(laws, name):
     compare(laws, name, each("sprocket_speeds"), each("body_twist"))
 
 
-@pytest.mark.parametrize("name", UNLOADED)
-def test_at_rest_both_are_zero(name):
-    names = {}
-    exec(compile(python_text(LAWS, name), name, "exec"), names)
-    for pair in ((0, 0), (0.0, -0.0)):
-        assert names["sprocket_speeds"](*pair) == names["body_twist"](*pair) == (0, 0)
-
-
 @pytest.mark.parametrize("to", ["c", "python", "ros2_control"])
 def test_slip_under_load_is_refused_where_the_load_can_not_be_told(to, tmp_path):
     law = IcrLoad(0.04, GEOMETRY.half_gauge, 0.01, 0.08)

@@ -10,11 +10,9 @@ from bags import (
     START,
     contents,
     expected,
-    header,
     in_order,
     joint_states,
     joints_of,
-    pose_stamped,
     poses_of,
     stamp,
     write_bag,
@@ -153,10 +151,3 @@ def test_a_part_that_is_missing_is_named(tmp_path):
     about = (folder / "metadata.yaml").read_text().replace("- run.mcap", "- run.mcap\n  - run_1.mcap")
     (folder / "metadata.yaml").write_text(about)
     assert open_bag(folder).notes == ("run: its file run_1.mcap is missing",)
-
-
-def test_stamps_are_those_of_the_header(tmp_path):
-    path = write_bag(tmp_path / "run", "mcap", [pose_stamped(START + 7, (1.0, 2.0, 3.0), late=5)])
-    (message,) = open_bag(path).messages("/slam/pose")
-    assert (message.stamp, message.arrival) == (START + 7, START + 12)
-    assert header(START + 7)["stamp"]["nanosec"] == 7

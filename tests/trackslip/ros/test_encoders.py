@@ -11,6 +11,7 @@ from hypothesis.extra.numpy import arrays
 from wandered import wandered
 
 from trackslip.errors import InvalidValueError, LogError
+from trackslip.localization.scan import Plate
 from trackslip.ros.angles import from_positions, from_velocities
 from trackslip.ros.bag import open_bag
 from trackslip.ros.choice import AUTOMATIC, BagChoice
@@ -150,18 +151,6 @@ def test_single_positions_that_are_missing_are_bridged(tmp_path):
     assert notes == ["topic /joint_states: joint left: 1 messages without a position left out"]
 
 
-def test_an_encoder_that_is_reset_does_not_make_the_robot_race(tmp_path):
-    positions = TURNED + 500.0
-    positions[80:] -= positions[80]
-    notes = []
-    found = read(tmp_path, states(["left", "right"], positions), notes=notes)
-    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=0.6)
-    assert np.abs(found.omega[[79, 81]] - LOG.omega[[79, 81]]).max() < 1e-9
-    assert notes == [
-        f"topic /joint_states: joint {side}: its position leaps 1 time(s): bridged" for side in ("left", "right")
-    ]
-
-
 def test_the_topic_that_is_measured_is_chosen(tmp_path):
     commands = states(["left", "right"], TURNED + 1, topic="/joint_commands")
     arm = states(["shoulder", "elbow"], TURNED, topic="/arm/joint_states")
@@ -196,6 +185,11 @@ def test_the_topic_that_is_measured_is_chosen(tmp_path):
         ),
         (states(["left", "right"]), {}, "topic /joint_states: joint left states neither positions nor velocities"),
         (
+            [*states(["left", "right"], TURNED), ("/odd", "odd_msgs/msg/Odd", 5, {})],
+            {"encoders": "/odd"},
+            f"topic /odd has messages of odd_msgs/msg/Odd, needs {JOINTS}",
+        ),
+        (
             states(["left", "right"], TURNED),
             {"encoders": "/wheels"},
             "it has no topic '/wheels'; its topics are /joint_states",
@@ -222,12 +216,6 @@ def test_what_cannot_be_read_is_refused_in_a_line(tmp_path, messages, choice, li
     assert "\n" not in str(refused.value)
 
 
-def test_another_type_is_no_encoders(tmp_path):
-    messages = [*states(["left", "right"], TURNED), ("/odd", "odd_msgs/msg/Odd", 5, {})]
-    with pytest.raises(LogError, match=f"topic /odd has messages of odd_msgs/msg/Odd, needs {JOINTS}"):
-        read(tmp_path, messages, BagChoice(encoders="/odd"))
-
-
 @pytest.mark.parametrize(
     ("choice", "line"),
     [
@@ -238,6 +226,12 @@ def test_another_type_is_no_encoders(tmp_path):
         ({"reversed": "up"}, "reversed = 'up': must be left, right or both"),
         ({"poses": "tf:map"}, "poses = 'tf:map': must be tf:FRAME:FRAME"),
         ({"poses": "tf:map:map"}, "poses = 'tf:map:map': must be tf:FRAME:FRAME"),
+        ({"scan": "/scan"}, "scan = '/scan': must be"),
+        ({"mount": (0.0, 0.0, 0.0)}, "mount = "),
+        ({"plate": Plate(), "mount": (0.0, 0.0)}, "mount = "),
+        ({"plate": Plate(), "mount": (0.0, 0.0, np.nan)}, "mount = "),
+        ({"plate": Plate(), "mount": (0.0, 0.0, 0.0), "poses": "/pose"}, "mount = "),
+        ({"plate": Plate(), "noise": 0.0}, "noise = 0.0"),
     ],
 )
 def test_choices_that_make_no_sense(choice, line):

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 from bags import (
-    chain_of,
     fix,
     header,
     in_order,
     joint_states,
-    odometry,
     poses_of,
     stamp,
     write_bag,
@@ -71,14 +69,6 @@ def test_an_encoder_reset_where_velocities_are_zero(tmp_path):
     assert all("its position leaps 1 time(s): bridged" in line for line in found.warnings)
 
 
-def test_namespaces_and_controllers_of_other_joints(tmp_path):
-    arm = states(np.zeros((len(FOUR), 2)), ("arm_0_joint_1", "arm_0_joint_2"), topic="/a200/manipulators/joint_states")
-    raw = states(topic="/a200/platform/joint_states_raw")
-    log, found = read(tmp_path, states(topic="/a200/platform/joint_states"), raw, arm, poses_of(LOG))
-    assert_driven(log)
-    assert "encoders: /a200/platform/joint_states," in found.taken[0]
-
-
 def test_controllers_that_publish_their_own_joints_on_one_topic(tmp_path):
     """The front wheels in one message, the rear wheels in the next, an arm in between."""
     front = states(FOUR[:, :2], WHEELS[:2], rows=ROWS[::2])
@@ -135,17 +125,3 @@ def test_a_receiver_before_its_fix(tmp_path, place, status):
     log, found = read(tmp_path, states(), fixes)
     assert "topic /fix: 20 of 200 messages left out: they have no fix" in found.warnings
     assert np.abs(log.pose[log.is_valid, :2]).max() < 50.0
-
-
-def test_a_husky_with_slam(tmp_path):
-    """Filtered odometry with constant covariances, transforms of a lidar, a clock, and messages of unknown types."""
-    filtered = [
-        odometry(stamp(time), where, topic="/odometry/filtered", variances=(1e-3, 1e-3, 1e-2))
-        for time, where in zip(LOG.time, LOG.pose.tolist(), strict=True)
-    ]
-    odd = [("/diagnostics", "odd_msgs/msg/Odd", stamp(time), {"text": "fine"}) for time in LOG.time[::20]]
-    log, found = read(tmp_path, states(velocity=[0.0] * 4), filtered, chain_of(LOG), odd)
-    assert_driven(log)
-    assert "poses: tf:map:base_link (transforms from a fixed frame)" in found.taken[0]
-    log, found = read(tmp_path / "without", states(), filtered, odd)
-    assert "poses: /odometry/filtered (fused odometry, perhaps with the wheels)" in found.taken[0]

@@ -8,11 +8,10 @@ from beside import GEOMETRY, LENGTH, THICKNESS, D, compose, drive, teleoperated
 from scanned import other_poses, scan_messages, static_transform, write_session
 from scipy.spatial.transform import Rotation
 
-from trackslip.errors import InvalidValueError, LogError
+from trackslip.errors import LogError
 from trackslip.identification.drive.estimate import fit_drives
 from trackslip.identification.sensor import Sensor
 from trackslip.localization.scan import Plate
-from trackslip.logs.logfile import write_parquet
 from trackslip.ros.any_log import load
 from trackslip.ros.bag import open_bag
 from trackslip.ros.choice import BagChoice
@@ -57,17 +56,6 @@ def test_the_plate_in_bags_of_every_kind(tmp_path, driven, kind):
     np.testing.assert_allclose(
         log.omega[1:100], driven.omega[np.searchsorted(driven.encoder_time, log.time[1:100] - 1e-6)], atol=1e-6
     )
-
-
-def test_the_log_is_stored_with_its_ranges(tmp_path, driven):
-    path = write_session(tmp_path / "run", "mcap", driven)
-    (log,) = load(path, CHOICE)
-    write_parquet([log], tmp_path / "log.parquet")
-    (back,) = load(tmp_path / "log.parquet")
-    for name in ("time", "omega", "pose", "valid"):
-        np.testing.assert_array_equal(getattr(back, name), getattr(log, name))
-    np.testing.assert_array_equal(back.scans.cluster.count, log.scans.cluster.count)
-    assert (back.scans.cluster.count > 0).sum() <= len(driven.time)
 
 
 def test_the_law_and_the_plate_s_place_are_found(tmp_path):
@@ -184,20 +172,3 @@ def test_empty_scans(tmp_path, driven):
     path = write_session(tmp_path / "run", "mcap", driven, ranges=np.full(driven.ranges.shape, np.inf))
     with pytest.raises(LogError, match="topic /scan: its scans have no return"):
         scanned_drives(open_bag(path), CHOICE, [])
-
-
-@pytest.mark.parametrize(
-    ("options", "field"),
-    [
-        ({"scan": "/scan"}, "scan"),
-        ({"mount": (0.0, 0.0, 0.0)}, "mount"),
-        ({"plate": PLATE, "mount": (0.0, 0.0)}, "mount"),
-        ({"plate": PLATE, "mount": (0.0, 0.0, np.nan)}, "mount"),
-        ({"plate": PLATE, "mount": MOUNT, "poses": "/pose"}, "mount"),
-        ({"plate": PLATE, "noise": 0.0}, "noise"),
-    ],
-)
-def test_choices_that_make_no_sense(options, field):
-    with pytest.raises(InvalidValueError) as refused:
-        BagChoice(**options)
-    assert refused.value.field == field

@@ -77,13 +77,6 @@ def test_turns_mirror_and_straight_is_straight():
     np.testing.assert_allclose(steady_twist([0.0, 0.0], contact), 0)
 
 
-def test_stickier_across_more_than_doubles_the_offset():
-    speeds = np.array([0.1, 0.14])
-    before = icr_half_width(speeds, line_contact(B, L, 0.7, 0.775)) - B
-    after = icr_half_width(speeds, line_contact(B, L, 0.7, 1.4 * 0.775)) - B
-    assert after > 2 * before
-
-
 def test_impossible_contacts_are_refused():
     with pytest.raises(InvalidValueError, match="along"):
         line_contact(B, L, -0.7, 0.8)

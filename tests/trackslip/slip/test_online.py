@@ -176,18 +176,6 @@ def test_exact_poses_are_no_trouble():
     assert np.abs(error).max() < 2e-4
 
 
-def test_each_robots_bits_are_its_own():
-    together = Drive.begin(3)
-    together.run(5.0)
-    rows = np.random.default_rng(0).normal(size=(100, 3, 3)) * np.sqrt(np.diag(NOISE))
-    alone = IcrFilter(np.zeros((1, 3)), GEOMETRY)
-    pose, speeds = np.zeros((1, 3)), np.array([[2.0, 2.9]])
-    for noise in rows:
-        pose = advance(pose, TRUE.twist(speeds, GEOMETRY), PERIOD)
-        alone.update(speeds, PERIOD, PoseEstimate(pose + noise[1:2], NOISE[None], np.ones(1, bool)))
-    np.testing.assert_array_equal(alone.state[0], together.found.state[1])
-
-
 @pytest.mark.parametrize(
     ("field", "value"), [("gain_spread", 0.0), ("gain_walk", -1.0), ("patience", 0), ("memory", 0.5)]
 )

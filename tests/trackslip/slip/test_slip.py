@@ -101,14 +101,6 @@ def test_the_belts_of_a_robot_that_loses_speed_in_turns(v, w, loss):
     assert np.abs(roots - (right + left) / 2).min() == pytest.approx(0, abs=1e-4)  # of a triple root, as with w = 0
 
 
-@given(kappa=curvatures)
-def test_without_a_loss_the_icr_is_constant(kappa):
-    icr, law = ConstantIcr(0.045, 0.168, 0.0067), TurnLoss(0.045, 0.168, 0.0067)
-    np.testing.assert_allclose(law(kappa), icr(kappa), atol=1e-9)
-    omega = [1.0, 1.0 + kappa]
-    np.testing.assert_allclose(law.twist(omega, GEOMETRY), icr.twist(omega, GEOMETRY), atol=1e-15)
-
-
 @pytest.mark.parametrize("loss", [None, np.array([[0.5], [-0.5]])])
 def test_sprocket_speeds_of_many_laws_at_once(loss):
     def law(offset, loss):
@@ -129,6 +121,8 @@ def test_special_cases_agree():
     np.testing.assert_allclose(Hyperbola(0.045, 0.168 + 0.045)(kappa), ConstantIcr(0.045, 0.168)(kappa), atol=1e-12)
     same = IcrSides(0.045, 0.045, 0.01, 0.01, 0.168)
     np.testing.assert_allclose(same(kappa), ConstantIcr(0.045, 0.168, 0.01)(kappa), atol=1e-12)
+    lossless = TurnLoss(0.045, 0.168, 0.0067)
+    np.testing.assert_allclose(lossless(kappa), ConstantIcr(0.045, 0.168, 0.0067)(kappa), atol=1e-9)
     slow, fast = SPEED.slip([[0.1, 0.1], [0.3, 0.3]])
     np.testing.assert_allclose(fast - slow, np.array([-0.2 * np.exp(-0.63), 0.1 * np.exp(-0.68)]) * 0.2)
     np.testing.assert_allclose(SPEED(1.0), PUBLISHED(1.0))
