@@ -48,6 +48,7 @@ def reproduce(config: Config) -> None:
     geometry, cells = world.robot.geometry, cells_of(config)
     processes = min(config.threads or processors(), _DRAWING)
     with Run(config) as run, workers("processes", processes) as pool:
+        pool.map(_import_figures, range(processes))  # while the grid is driven
         # drive the grid of radii and speeds, and measure every run's slip
         with run.busy(f"{len(cells)} runs, scans and poses"):
             grid_logs = drive_cells(cells, [world] * len(cells), watch=run.watch)
@@ -129,3 +130,7 @@ def reproduce(config: Config) -> None:
         print(f"{len(summary['warnings'])} warnings: see the report")
     print(stages_text(run.watch.stages))
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s for {simulated:.0f} s of simulated driving")
+
+
+def _import_figures(_: int) -> None:
+    """Nothing more: a process that is to call a function of this module imports it first."""
