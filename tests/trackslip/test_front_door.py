@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from slip_data import GEOMETRY
 
+import sim
 import trackslip
 from trackslip.kinematics import advance
 
@@ -41,16 +42,16 @@ def found(runs):
     return trackslip.identify(runs, GEOMETRY)
 
 
-def test_every_public_name_is_there_where_type_checkers_find_it():
-    tree = ast.parse(Path(trackslip.__file__).read_text())
-    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module != "__future__"]
+@pytest.mark.parametrize("package", [trackslip, sim])
+def test_every_public_name_is_there_where_type_checkers_find_it(package):
+    tree = ast.parse(Path(package.__file__).read_text())
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and "." in node.module]
     static = {alias.name: node.module for node in imports for alias in node.names}
-    assert set(trackslip.__all__) == {*static, "__version__"}
+    assert set(package.__all__) - {"__version__"} == set(static) <= set(dir(package))
     for name, module in static.items():
-        assert getattr(trackslip, name) is getattr(importlib.import_module(module), name), name
-    assert set(static) <= set(dir(trackslip))
+        assert getattr(package, name) is getattr(importlib.import_module(module), name), name
     with pytest.raises(AttributeError, match="nonsense"):
-        _ = trackslip.nonsense
+        _ = package.nonsense
 
 
 def test_importing_the_package_imports_next_to_nothing():
