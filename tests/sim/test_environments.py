@@ -155,7 +155,20 @@ def test_actions_that_make_no_sense_are_refused(name):
             env.step(actions)
 
 
-def fuzz(name, robots, steps, **options):
+LONG = {"off_path": 0.5}
+ROUGH = {"course": ("random", "rough")}
+
+
+@pytest.mark.parametrize(
+    ("name", "robots", "steps", "options"),
+    [
+        (TRACKING, 64, 50, DRAWN | LONG),
+        (TRAVERSE, 8, 20, ROUGH),
+        pytest.param(TRACKING, 64, 15_625, DRAWN | LONG, marks=pytest.mark.slow),  # a million actions
+        pytest.param(TRAVERSE, 64, 15_625, ROUGH, marks=pytest.mark.slow),
+    ],
+)
+def test_random_actions_never_leave_the_finite(name, robots, steps, options):
     env = gym.make_vec(name, num_envs=robots, threads=2, **options)
     env.reset(seed=11)
     env.action_space.seed(11)
@@ -165,17 +178,3 @@ def fuzz(name, robots, steps, **options):
         assert np.isfinite(reward).all()
         for key, values in info.items():
             assert values.dtype == object or key.startswith("_") or np.isfinite(values).all(), key
-
-
-FUZZED = [(TRACKING, 64, DRAWN | {"off_path": 0.5}), (TRAVERSE, 8, {"course": ("random", "rough")})]
-
-
-@pytest.mark.parametrize(("name", "robots", "options"), FUZZED)
-def test_random_actions_never_leave_the_finite(name, robots, options):
-    fuzz(name, robots, 50 if name == TRACKING else 20, **options)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "robots", "options"), FUZZED)
-def test_a_million_random_actions(name, robots, options):
-    fuzz(name, 64, 15_625, **options)

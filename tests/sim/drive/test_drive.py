@@ -1,9 +1,165 @@
+"""Drives: lag, limits and energy; at their limits, ground, rotors and gears take what the motors give."""
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from sim.drive.drive import Drive, DriveState
 from sim.drive.motor import Motor
+from sim.fleet import Fleet
+from sim.ground.ground import Ground
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError
+
+GRAVITY = 9.81
+MOTOR = Motor()
+
+
+def on_slope(robot, slope, drive):
+    """A robot that is told to drive uphill, on ground that has just become steep."""
+    fleet = Fleet(robot, np.zeros((1, 3)), radius_error=0.0, drive=drive)
+    fleet.set_ground(Ground(slope=slope))
+    fleet.command([3.0, 3.0])
+    return fleet
+
+
+def search_tolerance(limit, mass):
+    """Torque [N m] at which the search for a speed stops: 0.1 % of the limit and 0.02 % of the weight."""
+    return 0.001 * limit + 0.0002 * mass * GRAVITY * 0.06 + 1e-9
+
+
+def torque_of_weight(robot, slope):
+    return robot.mass * GRAVITY * np.sin(slope) / 2 * robot.geometry.sprocket_radius
+
+
+@pytest.mark.parametrize(("slope", "limit"), [(0.3, 1.0), (0.15, 0.6)])
+@pytest.mark.parametrize("period", [0.005, 0.01])
+def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, limit, period):
+    """The gear's friction holds it too, and the rotors count for more than their weight: gears square it."""
+    fleet = on_slope(robot, slope, Drive(torque_limit=limit, period=period))
+    radius = robot.geometry.sprocket_radius
+    inert = robot.mass + 2 * MOTOR.inertia / radius**2
+    expected = -2 * (torque_of_weight(robot, slope) - limit - MOTOR.friction) / radius / inert
+    fleet.advance(1.0)
+    before = fleet.twist()[0, 0]
+    fleet.advance(1.0)
+    assert fleet.twist()[0, 0] - before == pytest.approx(expected, rel=0.01)
+    np.testing.assert_allclose(fleet.drive.torque, limit, atol=search_tolerance(limit, robot.mass))
+    np.testing.assert_allclose(fleet.drive.saturated_time, 2.0, atol=0.02)
+
+
+@pytest.mark.parametrize("share", [-0.6, -0.3, 0.3, 0.6])
+def test_between_climbing_and_rolling_back_the_gears_friction_holds(robot, share):
+    """The motor lacks a share of the gear's friction. That friction is rounded off at rest: tanh(omega / 0.02)."""
+    slope = 0.3
+    limit = torque_of_weight(robot, slope) + share * MOTOR.friction
+    fleet = on_slope(robot, slope, Drive(torque_limit=limit))
+    fleet.advance(3.0)
+    np.testing.assert_allclose(fleet.drive.omega, 0.02 * np.arctanh(share), rtol=0.1)
+    np.testing.assert_allclose(fleet.drive.saturated_time, 3.0, atol=0.05)
+
+
+@pytest.mark.parametrize("limit", [0.8, 2.0, 30.0])
+@pytest.mark.parametrize("period", [0.005, 0.01, 0.02])
+def test_impulses_of_the_motors_become_momentum(robot, limit, period):
+    """From rest to 0.18 m/s, however hard the motors push and however seldom they are sampled."""
+    drive = Drive(torque_limit=limit, period=period, motor=Motor(friction=0.3))
+    fleet = Fleet(robot, np.zeros((1, 3)), radius_error=0.0, drive=drive)
+    fleet.command([3.0, 3.0])
+    impulse = np.zeros(2)
+    for _ in range(round(1.5 / period)):
+        fleet.advance(period)
+        impulse += (fleet.drive.torque - MOTOR.loss(fleet.drive.omega))[0] * period
+    momentum = robot.mass * fleet.twist()[0, 0] / 2 * robot.geometry.sprocket_radius
+    np.testing.assert_allclose(impulse, momentum + MOTOR.inertia * fleet.drive.omega[0], rtol=5e-3)
+
+
+def test_power_of_a_steady_turn_is_what_ground_gear_and_winding_dissipate(robot):
+    """What the ground takes follows from Coulomb's law at every point of contact."""
+    ground = Ground(0.6, 0.7)
+    error = 0.02
+    fleet = Fleet(robot, np.zeros((2, 3)), ground, error)
+    fleet.command([[1.0, 3.0], [-2.0, 2.0]])
+    fleet.advance(3.0)
+    before = fleet.drive.energy.copy()
+    fleet.advance(1.0)
+    power = (fleet.drive.energy - before).sum(axis=1)
+    x, y = robot.contact_points.T
+    belts = np.where(y > 0, fleet.drive.omega[:, :1], fleet.drive.omega[:, 1:]) * 0.06 * (1 + error)
+    v, u, w = fleet.twist().T[:, :, None]
+    sliding = np.hypot(ground.along * (v - w * y - belts), ground.across * (u + w * x))
+    in_ground = robot.mass * GRAVITY * sliding.mean(axis=1)
+    in_gear = (MOTOR.loss(fleet.drive.omega) * fleet.drive.omega).sum(axis=1)
+    current = fleet.drive.torque / (MOTOR.gear * MOTOR.torque_constant)
+    in_winding = (MOTOR.resistance * current**2).sum(axis=1)
+    np.testing.assert_allclose(power, in_ground + in_gear + in_winding, rtol=0.01)
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(
+    strength=st.floats(0.15, 1.2),
+    inertia=st.floats(0.01, 3.0),
+    mass=st.floats(5.0, 100.0),
+    com_y=st.floats(-0.03, 0.03),
+    slope=st.floats(0.0, 0.25),
+    uphill=st.floats(-3.0, 3.0),
+    commands=st.lists(st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)), min_size=3, max_size=3),
+)
+def test_torque_is_within_the_limits_and_what_ground_rotor_and_gear_take(
+    strength, inertia, mass, com_y, slope, uphill, commands
+):
+    """Any robot on any slope: at one physics step a period, the traction of the step is the mean of the period."""
+    robot = load_robot(parameters=RobotParameters(mass=mass, com_y=com_y))
+    full = 0.7 * mass * GRAVITY * 0.06 / 2  # torque at which a track slides
+    limit = strength * full
+    motor = Motor(stall_torque=limit / 50 * 1.5, rotor_inertia=inertia * 8e-6, friction=0.1 * limit)
+    fleet = Fleet(
+        robot,
+        np.zeros((1, 3)),
+        Ground(slope=slope, uphill=uphill),
+        0.0,
+        Drive(torque_limit=limit, motor=motor, period=0.005),
+    )
+    off = []
+    for command in commands:
+        fleet.command(command)
+        for _ in range(80):
+            before = fleet.drive.omega.copy()
+            fleet.advance(fleet.period)
+            least, most = fleet.drive.torque_range(fleet.drive.omega)
+            assert np.all((fleet.drive.torque >= least) & (fleet.drive.torque <= most))
+            spin = motor.inertia * (fleet.drive.omega - before) / fleet.period
+            taken = 0.06 * fleet.traction() + motor.loss(fleet.drive.omega) + spin
+            off.append(np.abs(fleet.drive.torque - taken).max())
+    # a search that ends at its cap, where a sprocket nearly stands, clips the torque of that one period
+    assert np.mean(np.array(off) > search_tolerance(limit, mass)) < 0.01
+
+
+def test_one_motor_too_weak_to_turn_keeps_the_robot_straight(robot):
+    """The right motor can't slide its track: it pushes all it can, and the left one brakes it to its own set point."""
+    strong, weak = (
+        Fleet(robot, np.zeros((1, 3)), radius_error=0.0, drive=Drive(torque_limit=limit)) for limit in (8.0, 1.5)
+    )
+    for fleet in (strong, weak):
+        fleet.command([2.0, 3.0])
+        fleet.advance(4.0)
+    assert abs(weak.twist()[0, 2]) < 0.01 * strong.twist()[0, 2]
+    np.testing.assert_allclose(weak.drive.omega[0], 2.0, rtol=3e-3)
+    assert weak.drive.torque[0, 1] == pytest.approx(1.5, rel=0.02)
+    # straight and steady: the tracks' forces cancel but for what the gears take
+    assert weak.drive.torque.sum() == pytest.approx(2 * MOTOR.friction, rel=0.02)
+    assert weak.drive.saturated_time[0, 1] > 3.9
+    assert weak.drive.saturated_time[0, 0] < 0.1
+
+
+def test_a_motor_beyond_its_speed_without_load_brakes_within_its_current():
+    motor = Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0)  # 10 rad/s of the sprocket
+    state = DriveState(Drive(torque_limit=4.0, motor=motor), 1, 0.06)
+    least, most = state.torque_range(np.array([12.0, 50.0, -50.0]))
+    np.testing.assert_allclose(most, [-2.0, -4.0, 4.0])
+    np.testing.assert_allclose(least, [-4.0, -4.0, 4.0])
 
 
 def run_free(state, periods):

@@ -1,4 +1,4 @@
-"""What a driver commands: within limits, from rest, to both sides, with stops."""
+"""What a driver commands, and rows of encoders and poses joined into one log."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim.wander.commands import DRIVING, Driver, track_commands
-from sim.wander.motion import arc_steps, joined
-from trackslip.kinematics import twist_of_tracks
+from sim.wander.log import encoder_log, joined_log, quantised
+from sim.wander.motion import LawMotion, arc_steps, joined
+from trackslip.kinematics import RobotGeometry, twist_of_tracks
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.icr import ConstantIcr
 
 RATE = 50.0
 
@@ -76,3 +79,52 @@ def test_figures_close_for_the_half_gauge_that_the_driver_reckons_with(driving, 
     same_heading = np.minimum(turned, 2 * np.pi - turned) < 0.1
     again = np.flatnonzero((away < 0.02) & same_heading & (np.arange(len(away)) > leaves))
     assert len(again) >= rounds
+
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+
+
+@pytest.fixture
+def encoders() -> RunLog:
+    rng = np.random.default_rng(0)
+    omega = track_commands("random", 20.0, RATE, Driver(), rng) / GEOMETRY.sprocket_radius
+    motion, twist = LawMotion(ConstantIcr(0.045, 0.168, 0.0066), GEOMETRY).drive(omega, RATE, rng)
+    return encoder_log("drive", RATE, omega, motion, twist, {"seed": 0})
+
+
+def test_rows_are_those_of_both_clocks(encoders):
+    stamps = np.array([-0.01, 0.0, 0.013, 0.02, 0.5, 20.0, 20.001])
+    poses = np.arange(21.0).reshape(7, 3)
+    log = joined_log(encoders, stamps, poses)
+    assert len(log.time) == len(encoders.time) + 1  # 0, 0.02, 0.5 and 20 s are the encoders', too
+    assert (np.diff(log.time) > 0).all()
+    np.testing.assert_allclose(log.time[log.valid], stamps[1:6])
+    np.testing.assert_array_equal(log.pose[log.valid], poses[1:6])
+    assert np.isnan(log.pose[~log.valid]).all()
+
+
+def test_sprockets_turn_by_the_same_angle_as_in_the_encoders_rows(encoders):
+    stamps = np.sort(np.random.default_rng(1).uniform(0, 20, 200))
+    log = joined_log(encoders, stamps, np.zeros((200, 3)))
+    angle = np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)
+    expected = np.cumsum(encoders.omega[1:] / RATE, axis=0)
+    np.testing.assert_allclose(angle[np.isin(log.time, encoders.time)[1:]], expected, atol=1e-9)
+
+
+def test_the_truth_is_kept_between_rows(encoders):
+    stamps = np.sort(np.random.default_rng(1).uniform(0, 20, 200))
+    log = joined_log(encoders, stamps, np.zeros((200, 3)))
+    rows = np.isin(log.time, encoders.time)
+    np.testing.assert_allclose(log.truth.pose[rows], encoders.truth.pose, atol=1e-12)
+    np.testing.assert_allclose(log.truth.twist[rows], encoders.truth.twist, atol=1e-12)
+    steps = np.hypot(*np.diff(log.truth.pose[:, :2], axis=0).T)
+    assert steps.max() < 0.3 * 0.02 * 1.2
+
+
+def test_counts_round_angles_not_speeds(encoders):
+    rounded = quantised(encoders, 500)
+    angle, exact = (np.cumsum(log.omega[1:] / RATE, axis=0) for log in (rounded, encoders))
+    count = 2 * np.pi / 500
+    assert 0.5 * count < np.abs(angle - exact).max() <= count * (1 + 1e-9)
+    whole = angle / count
+    np.testing.assert_allclose(whole, np.round(whole), atol=1e-6)

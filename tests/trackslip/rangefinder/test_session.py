@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from beside import LENGTH, THICKNESS, cylinder, drive, post, room, teleoperated, wall
+from beside import EPSILON, GEOMETRY, LENGTH, THICKNESS, D, cylinder, drive, post, room, teleoperated, wall
 
 from trackslip.errors import LogError
+from trackslip.identification.drive.estimate import fit_drives
 from trackslip.localization.scan import Plate
 from trackslip.rangefinder.findings import findings
+from trackslip.rangefinder.log import scanned_log
 from trackslip.rangefinder.place import plate_place
 from trackslip.rangefinder.plate_motion import Turned
 from trackslip.rangefinder.series import ScanSeries
@@ -142,3 +144,32 @@ def test_a_wall_beside_the_robot_is_not_taken_for_the_plate():
     session = drive(commands(), things=[*room(), wall((-0.3, 3.9), (0.3, 3.9))])
     error, _ = errors(session, sighted(session))
     assert np.abs(error[:, :2]).max() < 0.02
+
+
+TRUE = dict(zip(("sensor_x", "sensor_y", "sensor_yaw"), OFF, strict=True)) | {"offset": D, "radius_error": EPSILON}
+MOST = {
+    "offset": 0.07e-3,
+    "radius_error": 0.28e-3,
+    "sensor_x": 0.13e-3,
+    "sensor_y": 0.08e-3,
+    "sensor_yaw": np.radians(0.02),
+}
+DRIVES = 40
+
+
+def fitted(seed):
+    session = drive(teleoperated(np.random.default_rng(seed), 60.0, 4.0), things=room(), place=OFF, seed=seed)
+    log = scanned_log("a", session.encoder_time, session.omega, sighted(session), PLATE, session.mount)
+    return fit_drives("icr_radius", [log], GEOMETRY)
+
+
+@pytest.mark.slow
+def test_forty_drives():
+    fits = [fitted(seed) for seed in range(DRIVES)]
+    for name, true in TRUE.items():
+        values = np.array([(fit.values | fit.extras)[name] for fit in fits])
+        errors = np.array([fit.stderr[name] for fit in fits])
+        within = [fit.interval95[name][0] <= true <= fit.interval95[name][1] for fit in fits]
+        assert np.sqrt(np.mean((values - true) ** 2)) < MOST[name]
+        assert 0.6 < np.sqrt(np.mean(((values - true) / errors) ** 2)) < 1.3
+        assert np.mean(within) > 0.88
