@@ -188,14 +188,16 @@ def fix(at, latitude, longitude, altitude=0.0, status=0, variance=0.01, topic="/
     return topic, FIX, at + late, fields
 
 
-def joints_of(log, names=("left_wheel", "right_wheel"), wrapped=False, start=START, **others):
+def sprocket_angles(log):
+    """Angles (T, 2) that a log's sprockets have turned by."""
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)])
+
+
+def joints_of(log, names=("left_wheel", "right_wheel"), start=START, **others):
     """Joint states with the positions that a log's sprockets turn by."""
-    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)])
-    if wrapped:
-        turned = (turned + np.pi) % (2 * np.pi) - np.pi
     return [
         joint_states(stamp(time, start), names, angle, **others)
-        for time, angle in zip(log.time, turned.tolist(), strict=True)
+        for time, angle in zip(log.time, sprocket_angles(log).tolist(), strict=True)
     ]
 
 

@@ -16,6 +16,7 @@ from bags import (
     pose_stamped,
     pose_with_covariance,
     poses_of,
+    sprocket_angles,
     stamp,
     transform,
     write_bag,
@@ -153,8 +154,8 @@ def test_measured_poses_are_not_taken_for_wheel_odometry(tmp_path):
 
 @pytest.mark.parametrize(("side", "sign"), [("left", [-1, 1]), ("right", [1, -1])])
 def test_an_encoder_that_counts_backwards_is_turned_round(tmp_path, side, sign):
-    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(LOG.omega[1:] * np.diff(LOG.time)[:, None], axis=0)]) * sign
-    joints = [joint_states(stamp(t), ["left", "right"], p) for t, p in zip(LOG.time, turned.tolist(), strict=True)]
+    angle = sprocket_angles(LOG) * sign
+    joints = [joint_states(stamp(t), ["left", "right"], p) for t, p in zip(LOG.time, angle.tolist(), strict=True)]
     path = write(tmp_path, joints, poses_of(LOG))
     read = read_bags(path)
     np.testing.assert_allclose(read.runs[0].omega[1:], LOG.omega[1:], atol=1e-9)

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from bags import JOINTS, in_order, joint_states, joints_of, stamp, write_bag
+from bags import JOINTS, in_order, joint_states, joints_of, sprocket_angles, stamp, write_bag
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -19,7 +19,7 @@ from trackslip.ros.encoders import read_encoders
 from trackslip.ros.joints import sides
 
 LOG = wandered(duration=8.0)
-TURNED = np.concatenate([np.zeros((1, 2)), np.cumsum(LOG.omega[1:] * np.diff(LOG.time)[:, None], axis=0)])
+TURNED = sprocket_angles(LOG)
 
 
 def read(tmp_path, messages, choice=AUTOMATIC, notes=None):

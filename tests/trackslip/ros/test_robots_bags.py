@@ -8,6 +8,7 @@ from bags import (
     in_order,
     joint_states,
     poses_of,
+    sprocket_angles,
     stamp,
     write_bag,
 )
@@ -17,7 +18,7 @@ from trackslip.errors import LogError
 from trackslip.ros.drive_log import read_bags
 
 LOG = wandered(duration=20.0)
-TURNED = np.concatenate([np.zeros((1, 2)), np.cumsum(LOG.omega[1:] * np.diff(LOG.time)[:, None], axis=0)])
+TURNED = sprocket_angles(LOG)
 WHEELS = ("front_left_wheel_joint", "front_right_wheel_joint", "rear_left_wheel_joint", "rear_right_wheel_joint")
 FOUR = TURNED[:, [0, 1, 0, 1]]
 ROWS = range(len(LOG.time))
@@ -76,9 +77,9 @@ def test_controllers_that_publish_their_own_joints_on_one_topic(tmp_path):
     arm = states(np.zeros((len(FOUR), 1)), ("arm_1",), rows=ROWS[::7], late=2_000_000)
     log, found = read(tmp_path, front, rear, arm, poses_of(LOG))
     offset = log.metadata["bag"]["start"] - stamp(0.0) / 1e9
-    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)])
+    angle = sprocket_angles(log)
     real = np.column_stack([np.interp(log.time + offset, LOG.time, side) for side in TURNED.T])
-    np.testing.assert_allclose(turned, real - real[0], atol=0.02)
+    np.testing.assert_allclose(angle, real - real[0], atol=0.02)
     assert found.warnings == ()
 
 
