@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from experiments.validation.terrain.grounds import Level
 from experiments.validation.terrain.obstacles import SPEED, climber, rough_course, stairs_course
 from experiments.validation.terrain.subjects import STAIRS, Stand, Subject
-from experiments.validation.terrain.trial import Trial
+from experiments.validation.terrain.trial import Level, Trial
 from sim.robot.tracked_model import Terrain
 from sim.terrain import Course
 from trackslip.kinematics import Array

@@ -98,8 +98,8 @@ def rough(subject: Subject, preset: str, rng: np.random.Generator, threads: int)
     trial.position[:, 0] = _FIELD * (np.arange(ROBOTS) + 0.5) / ROBOTS
     trial.position[:, 2] += _DROP
     trial.turn_to(rng.uniform(-np.pi, np.pi, ROBOTS))
+    trial.advance(_LANDING)
     watch = _Watch(trial)
-    watch.skip(_LANDING)
     for k in range(round(DURATION / trial.timestep)):
         if k % round(_HOLD / trial.timestep) == 0:
             trial.drive(rng.uniform(-SPEED, SPEED, (ROBOTS, 2)))
@@ -114,10 +114,6 @@ class _Watch:
         self._trial = trial
         self._depth: list[Array] = []
         self._fastest = 0.0
-
-    def skip(self, duration: float) -> None:
-        """Let time pass [s]."""
-        self._trial.advance(duration)
 
     def step(self, rows: np.ndarray | None = None) -> None:
         """A physics step of all robots, or those of `rows` (N,) bool."""

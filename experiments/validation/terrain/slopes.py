@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from experiments.validation.terrain.grounds import Level
 from experiments.validation.terrain.subjects import Subject
-from experiments.validation.terrain.trial import Trial, limit
+from experiments.validation.terrain.trial import Level, Limit, Trial, limit
 from trackslip.climbing_theory import friction_angle, tips_backwards, tips_sideways
 from trackslip.kinematics import Array
 
@@ -33,27 +30,12 @@ ROWS = 9
 ROUNDS = 2
 
 
-@dataclass(frozen=True)
-class Angle:
-    """A limit and its theory."""
-
-    found: float
-    """[rad]"""
-    expected: float
-    """[rad]"""
-
-    @property
-    def error(self) -> float:
-        """[rad]"""
-        return self.found - self.expected
-
-
-def climbing_limits(subject: Subject, preset: str, boxed: bool, threads: int) -> tuple[Angle, ...]:
+def climbing_limits(subject: Subject, preset: str, boxed: bool, threads: int) -> tuple[Limit, ...]:
     """The steepest slopes that robots climb from rest, at all FRICTIONS."""
     return tuple(_climbing_limit(subject, preset, Level(friction, boxed), threads) for friction in FRICTIONS)
 
 
-def _climbing_limit(subject: Subject, preset: str, ground: Level, threads: int) -> Angle:
+def _climbing_limit(subject: Subject, preset: str, ground: Level, threads: int) -> Limit:
     stand = subject.stand(ground, preset)
 
     def climbs(slopes: Array) -> np.ndarray:
@@ -64,7 +46,7 @@ def _climbing_limit(subject: Subject, preset: str, ground: Level, threads: int) 
         return trial.velocity[:, 0] > 0
 
     expected = float(friction_angle(ground.friction))
-    return Angle(limit(climbs, expected - _AROUND, expected + _AROUND, ROWS, ROUNDS), expected)
+    return Limit(limit(climbs, expected - _AROUND, expected + _AROUND, ROWS, ROUNDS), expected)
 
 
 def creep(subject: Subject, preset: str, boxed: bool, threads: int) -> Array:
@@ -79,7 +61,7 @@ def creep(subject: Subject, preset: str, boxed: bool, threads: int) -> Array:
     return np.linalg.norm(trial.position - before, axis=1) / _WATCH
 
 
-def tipping(subject: Subject, preset: str, sideways: bool, threads: int) -> Angle:
+def tipping(subject: Subject, preset: str, sideways: bool, threads: int) -> Limit:
     """The slope on which a parked robot tips over: one that stands across it, or points uphill."""
     stand = subject.stand(Level(_STICKY), preset)
     expected = float(tips_sideways(stand.half_gauge, stand.view.height)) if sideways else tips_backwards(stand.view)
@@ -97,4 +79,4 @@ def tipping(subject: Subject, preset: str, sideways: bool, threads: int) -> Angl
                 break
         return stays
 
-    return Angle(limit(stand_still, expected - _TIP_AROUND, expected + _TIP_AROUND, ROWS, ROUNDS), expected)
+    return Limit(limit(stand_still, expected - _TIP_AROUND, expected + _TIP_AROUND, ROWS, ROUNDS), expected)

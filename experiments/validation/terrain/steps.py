@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.validation.terrain.grounds import FACE, SingleStep, set_heights
 from experiments.validation.terrain.subjects import Box, Stand, Subject
-from experiments.validation.terrain.trial import Trial, limit
+from experiments.validation.terrain.trial import FACE, Limit, SingleStep, Trial, limit, set_heights
 from trackslip.climbing_theory import highest_step, tip_over_step
 from trackslip.kinematics import Array
 
@@ -37,22 +36,13 @@ BOXES = (
 
 
 @dataclass(frozen=True)
-class Step:
-    """A highest step."""
+class Step(Limit):
+    """A highest step [m]."""
 
     friction: float
     """Coefficient of the belts on ground and step [-]."""
-    found: float
-    """[m]"""
-    expected: float
-    """By statics [m]."""
     tips_over: float
     """By the formula for tipping over, if friction were enough [m]."""
-
-    @property
-    def error(self) -> float:
-        """[m]"""
-        return self.found - self.expected
 
 
 def step(subject: Subject, preset: str, friction: float, threads: int) -> Step:
@@ -62,7 +52,7 @@ def step(subject: Subject, preset: str, friction: float, threads: int) -> Step:
     ahead, height, (_, _, radius) = stand.view.ahead, stand.view.height, stand.view.rear
     low, high = max(1e-3, expected - _AROUND), expected + _AROUND
     found = limit(lambda heights: _climb(stand, heights, threads), low, high, ROWS, ROUNDS)
-    return Step(friction, found, expected, float(tip_over_step(ahead, height, radius)))
+    return Step(found, expected, friction, float(tip_over_step(ahead, height, radius)))
 
 
 def _climb(stand: Stand, heights: Array, threads: int) -> np.ndarray:

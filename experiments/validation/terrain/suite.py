@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from markupsafe import Markup
@@ -18,9 +18,10 @@ from experiments.validation.suite import Findings
 from experiments.validation.terrain import figures
 from experiments.validation.terrain.engine import Speed, belt_error, differing_numbers, speed
 from experiments.validation.terrain.obstacles import RISE, Sinking, rough, stairs
-from experiments.validation.terrain.slopes import Angle, climbing_limits, creep, tipping
+from experiments.validation.terrain.slopes import climbing_limits, creep, tipping
 from experiments.validation.terrain.steps import BOXES, Step, step
 from experiments.validation.terrain.subjects import Box, Subject, subjects
+from experiments.validation.terrain.trial import Limit
 from experiments.validation.terrain.turning import Turning, turning
 from sim.seeds import generator
 from trackslip.kinematics import Array
@@ -46,6 +47,7 @@ BOUNDS: dict[str, tuple[float, float]] = {
 [m], least simulated over computing time on a core [-]; an infinite one is only shown."""
 _CREEP, _FASTEST, _BELTS = 0.5e-3, 1.0, 1e-12  # [m/s]
 _SIDEWAYS, _BACKWARDS = np.radians([0.5, 3.0]).tolist()  # backwards, the contact gives way at the rear [rad]
+ValueT = TypeVar("ValueT")
 _STAGES = 6  # of the measurements of a robot with a preset
 _INTRO = Markup(
     "Tracks that are added to a robot with <code>sim.tracks</code> should turn by friction, climb and tip over as "
@@ -67,12 +69,12 @@ class Measured:
     preset: str
     on_plane: Turning
     on_box: Turning
-    climb_on_plane: tuple[Angle, ...]
-    climb_on_box: tuple[Angle, ...]
+    climb_on_plane: tuple[Limit, ...]
+    climb_on_box: tuple[Limit, ...]
     creep: Array  # (H,) of parked robots in several directions [m/s]
     steps: tuple[Step, ...]
-    tips_sideways: Angle
-    tips_backwards: Angle
+    tips_sideways: Limit
+    tips_backwards: Limit
     stairs: Sinking
     descent: Sinking
     """Down the same stairs."""
@@ -112,41 +114,32 @@ def terrain_suite(config: Config, run: Run) -> Findings:
 
 
 def measure(subject: Subject, preset: str, config: Config, done: Callable[[float], None]) -> Measured:
-    """Make all measurements; `done` is called after each stage with 1."""
+    """Make all measurements; `done` is called after each of _STAGES with 1."""
     rng, threads = generator(config.seed, f"{subject.name} {preset}"), config.threads
-    on_plane, on_box = (turning(subject, preset, boxed, threads) for boxed in (False, True))
-    done(1.0)
-    climb_on_plane, climb_on_box = (climbing_limits(subject, preset, boxed, threads) for boxed in (False, True))
-    creeping = creep(subject, preset, True, threads)
-    tips_sideways, tips_backwards = (tipping(subject, preset, sideways, threads) for sideways in (True, False))
-    done(1.0)
     cases = BOXES if isinstance(subject, Box) else ((subject, 0.8),)
-    steps = tuple(step(robot, preset, friction, threads) for robot, friction in cases)
-    done(1.0)
-    on_stairs, descent = (stairs(subject, preset, threads, rise=rise) for rise in (RISE, -RISE))
-    done(1.0)
-    on_rough = rough(subject, preset, rng, threads)
-    done(1.0)
-    found = Measured(
+
+    def stage(value: ValueT) -> ValueT:
+        done(1.0)
+        return value
+
+    return Measured(
         robot=subject.name,
         preset=preset,
-        on_plane=on_plane,
-        on_box=on_box,
-        climb_on_plane=climb_on_plane,
-        climb_on_box=climb_on_box,
-        creep=creeping,
-        steps=steps,
-        tips_sideways=tips_sideways,
-        tips_backwards=tips_backwards,
-        stairs=on_stairs,
-        descent=descent,
-        rough=on_rough,
+        on_plane=turning(subject, preset, False, threads),
+        on_box=stage(turning(subject, preset, True, threads)),
+        climb_on_plane=climbing_limits(subject, preset, False, threads),
+        climb_on_box=climbing_limits(subject, preset, True, threads),
+        creep=creep(subject, preset, True, threads),
+        tips_sideways=tipping(subject, preset, True, threads),
+        tips_backwards=stage(tipping(subject, preset, False, threads)),
+        steps=stage(tuple(step(robot, preset, friction, threads) for robot, friction in cases)),
+        stairs=stairs(subject, preset, threads),
+        descent=stage(stairs(subject, preset, threads, rise=-RISE)),
+        rough=stage(rough(subject, preset, rng, threads)),
         speed=speed(subject, preset),
         differing=differing_numbers(subject, preset, rng),
-        belt_error=belt_error(subject, preset, rng),
+        belt_error=stage(belt_error(subject, preset, rng)),
     )
-    done(1.0)
-    return found
 
 
 def by_default(subject: Subject, threads: int) -> ByDefault:

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.validation.terrain.grounds import Level
 from experiments.validation.terrain.subjects import Stand, Subject
-from experiments.validation.terrain.trial import Trial
+from experiments.validation.terrain.trial import Level, Trial
 from experiments.validation.theory import GRAVITY
 from sim.instruments import use_default_contact
 from trackslip.kinematics import Array

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from experiments.validation.terrain.grounds import Level
 from experiments.validation.terrain.subjects import UP, Box, FromFile
-from experiments.validation.terrain.trial import Trial, limit
+from experiments.validation.terrain.trial import Level, Trial, limit
 
 
 @pytest.mark.parametrize("truth", [0.31, 0.5, 0.689])
