@@ -233,10 +233,8 @@ def _sections(found: Measured) -> list[Section]:
             figures.what_is_left(turns, p),
             "Remaining errors and their causes",
             Markup(
-                "Errors of the recipe. <em>Against yaw rate</em>: they rise because sliding still lifts a point "
-                "slightly, and the ends of the tracks slide faster in a faster turn; at the slowest turns they are "
-                "those of approximating a continuous track by points. <em>By shape</em>: smallest, median and largest "
-                "error for each contact length and each shift of the centre of mass. <em>Lateral speed</em>: its error "
+                "<em>Against yaw rate</em>: errors rise because sliding still lifts a point slightly; at the slowest "
+                "turns they are those of approximating a continuous track by points. <em>Lateral speed</em>: its error "
                 "is the centripetal acceleration times the time that a contact takes to grip."
             ),
         ),
@@ -254,8 +252,7 @@ def _sections(found: Measured) -> list[Section]:
             figures.pad_loads(found.loads, found.naive_loads),
             "Loads along the tracks",
             "Symbols are medians over the paper's turns, thick bars span the middle half and thin lines the whole "
-            "range, at one instant. In theory, too, loads deviate from their mean, because momentum loads the outer "
-            "track and an off-centre mass its side.",
+            "range, at one instant.",
         ),
         Plot(
             "slopes",

@@ -73,14 +73,14 @@ def _one_to_one(turns: VariedTurns, naive: VariedTurns, rows: np.ndarray) -> Fig
 
 @styled
 def what_is_left(turns: VariedTurns, parameters: RobotParameters) -> Panels:
-    """Errors of the recipe: of the ICRs, against yaw rate and by the robot's shape; and of the lateral speed."""
+    """Errors of the recipe: of the ICRs, against yaw rate; and of the lateral speed."""
     rows = turns.own(parameters)
     v, w = turns.expected_twist(parameters).T
     by_rate, axes = panel("Half width, against yaw rate", "yaw rate [rad/s]", "error of b + D [%]")
     _by_ratio(axes, turns, rows, w, 100 * turns.icr_error)
     lateral, axes = panel("Lateral speed", "centripetal acceleration v w [m/s²]", "error of the lateral speed [mm/s]")
     _by_ratio(axes, turns, rows, v * w, 1e3 * (turns.lateral - turns.expected_lateral))
-    return by_rate, _by_shape(turns, parameters), lateral
+    return by_rate, lateral
 
 
 def _by_ratio(axes: Axes, turns: VariedTurns, rows: np.ndarray, x: Array, y: Array) -> None:
@@ -90,34 +90,6 @@ def _by_ratio(axes: Axes, turns: VariedTurns, rows: np.ndarray, x: Array, y: Arr
     zero_line(axes)
     axes.set_xlim(left=0)
     axes.legend(title="friction across / along", ncols=2)
-
-
-def _by_shape(turns: VariedTurns, parameters: RobotParameters) -> Figure:
-    """Smallest, median and largest error for each centre of mass and contact length."""
-    figure, axes = panel("Half width, by shape of the robot", "centre of mass", "error of b + D [%]", bottom=0.65)
-    shift = turns.centre_of_mass - [parameters.com_x, parameters.com_y]
-    place = np.round(100 * shift / np.column_stack([turns.length, np.full(len(shift), parameters.half_gauge)]))
-    places = sorted(np.unique(place, axis=0), key=lambda p: np.abs(p).tolist()[::-1])
-    lengths = np.unique(turns.length)
-    looks = zip(lengths, itertools.cycle(_MARKERS), itertools.cycle(_COLOURS), strict=False)
-    for k, (length, marker, colour) in enumerate(looks):
-        errors = [100 * turns.icr_error[(turns.length == length) & (place == p).all(axis=1)] for p in places]
-        x = np.arange(len(places)) + 0.2 * (k - (len(lengths) - 1) / 2)
-        middle = np.array([np.median(e) for e in errors])
-        reach = [middle - [e.min() for e in errors], [e.max() for e in errors] - middle]
-        label = f"{1e3 * length:.0f} mm"
-        axes.errorbar(x, middle, reach, fmt=marker, color=colour, ms=4.5, lw=1.1, capsize=2.5, label=label)
-    zero_line(axes)
-    axes.set_xticks(np.arange(len(places)), [_place(*p) for p in places])
-    axes.grid(visible=False, axis="x")
-    axes.legend(title="length of contact", ncols=len(lengths), loc="upper left")
-    make_room(axes, 0.2)
-    return figure
-
-
-def _place(forwards: float, left: float) -> str:
-    parts = [(forwards, "forward" if forwards > 0 else "back"), (left, "left" if left > 0 else "right")]
-    return ",\n".join(f"{abs(shift):.0f} % {way}" for shift, way in parts if shift) or "the robot's\nown"
 
 
 @styled
@@ -237,7 +209,6 @@ def steps_and_solvers(found: Convergence, own_step: float) -> Figure:
     reference = REFERENCE_STEP
     rate = float(np.median(error / (step - reference)))
     curve = np.geomspace(step.min(), step.max(), 100)
-    axes.plot(1e3 * curve, 1e3 * rate * curve, color="#888888", ls=":", lw=1.2, label="slope 1")
     axes.plot(1e3 * curve, 1e3 * rate * (curve - reference), **THEORY, ls="--",
               label=f"slope 1, less that of the\nreference step of {1e3 * reference:g} ms")  # fmt: skip
     axes.plot(1e3 * step, 1e3 * error, "o", color=BLUE, ms=6, label="CG, other steps")

@@ -25,7 +25,7 @@ SMALLER = {
     },
 }
 """Constants with which the command takes seconds."""
-FIGURES = {"turns": 2, "left": 3, "slip": 2, "loads": 2, "slopes": 2, "steps": 1, "energy": 2}
+FIGURES = {"turns": 2, "left": 2, "slip": 2, "loads": 2, "slopes": 2, "steps": 1, "energy": 2}
 """And of how many panels each is."""
 
 
