@@ -1,17 +1,21 @@
-"""`trackslip validate`: the bounds that the simulator must keep, and its report."""
+"""`trackslip validate`: the bounds that the simulator and tracks on terrain must keep, and the reports."""
 
 import contextlib
 import io
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import assert_fits
 
+import models
 from experiments.cli import main
 from experiments.report.formats import significant
 from experiments.validation import numerics, theory, turning
+from experiments.validation.terrain import engine, obstacles, slopes, steps, suite
+from experiments.validation.terrain import turning as terrain_turning
 
 SMALLER = {
     turning: {"RATIOS": (0.7, 1.4), "LENGTHS": (1.0,), "CENTRES_OF_MASS": ((0.0, 0.0), (-0.05, 0.1))},
@@ -25,30 +29,48 @@ SMALLER = {
     },
 }
 """Constants with which the command takes seconds."""
+SMALLER_TERRAIN = {
+    suite: {"PRESETS": ("accurate",)},
+    terrain_turning: {"SLOW": ((-0.04, 0.04), (0.04, 0.08)), "STEADY": 1.0, "WATCH": 0.5},
+    slopes: {"FRICTIONS": (0.7,), "ROWS": 3, "ROUNDS": 1, "CLIMBING": 1.5, "TILT": 1.0, "HOLD": 0.5},
+    steps: {"ROWS": 3, "ROUNDS": 1},
+    obstacles: {"ROBOTS": 2, "DURATION": 1.0, "STAIRS_TIME": 0.5},
+    engine: {"TIMED": 0.1, "WARM": 0.0, "ROW_TIME": 0.1},
+}
+"""Constants with which the command takes seconds."""
+PARTS = (
+    *("slow", "pivot", "centre of mass off", "climbing", "creep", "highest step", "sideways", "backwards"),
+    *("stairs, 99th", "stairs down, largest", "rough ground, largest", "warnings", "fastest", "ten steps"),
+    *("batch", "belts"),
+)
+"""Of the names of the checks on terrain."""
+BOX = Path(models.__file__).parent / "box_robot.toml"
 FIGURES = {"turns": 2, "left": 2, "slip": 2, "loads": 2, "slopes": 2, "steps": 1, "energy": 2}
 """And of how many panels each is."""
 
 
-def validated(out, *options):
-    """The folder of a validation, and what it printed."""
+def validated(out, *options, smaller=()):
+    """The folder of a validation, and what it printed; with the constants of modules in `smaller`."""
     printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
+    with contextlib.redirect_stdout(printed), pytest.MonkeyPatch.context() as patch:
+        for module, constants in dict(smaller).items():
+            for name, value in constants.items():
+                patch.setattr(module, name, value)
         main(["validate", "--out", str(out), *options])
     return out, printed.getvalue()
 
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        for module, constants in SMALLER.items():
-            for name, value in constants.items():
-                patch.setattr(module, name, value)
-        return validated(tmp_path_factory.mktemp("quick") / "out", "--seed", "3")
+    return validated(tmp_path_factory.mktemp("quick") / "out", "--seed", "3", smaller=SMALLER)
 
 
 @pytest.fixture(scope="module")
-def full(tmp_path_factory):
-    return validated(tmp_path_factory.mktemp("full") / "out")
+def terrain(tmp_path_factory):
+    """The same for a box on terrain, and its summary."""
+    options = ("--terrain", "--robot", str(BOX), "--seed", "2", "--threads", "1")
+    folder, printed = validated(tmp_path_factory.mktemp("terrain") / "out", *options, smaller=SMALLER_TERRAIN)
+    return folder, printed, summary_of(folder)
 
 
 def summary_of(folder):
@@ -136,22 +158,62 @@ def test_the_report_shows_the_numbers(quick):
 
 
 @pytest.mark.slow
-def test_the_shipped_robot(full):
-    found = summary_of(full[0])
+@pytest.mark.parametrize("robot", [None, "half_gauge = 0.25\ncontact_length = 0.5\n"], ids=["shipped", "wide"])
+def test_robots_within_bounds(tmp_path, robot):
+    file = tmp_path / "robot.toml"
+    file.write_text(robot or "")
+    folder, _ = validated(tmp_path / "out", *(() if robot is None else ("--robot", str(file))))
+    found = summary_of(folder)
     assert_within_bounds(found)
-    assert found["turns"] == 1200
+    assert robot or found["turns"] == 1200
     assert [entry["dt"] for entry in found["timestep"]] == [0.0005, 0.001, 0.002, 0.005, 0.01]
-    assert_report_is_whole(page_of(full[0]))
+    assert_report_is_whole(page_of(folder))
+
+
+def test_every_bound_on_terrain_is_a_check(terrain):
+    *_, summary = terrain
+    assert {check["name"].partition(": ")[0] for check in summary["checks"]} == {"box, accurate"}
+    for check in summary["checks"]:
+        low, high = check["bound"] if isinstance(check["bound"], list) else (-np.inf, check["bound"])
+        assert check["holds"] == (low <= check["value"] <= (np.inf if high is None else high))
+        assert check["unit"] in ("1", "m", "m/s", "rad")
+    named = [check["name"] for check in summary["checks"]]
+    assert len(set(named)) == len(named)
+    for part in PARTS:
+        assert any(part in name for name in named), part
+
+
+def test_turns_and_the_engine_hold_their_bounds_even_in_a_glance(terrain):
+    """The others need the whole time."""
+    holds = {check["name"].partition(": ")[2]: check["holds"] for check in terrain[2]["checks"]}
+    for name in holds:
+        if name.startswith(("ICRs", "D alone", "warnings", "numbers", "sliding")):
+            assert holds[name], name
+
+
+def test_what_terrain_prints_and_leaves_behind(terrain):
+    out, printed, summary = terrain
+    held = sum(check["holds"] for check in summary["checks"])
+    assert f"{held} of {len(summary['checks'])} checks hold" in printed
+    assert printed.count(" !") == len(summary["checks"]) - held
+    assert "default contact" in printed
+    assert json.loads((out / "manifest.json").read_text())["seed"] == 2
+    page = page_of(out)
+    assert page.count("<svg ") == len(list((out / "figures").glob("*.svg"))) == 4
+    assert "nan" not in page
+    assert [one["robot"] for one in summary["robots"]] == ["box"]
+    assert summary["default_contact"][0]["turning"]["slow"]["half_width"]
 
 
 @pytest.mark.slow
-def test_a_robot_of_another_shape(tmp_path):
-    robot = tmp_path / "wide.toml"
-    robot.write_text("half_gauge = 0.25\ncontact_length = 0.5\n")
-    folder, _ = validated(tmp_path / "out", "--robot", str(robot))
-    assert_within_bounds(summary_of(folder))
-    page = page_of(folder)
-    assert_report_is_whole(page)
+def test_the_box_and_the_rescue_robot_hold_every_bound(tmp_path):
+    folder, printed = validated(tmp_path / "out", "--terrain")
+    summary = summary_of(folder)
+    robots = {check["name"].partition(": ")[0] for check in summary["checks"]}
+    assert robots == {"box, accurate", "box, fast", "rescue, accurate", "rescue, fast"}
+    timed = "real time"  # depends on the computer
+    assert [check["name"] for check in summary["checks"] if not check["holds"] and timed not in check["name"]] == []
+    assert "checks hold" in printed
 
 
 @pytest.mark.parametrize(
@@ -160,6 +222,8 @@ def test_a_robot_of_another_shape(tmp_path):
         (("--seed", "-1"), "seed = -1: must be an integer >= 0"),
         (("--threads", "-1"), "threads = -1"),
         (("--robot", "nowhere.toml"), "nowhere.toml: No such file"),
+        (("--terrain", "--robot", "nowhere.toml"), "nowhere.toml"),
+        (("--terrain", "--rrd"), "rrd = True: must be left out with --terrain"),
     ],
 )
 def test_mistakes_get_one_line(refused, arguments, message):
