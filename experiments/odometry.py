@@ -22,10 +22,10 @@ from trackslip.logs.schema import NO_UNIT, PURE, Column
 from trackslip.odometry.clock_check import better_clock_offset
 from trackslip.odometry.evaluation import OdometryErrors, PoseErrors, odometry_errors
 from trackslip.odometry.identified import LawInUse, identified_law, no_slip
-from trackslip.odometry.mounting import Mounting
 from trackslip.odometry.pose_check import jumps
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.tum import write_tum
+from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.stored_laws import NO_SLIP
 

@@ -9,7 +9,8 @@ import numpy as np
 from mujoco import batch
 
 from sim.robot.robot import Robot
-from trackslip.kinematics import Array, column, columns, in_frame
+from trackslip import se2
+from trackslip.kinematics import Array, columns
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
@@ -127,7 +128,7 @@ class Bodies:
 
     def _follow_heading(self) -> None:
         """Unwrap the headings. Between two calls no robot may turn by more than about a radian."""
-        wrapped, before = _heading(self._quaternion), column(self._heading)
+        wrapped, before = _heading(self._quaternion), self._heading
         # plus whole turns, so that the bits don't depend on how often this is called
         self._heading[:] = wrapped + _TURN * np.rint((before - wrapped) / _TURN)
 
@@ -160,10 +161,8 @@ class Moments:
 
     def twist(self) -> Array:
         """Twists (..., 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
-        x, y, _, _, _, yaw_rate = columns(self.velocity)
         twist = np.empty((*self.heading.shape, 3))
-        twist[..., 0], twist[..., 1] = in_frame(column(self.heading), x, y)
-        twist[..., 2] = yaw_rate
+        twist[..., :2], twist[..., 2] = se2.rotate(-self.heading, self.velocity[..., :2]), self.velocity[..., 5]
         return twist
 
     def traction(self) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 
 from sim.fleet import Fleet
 from sim.robot.robot import CONTACT_WIDTH
+from trackslip import se2
 from trackslip.kinematics import Array
 
 
@@ -33,16 +34,13 @@ def read_contacts(fleet: Fleet) -> Contacts:
     """Contacts of a fleet whose robot was loaded with contact sensors."""
     points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
     sensed = fleet.batch.bind("sensordata")[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
-    pose = fleet.pose()
-    cos, sin = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
-    x, y = np.moveaxis(sensed[..., 3:5] - pose[:, None, :2], -1, 0)
     return Contacts(
         load=sensed[..., 0].copy(),
         force=sensed[..., 1:3].copy(),
         velocity=sensed[..., 7:9].copy(),
         rising=sensed[..., 6].copy(),
         belt=np.repeat(fleet.belts / np.abs(fleet.robot.pad_sign), fleet.robot.points_per_pad, axis=1),
-        position=np.stack([cos * x + sin * y, -sin * x + cos * y], axis=-1),
+        position=se2.from_world(fleet.pose()[:, None], sensed[..., 3:5]),
     )
 
 

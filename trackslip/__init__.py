@@ -46,7 +46,6 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.odometry.evaluation import OdometryErrors as OdometryErrors
     from trackslip.odometry.evaluation import odometry_errors as odometry_errors
     from trackslip.odometry.identified import identified_law as identified_law
-    from trackslip.odometry.mounting import Mounting as Mounting
     from trackslip.odometry.slip_odometry import SlipOdometry as SlipOdometry
     from trackslip.odometry.tum import write_tum as write_tum
     from trackslip.odometry.uncertainty import LawErrors as LawErrors
@@ -58,6 +57,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.ros.any_log import load as load
     from trackslip.ros.choice import BagChoice as BagChoice
     from trackslip.ros.writer import write_bag as write_bag
+    from trackslip.se2 import Mounting as Mounting
     from trackslip.slip.base import SlipLaw as SlipLaw
     from trackslip.slip.compensation import FixedLaw as FixedLaw
     from trackslip.slip.compensation import LoadedLaw as LoadedLaw
@@ -110,7 +110,7 @@ _NAMES = {
     "metrics": ("TrackingErrors", "body_errors", "expense", "tracking_errors"),
     "odometry.evaluation": ("OdometryErrors", "odometry_errors"),
     "odometry.identified": ("identified_law",),
-    "odometry.mounting": ("Mounting",),
+    "se2": ("Mounting",),
     "odometry.slip_odometry": ("SlipOdometry",),
     "odometry.tum": ("write_tum",),
     "odometry.uncertainty": ("LawErrors", "SlipNoise"),

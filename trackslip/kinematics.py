@@ -5,30 +5,19 @@ Tracks are ordered (left, right) on the last axis, a twist is (v, w), a pose (x,
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trackslip.errors import require_positive
-
-Array = NDArray[np.floating[Any]]
+from trackslip.se2 import Array as Array
+from trackslip.se2 import advance as advance
+from trackslip.se2 import wrap_angle as wrap_angle
 
 SIDES = np.array([-1.0, 1.0])  # (2,) track speeds are v + SIDES * b * w: the left track is slower when w > 0
-
-
-_EPSILON = float(np.finfo(float).eps)
-_SMALL_TURN = 0.5  # turn below which series replace quotients [rad]
-_TERMS = np.arange(7)  # of these series: the rest is less than their rounding
-_SIGNS = (-1.0) ** _TERMS
-_ALONG = _SIGNS / np.array([math.factorial(2 * k + 1) for k in _TERMS])
-_ACROSS = _SIGNS / np.array([math.factorial(2 * k + 2) for k in _TERMS])
-_D_ALONG = np.append(2 * _TERMS[1:] * _ALONG[1:], 0.0)
-_QUOTIENTS = np.column_stack([_ALONG, _ACROSS, _D_ALONG, (2 * _TERMS + 1) * _ACROSS])  # in the turn's square
 
 
 @dataclass(frozen=True)
@@ -55,11 +44,6 @@ def columns(values: Array) -> Sequence[Any]:
     return [values[..., k] for k in range(values.shape[-1])]
 
 
-def column(values: Array) -> Any:
-    """The same for a single column: `values` (N,) as they are, or a plain number if there is only one."""
-    return values.item() if values.size == 1 else values
-
-
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
     """Speeds (V_l, V_r) of the track centres over the ground (..., 2) [m/s] for a twist (..., 2)."""
     twist = np.asarray(twist, float)
@@ -72,12 +56,6 @@ def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
 def left_and_right(v: Any, w: Any, half_gauge: float) -> tuple[Any, Any]:
     """The same, of forward speeds v (...) [m/s] and yaw rates w (...) [rad/s]."""
     return v - half_gauge * w, v + half_gauge * w
-
-
-def in_frame(heading: Any, x: Any, y: Any) -> tuple[Any, Any]:
-    """Components (...) forward and to the left of vectors (x, y), (...) each, for robots with headings (...) [rad]."""
-    cos, sin = np.cos(heading), np.sin(heading)
-    return cos * x + sin * y, cos * y - sin * x
 
 
 def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
@@ -131,44 +109,3 @@ def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:
     limited = np.empty(omega.shape)
     limited[..., 0], limited[..., 1] = left * scale, right * scale
     return limited
-
-
-def advance(pose: ArrayLike, twist: ArrayLike, duration: float | Array) -> Array:
-    """Poses (..., 3) after driving a constant twist (..., 2) for `duration` [s]: exact arcs (Eqs. 6-7)."""
-    pose, twist = np.asarray(pose, float), np.asarray(twist, float)
-    turn = twist[..., 1] * duration
-    chord = twist[..., 0] * duration * _sinc(turn / (2 * np.pi))
-    heading = pose[..., 2] + turn / 2
-    moved = np.empty((*heading.shape, 3))
-    moved[..., 0] = pose[..., 0] + chord * np.cos(heading)
-    moved[..., 1] = pose[..., 1] + chord * np.sin(heading)
-    moved[..., 2] = pose[..., 2] + turn
-    return moved
-
-
-def _sinc(x: Array) -> Array:
-    """np.sinc of finite numbers (...), to the last bit and in less time."""
-    angle = np.pi * x
-    angle = np.where(angle == 0, _EPSILON, angle)
-    return np.asarray(np.sin(angle) / angle)
-
-
-def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:
-    """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
-    turn = np.asarray(turn, float)
-    quotients = np.empty((4, *turn.shape))
-    small = np.abs(turn) <= _SMALL_TURN
-    t = turn[small]
-    along, across, d_along, d_across = polynomial.polyval(t**2, _QUOTIENTS)
-    quotients[:, small] = along, t * across, t * d_along, d_across
-    t = turn[~small]
-    sin, cos = np.sin(t), np.cos(t)
-    along, across = sin / t, (1 - cos) / t
-    quotients[:, ~small] = along, across, (cos - along) / t, (sin - across) / t
-    along, across, d_along, d_across = quotients
-    return along, across, d_along, d_across
-
-
-def wrap_angle(angle: ArrayLike) -> Array:
-    """Angles wrapped to [-pi, pi)."""
-    return (np.asarray(angle, float) + np.pi) % (2 * np.pi) - np.pi

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import Array, columns, in_frame, wrap_angle
+from trackslip import se2
+from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
 
@@ -20,12 +21,8 @@ _TURNING = 1e-6  # yaw rate above which a reference turns [rad/s]
 
 def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
     """Errors (e_x, e_y, e_phi) (..., 3) of poses (..., 3) in the body frame [m, m, rad], e_phi wrapped; Eq. 18."""
-    pose = np.asarray(pose, float)
-    away = np.asarray(desired, float) - pose
-    x, y, turn = columns(away)
-    errors = np.empty(away.shape)
-    errors[..., 0], errors[..., 1] = in_frame(columns(pose)[2], x, y)
-    errors[..., 2] = wrap_angle(turn)
+    errors = se2.between(pose, desired)
+    errors[..., 2] = wrap_angle(errors[..., 2])
     return errors
 
 
@@ -76,15 +73,15 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
     time, pose = np.asarray(time, float), np.asarray(pose, float)
     desired = reference.pose(time)
     away = pose - desired
-    cos, sin = np.cos(desired[:, 2]), np.sin(desired[:, 2])
+    along, across = se2.rotate(-desired[:, 2], away[:, :2]).T
     distance, heading = np.hypot(away[:, 0], away[:, 1]), wrap_angle(away[:, 2])
     return TrackingErrors(
         rms_position=rms(distance),
         rms_position_after_12s=rms(distance[time >= TRANSIENT]),
         rms_position_arc=rms(distance[np.abs(reference.twist(time)[:, 1]) > _TURNING]),
         rms_heading=rms(heading),
-        cross_track=rms(cos * away[:, 1] - sin * away[:, 0]),
-        along_track=rms(cos * away[:, 0] + sin * away[:, 1]),
+        cross_track=rms(across),
+        along_track=rms(along),
         max_position=float(distance.max()),
         final_position=float(distance[-1]),
         final_heading=float(abs(heading[-1])),

@@ -18,6 +18,7 @@ from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
 from experiments.storage.manifest import content, digest
 from experiments.storage.results import SUMMARY_FILE
 from sim.seeds import generator
+from trackslip import se2
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array
 from trackslip.slip.stored_laws import SHIPPED
@@ -89,10 +90,8 @@ class Case:
             rng = generator(self.seed, f"start {self.key}")
             away, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
             turn = rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)
-            offset = np.array([away * np.cos(bearing), away * np.sin(bearing), turn])
-        pose = reference(self.reference).pose(0.0)
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        return pose + np.array([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1], offset[2]])
+            offset = np.array([*(away * se2.direction(bearing)), turn])
+        return se2.compose(reference(self.reference).pose(0.0), offset)
 
 
 def cases_of(config: Config) -> tuple[list[Case], list[str]]:

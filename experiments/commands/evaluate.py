@@ -78,7 +78,7 @@ def run(config: Config) -> None:
     from experiments.storage.results import REPORT_FILE, TABLE_FILE, TRAJECTORIES_FOLDER
     from experiments.sweep.table import chosen
     from trackslip.identification.source import origin
-    from trackslip.odometry.mounting import Mounting
+    from trackslip.se2 import Mounting
 
     specs = odometry.law_files(config)
     with Run(config) as run, run.progress("odometry", 2 + len(specs), "stages") as step:

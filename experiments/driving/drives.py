@@ -15,7 +15,7 @@ from sim.runs import Progress, drive_fleet
 from sim.wander.log import encoder_log, joined_log, quantised
 from sim.wander.motion import LawMotion, Motion
 from sim.wander.pose_source import PoseSource
-from trackslip.identification.drive.reckoning import rotated
+from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
@@ -55,7 +55,7 @@ def driven_by_law(
         metadata: of the log besides the geometry.
     """
     moved, twist = law.drive(omega, rate, rng)
-    motion = moved if start is None else Motion(moved.time, placed(moved.pose, start))
+    motion = moved if start is None else Motion(moved.time, se2.compose(start, moved.pose))
     log = encoder_log(name, rate, omega, motion, twist, {"geometry": plain(law.geometry), **(metadata or {})})
     return KnownDrive(log if counts is None else quantised(log, counts), motion)
 
@@ -69,8 +69,3 @@ def driven_in_mujoco(
     """
     logs = drive_fleet(fleet, np.stack(omega, axis=1), rate, about, progress)
     return [KnownDrive(log, Motion(log.time, log.pose)) for log in logs]
-
-
-def placed(pose: Array, start: Array) -> Array:
-    """Poses (F, 3) from the origin, as seen from where the robot starts at `start` (3,)."""
-    return start + np.column_stack([rotated(start[2], pose[:, :2]), pose[:, 2]])

@@ -18,6 +18,7 @@ from sim.run_recorder import Description
 from sim.runs import Progress, open_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
+from trackslip import se2
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds
 from trackslip.logs.runlog import RunLog
@@ -109,8 +110,7 @@ def require_radius(radius: float, geometry: RobotGeometry) -> None:
 
 def before_scanner(robot: Robot) -> Array:
     """The pose (3,) [m, m, rad] at CLEARANCE in front of the scanner from which a left turn never comes closer."""
-    x, y, heading = robot.lrf_mount
-    return np.array([x + CLEARANCE * np.cos(heading), y + CLEARANCE * np.sin(heading), heading - np.pi / 2])
+    return se2.compose(robot.lrf_mount, [CLEARANCE, 0.0, -np.pi / 2])
 
 
 def on_circle(robot: Robot, radius: float, phase: float) -> Array:
@@ -119,12 +119,9 @@ def on_circle(robot: Robot, radius: float, phase: float) -> Array:
     A left turn commanded with `radius` [m] follows the circle: it is as wide as slip makes it, so that the robot comes
     no closer than CLEARANCE wherever it starts.
     """
-    x, y, heading = robot.lrf_mount
     driven = _DRIVEN_OVER_COMMANDED * radius
-    centre = np.array([x, y]) + (CLEARANCE + driven) * np.array([np.cos(heading), np.sin(heading)])
-    along = heading - np.pi / 2 + phase
-    outwards = np.array([np.sin(along), -np.cos(along)])
-    return np.array([*(centre + driven * outwards), along])
+    centre = se2.compose(robot.lrf_mount, [CLEARANCE + driven, 0.0, phase - np.pi / 2])
+    return se2.compose(centre, [0.0, -driven, 0.0])
 
 
 def sample_runs(robot: Path | None, like: Repeatable, progress: Progress = lambda seconds: None) -> list[RunLog]:

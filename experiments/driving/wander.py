@@ -18,6 +18,7 @@ from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import plate_scans
+from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.icr import ConstantIcr
@@ -95,8 +96,7 @@ def _start(config: Config, world: World) -> Array:
     """Where drives start (3,): at the origin, or in front of the scanner if that is the source of the poses."""
     if config.source.source != "scanner":
         return np.zeros(3)
-    x, y, heading = world.robot.lrf_mount
-    return np.array([x + _IN_FRONT * np.cos(heading), y + _IN_FRONT * np.sin(heading), 0.0])
+    return np.array([*se2.to_world(world.robot.lrf_mount, [_IN_FRONT, 0.0]), 0.0])
 
 
 def _random(config: Config, name: str, what: str) -> np.random.Generator:

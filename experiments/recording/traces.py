@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from experiments.driving.lookup import reference as load_reference
+from trackslip import se2
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.runlog import RunLog
@@ -110,7 +111,7 @@ def _smooth_twist(log: RunLog) -> Array | None:
     smooth, slope = (
         scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=order, delta=step, axis=0) for order in (0, 1)
     )
-    v = slope[:, 0] * np.cos(smooth[:, 2]) + slope[:, 1] * np.sin(smooth[:, 2])
+    v = se2.rotate(-smooth[:, 2], slope[:, :2])[:, 0]
     middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2  # measured sprocket speeds are means, too
     return np.stack([np.interp(middle, time, column, np.nan, np.nan) for column in (v, slope[:, 2])], axis=-1)
 

@@ -13,7 +13,7 @@ from experiments.report.formats import MISSING, number, pair, significant
 from experiments.report.page import Bullets, Note, Page, Plot, Section
 from experiments.report.table import Table
 from trackslip.odometry.evaluation import LENGTHS, PoseErrors
-from trackslip.odometry.mounting import Mounting
+from trackslip.se2 import Mounting
 from trackslip.slip.stored_laws import NO_SLIP
 
 _LEAST = 0.01  # below which an error has three decimals

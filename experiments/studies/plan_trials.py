@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.checks import Check
-from experiments.driving.drives import KnownDrive, driven_by_law, driven_in_mujoco, placed
+from experiments.driving.drives import KnownDrive, driven_by_law, driven_in_mujoco
 from experiments.driving.world import Specification, World
 from experiments.options.world import Simulation
 from experiments.report.checks import checks_table
@@ -38,6 +38,7 @@ from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import SOURCES, PoseSource
+from trackslip import se2
 from trackslip.errors import TrackslipError
 from trackslip.identification.drive.drives import drive_of
 from trackslip.identification.drive.estimate import DriveFit, fit_drives
@@ -166,7 +167,7 @@ def mujoco_drives(plan: DrivePlan, seed: int, threads: int, progress: Progress) 
         return driven_in_mujoco(fleet, omega, RATE, about, progress) if len(speeds) else []
 
     (planned,) = drive("plan", [plan.speeds])
-    motion = Motion(planned.motion.time, placed(planned.motion.pose, plan.start))
+    motion = Motion(planned.motion.time, se2.compose(plan.start, planned.motion.pose))
     driver = Driver(limits.max_speed, limits.acceleration, plan.knowledge.reach)
     commands = [generator(seed, f"plan other {k}") for k in range(_COUNT)]
     return {

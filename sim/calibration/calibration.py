@@ -16,6 +16,7 @@ from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
 from sim.runs import Progress
+from trackslip import se2
 from trackslip.errors import require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.skid_theory import line_contact, steady_twist
@@ -87,8 +88,7 @@ def simulated_twist(candidate: Candidate, target: Target, along: float = Ground(
     fleet.advance(_time_to_be_steady(candidate, omega, fleet.period))
     v, _, w = fleet.twist().T
     if target.of_plate:  # the robot leans to one side, and so does the plate
-        offset, heading = fleet.plate[:, :2] - fleet.pose()[:, :2], fleet.pose()[:, 2]
-        v = v - w * (np.cos(heading) * offset[:, 1] - np.sin(heading) * offset[:, 0])
+        v = v - w * se2.between(fleet.pose(), fleet.plate)[:, 1]
     return np.stack([v, w], axis=-1)
 
 

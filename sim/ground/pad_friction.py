@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sim.ground.ground import Ground
+from trackslip import se2
 from trackslip.kinematics import Array
 
 _SLACK = 0.5  # around the pads; a robot moves half of it before its nearby patches are selected again [m]
@@ -69,9 +70,7 @@ class PadFriction:
         if self._patch.shape[1] == 0:
             return friction
         self._select_nearby(position)
-        cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-        x, y = self._pads.T
-        place = position[:, None] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)  # (N, P, 2)
+        place = position[:, None] + se2.rotate(heading[:, None], self._pads)  # (N, P, 2)
         low, high = np.moveaxis(self._near_corners[:, None], 3, 0)  # (N, 1, M, 2) each
         inside = ((place[:, :, None] >= low) & (place[:, :, None] < high)).all(axis=-1)  # (N, P, M)
         last = inside.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=-1)  # of overlapping patches

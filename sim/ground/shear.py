@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.kinematics import Array
 
 LARGEST = 20.0
@@ -132,9 +133,7 @@ class Shear:
         to = -push / friction**2  # where the element slides to, by maximum dissipation
         size = np.sqrt((to**2).sum(axis=-1))
         moved = to * (-modulus * np.log1p(-share) / np.where(size > 0, size, 1.0))[..., None]
-        cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-        x, y = moved[..., 0], moved[..., 1]
-        world = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)  # (R, 2, P)
+        world = se2.rotate(heading[:, None], moved).swapaxes(1, 2)  # (R, 2, P)
         self._moved[:, :, rows] = world.reshape(len(rows), 2, 2, -1).transpose(3, 1, 0, 2)
         self.share[rows] = np.where(modulus > 0, np.maximum(share, LEAST_SHARE), 1.0)
 

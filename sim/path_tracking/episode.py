@@ -16,6 +16,7 @@ from sim.ground.ground import Ground, Patch
 from sim.ground.named import load_ground
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.randomization import MAX_LATENCY, Randomization, Range
+from trackslip import se2
 from trackslip.errors import require, require_finite, require_positive
 from trackslip.kinematics import Array
 from trackslip.trajectory.named import load_reference
@@ -69,7 +70,7 @@ def draw(
     latency = options.get("latency", latency)
     require(latency in range(MAX_LATENCY + 1), "latency", latency, f"an integer from 0 to {MAX_LATENCY}")
     setting = Setting(
-        start=_start(table.path(reference)[0], _finite("start_error", error, 3)),
+        start=tuple(se2.compose(table.path(reference)[0], _finite("start_error", error, 3)).tolist()),
         ground=ground,
         radius_error=float(options.get("radius_error", radius_error)),
         lag=float(options.get("lag", lag)),
@@ -101,12 +102,6 @@ def _ground(config: EnvConfig, base: Ground, path: Array, generator: np.random.G
         return ground
     least = min(ground.along, across, *(min(patch.along, patch.across) for patch in ground.patches))
     return dataclasses.replace(ground, slope=min(slope, _PARKING * math.atan(least)), uphill=uphill)
-
-
-def _start(pose: Array, error: tuple[float, ...]) -> tuple[float, float, float]:
-    x, y, phi = (float(value) for value in pose)
-    cos, sin = math.cos(phi), math.sin(phi)
-    return x + cos * error[0] - sin * error[1], y + sin * error[0] + cos * error[1], phi + error[2]
 
 
 def _finite(name: str, values: Any, n: int) -> Any:

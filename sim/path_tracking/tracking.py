@@ -17,7 +17,7 @@ from sim.path_tracking.randomization import MAX_LATENCY
 from sim.robot.robot import load_robot
 from sim.task_env import clipped_actions
 from trackslip.errors import require
-from trackslip.kinematics import Array, column, columns, left_and_right, limit_sprocket_speeds
+from trackslip.kinematics import Array, columns, left_and_right, limit_sprocket_speeds
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
@@ -125,7 +125,7 @@ class PathTracking:
         self.terminated = ~((distance <= self.config.off_path) & (self.fleet.upright() > _TIPPED))
         self.truncated = (self._k >= self.last) & ~self.terminated
         change, self._action = action - self._action, action
-        self._terms = reward_terms(self.config.reward, distance, turn, change, column(self.terminated))
+        self._terms = reward_terms(self.config.reward, distance, turn, change, self.terminated)
         self.reward = np.add.accumulate(self._terms)[-1]  # one by one: the same bits for any number of robots
 
     def observation(self) -> Array:

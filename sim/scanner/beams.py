@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.kinematics import Array, wrap_angle
 
 SLACK = 0.2
@@ -74,22 +75,11 @@ def moved_back(origin: Array, rays: Array, pose: Array, twist: Array, lag: Array
     scan's are `lag` (N, W) [s]. The robots have `pose` (N, 3) at the scan's time [m, m, rad], and `twist` (N, 3):
     forward and lateral speed [m/s], yaw rate [rad/s].
     """
-    forward, left, yaw_rate = (part[:, None] for part in twist.T)
-    turn = -yaw_rate * lag
-    cos, sin = np.cos(turn), np.sin(turn)
-    # displacement by a constant twist in the time -lag, in the robot's frame
-    ahead, aside = np.sinc(turn / np.pi), np.sin(turn / 2) * np.sinc(turn / (2 * np.pi))
-    way = -lag[..., None] * np.stack([ahead * forward - aside * left, aside * forward + ahead * left], axis=-1)
-
-    x, y, heading = (part[:, None] for part in pose.T)
-    from_x, from_y = origin[0] - x, origin[1] - y
-    h_cos, h_sin = np.cos(heading), np.sin(heading)
+    back = se2.exp(-lag[..., None] * twist[:, None])  # (N, W, 3) to the robot's pose at the scan's time
+    pose = pose[:, None]
     origins = np.broadcast_to(origin, (*rays.shape[:2], 1, 3)).copy()
-    origins[..., 0, 0] = x + cos * from_x - sin * from_y + h_cos * way[..., 0] - h_sin * way[..., 1]
-    origins[..., 0, 1] = y + sin * from_x + cos * from_y + h_sin * way[..., 0] + h_cos * way[..., 1]
-    cos, sin = cos[..., None], sin[..., None]
-    x, y, z = np.moveaxis(rays, -1, 0)
-    directions = np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=-1)
+    origins[..., 0, :2] = se2.to_world(se2.compose(pose, back), se2.from_world(pose, origin[:2]))
+    directions = np.concatenate([se2.rotate(back[..., None, 2], rays[..., :2]), rays[..., 2:]], axis=-1)
     return np.broadcast_to(origins, rays.shape), directions
 
 

@@ -22,6 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from sim.traverse.world import Traverse
+from trackslip import se2
 from trackslip.kinematics import Array
 
 AHEAD = np.linspace(-0.5, 0.9, 15)
@@ -43,16 +44,14 @@ class Layout:
         self.bound = np.array([*_FIXED_BOUND, 1.0, 1.0, *[2.0] * (2 * flippers), *[3.0] * cells], np.float32)
         self._lowest = world.tracked.robot.lowest
         across, along = np.meshgrid(ASIDE, AHEAD, indexing="ij")
-        self._along, self._across = along.ravel(), across.ravel()
+        self._around = np.stack([along.ravel(), across.ravel()], axis=-1)
 
     def observation(self, world: Traverse) -> Array:
         """Observations (N, n) of all robots."""
         state = world.state
         heading, position = state.heading, state.position
-        cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-        x = position[:, :1] + cos * self._along - sin * self._across
-        y = position[:, 1:2] + sin * self._along + cos * self._across
-        heights = world.elevation(np.stack([x, y], axis=-1)) - position[:, 2:] - self._lowest
+        around = position[:, None, :2] + se2.rotate(heading[:, None], self._around)
+        heights = world.elevation(around) - position[:, 2:] - self._lowest
         whole = np.concatenate(
             [
                 *(state.rotation[:, 2], state.rate, position[:, 1:2], heading[:, None]),

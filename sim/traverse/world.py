@@ -20,6 +20,7 @@ from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
 from sim.traverse.slots import Slots
 from sim.traverse.states import Servos, ServoState, States
+from trackslip import se2
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 
@@ -197,7 +198,7 @@ class Traverse:
         """Set points (N, F) of the flippers' angles by reflex, tips up [rad]."""
         geometry, heading = self.flippers, self.state.heading
         hinge = self.state.position[:, None] + np.einsum("nij,fj->nfi", self.state.rotation, geometry.hinge)
-        forwards = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+        forwards = se2.direction(heading)
         away = np.where(geometry.front, 1.0, -1.0)[:, None] * SAMPLES * geometry.length[:, None]  # (F, S)
         points = hinge[:, :, None, :2] + away[..., None] * forwards[:, None, None]
         ground = self.elevation(points.reshape(self.size, -1, 2)).reshape(self.size, *away.shape)
@@ -232,10 +233,8 @@ class Traverse:
         x = np.linspace((hull[:, 0] - hull[:, 2]).min(), (hull[:, 0] + hull[:, 2]).max(), 9)
         y = robot.half_gauge * np.array([-1.0, 0.0, 1.0])
         forwards, left = np.meshgrid(x, y)
-        cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
         under = np.zeros((self.size, forwards.size, 2))
-        under[rows, :, 0] = poses[:, 0, None] + cos * forwards.ravel() - sin * left.ravel()
-        under[rows, :, 1] = poses[:, 1, None] + sin * forwards.ravel() + cos * left.ravel()
+        under[rows] = se2.to_world(poses[:, None], np.column_stack([forwards.ravel(), left.ravel()]))
         ground = self.elevation(under)[rows].max(axis=1)
         qpos[rows, first : first + 2] = poses[:, :2]
         qpos[rows, first + 2] = ground - robot.lowest + _GAP

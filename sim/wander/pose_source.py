@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.scanner.scanner import LaserScanner
-from sim.wander.motion import Motion, joined, steps_between
+from sim.wander.motion import Motion
+from trackslip import se2
 from trackslip.errors import require, require_finite, require_non_negative, require_positive
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Plate, Scan
@@ -85,7 +86,8 @@ class PoseSource:
         """
         first, last = motion.time[0], motion.time[-1]
         moment = np.arange(first + rng.uniform(0, 1 / self.rate), last, 1 / self.rate)
-        pose = self._wandered(self._mounted(motion.at(moment)), moment, rng)
+        sensor = np.array([self.ahead, self.left, self.mounting])
+        pose = self._wandered(se2.compose(motion.at(moment), sensor), moment, rng)
         noise = np.array([self.position_noise, self.position_noise, self.heading_noise])
         pose = pose + noise * rng.standard_normal(pose.shape)
         wrong = rng.random(len(moment)) < self.outliers
@@ -97,18 +99,11 @@ class PoseSource:
             pose[:, 2] = np.nan
         return (moment + self.delay + early)[seen], pose[seen]
 
-    def _mounted(self, pose: Array) -> Array:
-        """Poses (M, 3) of the sensor, from those of the robot."""
-        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-        x = pose[:, 0] + cos * self.ahead - sin * self.left
-        y = pose[:, 1] + sin * self.ahead + cos * self.left
-        return np.stack([x, y, pose[:, 2] + self.mounting], axis=-1)
-
     def _wandered(self, pose: Array, moment: Array, rng: np.random.Generator) -> Array:
         """Poses (M, 3) with drift and lasting jumps, which are errors of the steps between poses."""
         if len(pose) < 2 or not (self.drift or self.heading_drift or self.scale_error or self.jumps):
             return pose
-        steps = steps_between(pose)
+        steps = se2.steps(pose)
         way = np.hypot(steps[:, :1], steps[:, 1:2])
         along = self.drift * np.sqrt(way.sum() / 2)  # [m/sqrt(m)], for each of two directions
         walk = np.sqrt(way) * [along, along, self.heading_drift] * rng.standard_normal(steps.shape)
@@ -116,9 +111,9 @@ class PoseSource:
         at = np.searchsorted(moment, rng.uniform(moment[0], moment[-1], self.jumps))
         direction = rng.uniform(-np.pi, np.pi, self.jumps)
         turned = self.jump_turn * rng.choice([-1.0, 1.0], self.jumps)
-        jump = np.stack([self.jump_size * np.cos(direction), self.jump_size * np.sin(direction), turned], axis=-1)
+        jump = np.column_stack([self.jump_size * se2.direction(direction), turned])
         np.add.at(steps, np.clip(at - 1, 0, len(steps) - 1), jump)
-        return joined(pose[0], steps)
+        return se2.chain(pose[0], steps)
 
     def _in_gap(self, moment: Array, rng: np.random.Generator) -> np.ndarray:
         """(M,) bool: whether a moment lies in a gap; gaps begin in equal parts of the time, one in each."""
@@ -166,11 +161,8 @@ def plate_ranges(plate: Plate, pose: Array, bearings: Array) -> Array:
     A beam enters the strip between two opposite sides, and leaves it; it hits the plate where it has entered both
     strips before it leaves one of them.
     """
-    x, y, heading = pose.T
-    cos, sin = np.cos(heading), np.sin(heading)
-    origin = -np.stack([cos * x + sin * y, cos * y - sin * x])[..., None]  # (2, S, 1), in the plate's frame
-    angle = bearings - heading[:, None]
-    direction = np.stack([np.cos(angle), np.sin(angle)])  # (2, S, B)
+    origin = se2.inverse(pose).T[:2, :, None]  # (2, S, 1), in the plate's frame
+    direction = np.moveaxis(se2.direction(bearings - pose[:, 2:]), -1, 0)  # (2, S, B)
     half = np.array([plate.length, plate.thickness])[:, None, None] / 2
     with np.errstate(divide="ignore", invalid="ignore"):
         sides = np.stack([(-half - origin) / direction, (half - origin) / direction])

@@ -7,8 +7,6 @@ from hypothesis.extra.numpy import arrays
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import (
     RobotGeometry,
-    advance,
-    arc_quotients,
     body_twist,
     curvature,
     limit_sprocket_speeds,
@@ -16,7 +14,6 @@ from trackslip.kinematics import (
     track_slip,
     track_speeds,
     twist_of_tracks,
-    wrap_angle,
 )
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
@@ -68,39 +65,6 @@ def test_limiting_keeps_the_curvature(omega):
     np.testing.assert_allclose(limited[0] * omega[1], limited[1] * omega[0], atol=1e-9)
     if np.abs(omega).max() <= 5:
         np.testing.assert_array_equal(limited, omega)
-
-
-@given(twists, st.floats(0, 30))
-def test_an_arc_is_many_small_steps(twist, duration):
-    pose = np.array([[0.3, -0.2, 1.0]] * 3)
-    steps = 4000
-    h = duration / steps
-    middle = pose[:, 2] + twist[:, 1] * h * (np.arange(steps)[:, None] + 0.5)  # mid-point rule
-    x, y = (h * twist[:, 0] * part(middle).sum(axis=0) for part in (np.cos, np.sin))
-    expected = pose + np.stack([x, y, twist[:, 1] * duration], axis=-1)
-    np.testing.assert_allclose(advance(pose, twist, duration), expected, atol=1e-4)
-
-
-@pytest.mark.parametrize("turn", [0.0, 1e-9, -0.01, 0.5, -0.5 - 1e-9, 3.0, -20.0])
-def test_quotients_of_arcs_are_integrals(turn):
-    """Of cos(s t), sin(s t) and their derivatives by t, over s from 0 to 1."""
-    at, weight = np.polynomial.legendre.leggauss(60)
-    s, weight = (at + 1) / 2, weight / 2
-    expected = [
-        weight @ part for part in (np.cos(s * turn), np.sin(s * turn), -s * np.sin(s * turn), s * np.cos(s * turn))
-    ]
-    np.testing.assert_allclose(arc_quotients(turn), expected, atol=1e-14)
-    np.testing.assert_array_equal(
-        arc_quotients(np.full((2, 3), turn)), np.multiply.outer(arc_quotients(turn), np.ones((2, 3)))
-    )
-
-
-@given(st.floats(-100, 100))
-def test_wrapped_angles_are_the_same_angle(angle):
-    wrapped = float(wrap_angle(angle))
-    assert -np.pi <= wrapped < np.pi
-    assert np.cos(wrapped) == pytest.approx(np.cos(angle), abs=1e-9)
-    assert np.sin(wrapped) == pytest.approx(np.sin(angle), abs=1e-9)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])

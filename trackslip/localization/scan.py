@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 from trackslip.localization.pieces import Returns, best_of_each
@@ -83,22 +84,11 @@ class Scan:
 
     def to_world(self, pose: Array) -> Array:
         """Convert poses (..., 3) from the LRF's frame to the world frame."""
-        x, y, phi = self.mount.tolist()
-        cos, sin = float(np.cos(phi)), float(np.sin(phi))
-        world = np.empty(pose.shape)
-        world[..., 0] = x + cos * pose[..., 0] - sin * pose[..., 1]
-        world[..., 1] = y + sin * pose[..., 0] + cos * pose[..., 1]
-        world[..., 2] = pose[..., 2] + phi
-        return world
+        return se2.compose(self.mount, pose)
 
     def from_world(self, pose: Array) -> Array:
         """Convert poses (..., 3) from the world frame to the LRF's frame."""
-        x, y, phi = self.mount.tolist()
-        cos, sin = float(np.cos(phi)), float(np.sin(phi))
-        dx, dy = pose[..., 0] - x, pose[..., 1] - y
-        local = np.empty(pose.shape)
-        local[..., 0], local[..., 1], local[..., 2] = cos * dx + sin * dy, -sin * dx + cos * dy, pose[..., 2] - phi
-        return local
+        return se2.between(self.mount, pose)
 
     def covariance_to_world(self, covariance: Array) -> Array:
         """Convert covariances (..., 3, 3) of (x, y, phi) from the LRF's frame to the world frame."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.errors import LogError
-from trackslip.kinematics import Array, arc_quotients
+from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
@@ -72,35 +73,12 @@ def _start(time: Array, pose: Array) -> Array:
     w, phi = np.polyfit(time, pose[:, 2], 1)
     stride = max(1, len(time) // 30)
     coarse, at = pose[::stride], time[::stride]
-    turn, middle = np.diff(coarse[:, 2]), (coarse[1:, 2] + coarse[:-1, 2]) / 2
-    chord = np.cos(middle) * np.diff(coarse[:, 0]) + np.sin(middle) * np.diff(coarse[:, 1])
-    v = np.sum(chord / np.sinc(turn / (2 * np.pi))) / (at[-1] - at[0])
+    v = np.sum(se2.log(se2.steps(coarse))[:, 0]) / (at[-1] - at[0])
     nearest = pose[np.abs(time).argmin()]
     return np.array([nearest[0], nearest[1], phi, v, 0.0, w])
 
 
 def poses_on_arc(parameters: Array, time: Array) -> tuple[Array, Array]:
     """Poses (T, 3) at times (T,) on the arc of x, y, phi, v, u, w (6,), and their Jacobian (T, 3, 6)."""
-    x, y, phi, v, u, w = parameters
-    forward, sideways, d_forward, d_sideways = _integrals(w, time)
-    cos, sin = np.cos(phi), np.sin(phi)
-
-    def turned(ahead: Array, left: Array) -> tuple[Array, Array]:
-        return cos * ahead - sin * left, sin * ahead + cos * left
-
-    way_x, way_y = turned(v * forward - u * sideways, v * sideways + u * forward)
-    by_v, by_u = turned(forward, sideways), turned(-sideways, forward)
-    by_w = turned(v * d_forward - u * d_sideways, v * d_sideways + u * d_forward)
-    pose, jacobian = np.empty((len(time), 3)), np.zeros((len(time), 3, 6))
-    pose[:, 0], pose[:, 1], pose[:, 2] = x + way_x, y + way_y, phi + w * time
-    jacobian[:, range(3), range(3)] = 1.0
-    jacobian[:, 0, 2], jacobian[:, 1, 2], jacobian[:, 2, 5] = -way_y, way_x, time
-    for column, (by_x, by_y) in enumerate((by_v, by_u, by_w), start=3):
-        jacobian[:, 0, column], jacobian[:, 1, column] = by_x, by_y
-    return pose, jacobian
-
-
-def _integrals(w: float, time: Array) -> tuple[Array, Array, Array, Array]:
-    """Integrals of cos(w t) and sin(w t) from 0 to `time` (T,), and their derivatives by w."""
-    forward, sideways, d_forward, d_sideways = arc_quotients(w * time)
-    return time * forward, time * sideways, time**2 * d_forward, time**2 * d_sideways
+    pose, by_start, by_motion = se2.drive(parameters[:3], time[:, None] * parameters[3:])
+    return pose, np.concatenate([by_start, time[:, None, None] * by_motion], axis=-1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
 from trackslip.logs.runlog import RunLog
@@ -96,8 +97,5 @@ def _along_arcs(time: Array, pose: Array, at: Array) -> Array:
 def difference(time: Array, pose: Array) -> Motion:
     """Twists between neighbouring poses (T, 3), exact for arcs."""
     duration = np.diff(time)
-    dx, dy, turn = np.diff(pose, axis=0).T
-    middle = (pose[1:] + pose[:-1]) / 2
-    chord = dx * np.cos(middle[:, 2]) + dy * np.sin(middle[:, 2])
-    v = chord / np.sinc(turn / (2 * np.pi)) / duration
-    return Motion((time[1:] + time[:-1]) / 2, middle, np.stack([v, turn / duration], axis=-1))
+    motion = se2.log(se2.steps(pose))
+    return Motion((time[1:] + time[:-1]) / 2, (pose[1:] + pose[:-1]) / 2, motion[:, ::2] / duration[:, None])

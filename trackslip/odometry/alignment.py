@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackslip.identification.drive.reckoning import rotated
-from trackslip.kinematics import Array
+from trackslip.se2 import Array, rotate
 
 
 def moved(pose: Array, turn: float, pivot: Array, target: Array) -> Array:
     """Poses (K, 3) turned by `turn` [rad] about the point `pivot` (2,), which gets to `target` (2,)."""
-    return np.column_stack([target + rotated(np.asarray(turn), pose[:, :2] - pivot), pose[:, 2] + turn])
+    return np.column_stack([target + rotate(turn, pose[:, :2] - pivot), pose[:, 2] + turn])
 
 
 def best_fit(pose: Array, measured: Array) -> Array:

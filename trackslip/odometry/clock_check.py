@@ -10,9 +10,9 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import LENGTHS, trajectory_of
-from trackslip.odometry.mounting import Mounting
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.trajectory_errors import Stretches, errors_after_seconds
+from trackslip.se2 import Mounting
 
 _STEP = 0.05  # of the offset for the parabola [s]
 _MAX_MOVE = 0.2  # in one iteration [s]

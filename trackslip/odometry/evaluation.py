@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.drive.prediction import trailing_heading
 from trackslip.kinematics import Array, body_twist
 from trackslip.logs.runlog import RunLog
-from trackslip.odometry.mounting import Mounting
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.trajectory_errors import (
     Statistics,
@@ -21,6 +21,7 @@ from trackslip.odometry.trajectory_errors import (
     errors_after_metres,
     errors_after_seconds,
 )
+from trackslip.se2 import Mounting
 
 LENGTHS = (1.0, 2.0, 5.0, 10.0)
 """Lengths of the stretches over which relative errors are taken [m and s]."""
@@ -152,7 +153,7 @@ def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock
     rows, at = rows[covered], at[covered]
     time = np.union1d(log.time, at)
     path = odometry.path(time, log.omega[np.searchsorted(log.time, time)])
-    estimated = mounting.sensor_poses(path.pose[np.searchsorted(time, at)])
+    estimated = se2.compose(path.pose[np.searchsorted(time, at)], mounting.pose)
     measured = log.pose[rows]
     heading = measured[:, 2]
     if not np.isfinite(heading).any():

@@ -9,9 +9,9 @@ from typing import Any
 from trackslip.errors import LogError, TrackslipError
 from trackslip.identification.result import Identification, identification_to_json
 from trackslip.kinematics import RobotGeometry, wrap_angle
-from trackslip.odometry.mounting import Mounting
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.uncertainty import LawErrors, SlipNoise
+from trackslip.se2 import Mounting
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
 from trackslip.slip.stored_laws import NO_SLIP, StoredLaws, read_stored, stored_laws

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, require_finite
-from trackslip.kinematics import Array, RobotGeometry, arc_quotients
+from trackslip.kinematics import Array, RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors, SlipNoise
+from trackslip.se2 import arc_quotients
 from trackslip.slip.base import SlipLaw
 
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.identification.drive.reckoning import rotated
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.metrics import rms
 from trackslip.odometry.alignment import best_fit, from_pose
+from trackslip.se2 import rotate
 
 _TOLERANCE = 0.1  # how far the length of a stretch may be from the one wanted [of that length], as evo has it
 _ROUNDING = 1e-6  # of time stamps [s]
@@ -124,7 +124,7 @@ def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Str
     start, end = start[known], end[known]
     turn = drive.heading[start] - drive.estimated[start, 2]
     step = drive.estimated[end] - drive.estimated[start]
-    driven = np.column_stack([rotated(turn, step[:, :2]), step[:, 2]])
+    driven = np.column_stack([rotate(turn, step[:, :2]), step[:, 2]])
     position, heading = _apart(driven - (drive.measured[end] - drive.measured[start]))
     return Stretches(drive.way[end] - drive.way[start], position, heading)
 

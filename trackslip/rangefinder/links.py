@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.localization.pose_tracker import BLIND_TURN, GATE_HEADING, GATE_POSITION, GROWTH
 from trackslip.localization.rows import Rows
@@ -29,24 +30,16 @@ class Chain(Rows):
 
     def agrees(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """(m,) bool: whether the encoders lead from the poses `first` (m,) to `second` (m,), or nearly so."""
-        expected = relative(self.reckoned[first], self.reckoned[second])
+        expected = se2.between(self.reckoned[first], self.reckoned[second])
         turn = expected[:, 2]
         way = np.hypot(expected[:, 0], expected[:, 1])
         shift = self.pose[second, :2] - self.pose[first, :2]
-        cos, sin = np.cos(self.pose[first, 2]), np.sin(self.pose[first, 2])
-        local = np.column_stack([cos * shift[:, 0] + sin * shift[:, 1], cos * shift[:, 1] - sin * shift[:, 0]])
+        local = se2.rotate(-self.pose[first, 2], shift)
         off = np.minimum(*(np.hypot(*(local - sign * expected[:, :2]).T) for sign in (1, -1)))
         turned = self.pose[second, 2] - self.pose[first, 2] - turn
         wrong = np.abs((turned + np.pi / 2) % np.pi - np.pi / 2)
         near = off < GATE_POSITION + GROWTH * way
         return np.asarray(near & (wrong < GATE_HEADING + GROWTH * np.abs(turn)))
-
-
-def relative(first: Array, second: Array) -> Array:
-    """Poses (n, 3) of `second` in the frames `first`; turns are not wrapped."""
-    cos, sin = np.cos(first[:, 2]), np.sin(first[:, 2])
-    dx, dy = (second - first)[:, :2].T
-    return np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, second[:, 2] - first[:, 2]])
 
 
 def consistent(chain: Chain) -> np.ndarray:
@@ -129,13 +122,8 @@ def carried(chain: Chain, time: Array, reckoned: Array) -> tuple[Array, np.ndarr
     after = np.clip(np.searchsorted(chain.time, time), 1, len(chain.time) - 1)
     earlier = time - chain.time[after - 1] < chain.time[after] - time
     nearest = np.where(earlier, after - 1, after)
-    step = relative(chain.reckoned[nearest], reckoned)
-    start = chain.pose[nearest]
-    cos, sin = np.cos(start[:, 2]), np.sin(start[:, 2])
-    x = start[:, 0] + cos * step[:, 0] - sin * step[:, 1]
-    y = start[:, 1] + sin * step[:, 0] + cos * step[:, 1]
-    near = np.abs(chain.time[nearest] - time) < _LONGEST
-    return np.column_stack([x, y, start[:, 2] + step[:, 2]]), near
+    step = se2.between(chain.reckoned[nearest], reckoned)
+    return se2.compose(chain.pose[nearest], step), np.abs(chain.time[nearest] - time) < _LONGEST
 
 
 def _leading(chain: Chain, motion: PlateMotion, angle: Array, heading: Array, piece: np.ndarray) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.rangefinder.plate_motion import PlateMotion, plate_motion
 
@@ -67,7 +68,5 @@ def _place(motion: PlateMotion) -> Array | None:
     if abs(spin[2]) < _MIN_TURN or straight[0] <= 0:
         return None
     yaw = -np.arctan2(straight[1], straight[0])
-    forward, left = spin[:2] / spin[2]
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    ahead, aside = cos * forward - sin * left, sin * forward + cos * left  # in the robot's frame
+    ahead, aside = se2.rotate(yaw, spin[:2] / spin[2])  # in the robot's frame
     return np.array([aside, -ahead, yaw])

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.kinematics import Array, arc_quotients
+from trackslip import se2
+from trackslip.kinematics import Array
 
 _APART = 0.3  # time between the poses of a pair, at least [s]
 _AT_MOST = 1.0  # the same, at most [s]
@@ -48,13 +49,7 @@ class PlateMotion:
 
     def path(self, angle: Array) -> Array:
         """Poses (S, 3) of the plate, from (0, 0, 0), where the sprockets have turned by angles (S, 2)."""
-        step = np.diff(angle, axis=0) @ self.matrix.T
-        heading = np.append(0.0, np.cumsum(step[:, 2]))
-        along, across, _, _ = arc_quotients(step[:, 2])
-        ahead, left = along * step[:, 0] - across * step[:, 1], across * step[:, 0] + along * step[:, 1]
-        cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
-        x, y = np.cumsum(cos * ahead - sin * left), np.cumsum(sin * ahead + cos * left)
-        return np.column_stack([np.append(0.0, x), np.append(0.0, y), heading])
+        return se2.chain(np.zeros(3), se2.exp(np.diff(angle, axis=0) @ self.matrix.T))
 
 
 def plate_motion(time: Array, angle: Array, pose: Array, free: bool = False) -> PlateMotion | None:
@@ -90,11 +85,8 @@ def plate_motion(time: Array, angle: Array, pose: Array, free: bool = False) -> 
 
 def ways(way: Array, heading: Array, turn: Array) -> tuple[Array, Array]:
     """Ways forward and to the left (n,) on arcs that turn by `turn` (n,) and lead along `way` (n, 2) in the world."""
-    cos, sin = np.cos(heading), np.sin(heading)
-    ahead, left = cos * way[:, 0] + sin * way[:, 1], cos * way[:, 1] - sin * way[:, 0]
-    along, across, _, _ = arc_quotients(turn)
-    scale = along**2 + across**2
-    return (along * ahead + across * left) / scale, (along * left - across * ahead) / scale
+    forward, left, _ = se2.log(np.column_stack([se2.rotate(-heading, way), turn])).T
+    return forward, left
 
 
 def _pairs(time: Array) -> tuple[np.ndarray, np.ndarray]:

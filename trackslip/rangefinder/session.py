@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
@@ -221,10 +222,9 @@ def _scatter(scanner: Scan, series: ScanSeries, plate: Plate, estimate: PoseEsti
 def _rates(track: _Track, turned: Turned, time: Array) -> Array:
     """Velocities (S, 3) of the plate in the scanner's frame [m/s, m/s, rad/s]."""
     speed = (turned.at(time + _BESIDE) - turned.at(time - _BESIDE)) / (2 * _BESIDE)
-    ahead, left, turn = track.motion.matrix @ speed.T
+    velocity = speed @ track.motion.matrix.T
     heading = np.where(track.estimate.valid, track.estimate.pose[:, 2], track.expected[:, 2])
-    cos, sin = np.cos(heading), np.sin(heading)
-    return np.column_stack([cos * ahead - sin * left, sin * ahead + cos * left, turn])
+    return np.column_stack([se2.rotate(heading, velocity[:, :2]), velocity[:, 2]])
 
 
 def _bearing(series: ScanSeries, pose: Array) -> Array:

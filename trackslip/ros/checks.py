@@ -7,6 +7,7 @@ from enum import Enum
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
@@ -70,11 +71,10 @@ def strides(log: RunLog) -> Strides | None:
     if len(ends) <= _MIN_STRIDES:
         return None
     middle = heading[:-1] + np.diff(heading) / 2
-    steps = np.diff(turned.mean(axis=1))[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
+    steps = np.diff(turned.mean(axis=1))[:, None] * se2.direction(middle)
     reckoned = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
     way, turn = np.diff(place[ends], axis=0), np.diff(heading[ends])
-    between = heading[ends[:-1]] + turn / 2
-    forward = way[:, 0] * np.cos(between) + way[:, 1] * np.sin(between)
+    forward = se2.rotate(-heading[ends[:-1]] - turn / 2, way)[:, 0]
     if max(np.abs(forward).max() / _MIN_WAY, np.abs(turn).max() / _MIN_TURN) < 1.0:
         return None
     return Strides(way, np.diff(reckoned[ends], axis=0), forward, turn, np.diff(turned[ends], axis=0))

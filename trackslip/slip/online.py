@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip import se2
 from trackslip.errors import InvalidValueError, require_non_negative, require_positive
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.base import PoseEstimate
@@ -143,7 +144,7 @@ class IcrFilter:
         velocity, by_law = icr_motion(self.state[:, 3:], omega, self._geometry)  # (N, 3), (N, 3, 3)
         velocity = velocity if known is None else velocity + known
         motion, by_law = velocity * duration, by_law * duration
-        self.state[:, :3], by_pose, by_motion = drive_arc(self.state[:, :3], motion)
+        self.state[:, :3], by_pose, by_motion = se2.drive(self.state[:, :3], motion)
         jacobian = np.zeros_like(self.covariance)
         jacobian[:, :3, :3] = by_pose
         jacobian[:, :3, 3:] = np.einsum("nij,njk->nik", by_motion, by_law)
@@ -219,34 +220,6 @@ def icr_motion(law: Array, omega: Array, geometry: RobotGeometry) -> tuple[Array
     derivative[:, 1] = -centre[:, None] * derivative[:, 2]
     derivative[:, 1, 2] = -yaw_rate
     return np.stack([scale * speed, -centre * yaw_rate, yaw_rate], axis=1), derivative
-
-
-def drive_arc(pose: Array, motion: Array) -> tuple[Array, Array, Array]:
-    """Poses (N, 3) after a constant velocity, and their derivatives (N, 3, 3) with respect to `pose` and `motion`.
-
-    `motion` (N, 3) are distances forwards and to the left along the curve, and turns [m, m, rad].
-    """
-    forward, leftward, turn = motion.T
-    half = turn / 2
-    chord, slope = np.sinc(half / np.pi), _sinc_slope(half)
-    cos, sin = np.cos(pose[:, 2] + half), np.sin(pose[:, 2] + half)
-    along, aside = cos * forward - sin * leftward, sin * forward + cos * leftward
-    after = pose + np.stack([chord * along, chord * aside, turn], axis=1)
-    by_pose = np.tile(np.eye(3), (len(pose), 1, 1))
-    by_pose[:, 0, 2], by_pose[:, 1, 2] = -chord * aside, chord * along
-    by_motion = np.zeros((len(pose), 3, 3))
-    by_motion[:, 0, 0], by_motion[:, 0, 1] = chord * cos, -chord * sin
-    by_motion[:, 1, 0], by_motion[:, 1, 1] = chord * sin, chord * cos
-    by_motion[:, 0, 2] = (slope * along - chord * aside) / 2
-    by_motion[:, 1, 2] = (slope * aside + chord * along) / 2
-    by_motion[:, 2, 2] = 1.0
-    return after, by_pose, by_motion
-
-
-def _sinc_slope(x: Array) -> Array:
-    """Derivative (...) of sin(x) / x."""
-    safe = np.where(np.abs(x) < 1e-3, 1.0, x)
-    return np.where(np.abs(x) < 1e-3, -x / 3 + x**3 / 30, (np.cos(safe) - np.sin(safe) / safe) / safe)
 
 
 def _solve_lower(root: Array, right: Array) -> Array:

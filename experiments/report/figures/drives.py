@@ -14,9 +14,9 @@ from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.drive.estimate import DriveFit
 from trackslip.identification.drive.fit import Fit
 from trackslip.identification.drive.prediction import HORIZONS, Predictions
-from trackslip.identification.drive.reckoning import rotated
 from trackslip.identification.drive.residuals import Nodes
 from trackslip.kinematics import Array, wrap_angle
+from trackslip.se2 import rotate
 
 _PIECES = 5  # of a drive that are predicted
 _POSES = 1500  # drawn of a path
@@ -71,8 +71,8 @@ def predicted_path(fit: Fit, predictions: Predictions, k: int) -> Array:
     drive, node = nodes.drives[which], start - int(nodes.first[which])
     end = int(np.searchsorted(drive.time, drive.time[node] + horizon - drive.interval / 2))
     path = fit.model.sensor_path(predictions.values[predictions.part[k]], drive)[node : end + 1]
-    turned = np.full(len(path), predictions.heading[k] - path[0, 2])
-    return np.asarray(nodes.pose[start, :2] + rotated(turned, path[:, :2] - path[0, :2]))
+    turned = predictions.heading[k] - path[0, 2]
+    return np.asarray(nodes.pose[start, :2] + rotate(turned, path[:, :2] - path[0, :2]))
 
 
 def _draw_pieces(axes: Axes, found: DriveComparison, names: Sequence[str], rows: slice) -> None:

@@ -13,8 +13,9 @@ from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.steady_turns import TRACKS, InnerOuterSamples, group_label, is_narrow, slip_at, value_groups
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.figures import style
+from trackslip import se2
 from trackslip.identification.fitted import FittedLaw
-from trackslip.kinematics import Array, in_frame
+from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.filtered import butterworth_motion
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
@@ -51,8 +52,8 @@ def pose_and_velocity(log: RunLog) -> Figure:
     v, w, phi = *motion.twist.T, motion.pose[:, 2]
     lines: list[tuple[Array, dict[str, Any]]] = []  # positions, heading and their derivatives (T, 6), and their look
     if log.truth is not None:
-        true, (forward, left, turning) = _near(log.truth.pose, log), log.truth.twist.T
-        traces = np.column_stack([true, *in_frame(-true[:, 2], forward, left), turning])
+        true, twist = _near(log.truth.pose, log), log.truth.twist
+        traces = np.column_stack([true, se2.rotate(true[:, 2], twist[:, :2]), twist[:, 2]])
         lines.append((traces, {"color": BLACK, "lw": 0.8, "label": "truth"}))
     if geometry_of(log.metadata) is not None:
         circle = _near(published_poses(log), log)

@@ -9,7 +9,8 @@ from sim.fleet import Fleet
 from sim.run_recorder import Description
 from sim.runs import drive_fleet
 from sim.wander.commands import Driver, track_commands
-from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation, arc_steps, joined, steps_between
+from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
+from trackslip import se2
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.slip.icr import ConstantIcr
@@ -29,13 +30,13 @@ def test_poses_between_rows_lie_on_the_arc():
 
 def test_steps_and_joined_are_inverse():
     pose = RNG.normal(size=(50, 3)).cumsum(axis=0)
-    np.testing.assert_allclose(joined(pose[0], steps_between(pose)), pose, atol=1e-12)
+    np.testing.assert_allclose(se2.chain(pose[0], se2.steps(pose)), pose, atol=1e-12)
 
 
 def test_an_arc_with_lateral_speed_is_many_short_straight_steps():
     twist = np.array([0.3, -0.1, 1.2])
-    fine = joined(np.zeros(3), np.tile(twist * 1e-5, (100_000, 1)))[-1]
-    np.testing.assert_allclose(arc_steps(twist, 1.0), fine, atol=1e-5)
+    fine = se2.chain(np.zeros(3), np.tile(twist * 1e-5, (100_000, 1)))[-1]
+    np.testing.assert_allclose(se2.exp(twist * (1.0)), fine, atol=1e-5)
 
 
 RATE = 50.0
@@ -54,7 +55,7 @@ def test_without_variation_the_law_decides():
     law = np.insert(LAW.twist(omega, GEOMETRY), 1, 0.0, axis=-1)
     np.testing.assert_allclose(twist[1:], law[1:], atol=1e-15)
     time = np.arange(len(omega)) / RATE
-    np.testing.assert_allclose(motion.at(time), joined(np.zeros(3), arc_steps(law[1:], 1 / RATE)), atol=1e-10)
+    np.testing.assert_allclose(motion.at(time), se2.chain(np.zeros(3), se2.exp(law[1:] * (1 / RATE))), atol=1e-10)
 
 
 @pytest.mark.parametrize("rate", [20.0, 50.0, 100.0])
@@ -64,7 +65,7 @@ def test_white_slip_grows_with_the_way(rate):
     still, _ = LawMotion(LAW, GEOMETRY, EXACT).drive(omega, rate, np.random.default_rng(1))
     count = len(moved.time) - 1
     way = GEOMETRY.sprocket_radius * 3.0 * 100.0 / count  # of a step: the mean of |4| and |-2| rad/s
-    errors = steps_between(moved.pose) - steps_between(still.pose)
+    errors = se2.steps(moved.pose) - se2.steps(still.pose)
     spread = errors.std(axis=0) / np.sqrt(way)
     np.testing.assert_allclose(spread, [WHITE.along, WHITE.across, WHITE.turning], rtol=5 / np.sqrt(2 * count))
     neighbours = (errors[1:] * errors[:-1]).mean(axis=0) / errors.var(axis=0)

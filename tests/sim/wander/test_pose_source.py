@@ -12,8 +12,9 @@ from sim.robot.robot import load_robot
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.wander.commands import Driver, track_commands
-from sim.wander.motion import LawMotion, Motion, SlipVariation, steps_between
+from sim.wander.motion import LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import SOURCES, PoseSource, plate_ranges, plate_scans
+from trackslip import se2
 from trackslip.kinematics import RobotGeometry, wrap_angle
 from trackslip.localization.scan import Plate
 from trackslip.slip.icr import ConstantIcr
@@ -88,7 +89,7 @@ def test_dropouts_and_outliers_have_their_shares(motion):
 
 def test_jumps_last(motion):
     stamps, poses = measure(replace(PERFECT, jumps=2, jump_size=0.5, jump_turn=0.1), motion)
-    errors = steps_between(poses) - steps_between(motion.at(stamps))
+    errors = se2.steps(poses) - se2.steps(motion.at(stamps))
     size, turn = np.hypot(errors[:, 0], errors[:, 1]), np.abs(errors[:, 2])
     assert np.flatnonzero(size > 1e-9).size == 2
     np.testing.assert_allclose(size[size > 1e-9], 0.5)
@@ -100,8 +101,8 @@ def test_drift_grows_to_its_share_of_the_way(motion):
     ends = []
     for seed in range(300):
         stamps, poses = measure(replace(PERFECT, rate=5.0, drift=0.01, heading_drift=0.004), motion, seed)
-        ends.append((steps_between(poses) - steps_between(motion.at(stamps))).sum(axis=0))
-    steps = steps_between(motion.at(stamps))
+        ends.append((se2.steps(poses) - se2.steps(motion.at(stamps))).sum(axis=0))
+    steps = se2.steps(motion.at(stamps))
     way = np.hypot(steps[:, 0], steps[:, 1]).sum()
     spread = np.sqrt(np.square(ends).mean(axis=0))
     assert np.hypot(*spread[:2]) == pytest.approx(0.01 * way, rel=0.12)
@@ -110,7 +111,7 @@ def test_drift_grows_to_its_share_of_the_way(motion):
 
 def test_a_scale_error_lengthens_all_ways_and_turns(motion):
     stamps, poses = measure(replace(PERFECT, scale_error=0.02), motion)
-    np.testing.assert_allclose(steps_between(poses), 1.02 * steps_between(motion.at(stamps)), atol=1e-12)
+    np.testing.assert_allclose(se2.steps(poses), 1.02 * se2.steps(motion.at(stamps)), atol=1e-12)
 
 
 def test_a_mounted_sensor_is_where_it_is_mounted(motion):

@@ -11,8 +11,8 @@ from trackslip.errors import InvalidValueError, LogError
 from trackslip.kinematics import advance, body_twist
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import LENGTHS, odometry_errors, trajectory_of
-from trackslip.odometry.mounting import Mounting
 from trackslip.odometry.slip_odometry import SlipOdometry
+from trackslip.se2 import Mounting
 from trackslip.slip.constant import NoSlip
 
 BY_LAW, BY_NONE = SlipOdometry(ICR, GEOMETRY), SlipOdometry(NoSlip(), GEOMETRY)

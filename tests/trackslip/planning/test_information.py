@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.wander.motion import LawMotion, SlipVariation, joined, steps_between
+from sim.wander.motion import LawMotion, SlipVariation
+from trackslip import se2
 from trackslip.identification.drive.model import DriveModel
 from trackslip.kinematics import RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors
@@ -34,7 +35,7 @@ def test_the_information_is_that_of_the_cramer_rao_bound(poses):
 
     def steps(law):
         silent = LawMotion(FAMILIES["icr_radius"].law(law, GEOMETRY), GEOMETRY, SlipVariation())
-        return steps_between(silent.drive(omega, RATE, np.random.default_rng(0))[0].at(drive.time))
+        return se2.steps(silent.drive(omega, RATE, np.random.default_rng(0))[0].at(drive.time))
 
     h, true_steps = 1e-6, steps(TRUTH)
 
@@ -43,9 +44,9 @@ def test_the_information_is_that_of_the_cramer_rao_bound(poses):
         changes = h * np.eye(count)
         return np.stack([((poses_of(d) - poses_of(-d)) / (2 * h) / noise).ravel() for d in changes], axis=-1)
 
-    by_law = slope(lambda law: joined(np.zeros(3), steps(TRUTH + law)), 2)
-    by_start = slope(lambda start: joined(start, true_steps), 3)
-    by_slip = slope(lambda slip: joined(np.zeros(3), true_steps + slip.reshape(-1, 3)), true_steps.size)
+    by_law = slope(lambda law: se2.chain(np.zeros(3), steps(TRUTH + law)), 2)
+    by_start = slope(lambda start: se2.chain(start, true_steps), 3)
+    by_slip = slope(lambda slip: se2.chain(np.zeros(3), true_steps + slip.reshape(-1, 3)), true_steps.size)
     every = np.column_stack([by_law, by_start, by_slip])
     full = every.T @ every
     full[5:, 5:] += np.diag(1 / deviation.ravel() ** 2)

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from trackslip import se2
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, advance
 from trackslip.localization.base import PoseEstimate
 from trackslip.slip.compensation import OnlineIcr
 from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.online import FilterTuning, IcrFilter, drive_arc, icr_motion
+from trackslip.slip.online import FilterTuning, IcrFilter, icr_motion
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 TRUE = ConstantIcr(0.045, GEOMETRY.half_gauge, 0.0067)
@@ -49,17 +50,17 @@ class Drive:
 @pytest.mark.parametrize("turn", [0.0, 1e-5, 0.03, -0.8])
 def test_derivatives_by_finite_differences(turn):
     pose, motion, h = np.array([[0.3, -0.2, 0.7]]), np.array([[0.02, -0.003, turn]]), 1e-6
-    after, by_pose, by_motion = drive_arc(pose, motion)
+    after, by_pose, by_motion = se2.drive(pose, motion)
     fine = pose
     for _ in range(2000):
-        fine = drive_arc(fine, motion / 2000)[0]
+        fine = se2.drive(fine, motion / 2000)[0]
     np.testing.assert_allclose(after, fine, atol=1e-12)
     straight = motion * [1, 0, 1]
-    np.testing.assert_allclose(drive_arc(pose, straight)[0], advance(pose, straight[:, [0, 2]], 1.0), atol=1e-15)
+    np.testing.assert_allclose(se2.drive(pose, straight)[0], advance(pose, straight[:, [0, 2]], 1.0), atol=1e-15)
     for k, step in enumerate(h * np.eye(3)):
-        difference = (drive_arc(pose + step, motion)[0] - drive_arc(pose - step, motion)[0]) / (2 * h)
+        difference = (se2.drive(pose + step, motion)[0] - se2.drive(pose - step, motion)[0]) / (2 * h)
         np.testing.assert_allclose(by_pose[0, :, k], difference[0], atol=1e-8)
-        difference = (drive_arc(pose, motion + step)[0] - drive_arc(pose, motion - step)[0]) / (2 * h)
+        difference = (se2.drive(pose, motion + step)[0] - se2.drive(pose, motion - step)[0]) / (2 * h)
         np.testing.assert_allclose(by_motion[0, :, k], difference[0], atol=1e-8)
 
     law, omega = np.array([[GAIN, TRUE.radius_error, 0.02]]), np.array([[1.0, 1.0 + turn]])
@@ -112,7 +113,7 @@ def test_a_turn_about_a_centre_that_is_not_abreast_is_no_changed_ground():
     drive = Drive.begin(20, TRUE)
     for _ in range(400):
         v, w = TRUE.twist(speeds, GEOMETRY)[0]
-        drive.pose = drive_arc(drive.pose, np.tile([v, -centre * w, w], (20, 1)) * PERIOD)[0]
+        drive.pose = se2.drive(drive.pose, np.tile([v, -centre * w, w], (20, 1)) * PERIOD)[0]
         drive.found.update(np.repeat(speeds, 20, axis=0), PERIOD, drive.measured())
     assert not drive.found.restarts.any()
     np.testing.assert_allclose(drive.found.offset, TRUE.offset, rtol=0.05)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.fit import Fit
 from trackslip.identification.drive.law_twist import many_twists
-from trackslip.identification.drive.reckoning import rotated
 from trackslip.identification.solver import least_squares
 from trackslip.kinematics import Array, track_speeds
 from trackslip.slip.families import FAMILIES
@@ -46,12 +46,9 @@ def pieces(fit: Fit) -> tuple[Array, Array]:
         stride = max(1, round(_PIECE / drive.interval), len(drive.time) * len(fit.nodes.drives) // _MAX_PIECES)
         rows = np.arange(0, len(drive.time), stride)
         broken = np.concatenate([[0.0], np.cumsum(1 - fit.nodes.link[begin : begin + len(drive.time) - 1])])
-        state = fit.states[begin + rows]
-        turn, step = np.diff(state[:, 2]), np.diff(drive.time[rows])
-        ahead = rotated(-state[:-1, 2], np.diff(state[:, :2], axis=0))
-        ahead -= rotated(turn, np.broadcast_to(lever, ahead.shape)) - lever
-        chord = rotated(-turn / 2, ahead)[:, 0]
-        twist = np.column_stack([chord / np.sinc(turn / (2 * np.pi)), turn]) / step[:, None]
+        state, step = fit.states[begin + rows], np.diff(drive.time[rows])
+        robot = np.column_stack([se2.to_world(state, -lever), state[:, 2]])
+        twist = se2.log(se2.steps(robot))[:, ::2] / step[:, None]
         turned = _turned(drive, drive.time[rows] + offset)
         whole = (np.diff(broken[rows]) == 0) & (step < 3 * _PIECE + 3 * drive.interval)
         found.append((np.diff(turned, axis=0) / step[:, None], twist, whole))

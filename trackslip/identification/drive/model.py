@@ -19,9 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from trackslip import se2
 from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.law_twist import many_twists, twists
-from trackslip.identification.drive.reckoning import path_at, rotated
+from trackslip.identification.drive.reckoning import path_at
 from trackslip.identification.drive.timeline import Timeline
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.families import LawFamily
@@ -145,7 +146,7 @@ class DriveModel:
     def of_sensor(self, values: Array, path: Array) -> Array:
         """Positions of the sensor and headings (K, 3) of a robot whose turning centre follows a path (K, 3)."""
         lever = values[[self.index("sensor_x"), self.index("sensor_y")]]
-        return np.column_stack([path[:, :2] + rotated(path[:, 2], np.broadcast_to(lever, (len(path), 2))), path[:, 2]])
+        return np.column_stack([se2.to_world(path, lever), path[:, 2]])
 
     def _motion(
         self, values: Array, extra: Mapping[str, float], line: Timeline, free: np.ndarray

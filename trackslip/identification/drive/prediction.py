@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.identification.drive.fit import Fit, fit
-from trackslip.identification.drive.reckoning import rotated
 from trackslip.identification.drive.residuals import Nodes
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.metrics import rms
+from trackslip.se2 import rotate
 
 HORIZONS = (1.0, 2.0, 5.0, 10.0)
 """How far ahead is predicted [s]."""
@@ -136,8 +136,8 @@ def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> tuple[np.ndarray, Arra
             whole_way = (breaks[start] == breaks[end]) & np.isfinite(heading[start])
             start, end = start[whole_way], end[whole_way]
             turned = heading[start] - path[start, 2]
-            moved = rotated(turned, path[end, :2] - path[start, :2])
-            missed = rotated(-heading[start], pose[start, :2] + moved - pose[end, :2])
+            moved = rotate(turned, path[end, :2] - path[start, :2])
+            missed = rotate(-heading[start], pose[start, :2] + moved - pose[end, :2])
             turn = (
                 wrap_angle(turned + path[end, 2] + yaw - pose[end, 2])
                 if drive.has_heading

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.kinematics import Array, arc_quotients
+from trackslip.se2 import Array, arc_quotients
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,6 @@ def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndar
         np.exp(1j * heading) * (here[0] + 1j * here[1]),
         here[2],
     )
-
-
-def rotated(angle: Array, vector: Array) -> Array:
-    """Vectors (..., 2) turned by angles (...) [rad]."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    x, y = vector[..., 0], vector[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
 def _displaced(

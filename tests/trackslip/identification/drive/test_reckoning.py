@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from trackslip.identification.drive import reckoning
-from trackslip.identification.drive.reckoning import rotated
 from trackslip.kinematics import advance
+from trackslip.se2 import rotate
 
 RNG = np.random.default_rng(0)
 EDGES = np.cumsum(RNG.uniform(0.01, 0.1, 41))
@@ -67,4 +67,4 @@ def test_derivatives_and_velocities_are_differences(turning):
 
 
 def test_rotation_turns_counter_clockwise():
-    np.testing.assert_allclose(rotated(np.array([np.pi / 2]), np.array([[1.0, 0.0]])), [[0.0, 1.0]], atol=1e-15)
+    np.testing.assert_allclose(rotate(np.array([np.pi / 2]), np.array([[1.0, 0.0]])), [[0.0, 1.0]], atol=1e-15)

@@ -1,0 +1,101 @@
+"""Motion in the plane, against matrices of SE(2) and their exponentials."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.linalg import expm
+
+from trackslip import se2
+
+poses = arrays(float, (4, 3), elements=st.floats(-6, 6))
+motions = arrays(float, (4, 3), elements=st.floats(-3, 3))
+
+
+def matrix(pose):
+    """The homogeneous matrix (3, 3) of a pose (3,)."""
+    x, y, phi = pose
+    return np.array([[np.cos(phi), -np.sin(phi), x], [np.sin(phi), np.cos(phi), y], [0, 0, 1]])
+
+
+def assert_same(pose, matrices):
+    np.testing.assert_allclose([matrix(one) for one in pose], matrices, atol=1e-12)
+
+
+@given(poses, poses)
+def test_composition_is_the_product_of_matrices(frame, pose):
+    products = [matrix(a) @ matrix(b) for a, b in zip(frame, pose, strict=True)]
+    assert_same(se2.compose(frame, pose), products)
+    assert_same(se2.inverse(pose), [np.linalg.inv(matrix(one)) for one in pose])
+    np.testing.assert_allclose(se2.between(frame, se2.compose(frame, pose)), pose, atol=1e-12)
+    points = np.array([product[:2, 2] for product in products])
+    np.testing.assert_allclose(se2.to_world(frame, pose[:, :2]), points, atol=1e-12)
+    np.testing.assert_allclose(se2.from_world(frame, points), pose[:, :2], atol=1e-12)
+    np.testing.assert_allclose(
+        se2.rotate(frame[:, 2], se2.direction(pose[:, 2])), se2.direction(frame[:, 2] + pose[:, 2])
+    )
+
+
+@given(motions)
+def test_an_arc_is_the_exponential_of_its_motion(motion):
+    generators = [[[0, -turn, forward], [turn, 0, left], [0, 0, 0]] for forward, left, turn in motion]
+    arcs = se2.exp(motion)
+    assert_same(arcs, [expm(np.array(generator)) for generator in generators])
+    np.testing.assert_allclose(se2.log(arcs), motion, atol=1e-12)
+
+
+@given(poses, motions)
+def test_a_drive_ends_on_its_arc_and_has_its_derivatives(pose, motion):
+    after, by_pose, by_motion = se2.drive(pose, motion)
+    np.testing.assert_allclose(after, se2.compose(pose, se2.exp(motion)), atol=1e-12)
+    h = 1e-6
+    for k, step in enumerate(h * np.eye(3)):
+        for found, up, down in (
+            (by_pose, se2.drive(pose + step, motion)[0], se2.drive(pose - step, motion)[0]),
+            (by_motion, se2.drive(pose, motion + step)[0], se2.drive(pose, motion - step)[0]),
+        ):
+            np.testing.assert_allclose(found[..., k], (up - down) / (2 * h), atol=1e-8)
+
+
+@given(poses, motions, st.floats(0, 10))
+def test_a_twist_without_lateral_speed_drives_the_same_arc(pose, motion, duration):
+    twist = motion[:, [0, 2]]
+    motion[:, 1] = 0.0
+    np.testing.assert_allclose(
+        se2.advance(pose, twist, duration), se2.compose(pose, se2.exp(duration * motion)), atol=1e-11
+    )
+
+
+@given(poses)
+def test_a_chain_of_steps_leads_along_its_poses(pose):
+    np.testing.assert_allclose(se2.chain(pose[0], se2.steps(pose)), pose, atol=1e-11)
+
+
+def test_shapes_broadcast():
+    frames, points = np.ones((5, 1, 3)), np.ones((4, 2))
+    assert se2.to_world(frames, points).shape == se2.from_world(frames, points).shape == (5, 4, 2)
+    assert se2.compose(frames, np.ones((4, 3))).shape == se2.between(np.ones(3), np.ones((5, 4, 3))).shape == (5, 4, 3)
+    assert [part.shape for part in se2.drive(np.ones(3), np.ones((5, 3)))] == [(5, 3), (5, 3, 3), (5, 3, 3)]
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-9, -0.01, 0.5, -0.5 - 1e-9, 3.0, -20.0])
+def test_quotients_of_arcs_are_integrals(turn):
+    """Of cos(s t), sin(s t) and their derivatives by t, over s from 0 to 1."""
+    at, weight = np.polynomial.legendre.leggauss(60)
+    s, weight = (at + 1) / 2, weight / 2
+    expected = [
+        weight @ part for part in (np.cos(s * turn), np.sin(s * turn), -s * np.sin(s * turn), s * np.cos(s * turn))
+    ]
+    np.testing.assert_allclose(se2.arc_quotients(turn), expected, atol=1e-14)
+    np.testing.assert_array_equal(
+        se2.arc_quotients(np.full((2, 3), turn)), np.multiply.outer(se2.arc_quotients(turn), np.ones((2, 3)))
+    )
+
+
+@given(st.floats(-100, 100))
+def test_wrapped_angles_are_the_same_angle(angle):
+    wrapped = float(se2.wrap_angle(angle))
+    assert -np.pi <= wrapped < np.pi
+    assert np.cos(wrapped) == pytest.approx(np.cos(angle), abs=1e-9)
+    assert np.sin(wrapped) == pytest.approx(np.sin(angle), abs=1e-9)

@@ -1,0 +1,187 @@
+"""Motion in the plane: rotations, poses and arcs, the group SE(2).
+
+Vectors are (x, y), poses (x, y, phi), and motions at constant velocity (forward, left, turn), on the last axis. Other
+axes broadcast. Headings and turns are not wrapped.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import ArrayLike, NDArray
+
+from trackslip.errors import require_finite
+
+Array = NDArray[np.floating[Any]]
+
+_SMALL_TURN = 0.5  # turn below which series replace quotients [rad]
+_TERMS = np.arange(7)  # of these series: the rest is less than their rounding
+_SIGNS = (-1.0) ** _TERMS
+_ALONG = _SIGNS / np.array([math.factorial(2 * k + 1) for k in _TERMS])
+_ACROSS = _SIGNS / np.array([math.factorial(2 * k + 2) for k in _TERMS])
+_D_ALONG = np.append(2 * _TERMS[1:] * _ALONG[1:], 0.0)
+_QUOTIENTS = np.column_stack([_ALONG, _ACROSS, _D_ALONG, (2 * _TERMS + 1) * _ACROSS])  # in the turn's square
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """Place and heading of a sensor on the robot, relative to its turning centre."""
+
+    x: float = 0.0
+    """Distance ahead [m]."""
+    y: float = 0.0
+    """Distance to the left [m]."""
+    yaw: float = 0.0
+    """Its heading minus the robot's, counter-clockwise [rad]."""
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y", "yaw"):
+            require_finite(f"sensor.{name}", getattr(self, name))
+
+    @property
+    def pose(self) -> Array:
+        """The sensor's pose (3,) in the robot's frame [m, m, rad]."""
+        return np.array([self.x, self.y, self.yaw])
+
+
+def wrap_angle(angle: ArrayLike) -> Array:
+    """Angles wrapped to [-pi, pi)."""
+    return (np.asarray(angle, float) + np.pi) % (2 * np.pi) - np.pi
+
+
+def direction(heading: ArrayLike) -> Array:
+    """Unit vectors (..., 2) that point along `heading` (...) [rad]."""
+    return _columns(np.cos(heading), np.sin(heading))
+
+
+def rotate(angle: ArrayLike, vector: ArrayLike) -> Array:
+    """Vectors (..., 2) turned by `angle` (...) [rad]."""
+    vector = np.asarray(vector, float)
+    return _columns(*_turned(angle, vector[..., 0], vector[..., 1]))
+
+
+def to_world(frame: ArrayLike, points: ArrayLike) -> Array:
+    """Points (..., 2) of frames with poses (..., 3), in the world."""
+    frame, points = np.asarray(frame, float), np.asarray(points, float)
+    x, y = _turned(frame[..., 2], points[..., 0], points[..., 1])
+    return _columns(frame[..., 0] + x, frame[..., 1] + y)
+
+
+def from_world(frame: ArrayLike, points: ArrayLike) -> Array:
+    """Points (..., 2) of the world, in frames with poses (..., 3)."""
+    frame, points = np.asarray(frame, float), np.asarray(points, float)
+    return _columns(*_turned(-frame[..., 2], points[..., 0] - frame[..., 0], points[..., 1] - frame[..., 1]))
+
+
+def compose(frame: ArrayLike, pose: ArrayLike) -> Array:
+    """Poses (..., 3) that are given in frames with poses (..., 3), in the world."""
+    frame, pose = np.asarray(frame, float), np.asarray(pose, float)
+    x, y = _turned(frame[..., 2], pose[..., 0], pose[..., 1])
+    return _columns(frame[..., 0] + x, frame[..., 1] + y, frame[..., 2] + pose[..., 2])
+
+
+def between(frame: ArrayLike, pose: ArrayLike) -> Array:
+    """Poses (..., 3) of the world, in frames with poses (..., 3): the inverse of `compose`."""
+    frame, pose = np.asarray(frame, float), np.asarray(pose, float)
+    away = pose - frame
+    x, y = _turned(-frame[..., 2], away[..., 0], away[..., 1])
+    return _columns(x, y, away[..., 2])
+
+
+def _turned(angle: ArrayLike, x: Array, y: Array) -> tuple[Array, Array]:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return cos * x - sin * y, sin * x + cos * y
+
+
+def _columns(*parts: Any) -> Array:
+    """np.stack of arrays (...) along a last axis, in less time for few numbers."""
+    stacked = np.empty((*np.broadcast_shapes(*(np.shape(part) for part in parts)), len(parts)))
+    for k, part in enumerate(parts):
+        stacked[..., k] = part
+    return stacked
+
+
+def inverse(pose: ArrayLike) -> Array:
+    """The world's poses (..., 3) in frames with poses (..., 3)."""
+    return between(pose, np.zeros(3))
+
+
+def chain(start: ArrayLike, steps: ArrayLike) -> Array:
+    """Poses (T, 3) from the first (3,) and the steps (T - 1, 3) between them, each in the frame of the one before."""
+    start, steps = np.asarray(start, float), np.asarray(steps, float)
+    heading = start[2] + np.append(0.0, np.cumsum(steps[:, 2]))
+    way = np.cumsum(rotate(heading[:-1], steps[:, :2]), axis=0)
+    return np.column_stack([start[:2] + np.concatenate([np.zeros((1, 2)), way]), heading])
+
+
+def steps(pose: Array) -> Array:
+    """The steps (T - 1, 3) between poses (T, 3), each in the frame of the one before: the inverse of `chain`."""
+    return between(pose[:-1], pose[1:])
+
+
+def exp(motion: ArrayLike) -> Array:
+    """Poses (..., 3) reached from the origin by motions (..., 3), along arcs."""
+    motion = np.asarray(motion, float)
+    turn = motion[..., 2]
+    return np.concatenate([_chord(turn)[..., None] * rotate(turn / 2, motion[..., :2]), motion[..., 2:]], axis=-1)
+
+
+def log(pose: ArrayLike) -> Array:
+    """The motions (..., 3) that reach poses (..., 3) from the origin: the inverse of `exp` for turns below 2 pi."""
+    pose = np.asarray(pose, float)
+    turn = pose[..., 2]
+    return np.concatenate([rotate(-turn / 2, pose[..., :2]) / _chord(turn)[..., None], pose[..., 2:]], axis=-1)
+
+
+def drive(pose: ArrayLike, motion: ArrayLike) -> tuple[Array, Array, Array]:
+    """Poses (..., 3) after motions (..., 3) from poses (..., 3), and their derivatives (..., 3, 3) by both.
+
+    Rows of the derivatives are components of the poses afterwards.
+    """
+    pose, motion = np.broadcast_arrays(np.asarray(pose, float), np.asarray(motion, float))
+    along, across, d_along, d_across = arc_quotients(motion[..., 2])
+    quotients = np.stack([np.stack([along, across], axis=-1), np.stack([d_along, d_across], axis=-1)], axis=-2)
+    ahead = rotate(pose[..., None, 2], quotients)  # of the way and of its slope by the turn, for a unit forwards
+    left = ahead[..., ::-1] * np.array([-1.0, 1.0])
+    way, slope = np.moveaxis(motion[..., None, :1] * ahead + motion[..., None, 1:2] * left, -2, 0)
+    by_pose, by_motion = (np.zeros((*pose.shape, 3)) for _ in range(2))
+    by_pose[...] = np.eye(3)
+    by_pose[..., 0, 2], by_pose[..., 1, 2] = -way[..., 1], way[..., 0]
+    by_motion[..., :2, 0], by_motion[..., :2, 1], by_motion[..., :2, 2] = ahead[..., 0, :], left[..., 0, :], slope
+    by_motion[..., 2, 2] = 1.0
+    return np.concatenate([pose[..., :2] + way, pose[..., 2:] + motion[..., 2:]], axis=-1), by_pose, by_motion
+
+
+def advance(pose: ArrayLike, twist: ArrayLike, duration: ArrayLike) -> Array:
+    """Poses (..., 3) after driving constant twists (v, w) (..., 2) for `duration` (...) [s]: exact arcs (Eqs. 6-7)."""
+    pose, twist = np.asarray(pose, float), np.asarray(twist, float)
+    turn = twist[..., 1] * duration
+    chord = twist[..., 0] * duration * _chord(turn)
+    heading = pose[..., 2] + turn / 2
+    x, y = pose[..., 0] + chord * np.cos(heading), pose[..., 1] + chord * np.sin(heading)
+    return _columns(x, y, pose[..., 2] + turn)
+
+
+def _chord(turn: ArrayLike) -> Array:
+    """Length of an arc's chord over that of the arc (...), by its turn (...) [rad]."""
+    return np.sinc(np.asarray(turn) / (2 * np.pi))
+
+
+def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:
+    """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
+    turn = np.asarray(turn, float)
+    quotients = np.empty((4, *turn.shape))
+    small = np.abs(turn) <= _SMALL_TURN
+    t = turn[small]
+    along, across, d_along, d_across = polynomial.polyval(t**2, _QUOTIENTS)
+    quotients[:, small] = along, t * across, t * d_along, d_across
+    t = turn[~small]
+    sin, cos = np.sin(t), np.cos(t)
+    along, across = sin / t, (1 - cos) / t
+    quotients[:, ~small] = along, across, (cos - along) / t, (sin - across) / t
+    along, across, d_along, d_across = quotients
+    return along, across, d_along, d_across
