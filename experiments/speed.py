@@ -30,12 +30,12 @@ from experiments.options.grid import GridConfig
 from experiments.options.world import IDENTIFIED
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.fleet import SETTLING, Fleet
+from sim.loop import closed_loop
 from sim.path_tracking.config import PERIOD
+from sim.pilot import Pilot
 from sim.robot.robot import Robot
-from sim.runs import closed_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from sim.steering import Pilot
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array, sprocket_speeds

@@ -22,6 +22,9 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from sim.fleet import Fleet as Fleet
     from sim.ground.ground import Ground as Ground
     from sim.ground.named import load_ground as load_ground
+    from sim.loop import closed_loop as closed_loop
+    from sim.loop import open_loop as open_loop
+    from sim.pilot import Pilot as Pilot
     from sim.robot.parameters import RobotParameters as RobotParameters
     from sim.robot.robot import load_robot as load_robot
     from sim.robot.tracked import Flipper as Flipper
@@ -30,12 +33,9 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from sim.robot.tracked_model import TrackedModel as TrackedModel
     from sim.robot.tracked_model import build_tracked as build_tracked
     from sim.run_recorder import Description as Description
-    from sim.runs import closed_loop as closed_loop
-    from sim.runs import open_loop as open_loop
     from sim.scanner.feed import ScannerFeed as ScannerFeed
     from sim.scanner.obstacles import load_obstacles as load_obstacles
     from sim.scanner.scanner import LaserScanner as LaserScanner
-    from sim.steering import Pilot as Pilot
     from sim.traverse.outcome import Outcome as Outcome
     from sim.traverse.policy import Scripted as Scripted
     from sim.traverse.reflex import Reflex as Reflex
@@ -49,16 +49,16 @@ _NAMES = {
     "fleet": ("Fleet",),
     "ground.ground": ("Ground",),
     "ground.named": ("load_ground",),
+    "loop": ("closed_loop", "open_loop"),
+    "pilot": ("Pilot",),
     "robot.parameters": ("RobotParameters",),
     "robot.robot": ("load_robot",),
     "robot.tracked": ("Flipper", "TrackedRobot", "load_tracked"),
     "robot.tracked_model": ("TrackedModel", "build_tracked"),
     "run_recorder": ("Description", "RunFailedError"),
-    "runs": ("closed_loop", "open_loop"),
     "scanner.feed": ("ScannerFeed",),
     "scanner.obstacles": ("load_obstacles",),
     "scanner.scanner": ("LaserScanner",),
-    "steering": ("Pilot",),
     "traverse.outcome": ("Outcome",),
     "traverse.policy": ("Scripted",),
     "traverse.reflex": ("Reflex",),

@@ -51,7 +51,7 @@ class RunRecorder:
             geometry = vars(fleet.robot.geometry)
             descriptions = [Description(f"run {k}", {"geometry": geometry}) for k in range(n)]
         require(len(descriptions) == n, "descriptions", f"{len(descriptions)} descriptions", f"{n}, one per robot")
-        self._fleet, self._period, self._descriptions = fleet, period, descriptions
+        self.fleet, self.period, self._descriptions = fleet, period, descriptions
         self._angle = fleet.drive.encoder_angle()
         self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # to load
         self._loads = any(self._yields)
@@ -74,10 +74,10 @@ class RunRecorder:
 
     def measure(self, k: int) -> None:
         """Record encoders and truth in row k; raises RunFailedError when a robot tips over."""
-        fleet = self._fleet
+        fleet = self.fleet
         self._require_upright(k)
         drive, angle = fleet.drive, fleet.drive.encoder_angle()
-        self.omega[k] = (angle - self._angle) / self._period
+        self.omega[k] = (angle - self._angle) / self.period
         self._angle = angle
         if self._loads:
             self.load[k] = needed_traction(fleet)
@@ -89,10 +89,10 @@ class RunRecorder:
 
     def _require_upright(self, k: int) -> None:
         """Raise RunFailedError if a robot has tipped over in row k."""
-        leaning = ~(self._fleet.upright() > _UPRIGHT)
+        leaning = ~(self.fleet.upright() > _UPRIGHT)
         if not np.count_nonzero(leaning):  # neither roll nor pitch exceeds the tilt
             return
-        upright = (np.abs(self._fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)
+        upright = (np.abs(self.fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)
         if not upright.all():
             fallen = int(np.flatnonzero(~upright)[0])
             raise RunFailedError(f"run {self.name(fallen)!r}: the robot tips over after {self.time[k]:g} s")
@@ -103,7 +103,7 @@ class RunRecorder:
 
     def command(self, k: int) -> None:
         """Record the set points that the sprockets have now, which completes row k."""
-        self._command[k] = self._fleet.drive.set_point
+        self._command[k] = self.fleet.drive.set_point
         self.complete = k + 1
 
     def estimate(self, k: int, estimate: PoseEstimate) -> None:
@@ -115,11 +115,6 @@ class RunRecorder:
         self.pose[rows] = estimate.pose.swapaxes(0, 1)
         self._covariance[rows] = estimate.covariance.swapaxes(0, 1)
         self._valid[rows] = estimate.valid.swapaxes(0, 1)
-
-    def estimate_exactly(self, k: int) -> None:
-        """Record the true poses as the estimated ones in row k."""
-        n = self._fleet.size
-        self.estimate(k, PoseEstimate(self._fleet.pose(), np.zeros((n, 3, 3)), np.ones(n, bool)))
 
     def scanned(self, ranges: Array) -> None:
         """Keep the next complete scans (N, rows, B) [m]."""
@@ -133,12 +128,12 @@ class RunRecorder:
         """Name of a robot's run."""
         return self._descriptions[robot].run
 
-    def estimated(self, k: int, robots: np.ndarray) -> PoseEstimate:
+    def estimated(self, k: int, robots: Sequence[int]) -> PoseEstimate:
         """The estimated poses (R,) of some robots in row k."""
         return PoseEstimate(self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots])
 
-    def require_twists(self, k: int, robots: np.ndarray, twist: Array) -> None:
-        """Raise RunFailedError unless a controller's twists for R robots in row k are (R, 2) and finite."""
+    def wanted(self, k: int, robots: Sequence[int], twist: Array) -> None:
+        """Record the twists (R, 2) that a controller wants in row k; raises RunFailedError unless they are finite."""
         if twist.shape != (len(robots), 2):
             what = f"twists have the shape {twist.shape}: must be {(len(robots), 2)}, one per pose"
             raise RunFailedError(f"run {self.name(robots[0])!r}: its controller's {what}")
@@ -146,12 +141,9 @@ class RunRecorder:
             i = int(np.flatnonzero(~np.isfinite(twist).all(axis=1))[0])
             what = f"returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: must be finite"
             raise RunFailedError(f"run {self.name(robots[i])!r}: its controller {what}")
+        self._twist_command[k, robots] = twist
 
-    def wanted(self, k: int, twist: Array) -> None:
-        """Record the twists (N, 2) that the controllers want in row k."""
-        self._twist_command[k] = twist
-
-    def compensated(self, k: int, robots: np.ndarray, law: SlipLaw) -> None:
+    def compensated(self, k: int, robots: Sequence[int], law: SlipLaw) -> None:
         """Record the law that turns the twists of R robots into sprocket speeds in row k."""
         if isinstance(law, _WITH_ICR):
             self._icr[k, robots, 0], self._icr[k, robots, 1] = law.offset, law.radius_error
@@ -171,15 +163,15 @@ class RunRecorder:
         torque, energy, saturated_time, *contact = columns[_OF_MOMENT:]
         before = self._truth[0]
         rates = (self._rate(total, before[k]) for k, total in ((_ENERGY, energy), (_SATURATED, saturated_time)))
-        lean = moments.lean(self._fleet.robot.lrf_height)
+        lean = moments.lean(self.fleet.robot.lrf_height)
         truths = (moments.pose(), moments.twist(), moments.traction(), torque, *rates, lean, *contact)
         empty = None if feed is None else feed.scan(np.empty((0, len(feed.bearings))))
         logs = []
-        for i in range(self._fleet.size):
+        for i in range(self.fleet.size):
             scans = None
             if empty is not None and plates is not None:
                 full = self.full_ranges(i) if feed is not None and feed.kept else None
-                scans = ScanLog(empty, self._fleet.robot.plate, plates[i], full)
+                scans = ScanLog(empty, self.fleet.robot.plate, plates[i], full)
             logs.append(self._log(i, Truth(*(values[:, i] for values in truths)), scans, failure))
         return logs
 
@@ -204,4 +196,4 @@ class RunRecorder:
 
     def _rate(self, total: Array, before: Array) -> Array:
         """Mean rates (T, N, 2) since the row before, of accumulated quantities (T, N, 2) and (N, 2) before them."""
-        return np.diff(total, axis=0, prepend=before[None]) / self._period
+        return np.diff(total, axis=0, prepend=before[None]) / self.period

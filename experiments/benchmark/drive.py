@@ -22,7 +22,7 @@ from experiments.storage.results import RUNS_FILE
 from experiments.sweep.parts import Row
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
-from sim.runs import Progress
+from sim.loop import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import InvalidValueError

@@ -11,10 +11,10 @@ from experiments.driving.world import World
 from experiments.options.world import LINEAR_START
 from experiments.storage.plain_json import plain
 from sim.ground.ground import Ground
+from sim.loop import Progress, closed_loop
+from sim.pilot import Pilot
 from sim.run_recorder import Description
-from sim.runs import Progress, closed_loop
 from sim.seeds import generator
-from sim.steering import Pilot
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.compensation import Compensation

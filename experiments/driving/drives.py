@@ -10,8 +10,8 @@ import numpy as np
 
 from experiments.storage.plain_json import plain
 from sim.fleet import Fleet
+from sim.loop import Progress, open_loop
 from sim.run_recorder import Description
-from sim.runs import Progress, drive_fleet
 from sim.wander.log import encoder_log, joined_log, quantised
 from sim.wander.motion import LawMotion, Motion
 from sim.wander.pose_source import PoseSource
@@ -67,5 +67,6 @@ def driven_in_mujoco(
 
     `progress` is called with the simulated seconds since the last call; raises RunFailedError when a robot tips over.
     """
-    logs = drive_fleet(fleet, np.stack(omega, axis=1), rate, about, progress)
+    speeds, period = np.stack(omega, axis=1), 1 / rate
+    logs = open_loop(fleet, speeds, (len(speeds) - 1) * period, descriptions=about, progress=progress, period=period)
     return [KnownDrive(log, Motion(log.time, log.pose)) for log in logs]

@@ -13,9 +13,9 @@ from experiments.driving.world import World
 from experiments.options.grid import GridConfig, RunsConfig
 from experiments.options.world import Repeatable
 from sim.fleet import Fleet
+from sim.loop import Progress, open_loop
 from sim.robot.robot import Robot
 from sim.run_recorder import Description
-from sim.runs import Progress, open_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip import se2

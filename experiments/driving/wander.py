@@ -11,8 +11,8 @@ from experiments.driving.drives import driven_by_law, driven_in_mujoco
 from experiments.driving.lookup import REACH
 from experiments.driving.world import World
 from experiments.storage.plain_json import plain
+from sim.loop import Progress
 from sim.run_recorder import Description
-from sim.runs import Progress
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands

@@ -32,9 +32,9 @@ from experiments.studies.trials import (
     share_interval,
 )
 from sim.fleet import Fleet
+from sim.loop import open_loop
 from sim.robot.robot import Robot
 from sim.run_recorder import Description
-from sim.runs import open_loop
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LASTING, WHITE, LawMotion, SlipVariation

@@ -31,9 +31,9 @@ from experiments.studies.trials import (
     sampling_error,
 )
 from sim.drive.drive import Drive
+from sim.loop import Progress
 from sim.robot.parameters import RobotParameters
 from sim.run_recorder import Description
-from sim.runs import Progress
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LawMotion, Motion, SlipVariation

@@ -12,7 +12,7 @@ from experiments.driving.grid_runs import drive_cells
 from experiments.measuring.grid import PoseErrors
 from experiments.sweep.parts import Row
 from experiments.sweep.plan import PlannedRun
-from sim.runs import Progress
+from sim.loop import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
 from trackslip.identification.samples import usable_samples

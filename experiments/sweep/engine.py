@@ -12,7 +12,7 @@ from experiments.parallel import WorkersFailedError, processors, workers
 from experiments.report.terminal import progress
 from experiments.run import Run
 from experiments.sweep.parts import Part, Parts, Row
-from sim.runs import Progress
+from sim.loop import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.errors import OutputError, RunFailedError, TrackslipError
 from trackslip.logs.runlog import RunLog

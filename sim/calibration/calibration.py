@@ -13,9 +13,9 @@ from sim.calibration.target import SLIP_SCALE, Target, TurnTable
 from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
+from sim.loop import Progress
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
-from sim.runs import Progress
 from trackslip import se2
 from trackslip.errors import require
 from trackslip.kinematics import Array, RobotGeometry

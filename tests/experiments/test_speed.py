@@ -6,8 +6,8 @@ import pytest
 from experiments.driving.grid_runs import before_scanner
 from experiments.speed import FLEET, LOCALIZATION, LOOPS, REPRODUCE, SCANNER, TRACKING, SameMotion, Speed, checks_of
 from sim.fleet import Fleet
-from sim.runs import closed_loop
-from sim.steering import Pilot
+from sim.loop import closed_loop
+from sim.pilot import Pilot
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.trajectory.segmented import circle
 

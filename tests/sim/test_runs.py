@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from sim.fleet import Fleet
+from sim.loop import closed_loop, open_loop
+from sim.pilot import Pilot
 from sim.robot.robot import load_robot
 from sim.run_recorder import Description
-from sim.runs import closed_loop, open_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from sim.steering import Pilot
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.errors import InvalidValueError, RunFailedError

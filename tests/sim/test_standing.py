@@ -7,10 +7,10 @@ from sim.drive.drive import Drive
 from sim.drive.motor import Motor
 from sim.fleet import Fleet
 from sim.ground.ground import Ground, Patch
+from sim.loop import open_loop
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import load_robot
 from sim.run_recorder import Description
-from sim.runs import open_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, RunFailedError

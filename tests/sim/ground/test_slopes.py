@@ -9,12 +9,12 @@ from sim.drive.pull import Pull
 from sim.fleet import Fleet
 from sim.ground.ground import Ground, friction_angle
 from sim.instruments import needed_traction
+from sim.loop import closed_loop, open_loop
+from sim.pilot import Pilot
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
-from sim.runs import closed_loop, open_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from sim.steering import Pilot
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.localization.plate import PlateLocator
 from trackslip.skid_theory import line_contact, steady_twist

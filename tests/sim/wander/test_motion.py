@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sim.fleet import Fleet
+from sim.loop import open_loop
 from sim.run_recorder import Description
-from sim.runs import drive_fleet
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
 from trackslip import se2
@@ -107,7 +107,7 @@ def test_sprockets_follow_their_commands_with_the_servos_lag(robot):
     fleet = Fleet(robot, np.zeros((2, 3)), threads=1)
     time = np.arange(101) / 50
     omega = 2 * np.sin(2 * np.pi * time / 2.0)[:, None, None] * [[[1.0, 1.0], [1.0, -1.0]]]
-    straight, spinning = drive_fleet(fleet, omega, 50.0, ABOUT)
+    straight, spinning = open_loop(fleet, omega, 2.0, descriptions=ABOUT, period=1 / 50)
     np.testing.assert_allclose(straight.time, time)
     np.testing.assert_array_equal(straight.command, omega[:, 0])
     np.testing.assert_array_equal(straight.pose, straight.truth.pose)
@@ -125,4 +125,4 @@ def test_sprockets_follow_their_commands_with_the_servos_lag(robot):
 
 def test_a_rate_that_the_servo_does_not_know_is_refused(robot):
     with pytest.raises(InvalidValueError, match="servo period"):
-        drive_fleet(Fleet(robot, np.zeros((2, 3)), threads=1), np.zeros((5, 2, 2)), 30.0, ABOUT)
+        open_loop(Fleet(robot, np.zeros((2, 3)), threads=1), np.zeros((5, 2, 2)), 4 / 30, period=1 / 30)

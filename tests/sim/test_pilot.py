@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from sim.fleet import Fleet
+from sim.pilot import Pilot
 from sim.run_recorder import RunRecorder
-from sim.steering import Pilot, Steering
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.linear import LinearTimeVarying
@@ -26,8 +26,14 @@ def commands(fleet, pilots, robots=range(4)):
     record = RunRecorder(fleet, ROWS, PERIOD, None)
     record.pose[:] = START + np.arange(ROWS)[:, None, None] * [0.0, 0.004, 0.0]
     record.omega[:] = 1.0
-    steering = Steering(pilots, fleet.pose(), record, paper_reference(), fleet.robot.geometry)
-    return np.stack([steering.omega(k, PERIOD).copy() for k in range(ROWS)])[:, list(robots)]
+    omega = np.zeros((ROWS, 4, 2))
+    for pilot in pilots:
+        pilot.begin(record)
+        for k in range(ROWS):
+            law = pilot.law(record, k)
+            twist = pilot.twist(record, k, law, paper_reference())
+            omega[k, pilot.robots] = law.sprocket_speeds(twist, fleet.robot.geometry)
+    return omega[:, list(robots)]
 
 
 @pytest.mark.parametrize("controller", [LinearTimeVarying, DynamicFeedback, Feedforward])

@@ -1,0 +1,144 @@
+"""Open- and closed-loop runs of a fleet -> RunLogs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from sim.fleet import Fleet
+from sim.localization import Localization, ScanBlocks, ScanByScan
+from sim.pilot import Pilot
+from sim.run_recorder import Description, RunRecorder
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
+from sim.stopwatch import Stopwatch
+from trackslip.controllers.base import Controller
+from trackslip.errors import RunFailedError, require
+from trackslip.kinematics import Array, limit_sprocket_speeds
+from trackslip.localization.base import Locator
+from trackslip.logs.runlog import RunLog
+from trackslip.trajectory.base import Reference
+from trackslip.trajectory.tabulated import Tabulated
+
+Progress = Callable[[float], None]
+"""Called with the seconds simulated since the last call."""
+
+PERIOD = LaserScanner().period
+"""Time between the rows of a run without a scanner [s]."""
+
+
+def open_loop(
+    fleet: Fleet,
+    omega: Array,
+    duration: float,
+    feed: ScannerFeed | None = None,
+    locator: Locator | None = None,
+    descriptions: Sequence[Description] | None = None,
+    progress: Progress = lambda seconds: None,
+    watch: Stopwatch | None = None,
+    period: float = PERIOD,
+) -> list[RunLog]:
+    """Drive every robot at sprocket speeds that are known beforehand.
+
+    Args:
+        fleet: N robots.
+        omega: sprocket speeds (N, 2) or (2,) [rad/s], or (T, N, 2), one for each row; above the top speed, both tracks
+            are scaled by the same factor.
+        duration: of each run [s].
+        feed: the scanner in front of the fleet; by default there is none.
+        locator: finds the poses in the scans, in blocks; by default the log contains the true poses.
+        descriptions: name and metadata of each run.
+        progress: see Progress.
+        watch: measures the time spent in the stages "physics", "scans" and "localization".
+        period: time between rows of a run without a scanner [s].
+
+    Raises:
+        RunFailedError: when a robot tips over; its `logs` contain what was recorded until then.
+        InvalidValueError: for arguments out of range.
+    """
+    watch = watch or Stopwatch()
+    period = period if feed is None else feed.period
+    rows = int(duration / period + 1e-9) + 1
+    require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
+    record = RunRecorder(fleet, rows, period, descriptions)
+    localization = Localization(fleet, record)
+    if feed is not None and locator is not None:
+        localization = ScanBlocks(fleet, record, feed, locator, watch)
+    speeds = np.broadcast_to(np.asarray(omega, float), (rows, fleet.size, 2))
+    return _drive(fleet, record, localization, lambda k: speeds[k], progress, watch)
+
+
+def closed_loop(
+    fleet: Fleet,
+    pilots: Controller | Sequence[Pilot],
+    reference: Reference,
+    feed: ScannerFeed | None = None,
+    locator: Locator | None = None,
+    descriptions: Sequence[Description] | None = None,
+    progress: Progress = lambda seconds: None,
+) -> list[RunLog]:
+    """Let controllers follow `reference` to its end, with one command per scan, limited as in `open_loop`.
+
+    Args:
+        fleet: N robots.
+        pilots: together they control every robot; or one controller of all robots, without slip compensation.
+        reference: the trajectory to follow.
+        feed: the scanner in front of the fleet; by default there is none, and a command is given every PERIOD.
+        locator: finds the poses in the scans; by default the controllers are given the true poses.
+        descriptions, progress: see `open_loop`.
+
+    Raises:
+        InvalidValueError: unless every robot has exactly one pilot.
+        RunFailedError: when a robot tips over or a controller fails; its `logs` contain what was recorded until then.
+    """
+    if not isinstance(pilots, Sequence):
+        pilots = [Pilot(pilots, range(fleet.size))]
+    valid = sorted(i for pilot in pilots for i in pilot.robots) == list(range(fleet.size))
+    require(valid, "pilots", [list(pilot.robots) for pilot in pilots], f"each robot 0..{fleet.size - 1} once")
+    period = PERIOD if feed is None else feed.period
+    rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last at the reference's end or just after
+    record = RunRecorder(fleet, rows, period, descriptions)
+    localization = Localization(fleet, record)
+    if feed is not None and locator is not None:
+        localization = ScanByScan(fleet, record, feed, locator)
+    paths = {pilot.preview: Tabulated(reference, record.time + pilot.preview) for pilot in pilots}
+    for pilot in pilots:
+        pilot.begin(record)
+    omega = np.zeros((fleet.size, 2))
+
+    def steer(k: int) -> Array:
+        for pilot in pilots:
+            law = pilot.law(record, k)
+            twist = pilot.twist(record, k, law, paths[pilot.preview])
+            omega[pilot.robots] = law.sprocket_speeds(twist, fleet.robot.geometry)
+        return omega
+
+    return _drive(fleet, record, localization, steer, progress)
+
+
+def _drive(
+    fleet: Fleet,
+    record: RunRecorder,
+    localization: Localization,
+    steer: Callable[[int], Array],
+    progress: Progress,
+    watch: Stopwatch | None = None,
+) -> list[RunLog]:
+    """Drive, scan, localize, steer and record, row by row; `steer` gives a row's sprocket speeds (N, 2) [rad/s]."""
+    watch = watch or Stopwatch()
+    try:
+        for k in range(len(record.time)):
+            with watch.stage("physics"):
+                if k > 0:
+                    fleet.advance(record.period)
+                    progress(record.period)
+                record.measure(k)
+            localization.estimate(k)
+            fleet.command(limit_sprocket_speeds(steer(k), fleet.drive.limit))
+            record.command(k)
+    except RunFailedError as error:
+        error.logs = localization.logs(str(error))
+        raise
+    return localization.logs()

@@ -1,0 +1,70 @@
+"""What steers some robots of a fleet: a controller, and the slip law by which its twists become sprocket speeds."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from sim.run_recorder import RunRecorder
+from trackslip.controllers.base import Controller, SensesSprockets
+from trackslip.errors import RunFailedError, TrackslipError
+from trackslip.kinematics import Array, advance
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.compensation import Compensation, FixedLaw, SensesLoad
+from trackslip.trajectory.base import Reference
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """The controller of R robots of a fleet, and their slip compensation."""
+
+    controller: Controller
+    robots: Sequence[int]
+    compensation: Compensation = field(default_factory=FixedLaw)
+    preview: float = 0.0
+    """How far ahead the controller looks: set it to the delay between command and motion [s]."""
+
+    def begin(self, record: RunRecorder) -> None:
+        """Begin new runs, which `record` records, where the robots are."""
+        self.controller.reset()
+        self.compensation.reset(record.fleet.pose()[self.robots])
+        if isinstance(self.compensation, SensesLoad):
+            record.sense_loads()
+
+    def law(self, record: RunRecorder, k: int) -> SlipLaw:
+        """The slip law in row k, which the compensation may learn from the motion until then."""
+        if k > 0:
+            self.compensation.observe(record.omega[k, self.robots], record.period, record.estimated(k, self.robots))
+        if isinstance(self.compensation, SensesLoad):
+            self.compensation.sense(record.load[k, self.robots])
+        law = self.compensation.law()
+        record.compensated(k, self.robots, law)
+        return law
+
+    def twist(self, record: RunRecorder, k: int, law: SlipLaw, reference: Reference) -> Array:
+        """Twists (R, 2) that the controller wants in row k; raises RunFailedError when it fails."""
+        pose: Array = record.pose[k, self.robots]
+        omega, time = record.omega[k, self.robots], float(record.time[k])
+        geometry = record.fleet.robot.geometry
+        # which way the robots move, and where they will be when the command takes effect
+        if isinstance(self.compensation, SensesLoad):
+            pose[:, 2] += self.compensation.crab_angle(law.twist(omega, geometry))
+        if self.preview > 0:
+            pose = advance(pose, law.twist(omega, geometry), self.preview)
+        try:
+            if isinstance(self.controller, SensesSprockets):
+                self.controller.sense(omega)
+            twist = np.asarray(self.controller.twist(time + self.preview, pose, reference), dtype=float)
+        except TrackslipError as error:
+            raise RunFailedError(str(error)) from error
+        except Exception as error:  # whatever a user's controller does
+            frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call itself
+            where = f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
+            what = f"its controller fails at {time:g} s ({type(error).__name__}: {error}){where}"
+            raise RunFailedError(f"run {record.name(self.robots[0])!r}: {what}") from error
+        record.wanted(k, self.robots, twist)
+        return twist
