@@ -1,6 +1,6 @@
 """`trackslip coverage`: do the 95 % intervals cover the truth in 95 % of many repeats?"""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -55,10 +55,9 @@ class Config(RunsConfig):
             raise InvalidValueError("radii", self.radii, "at least two, and four runs or more")
 
     def grid(self, number: int) -> GridConfig:
-        """The grid of that number, seen by a scanner without noise."""
+        """The grid of that number, seen by a scanner without errors."""
         shared = {option.name: getattr(self, option.name) for option in fields(RunsConfig)}
-        silent = replace(self.scanner, noise=0.0)
-        return GridConfig(**shared | {"scanner": silent, "random_phase": True, "seed": self.seed + number})
+        return GridConfig(**shared | {"scanner": self.scanner.ideal, "random_phase": True, "seed": self.seed + number})
 
 
 def run(config: Config) -> None:

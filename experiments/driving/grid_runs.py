@@ -56,11 +56,15 @@ def cells_of(config: RunsConfig) -> list[Cell]:
 
 
 def drive_grid(
-    config: GridConfig, world: World, progress: Progress = lambda seconds: None, watch: Stopwatch | None = None
+    config: GridConfig,
+    world: World,
+    progress: Progress = lambda seconds: None,
+    watch: Stopwatch | None = None,
+    kept: bool = False,
 ) -> list[RunLog]:
     """Drive every radius at every speed, all runs at once; see `drive_cells`."""
     cells = cells_of(config)
-    return drive_cells(cells, [world] * len(cells), progress, watch)
+    return drive_cells(cells, [world] * len(cells), progress, watch, kept)
 
 
 def drive_cells(

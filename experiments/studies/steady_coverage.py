@@ -15,6 +15,7 @@ from experiments.driving.world import World
 from experiments.report.laws import SYMBOLS
 from experiments.report.table import Table
 from experiments.studies.trials import Outcome, Study, Trial, Values, plausible_shares, run_trials, share_interval
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.identification.comparison import Comparison, compare_laws
 from trackslip.identification.coverage import coverage, noise_coverage
@@ -22,6 +23,7 @@ from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.true_samples import true_samples
 from trackslip.kinematics import RobotGeometry
+from trackslip.localization.scan import extract_plate
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.methods import MOTION_METHODS
 from trackslip.motion.steady import steady_part
@@ -42,8 +44,8 @@ def steady_coverage(config: Config, world: World, run: Run) -> Study:
     """Drive grids without noise, repeat what is random, and count what the intervals cover."""
     geometry = world.robot.geometry
     with run.progress(f"a grid of {len(cells_of(config))} runs", config.duration) as report:
-        logs = drive_grid(config.grid(0), world, report)
-    (design,) = scanned_again(logs, geometry, config.scanner.noise, config.seed, 1)
+        logs = drive_grid(config.grid(0), world, report, kept=True)
+    (design,) = scanned_again(logs, geometry, config.scanner, config.seed, 1)
     fitted = compare_laws(design, geometry)
     values = {name: generating_values(name, fitted) for name in DRAWN_LAWS}
     draw = partial(_drawn, values=values, design=design, geometry=geometry, repeats=config.repeats)
@@ -132,10 +134,10 @@ def _scanned(
 ) -> Outcome:
     """Drive a grid, scan it again and again, and compare the law with the one fitted to the true motion."""
     grid = replace(config.grid(trial.number), threads=1)
-    logs = drive_grid(grid, World.of(grid))
+    logs = drive_grid(grid, World.of(grid), kept=True)
     plate, robot = true_samples(logs, geometry, of_plate=True), true_samples(logs, geometry)
     repeats = _repeats(config, trial.number)
-    again = scanned_again(logs, geometry, config.scanner.noise, int(rng.integers(2**62)), repeats)
+    again = scanned_again(logs, geometry, config.scanner, int(rng.integers(2**62)), repeats)
     noise, whole = noise_coverage(RUN_LAW, [(samples, plate) for samples in again], geometry)
     of_plate, of_robot = (
         fit_law(RUN_LAW, replace(design, twist=true.twist, slip=true.slip), geometry, bootstraps=0).values
@@ -159,27 +161,28 @@ def generating_values(name: str, fitted: Comparison) -> Values:
 
 
 def scanned_again(
-    logs: Sequence[RunLog], geometry: RobotGeometry, noise: float, seed: int, repeats: int
+    logs: Sequence[RunLog], geometry: RobotGeometry, scanner: LaserScanner, seed: int, repeats: int
 ) -> list[SlipSamples]:
-    """Samples of runs whose true ranges get new noise [m] in each repeat."""
+    """Samples of runs whose true ranges a scanner measures anew in each repeat."""
     omega = np.array([steady_part(log, geometry).omega for log in logs])
-    found = [_twists(log, geometry, noise, generator(seed, f"coverage {log.run}"), repeats) for log in logs]
+    found = [_twists(log, geometry, scanner, generator(seed, f"coverage {log.run}"), repeats) for log in logs]
     names = [log.run for log in logs]
     by_repeat = (np.stack(arrays, axis=1) for arrays in zip(*found, strict=True))
     return [SlipSamples.of(omega, twist, geometry, names, errors) for twist, errors in zip(*by_repeat, strict=True)]
 
 
 def _twists(
-    log: RunLog, geometry: RobotGeometry, noise: float, rng: np.random.Generator, repeats: int
+    log: RunLog, geometry: RobotGeometry, scanner: LaserScanner, rng: np.random.Generator, repeats: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Twists (repeats, 2) of a run and their covariances (repeats, 2, 2), with new noise in each repeat."""
+    """Twists (repeats, 2) of a run and their covariances (repeats, 2, 2), with its true ranges measured anew."""
     part = steady_part(log, geometry)
-    clean = part.log.scans
-    assert clean is not None
-    cluster = clean.cluster
+    true = part.log.scans
+    assert true is not None
+    assert true.full is not None
     found = []
     for _ in range(repeats):
-        ranges = np.where(cluster.hit, cluster.range + rng.normal(0.0, noise, cluster.range.shape), 1.0)
-        scans = replace(clean, scan=replace(clean.scan, noise=noise), cluster=replace(cluster, range=ranges))
+        scan = scanner.scan(scanner.measure(true.full.astype(float), rng), true.scan.mount)
+        cluster = extract_plate(scan, true.plate, scan.from_world(part.log.pose))
+        scans = replace(true, scan=replace(scan, ranges=scan.ranges[:0]), cluster=cluster, full=None)
         found.append(MOTION_METHODS[_MOTION](replace(part.log, scans=scans), part.window))
     return np.array([one.twist for one in found]), np.array([one.covariance for one in found])

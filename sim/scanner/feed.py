@@ -46,7 +46,7 @@ class ScannerFeed:
             generators = [generator(generators, f"robot {k}") for k in range(fleet.size)]
         require(len(generators) == fleet.size, "generators", len(generators), f"{fleet.size}, one per robot")
         self._scanner, self._fleet = scanner, fleet
-        self._noise, self._dropout = (list(g) for g in zip(*(g.spawn(2) for g in generators), strict=True))
+        self._random = [g.spawn(1)[0] for g in generators]
         robot = fleet.robot
         x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])
@@ -58,7 +58,7 @@ class ScannerFeed:
         """Directions (B,) of the beams in the LRF's frame [rad]."""
         direction = self._heading + self.bearings[:, None] + footprint(scanner.divergence)
         self._rays = np.stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1)  # (B, K, 3)
-        self._lag, self._range_std = scanner.lag, scanner.range_std
+        self._lag = scanner.lag
         obstacles = obstacles or Obstacles()
         obstacles.require_clear(self._origin[:2])
         self._walking = Obstacles(walkers=obstacles.walkers)
@@ -76,10 +76,10 @@ class ScannerFeed:
     def restart(self, robots: np.ndarray, generators: Sequence[np.random.Generator]) -> None:
         """Restart the noise of some robots (R,), with one generator each."""
         for robot, g in zip(robots, generators, strict=True):
-            self._noise[robot], self._dropout[robot] = g.spawn(2)
+            (self._random[robot],) = g.spawn(1)
 
     def true_ranges(self) -> Array:
-        """Ranges (N, B) without measurement errors, NaN where nothing is within reach [m]."""
+        """Ranges (N, B) without measurement errors, NaN where there is nothing [m]."""
         aim = self._aimed()
         plate = self._to_plates(aim)
         ranges = np.empty((self._fleet.size, len(self._rays)))
@@ -112,33 +112,17 @@ class ScannerFeed:
         distance, *_ = fleet.batch.ray(
             origins, rays.reshape(fleet.size, -1, 3), geomgroup=self._groups, bodyexclude=self._lrf
         )
-        distance[(distance < 0) | (distance > self._scanner.max_range)] = np.nan
+        distance[distance < 0] = np.nan
         return distance.reshape(rays.shape[:-1])
 
     def _to_obstacles(self, obstacles: Obstacles, time: float) -> Array:
         """Distances (B, K) along the rays of all beams, in a scan at `time` [s], NaN for a miss [m]."""
-        distance = obstacles.ranges(self._origin[:2], self._rays[..., :2], time + self._lag[:, None])
-        distance[distance > self._scanner.max_range] = np.nan
-        return distance
+        return obstacles.ranges(self._origin[:2], self._rays[..., :2], time + self._lag[:, None])
 
     def measure(self, true_ranges: Array) -> Array:
-        """Ranges (N, T, B) [m] of the next T scans of each robot: true ranges with measurement errors."""
-        scanner, scans = self._scanner, true_ranges.shape[1:]
-        ranges = np.empty(true_ranges.shape)
-        for of_robot, noise in zip(ranges, self._noise, strict=True):  # each robot has its own random numbers
-            noise.standard_normal(out=of_robot)
-        ranges *= scanner.noise
-        ranges += true_ranges
-        if scanner.range_bias != 0:
-            ranges += scanner.range_bias
-        if scanner.quantisation > 0:
-            ranges = np.round(ranges / scanner.quantisation) * scanner.quantisation
-        if scanner.dropout > 0:
-            for of_robot, dropout in zip(ranges, self._dropout, strict=True):
-                of_robot[dropout.random(scans) < scanner.dropout] = np.nan
-        return ranges
+        """Measured ranges (N, ..., B) [m] of each robot's scanner, which has its own random numbers."""
+        return np.stack([self._scanner.measure(*one) for one in zip(true_ranges, self._random, strict=True)])
 
     def scan(self, ranges: Array) -> Scan:
         """Ranges (..., B) [m] as a Scan of this LRF."""
-        scanner, mount = self._scanner, self._fleet.robot.lrf_mount
-        return Scan(self.bearings, ranges, self._range_std, mount, scanner.max_range, scanner.dropout)
+        return self._scanner.scan(ranges, self._fleet.robot.lrf_mount)

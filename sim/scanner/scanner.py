@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive
 from trackslip.kinematics import Array
+from trackslip.localization.scan import Scan
 
 _MAX_BEAMS = 20_000  # largest number of beams in a scan
 _MIN_RATE = 5.0  # smallest scan rate [Hz]
@@ -65,6 +66,31 @@ class LaserScanner:
             (0 <= self.dropout < 1, "dropout", "at least 0 and less than 1"),
         ):
             require(valid, name, getattr(self, name), allowed)
+
+    def measure(self, true_ranges: Array, rng: np.random.Generator) -> Array:
+        """Ranges (..., B) that the scanner measures where the true ones are (..., B), NaN for no echo [m].
+
+        This is the only place with noise, bias, rounding, dropout and reach.
+        """
+        ranges = rng.standard_normal(true_ranges.shape)
+        ranges *= self.noise
+        ranges += true_ranges
+        ranges += self.range_bias
+        if self.quantisation > 0:
+            ranges = np.round(ranges / self.quantisation) * self.quantisation
+        if self.dropout > 0:
+            ranges[rng.random(ranges.shape) < self.dropout] = np.nan
+        ranges[true_ranges > self.max_range] = np.nan
+        return ranges
+
+    def scan(self, ranges: Array, mount: Array) -> Scan:
+        """Measured ranges (..., B) [m] as scans of this scanner at `mount` (3,) [m, m, rad]."""
+        return Scan(self.bearings, ranges, self.range_std, mount, self.max_range, self.dropout)
+
+    @property
+    def ideal(self) -> LaserScanner:
+        """The same scanner, whose ranges are the true ones."""
+        return replace(self, noise=0.0, dropout=0.0, quantisation=0.0, range_bias=0.0)
 
     @property
     def period(self) -> float:

@@ -140,19 +140,15 @@ def plate_scans(
 ) -> tuple[Array, Scan]:
     """Times (S,) [s] and scans (S, B) of the plate by a scanner at `mount` (3,), in an empty field.
 
-    Of the scanner's errors, there are noise and reach. The first scan is at a random moment in the first period.
+    The first scan is at a random moment in the first period.
     """
     time = np.arange(motion.time[0] + rng.uniform(0, scanner.period), motion.time[-1], scanner.period)
-    empty = Scan(scanner.bearings, np.empty((0, len(scanner.bearings))), scanner.noise, mount, scanner.max_range)
-    pose = empty.from_world(motion.at(time))
+    pose = se2.between(mount, motion.at(time))
     parts = [
-        plate_ranges(plate, pose[k : k + _AT_ONCE], scanner.bearings).astype(np.float32)
+        scanner.measure(plate_ranges(plate, pose[k : k + _AT_ONCE], scanner.bearings), rng).astype(np.float32)
         for k in range(0, len(pose), _AT_ONCE)
     ]
-    ranges = np.concatenate(parts)
-    ranges += scanner.noise * rng.standard_normal(ranges.shape, np.float32)
-    ranges[ranges > scanner.max_range] = np.nan
-    return time, Scan(scanner.bearings, ranges, scanner.noise, mount, scanner.max_range)
+    return time, scanner.scan(np.concatenate(parts), mount)
 
 
 def plate_ranges(plate: Plate, pose: Array, bearings: Array) -> Array:

@@ -33,7 +33,7 @@ def all_beams(scanner, fleet):
         geomgroup=np.arange(6) == SCANNED_GROUP,
         bodyexclude=fleet.robot.model.body("lrf").id,
     )
-    ranges[(ranges < 0) | (ranges > scanner.max_range)] = np.nan
+    ranges[ranges < 0] = np.nan
     return ranges
 
 

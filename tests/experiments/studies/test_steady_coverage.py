@@ -1,0 +1,45 @@
+"""Runs that are scanned again and again, by the scanner that the options describe."""
+
+import numpy as np
+import pytest
+
+from experiments.commands.coverage import Config
+from experiments.driving.grid_runs import drive_grid
+from experiments.driving.world import World
+from experiments.studies.steady_coverage import scanned_again
+from sim.scanner.scanner import LaserScanner
+
+
+@pytest.fixture(scope="module")
+def grid():
+    """Logs of a grid that is scanned without errors, and the robot's geometry."""
+    options = Config(radii=(0.8, 1.5), speeds=(0.1, 0.2), duration=8.0).grid(0)
+    world = World.of(options)
+    return drive_grid(options, world, kept=True), world.robot.geometry
+
+
+def scatter(grid, **options):
+    """Variances (4, 2) of the runs' twists, as stated and as they are, in 40 repeats."""
+    again = scanned_again(*grid, LaserScanner(**options), seed=0, repeats=40)
+    stated = np.mean([np.diagonal(one.covariance, axis1=1, axis2=2) for one in again], axis=0)
+    return stated, np.var([one.twist for one in again], axis=0, ddof=1)
+
+
+@pytest.mark.parametrize(
+    ("options", "factor"),
+    [
+        ({"noise": 0.01}, 4.0),
+        ({"dropout": 0.5}, 2.0),  # half the returns
+        ({"quantisation": 0.02}, 1 + (0.02 / 0.005) ** 2 / 12),
+    ],
+)
+def test_all_errors_of_the_scanner_count(grid, options, factor):
+    (plain, _), (stated, found) = scatter(grid), scatter(grid, **options)
+    assert np.mean(stated / plain) == pytest.approx(factor, rel=0.35)  # edges of the plate tell something as well
+    assert np.mean(found / stated) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 39 / stated.size))
+
+
+def test_a_bias_shifts_no_twist(grid):
+    biased, plain = (scanned_again(*grid, LaserScanner(range_bias=bias), 0, 1)[0] for bias in (0.005, 0.0))
+    np.testing.assert_allclose(biased.twist, plain.twist, rtol=0.01)
+    assert not np.array_equal(biased.twist, plain.twist)
