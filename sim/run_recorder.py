@@ -19,12 +19,9 @@ from trackslip.localization.scan import Cluster
 from trackslip.logs.runlog import RunLog, Truth
 from trackslip.logs.scanlog import ScanLog
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.icr_load import IcrLoad
 
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""
-_WITH_ICR = (ConstantIcr, IcrLoad)  # laws whose ICRs are recorded
 _OF_MOMENT = 5  # arrays of the engine's state in what is recorded of the truth
 _ENERGY, _SATURATED = _OF_MOMENT + 1, _OF_MOMENT + 2  # places in that
 _TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
@@ -145,8 +142,9 @@ class RunRecorder:
 
     def compensated(self, k: int, robots: Sequence[int], law: SlipLaw) -> None:
         """Record the law that turns the twists of R robots into sprocket speeds in row k."""
-        if isinstance(law, _WITH_ICR):
-            self._icr[k, robots, 0], self._icr[k, robots, 1] = law.offset, law.radius_error
+        if law.records_icr:
+            for column, name in enumerate(("offset", "radius_error")):
+                self._icr[k, robots, column] = getattr(law, name)
 
     def logs(
         self, feed: ScannerFeed | None = None, plates: Sequence[Cluster] | None = None, failure: str | None = None

@@ -74,8 +74,6 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.slip.law_file import load_laws as load_laws
     from trackslip.slip.law_file import save_laws as save_laws
     from trackslip.slip.online import IcrFilter as IcrFilter
-    from trackslip.slip.power import Hyperbola as Hyperbola
-    from trackslip.slip.power import Power as Power
     from trackslip.slip.turn_loss import TurnLoss as TurnLoss
     from trackslip.trajectory.base import Reference as Reference
     from trackslip.trajectory.named import named_reference as named_reference
@@ -128,7 +126,6 @@ _NAMES = {
     "slip.icr_load": ("IcrLoad",),
     "slip.law_file": ("load_laws", "save_laws"),
     "slip.online": ("IcrFilter",),
-    "slip.power": ("Hyperbola", "Power"),
     "slip.turn_loss": ("TurnLoss",),
     "trajectory.base": ("Reference",),
     "trajectory.named": ("named_reference",),

@@ -103,7 +103,7 @@ def controller_line(number: int) -> dict[str, Any]:
 
 def compensation_name(name: str) -> str:
     """Name of a compensation in figures."""
-    return shown(relative(name)).title
+    return shown(relative(name)).label
 
 
 @styled

@@ -46,7 +46,7 @@ class Config(Repeatable):
     """Length of the drive [s]."""
     poses: Literal["slam", "mocap", "gnss", "scanner"] = "slam"
     """Where the poses will come from: SLAM, motion capture, GNSS (no headings), or a scanner beside the field."""
-    law: Literal["icr", "icr_radius", "icr_sides", "turn_loss", "exponential", "power"] = "icr_radius"
+    law: Literal["icr", "icr_radius", "icr_sides", "turn_loss", "exponential"] = "icr_radius"
     """Slip law that is to be identified."""
     offset: Annotated[float | None, default_is("that of --after, else 0.3 half gauges", "FLOAT")] = None
     """D that is expected: distance of the ICRs outside the tracks [m]."""

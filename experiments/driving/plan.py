@@ -38,7 +38,7 @@ def planned(config: Config, run: Run) -> DrivePlan:
     source, limits = SOURCES[config.poses], config.limits()
     poses = PoseQuality(source.rate, source.position_noise, source.heading_noise if source.heading else None)
     values, known = (None, None) if before is None else (before.values, before.known)
-    with run.progress("drives", evaluations(limits, config.law), "drives") as step:
+    with run.progress("drives", evaluations(limits), "drives") as step:
         return plan_drive(geometry, limits, poses, config.law, knowledge, values, known, config.seed, step)
 
 

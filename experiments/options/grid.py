@@ -41,7 +41,7 @@ class GridConfig(RunsConfig):
     """A grid of runs that is also evaluated."""
 
     motion: Method = None
-    """How a run becomes a twist: the paper's filter, the filter both ways, an arc through all poses, or all ranges."""
+    """How a run becomes a twist: the paper's filter, an arc through all poses, or all ranges."""
     random_phase: bool = False
     """Start each run at a random point of its circle instead of the point nearest to the scanner."""
     out: Path = Path("out/grid")

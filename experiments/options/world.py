@@ -15,10 +15,8 @@ from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, require_positive
 
 Localization = Literal["plate", "line"]
-Motion = Literal["paper", "butterworth", "arc", "bundle"]
-Method = Annotated[
-    Motion | None, default_is("the most accurate method the run allows", "{paper,butterworth,arc,bundle}")
-]
+Motion = Literal["paper", "arc", "bundle"]
+Method = Annotated[Motion | None, default_is("the most accurate method the run allows", "{paper,arc,bundle}")]
 """Method that estimates a twist from a run, if the user chooses one."""
 IDENTIFIED = ("exponential", "icr", "icr_radius")
 """The identified laws that the paper's controllers are compared with."""

@@ -102,9 +102,9 @@ def _measured(found: Identification, turns: InnerOuterSamples, logs: Sequence[Ru
             "fig04_pose_and_velocity",
             partial(figures.pose_and_velocity, figures.typical_run(logs)),
             "Pose and velocity of one run (the paper's Fig. 4)",
-            "Left: estimated position and heading (points, thinned out). Right: their derivatives after a second-order "
-            "Butterworth filter run forwards and backwards, whose scatter is localization noise amplified by "
-            "differentiation; slip is computed from all poses of a run together.",
+            "Left: estimated position and heading (points, thinned out). Right: their derivatives after the paper's "
+            "second-order Butterworth filter; they scatter by localization noise amplified by differentiation. Slip is "
+            "computed from all poses of a run together.",
         )
     if (seen := sightings(logs)) is not None:
         yield Plot(

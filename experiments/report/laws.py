@@ -2,119 +2,65 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 from markupsafe import Markup
 
-from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
+from experiments.report.colours import BLACK
 from experiments.report.formats import MISSING, number
 from experiments.report.page import Bullets
 from experiments.report.table import Cell
 from trackslip.identification.drive.model import EXTRAS
 from trackslip.kinematics import RobotGeometry
-from trackslip.slip.families import FAMILIES
+from trackslip.slip.families import FAMILIES, Look
 
-
-@dataclass(frozen=True)
-class ShownLaw:
-    """Title, colour and line style of a slip law, or of a compensation by one."""
-
-    title: str
-    colour: str = GREEN
-    dashes: Any = "-"
-    """Its line style in matplotlib."""
-    formula: Sequence[str] = (MISSING,)
-    """Lines."""
-
-
-_EXPONENTIAL = ("i = α exp(β R)",)
-LAWS = {
-    "none": ShownLaw("no slip assumed", RED, (0, (12, 1.5)), ("i = 0",)),
-    "published": ShownLaw("published law (Eq. 11)", BLACK, "--", _EXPONENTIAL),
-    "constant": ShownLaw("constant slip", GREY, (0, (6, 2)), ("i the same at every radius",)),
-    "exponential": ShownLaw("exponential", "#CC79A7", "-.", _EXPONENTIAL),
-    "exponential_speed": ShownLaw(
-        "exponential with speed", ORANGE, (0, (6, 1.5, 1, 1.5, 1, 1.5)), ("i = (α + γ v) exp(β R)",)
-    ),
-    "power": ShownLaw("power of radius", GREEN, (0, (3, 1.5)), ("i = α (1 + R / b)ᵝ",)),
-    "hyperbola": ShownLaw("hyperbola", "#8C510A", (0, (4, 1.5, 1, 1.5)), ("outer: a / (R + p)", "inner: −a / (R − p)")),
-    "icr": ShownLaw("constant ICR", "#3A93C9", (0, (2, 1)), ("outer: D / (R + b + D)", "inner: −D / (R − b − D)")),
-    "icr_radius": ShownLaw(
-        "constant ICR with ε",
-        BLUE,
-        "-",
-        ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
-    ),
-    "turn_loss": ShownLaw(
-        "constant ICR with turn loss",
-        "#A63D6F",
-        (0, (8, 2, 2, 2)),
-        ("w as above, v = s (1 − g sin²θ)", "s: the belts' mean speed, tan θ = (b + D) w / s"),
-    ),
-    "icr_load": ShownLaw(
-        "constant ICR with slip under load",
-        "#2B7A78",
-        (0, (10, 2, 2, 2, 2, 2)),
-        ("as icr_radius, with v + t √((C v)² + (S w)²) for v", "t: traction over load"),
-    ),
-    "icr_sides": ShownLaw(
-        "constant ICR, two-sided",
-        "#6A3D9A",
-        (0, (2, 2.5)),
-        ("as icr_radius, with D and ε", "of the left and the right track"),
-    ),
-    "online": ShownLaw("online", "#117733", (0, (5, 1))),
-    "online_load": ShownLaw("online, with slip under load", "#4B6A1E", (0, (5, 1, 2, 1))),
-    "online_cold": ShownLaw("online, from nothing", "#999933", (0, (5, 1, 1, 1))),
+_OTHERS = {
+    "published": Look("published law (Eq. 11)", BLACK, "--", FAMILIES["exponential"].look.formula),
+    "online": Look("online", "#117733", (0, (5, 1))),
+    "online_load": Look("online, with slip under load", "#4B6A1E", (0, (5, 1, 2, 1))),
+    "online_cold": Look("online, from nothing", "#999933", (0, (5, 1, 1, 1))),
 }
-"""By name in files and options. Colours follow Okabe and Ito's palette, with a contrast of at least 3 : 1 on the light
-page and on the dark one, where the style sheet inverts figures; all dashes differ, to be told apart without colour."""
-
+"""Compensations that are no family of laws."""
 NO_SLIP = "no slip compensation"
-_LETTERS = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "slip": "i", "size": "a", "pole": "p", "offset": "D", "radius_error": "ε",
-    "turn_loss": "g", "compliance": "C", "turn_compliance": "S"
-}  # fmt: skip
-_TRACKS = ("", " outer", " inner", " left", " right")
-SYMBOLS = {
-    **{f"{name}{track.replace(' ', '_')}": letter + track for name, letter in _LETTERS.items() for track in _TRACKS},
-    **{"sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"},
-}
-"""Parameter of a law or of a drive -> its symbol, such as "α outer" for alpha_outer."""
+_TRACKS = ("outer", "inner", "left", "right")
+_EXTRA_SYMBOLS = {"sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"}
 _PRINTED = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°")}
 _MAX_DIGITS = 7
 _UNKNOWN_DIGITS = 2
 
 
-def shown(name: str) -> ShownLaw:
-    """Title and look of a law or compensation; a user's own law has its name as title."""
-    return LAWS.get(name) or ShownLaw(name)
+def law_looks() -> dict[str, Look]:
+    """The looks of all laws and other compensations, by name."""
+    return {name: law.look for name, law in FAMILIES.items()} | _OTHERS
+
+
+def shown(name: str) -> Look:
+    """The look of a law or compensation; an unknown one has its name as label."""
+    return law_looks().get(name) or Look(name)
+
+
+def symbol(parameter: str) -> str:
+    """The symbol of a parameter of a law or of a drive, such as "α outer" for alpha_outer; its name if it has none."""
+    known = (law.parameters[parameter].symbol for law in FAMILIES.values() if parameter in law.parameters)
+    letter, track = next(known, ""), parameter.rpartition("_")[2]
+    return _EXTRA_SYMBOLS.get(parameter) or f"{letter} {track if track in _TRACKS else ''}".strip() or parameter
 
 
 def prediction_title(name: str) -> str:
     """The title of a law among those compared by prediction, where no law means no compensation."""
-    return NO_SLIP if name == "none" else shown(name).title
+    return NO_SLIP if name == "none" else shown(name).label
 
 
 def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
     """A law in a table: its title and formula on a page, its name in files and options on the terminal."""
     law = shown(name)
-    return Cell(law.title, name, law.formula if formula else (), "best" if best else "")
+    return Cell(law.label, name, law.formula if formula else (), "best" if best else "")
 
 
 def parameter_bullets(robot: RobotGeometry) -> Bullets:
     """The meaning of the laws' parameters."""
-    meanings = (
-        ("α, β, γ", "slip at zero radius, its decay with radius and its growth with speed, for each track"),
-        ("D", "distance from a track's centre line outwards to its instantaneous centre of rotation (ICR)"),
-        ("b", f"half the distance between the tracks' centre lines, {robot.half_gauge:g} m, which is not fitted"),
-        ("ε", "relative excess of the sprockets' effective radius over the nominal one"),
-        ("g", "share of the belts' mean speed that a turn costs, the more the sharper it is"),
-        ("C, S", "slip per traction over load, ahead and in turning"),
-        ("a, p", "size and pole of a hyperbola; with a = D and p = b + D it is a constant ICR"),
-    )
-    return Bullets([Markup("<strong>{}</strong>: {}.").format(*meaning) for meaning in meanings])
+    meanings = {p.symbol: p.meaning for law in FAMILIES.values() for p in law.parameters.values() if p.meaning}
+    meanings["b"] = f"half the distance between the tracks' centre lines, {robot.half_gauge:g} m, which is not fitted"
+    return Bullets([Markup("<strong>{}</strong>: {}.").format(*meaning) for meaning in meanings.items()])
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from experiments.report.formats import number, percent, significant
-from experiments.report.laws import SYMBOLS, unit_of
+from experiments.report.laws import symbol, unit_of
 from experiments.report.table import Table
 from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan
@@ -27,7 +27,7 @@ def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
             percent(error / size),
             significant(None if paper is None else factor * paper.stderr[name], unit),
         )
-        rows.append((SYMBOLS[name], *values))
+        rows.append((symbol(name), *values))
     title = f"{limits.duration:g} s in {limits.area_text} m: what {plan.law} will be known to"
     Table(title, _EXPECTED, rows).print()
     x, y, heading = plan.start

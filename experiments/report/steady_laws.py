@@ -4,7 +4,7 @@ import numpy as np
 from markupsafe import Markup
 
 from experiments.report.formats import MISSING, number, significant
-from experiments.report.laws import SYMBOLS, law_cell, parameter_rows, shown, unit_of, with_error
+from experiments.report.laws import law_cell, parameter_rows, shown, symbol, unit_of, with_error
 from experiments.report.table import Cell, Table
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
@@ -40,14 +40,14 @@ def law_table(found: Identification) -> Table:
     for name, law in comparison.laws.items():
         parameters = [
             (
-                SYMBOLS.get(key, key),
+                symbol(key),
                 *with_error(value, law.stderr[key], unit_of(name, key), law.interval95[key], law.bootstrap95.get(key)),
             )
             for key, value in law.values.items()
         ]
         rows += parameter_rows(law_cell(name, best=name == comparison.best), parameters)
     published = [
-        (SYMBOLS[key], f"{value:g} {unit_of('exponential', key)[1]}".rstrip().replace("-", "−"), MISSING, MISSING)
+        (symbol(key), f"{value:g} {unit_of('exponential', key)[1]}".rstrip().replace("-", "−"), MISSING, MISSING)
         for key, value in vars(PUBLISHED).items()
     ]
     rows += parameter_rows(law_cell("published"), published)
@@ -93,7 +93,7 @@ def lack_of_fit_text(comparison: Comparison) -> str:
     factors = [lack.inflation for name, lack in lacking.items() if lack is not None and name not in _BASELINES]
     if not factors:
         return ""
-    titles = ", ".join(shown(name).title for name in lacking if name not in _BASELINES)
+    titles = ", ".join(shown(name).label for name in lacking if name not in _BASELINES)
     return Markup(
         "<strong>Lack of fit</strong>: {}. The samples are farther from these laws than chance allows, so they have "
         "the wrong shape, and no parameters are true. Standard errors and intervals are multiplied by the ratio of the "
@@ -108,11 +108,11 @@ def best_text(comparison: Comparison) -> str:
         if name in comparison.laws:
             errors = comparison.validation[name]
             sizes = map(size_text, (comparison.laws[name].rms, errors.radius, errors.speed))
-            parts.append("{}: {} | {} | {}".format(shown(name).title, *sizes))
+            parts.append("{}: {} | {} | {}".format(shown(name).label, *sizes))
     return Markup(
         "The best law here is <strong>{}</strong>, chosen by {}. Errors of track speeds relative to the faster "
         "sprocket's, rms, in the fit | at left-out radii | at left-out speeds: {}."
-    ).format(shown(comparison.best).title, comparison.criterion, "; ".join(parts))
+    ).format(shown(comparison.best).label, comparison.criterion, "; ".join(parts))
 
 
 def size_text(value: float | None) -> str:

@@ -18,7 +18,7 @@ def tracking_table(results: Sequence[TrackingResult]) -> Table:
         errors = result.errors
         positions = (errors.rms_position, errors.rms_position_after_12s, errors.max_position, errors.final_position)
         cells = [*(number(1e3 * value, 1) for value in positions), number(degrees(errors.final_heading), 2)]
-        compensation = Cell(shown(result.compensation).title, result.compensation)
+        compensation = Cell(shown(result.compensation).label, result.compensation)
         rows.append((result.controller, compensation, *cells))
     localization = ", ".join(dict.fromkeys(result.localization for result in results))
     note = f"Errors of position: rms over the whole run and from 12 s on, largest, final. Localization: {localization}."

@@ -15,7 +15,7 @@ from experiments.driving.world import Specification, World
 from experiments.options.world import Simulation
 from experiments.report.checks import checks_table
 from experiments.report.formats import number, significant
-from experiments.report.laws import SYMBOLS, unit_of
+from experiments.report.laws import symbol, unit_of
 from experiments.report.table import Table
 from experiments.studies.drive_coverage import TRUE_LAW
 from experiments.studies.trials import (
@@ -251,7 +251,7 @@ def plan_study(
         mine, theirs = (predicted[case].get(name) for case in (PLAN, PAPER))
         columns = (mine, real[PLAN][name], theirs, real[PAPER][name])
         printed = [significant(None if error is None else factor * error, unit) for error in columns]
-        rows.append((SYMBOLS[name], *printed[:2], number(real[PLAN][name] / mine if mine else None, 2), *printed[2:]))
+        rows.append((symbol(name), *printed[:2], number(real[PLAN][name] / mine if mine else None, 2), *printed[2:]))
     title = f"A drive in MuJoCo, measured {repeats} times: standard deviations between measurements"
     shown: list[Table | str] = []
     if truth is not None:

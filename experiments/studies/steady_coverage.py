@@ -12,7 +12,7 @@ import numpy as np
 from experiments.checks import Check
 from experiments.driving.grid_runs import cells_of, drive_grid
 from experiments.driving.world import World
-from experiments.report.laws import SYMBOLS
+from experiments.report.laws import symbol
 from experiments.report.table import Table
 from experiments.studies.trials import Outcome, Study, Trial, Values, plausible_shares, run_trials, share_interval
 from sim.scanner.scanner import LaserScanner
@@ -73,7 +73,7 @@ def steady_coverage(config: Config, world: World, run: Run) -> Study:
         *_checks("grids, noise alone", noise, config.run_repeats, 0.94, 0.96),
         *_checks("grids, 95 % interval", whole, config.run_repeats, 0.95, 1.0),
     ]
-    bias = " and ".join(f"{SYMBOLS[key]} by {value:+.6f}" for key, value in lean.items())
+    bias = " and ".join(f"{symbol(key)} by {value:+.6f}" for key, value in lean.items())
     shown: list[Table | str] = [
         _law_table(values, known, unknown, config.repeats),
         _run_table(noise, whole, config.run_repeats),
@@ -98,15 +98,15 @@ def _law_table(
     rows = []
     for law, drawn in values.items():
         for k, (name, value) in enumerate(drawn.items()):
-            symbol = f"{SYMBOLS[name]} [{FAMILIES[law].parameters[name].unit or '-'}]"
+            letter = f"{symbol(name)} [{FAMILIES[law].parameters[name].unit or '-'}]"
             both = (_share(shares[law][name], repeats) for shares in (known, unknown))
-            rows.append((law if k == 0 else "", symbol, f"{value:+.4f}", *both))
+            rows.append((law if k == 0 else "", letter, f"{value:+.4f}", *both))
     title = f"Share of {repeats} repeats whose 95 % interval covers the parameter"
     return Table(title, ("law", "parameter", "drawn from", "errors known", "errors unknown"), rows, "lr")
 
 
 def _run_table(noise: Values, whole: Values, repeats: int) -> Table:
-    rows = [(SYMBOLS[name], *(_share(one[name], repeats) for one in (noise, whole))) for name in noise]
+    rows = [(symbol(name), *(_share(one[name], repeats) for one in (noise, whole))) for name in noise]
     title = f"Share of {repeats} grids whose {RUN_LAW} interval covers the value fitted to the true motion"
     return Table(title, ("parameter", "noise alone", "95 % interval"), rows)
 

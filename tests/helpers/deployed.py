@@ -25,8 +25,6 @@ VALUES = {
         **{"alpha_outer": 0.0815, "beta_outer": -0.892, "alpha_inner": -0.183, "beta_inner": -0.854},
         **{"gamma_outer": 0.1, "gamma_inner": -0.2},
     },
-    "power": {"alpha_outer": 0.33, "beta_outer": -1.247, "alpha_inner": -0.794, "beta_inner": -1.251},
-    "hyperbola": {"size": 0.0421, "pole": 0.288},
 }
 """Parameters of a law of each family that has any."""
 

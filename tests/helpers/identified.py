@@ -50,7 +50,7 @@ def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determine
         },
         best=best,
         criterion="left-out radii" if determined else "scatter",
-        warnings=("law power: the samples don't determine beta_outer",),
+        warnings=("law exponential_speed: the samples don't determine gamma_outer",),
     )
     outliers = tuple(Refused(*outlier) for outlier in outliers)
     warnings = (*map(str, outliers), *comparison.warnings)

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trackslip.deploy.c_header import c_text
-from trackslip.deploy.expressible import best_expressible, instead_of
+from trackslip.deploy.expressible import best_expressible, instead_of, nearest
 from trackslip.deploy.json_text import json_text
 from trackslip.deploy.python_file import python_text
 from trackslip.deploy.ros2_control import ros2_control_text
 from trackslip.errors import InvalidValueError, TrackslipError
-from trackslip.slip.icr_load import IcrLoad
+from trackslip.slip.families import FAMILIES
 from trackslip.slip.stored_laws import SHIPPED, StoredLaws, read_stored, stored_laws
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ TARGETS: dict[str, Callable[[StoredLaws, str], str]] = {
 }
 """What laws can be deployed to: the text of a file, from laws and the name of one of them."""
 
-_WITHOUT_LOAD = ("c", "python")  # whose functions take speeds alone
+_PROGRAMS = ("c", "python")
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,9 @@ def deployed(source: str | Path | Identification, to: str, law: str | None = Non
         raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
     stored, limited = _stored(source), to == "ros2_control"
     name = stored.law_named(best_expressible(stored) if law is None and limited else law)
-    chosen = stored.laws[name]
-    if isinstance(chosen, IcrLoad) and to in _WITHOUT_LOAD:
-        cost = f"the same without load, off by {abs(chosen.compliance):.1%} of the speed per traction over load of 1"
-        raise TrackslipError(f"law = {name!r}: {to} has no input for the load; nearest is icr_radius: {cost}")
+    if to in _PROGRAMS and to not in FAMILIES[name].targets:
+        why = "has no input for the load" if FAMILIES[name].loaded else "can express constant ICRs and the exponential"
+        raise TrackslipError(f"law = {name!r}: {to} {why}; {nearest(stored, name)}")
     text = TARGETS[to](stored, name)
     return Deployed(name, text, instead_of(stored, name) if limited else "")
 

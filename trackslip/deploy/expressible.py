@@ -6,15 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackslip.deploy.constants import icrs, is_linear
 from trackslip.deploy.prediction import best_of, measured_cost
 from trackslip.errors import LogError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.metrics import rms
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.constant import NoSlip
-from trackslip.slip.icr import ConstantIcr, IcrSides
+from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.stored_laws import NO_SLIP, StoredLaws
-from trackslip.slip.turn_loss import TurnLoss
 
 _RADII = (3.0, 20.0)  # of the turns in which laws are compared where no prediction was measured [half gauges]
 _SPEED = 0.2  # in them [m/s]
@@ -34,22 +33,14 @@ class DifferentialDrive:
     """How far the point midway between the ICRs lies to the left of the middle of the tracks [m]."""
 
 
-def differential_drive(law: SlipLaw, geometry: RobotGeometry) -> DifferentialDrive | None:
-    """The parameters by which a differential drive moves as a law says; None if there are none.
+def differential_drive(stored: StoredLaws, name: str) -> DifferentialDrive:
+    """The parameters by which a differential drive moves as a linear law says.
 
     Where the D of the tracks differ, it is the point midway between the ICRs that moves so.
     """
-    b = geometry.half_gauge
-    if isinstance(law, NoSlip):
-        return DifferentialDrive(1.0, 1.0, 1.0, 0.0)
-    if isinstance(law, IcrSides):
-        left, right = law.offset_left, law.offset_right
-        radii = 1 + law.radius_error_left, 1 + law.radius_error_right
-        return DifferentialDrive((b + (left + right) / 2) / b, *radii, (left - right) / 2)
-    if isinstance(law, ConstantIcr) or (isinstance(law, TurnLoss) and law.turn_loss == 0):
-        scale = 1 + law.radius_error
-        return DifferentialDrive((b + law.offset) / b, scale, scale, 0.0)
-    return None
+    (left, right), (error_left, error_right) = icrs(stored.values(name))
+    b = stored.geometry.half_gauge
+    return DifferentialDrive((b + (left + right) / 2) / b, 1 + error_left, 1 + error_right, (left - right) / 2)
 
 
 def require_expressible(stored: StoredLaws, name: str) -> DifferentialDrive:
@@ -57,10 +48,9 @@ def require_expressible(stored: StoredLaws, name: str) -> DifferentialDrive:
 
     Raises TrackslipError for a law that has none; the message names the nearest one that has, and what it costs.
     """
-    found = differential_drive(stored.laws[name], stored.geometry)
-    if found is None:
-        raise TrackslipError(f"law = {name!r}: ros2_control can only express constant ICRs; {_nearest(stored, name)}")
-    return found
+    if not is_linear(name):
+        raise TrackslipError(f"law = {name!r}: ros2_control can only express constant ICRs; {nearest(stored, name)}")
+    return differential_drive(stored, name)
 
 
 def nearest_icr(law: SlipLaw, geometry: RobotGeometry) -> ConstantIcr:
@@ -77,7 +67,7 @@ def best_expressible(stored: StoredLaws) -> str:
     """The best law if a differential drive can express it, else the nearest one that it can, if there is one."""
     best = stored.law_named(None)
     able = _able(stored)
-    return best if not able or differential_drive(stored.laws[best], stored.geometry) else best_of(stored, able)
+    return best if not able or is_linear(best) else best_of(stored, able)
 
 
 def instead_of(stored: StoredLaws, name: str) -> str:
@@ -86,16 +76,17 @@ def instead_of(stored: StoredLaws, name: str) -> str:
         best = stored.law_named(None)
     except LogError:
         return ""
-    if differential_drive(stored.laws[best], stored.geometry) is not None:
+    if is_linear(best):
         return ""
     return f"The best law is {best}, which ros2_control can't express. Instead, {name}: {_cost(stored, best, name)}"
 
 
-def _nearest(stored: StoredLaws, name: str) -> str:
+def nearest(stored: StoredLaws, name: str) -> str:
+    """The law nearest to another one that a differential drive can express, and what it costs, in words."""
     law, geometry = stored.laws[name], stored.geometry
     if able := _able(stored):
-        nearest = best_of(stored, able)
-        return f"nearest in {stored.name} is {nearest} (--law {nearest}): {_cost(stored, name, nearest)}"
+        other = best_of(stored, able)
+        return f"nearest in {stored.name} is {other} (--law {other}): {_cost(stored, name, other)}"
     icr = nearest_icr(law, geometry)
     return (
         f"{stored.name} holds none; nearest would be icr_radius with offset = {icr.offset:.4g} m and radius_error = "
@@ -105,8 +96,7 @@ def _nearest(stored: StoredLaws, name: str) -> str:
 
 def _able(stored: StoredLaws) -> list[str]:
     """The identified laws that can be expressed."""
-    laws = stored.laws.items()
-    return [name for name, law in laws if name != NO_SLIP and differential_drive(law, stored.geometry) is not None]
+    return [name for name in stored.laws if name != NO_SLIP and is_linear(name)]
 
 
 def _cost(stored: StoredLaws, law: str, nearest: str) -> str:

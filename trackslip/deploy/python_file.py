@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from trackslip.deploy.constants import LINEAR, constants_of
+from trackslip.deploy.constants import constants_of, is_linear
 from trackslip.deploy.facts import commented, fact_lines
-from trackslip.deploy.python_laws import (
-    CONSTANT_TWIST,
-    CURVATURE,
-    DIVIDED,
-    ICR,
-    SLIPS,
-    SPROCKET_SPEEDS,
-    TURN_LOSS,
-    TWIST,
-)
+from trackslip.deploy.python_laws import EXPONENTIAL, ICR, TURN_LOSS
 from trackslip.slip.stored_laws import StoredLaws
+
+_FUNCTIONS = {"exponential": EXPONENTIAL, "turn_loss": TURN_LOSS}  # of laws without constant ICRs
 
 
 def python_text(stored: StoredLaws, law: str) -> str:
@@ -22,13 +15,7 @@ def python_text(stored: StoredLaws, law: str) -> str:
     constants = "".join(
         f"{name.upper()} = {value!r}  # {about}\n" for name, (value, about) in constants_of(stored, law).items()
     )
-    if law in SLIPS and law != "constant":
+    if law == "exponential":
         constants += f"ITERATIONS = {stored.laws[law].twist_iterations}\n"
-    needed = "" if law in LINEAR else "import math\n\n"
-    return f"{commented(fact_lines(stored, law), '#')}\n{needed}{constants}\n\n{_functions(law)}"
-
-
-def _functions(law: str) -> str:
-    if law in SLIPS:
-        return SPROCKET_SPEEDS + (CONSTANT_TWIST if law == "constant" else TWIST) + SLIPS[law] + CURVATURE + DIVIDED
-    return TURN_LOSS if law == "turn_loss" else ICR
+    needed = "" if is_linear(law) else "import math\n\n"
+    return f"{commented(fact_lines(stored, law), '#')}\n{needed}{constants}\n\n{_FUNCTIONS.get(law, ICR)}"

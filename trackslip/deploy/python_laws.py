@@ -55,7 +55,7 @@ def _sine(difference, mean):
     return difference / (math.hypot(difference, mean) or 1.0)
 '''
 
-SPROCKET_SPEEDS = '''\
+EXPONENTIAL = '''\
 def sprocket_speeds(v, w):
     """Sprocket speeds (left, right) [rad/s] that produce the twist v [m/s], w [rad/s]."""
     left, right = _slips(v, w)
@@ -65,40 +65,6 @@ def sprocket_speeds(v, w):
     )
 
 
-'''
-
-CONSTANT_TWIST = '''\
-def body_twist(omega_left, omega_right):
-    """The twist (v, w) [m/s, rad/s] that sprocket speeds [rad/s] produce.
-
-    Where neither a left nor a right turn has these sprocket speeds, the robot goes straight or turns in place, with
-    slips in between.
-    """
-    belt_left, belt_right = SPROCKET_RADIUS * omega_left, SPROCKET_RADIUS * omega_right
-    inner, outer = 1.0 - SLIP_INNER, 1.0 - SLIP_OUTER
-    if_left = _outwards(belt_left * inner, belt_right * outer)
-    if_right = _outwards(belt_left * outer, belt_right * inner)
-    if if_left > 0.0 and (not if_right < 0.0 or _outwards(belt_left, belt_right) > 0.0):
-        left, right = belt_left * inner, belt_right * outer
-    elif if_right < 0.0:
-        left, right = belt_left * outer, belt_right * inner
-    else:
-        product = belt_left * belt_right
-        side = -1.0 if product < 0.0 else 1.0
-        both = belt_left + side * belt_right
-        right = (inner + outer) * product / both if both != 0.0 else 0.0
-        left = side * right
-    return (right + left) / 2.0, (right - left) / (2.0 * HALF_GAUGE)
-
-
-def _outwards(left, right):
-    """Positive for track speeds of a left turn, negative for those of a right one."""
-    return right if left + right == 0.0 else abs(right) - abs(left)
-
-
-'''
-
-TWIST = '''\
 def body_twist(omega_left, omega_right):
     """The twist (v, w) [m/s, rad/s] that sprocket speeds [rad/s] produce.
 
@@ -145,33 +111,14 @@ def _quotient(some, other):
     return ratio if ratio != 0.0 and math.isfinite(ratio.real) and math.isfinite(ratio.imag) else 1.0 + 0.0j
 
 
-'''
-
-DIVIDED = '''\
-def _divided(some, other):
-    """some / other, infinite or NaN where other is 0."""
-    if other != 0.0:
-        return some / other
-    return math.nan if some == 0.0 or math.isnan(some) else math.copysign(math.inf, some) * math.copysign(1.0, other)
-'''
-
-_SLIPS = '''\
 def _slips(v, w):
     """Slips of the tracks (left, right) at the twist (v, w)."""
     kappa = _curvature(v, w)
-'''
-
-CURVATURE = '''\
-def _curvature(v, w):
-    """Curvature of the path; signed infinity when turning in place, 0 at rest."""
-    if v == 0.0:
-        return 0.0 if w == 0.0 else math.copysign(math.inf, w)
-    return w / v
+    radius = _divided(1.0, abs(kappa))
+    inner, outer = ALPHA_INNER * math.exp(BETA_INNER * radius), ALPHA_OUTER * math.exp(BETA_OUTER * radius)
+    return _by_side(kappa, inner, outer)
 
 
-'''
-
-BY_SIDE = '''\
 def _by_side(kappa, inner, outer):
     """Slips of (left, right) from those of the inner and outer track; their mean on a straight path."""
     side = (kappa > 0.0) - (kappa < 0.0)
@@ -179,57 +126,16 @@ def _by_side(kappa, inner, outer):
     return mean + side * half, mean - side * half
 
 
+def _curvature(v, w):
+    """Curvature of the path; signed infinity when turning in place, 0 at rest."""
+    if v == 0.0:
+        return 0.0 if w == 0.0 else math.copysign(math.inf, w)
+    return w / v
+
+
+def _divided(some, other):
+    """some / other, infinite or NaN where other is 0."""
+    if other != 0.0:
+        return some / other
+    return math.nan if some == 0.0 or math.isnan(some) else math.copysign(math.inf, some) * math.copysign(1.0, other)
 '''
-
-_RADIUS = """\
-    radius = _divided(1.0, abs(kappa))
-"""
-
-SLIPS = {
-    "constant": _SLIPS
-    + """\
-    return _by_side(kappa, SLIP_INNER, SLIP_OUTER)
-
-
-"""
-    + BY_SIDE,
-    "exponential": _SLIPS
-    + _RADIUS
-    + """\
-    inner, outer = ALPHA_INNER * math.exp(BETA_INNER * radius), ALPHA_OUTER * math.exp(BETA_OUTER * radius)
-    return _by_side(kappa, inner, outer)
-
-
-"""
-    + BY_SIDE,
-    "exponential_speed": _SLIPS
-    + _RADIUS
-    + """\
-    inner = (ALPHA_INNER + GAMMA_INNER * abs(v)) * math.exp(BETA_INNER * radius)
-    outer = (ALPHA_OUTER + GAMMA_OUTER * abs(v)) * math.exp(BETA_OUTER * radius)
-    return _by_side(kappa, inner, outer)
-
-
-"""
-    + BY_SIDE,
-    "power": _SLIPS
-    + _RADIUS
-    + """\
-    base = 1.0 + radius / HALF_GAUGE
-    return _by_side(kappa, ALPHA_INNER * base**BETA_INNER, ALPHA_OUTER * base**BETA_OUTER)
-
-
-"""
-    + BY_SIDE,
-    "hyperbola": _SLIPS
-    + """\
-    along, turning = math.cos(math.atan(kappa)), math.sin(math.atan(kappa))
-    return (
-        _divided(-SIZE * turning, along - POLE * turning),
-        _divided(SIZE * turning, along + POLE * turning),
-    )
-
-
-""",
-}
-"""Python of the function from twist to slip, by law."""

@@ -54,7 +54,7 @@ def identify(
         estimate_sensor: whether to estimate them from steady stretches; by default where the driving determines them.
         gear: turns of the encoder per turn of the sprocket, if omega is the speed of the encoder [-].
         settle: time after the sprockets have become steady that is left out of each run [s].
-        motion: how a steady run becomes a twist: paper, butterworth, arc or bundle; by default the most accurate method
+        motion: how a steady run becomes a twist: paper, arc or bundle; by default the most accurate method
             that each run allows.
         bag: which topics of a bag are encoders and poses; needed if the bag leaves a doubt.
 

@@ -24,7 +24,7 @@ _ROUNDS = 15
 _SETTLED = 1e-3  # change of weights at convergence
 _ROUGHLY = 1e-6  # tolerance of the fits
 _TUKEY = 4.685  # cutoff of the biweight [robust standard deviations]
-_LAWS = ("exponential", "hyperbola", "power", "icr_radius", "turn_loss", "icr_sides")
+_LAWS = ("exponential", "icr_radius", "turn_loss", "icr_sides")
 
 _LOADED = ("icr_load",)  # for runs under known loads
 

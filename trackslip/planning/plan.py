@@ -34,8 +34,6 @@ PAPER_DURATION = 30.0
 """Of each of the paper's runs [s]."""
 _EVALUATIONS = 1000  # of tours
 _FEWEST = 200
-_BY_TABLE = ("exponential", "power")
-_TABLES = 2  # times as long as others take
 _LONG = 120.0  # duration beyond which fewer tours are tried [s]
 _POSES = 1200  # that a search reckons with; of more, a part, as good as all
 _THINNED = (2.0, 10.0)  # fewest and most of them per second [Hz]
@@ -145,7 +143,7 @@ def plan_drive(
         fits = True
         return largest(expectation_of(found, quality, rate_of(quality)), sizes)
 
-    tour, least = best_tour(cost, evaluations(limits, law), np.random.default_rng(seed))
+    tour, least = best_tour(cost, evaluations(limits), np.random.default_rng(seed))
     found = drawn(tour, limits, knowledge)
     if found is None or not np.isfinite(least):
         if not fits:
@@ -167,10 +165,9 @@ def plan_drive(
     )
 
 
-def evaluations(limits: DriveLimits, law: str) -> int:
-    """Number of drives that a search tries; fewer of long ones, and where a law's twists come from tables."""
-    most = _EVALUATIONS // (_TABLES if law in _BY_TABLE else 1)
-    return int(np.clip(most * _LONG / limits.duration, min(_FEWEST, most), most))
+def evaluations(limits: DriveLimits) -> int:
+    """Number of drives that a search tries; fewer of long ones."""
+    return int(np.clip(_EVALUATIONS * _LONG / limits.duration, _FEWEST, _EVALUATIONS))
 
 
 def largest(expectation: Expectation, sizes: dict[str, float]) -> float:

@@ -22,6 +22,8 @@ _SLOPES = (0.2, 5.0)  # of the commanded direction over the real one, to which a
 class SlipLaw(ABC):
     """Maps curvature (...) [1/m] to the slip (..., 2) of the left and right track [-]."""
 
+    records_icr: ClassVar[bool] = False
+    """Whether logs of runs that it compensates have its ICRs: `offset` and `radius_error`."""
     twist_iterations: ClassVar[int] = 12
     """Largest number of iterations of `twist`; where a law jumps, some sprocket speeds take all of them."""
 

@@ -1,6 +1,6 @@
-"""The families of slip laws that can be fitted: free parameters, limits and starting values.
+"""The slip laws that can be fitted, an entry each: parameters, limits, symbols, looks, and what can express them.
 
-To add a family, write a law in `trackslip.slip` and an entry here.
+To add a law, write it in `trackslip.slip` and an entry here; `examples/own_slip_law.py` does both in a file of its own.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import Exponential, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
 from trackslip.slip.icr_load import MAX_COMPLIANCE, IcrLoad
-from trackslip.slip.power import Hyperbola, Power
 from trackslip.slip.turn_loss import TurnLoss
 
 
@@ -36,6 +35,24 @@ class Parameter:
     """Size of a significant change."""
     unit: str
     """Unit as printed; empty for a pure number. For lengths (m) the values above are in half gauges."""
+    symbol: str = ""
+    """Its letter in formulas, without the track; by default its name is printed."""
+    meaning: str = ""
+    """What the letter stands for, in reports."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How reports show a slip law, or a compensation by one."""
+
+    label: str
+    """Its name in tables and legends."""
+    colour: str = "#009E73"
+    """Of its lines: a contrast of at least 3 : 1 on a light page, and on a dark one where pages invert figures."""
+    dashes: Any = "-"
+    """Its line style in matplotlib; no two are the same, so that lines are told apart without colour."""
+    formula: tuple[str, ...] = ("-",)
+    """Lines."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +65,10 @@ class LawFamily:
     """Free parameters by name, in the order of their values in arrays."""
     build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
     """Builds a law from values of the parameters: numbers, or arrays of one shape."""
+    look: Look
+    """How reports show it."""
+    targets: tuple[str, ...] = ("json",)
+    """What it can be deployed to, of `trackslip.deploy.TARGETS`."""
     loaded: bool = False
     """Whether slip depends on the traction per unit load, which runs then have to tell."""
 
@@ -92,57 +113,132 @@ def _build(kind: Callable[..., SlipLaw], gauge: bool = False) -> Callable[[Mappi
     return lambda p, geometry: kind(**p, half_gauge=geometry.half_gauge) if gauge else kind(**p)
 
 
-_SLIP_OUTER = Parameter((0.05,), -2.0, 0.99, 0.1, "")
-_SLIP_INNER = Parameter((-0.1,), -20.0, 0.99, 0.1, "")
-_DECAY = Parameter((-0.5, -2.0, -6.0), -50.0, -1e-3, 1.0, "1/m")
-_EXPONENT = Parameter((-1.0, -0.3, -3.0), -50.0, -1e-3, 1.0, "")
-_GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m")
-_OFFSET = Parameter((0.3, 0.0, 2.0), -0.99, 50.0, 0.3, "m")
-_RADIUS_ERROR = Parameter((0.0,), -0.5, 0.5, 0.01, "")
-_COMPLIANCE = Parameter((0.05,), 0.0, MAX_COMPLIANCE, 0.05, "")
-_TURN_COMPLIANCE = Parameter((1.0,), 0.0, 20.0, 0.3, "m")
-_TURN_LOSS = Parameter((0.0, 0.5), -1.0, 0.99, 0.1, "")
+_START, _DECAYS = "slip at zero radius", "its decay with radius"
+_SLIP_OUTER = Parameter((0.05,), -2.0, 0.99, 0.1, "", "i", "slip of a track")
+_SLIP_INNER = Parameter((-0.1,), -20.0, 0.99, 0.1, "", "i", "slip of a track")
+_ALPHA_OUTER, _ALPHA_INNER = (replace(one, symbol="α", meaning=_START) for one in (_SLIP_OUTER, _SLIP_INNER))
+_DECAY = Parameter((-0.5, -2.0, -6.0), -50.0, -1e-3, 1.0, "1/m", "β", _DECAYS)
+_GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m", "γ", "its growth with speed")
+_OFFSET = Parameter(
+    (0.3, 0.0, 2.0), -0.99, 50.0, 0.3, "m", "D",
+    "distance from a track's centre line outwards to its instantaneous centre of rotation (ICR)",
+)  # fmt: skip
+_RADIUS_ERROR = Parameter(
+    (0.0,), -0.5, 0.5, 0.01, "", "ε", "relative excess of the sprockets' effective radius over the nominal one"
+)
+_COMPLIANCE = Parameter((0.05,), 0.0, MAX_COMPLIANCE, 0.05, "", "C", "slip per traction over load, ahead")
+_TURN_COMPLIANCE = Parameter((1.0,), 0.0, 20.0, 0.3, "m", "S", "slip per traction over load, in turning")
+_TURN_LOSS = Parameter(
+    (0.0, 0.5), -1.0, 0.99, 0.1, "", "g",
+    "share of the belts' mean speed that a turn costs, the more the sharper it is",
+)  # fmt: skip
 
 _CONSTANT = {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER}
-_EXPONENTIAL = {"alpha_outer": _SLIP_OUTER, "beta_outer": _DECAY, "alpha_inner": _SLIP_INNER, "beta_inner": _DECAY}
+_EXPONENTIAL = {"alpha_outer": _ALPHA_OUTER, "beta_outer": _DECAY, "alpha_inner": _ALPHA_INNER, "beta_inner": _DECAY}
 _SPEED = _EXPONENTIAL | {"gamma_outer": _GROWTH, "gamma_inner": _GROWTH}
-_POWER = _EXPONENTIAL | {"beta_outer": _EXPONENT, "beta_inner": _EXPONENT}
-_HYPERBOLA = {
-    "size": Parameter((0.3, 0.05, 1.0), -20.0, 50.0, 0.3, "m"),
-    "pole": Parameter((1.3, 0.5, 2.0), 0.0, 50.0, 0.3, "m"),
-}
 _RADIUS = {"offset": _OFFSET, "radius_error": _RADIUS_ERROR}
 _LOSS = _RADIUS | {"turn_loss": _TURN_LOSS}
 _LOAD = _RADIUS | {"compliance": _COMPLIANCE, "turn_compliance": _TURN_COMPLIANCE}
 _SIDES = {f"{name}_{side}": parameter for name, parameter in _RADIUS.items() for side in ("left", "right")}
+_PROGRAMS = ("json", "c", "python")
+_EVERYTHING = ("ros2_control", *_PROGRAMS)
 
 FAMILIES: dict[str, LawFamily] = {
-    "none": LawFamily("no slip", {}, _build(NoSlip)),
-    "constant": LawFamily("the same slip at every radius", _CONSTANT, _build(Constant)),
-    "exponential": LawFamily("exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential)),
-    "exponential_speed": LawFamily("exponential in radius, with a term of speed", _SPEED, _build(ExponentialSpeed)),
-    "power": LawFamily("power of radius", _POWER, _build(Power, gauge=True)),
-    "hyperbola": LawFamily("hyperbola with a free pole", _HYPERBOLA, _build(Hyperbola)),
-    "icr": LawFamily("constant ICR", {"offset": _OFFSET}, _build(ConstantIcr, gauge=True)),
+    "none": LawFamily(
+        "no slip", {}, _build(NoSlip), Look("no slip assumed", "#C1272D", (0, (12, 1.5)), ("i = 0",)), _EVERYTHING
+    ),
+    "constant": LawFamily(
+        "the same slip at every radius",
+        _CONSTANT,
+        _build(Constant),
+        Look("constant slip", "#8a8a8a", (0, (6, 2)), ("i the same at every radius",)),
+    ),
+    "exponential": LawFamily(
+        "exponential in radius, the paper's",
+        _EXPONENTIAL,
+        _build(Exponential),
+        Look("exponential", "#CC79A7", "-.", ("i = α exp(β R)",)),
+        _PROGRAMS,
+    ),
+    "exponential_speed": LawFamily(
+        "exponential in radius, with a term of speed",
+        _SPEED,
+        _build(ExponentialSpeed),
+        Look("exponential with speed", "#C98200", (0, (6, 1.5, 1, 1.5, 1, 1.5)), ("i = (α + γ v) exp(β R)",)),
+    ),
+    "icr": LawFamily(
+        "constant ICR",
+        {"offset": _OFFSET},
+        _build(ConstantIcr, gauge=True),
+        Look("constant ICR", "#3A93C9", (0, (2, 1)), ("outer: D / (R + b + D)", "inner: −D / (R − b − D)")),
+        _EVERYTHING,
+    ),
     "icr_radius": LawFamily(
-        "constant ICR, with an error of the effective sprocket radius", _RADIUS, _build(ConstantIcr, gauge=True)
+        "constant ICR, with an error of the effective sprocket radius",
+        _RADIUS,
+        _build(ConstantIcr, gauge=True),
+        Look(
+            "constant ICR with ε",
+            "#0072B2",
+            "-",
+            ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
+        ),
+        _EVERYTHING,
     ),
-    "turn_loss": LawFamily("constant ICR, with a loss of speed in turns", _LOSS, _build(TurnLoss, gauge=True)),
+    "turn_loss": LawFamily(
+        "constant ICR, with a loss of speed in turns",
+        _LOSS,
+        _build(TurnLoss, gauge=True),
+        Look(
+            "constant ICR with turn loss",
+            "#A63D6F",
+            (0, (8, 2, 2, 2)),
+            ("w as above, v = s (1 − g sin²θ)", "s: the belts' mean speed, tan θ = (b + D) w / s"),
+        ),
+        _PROGRAMS,
+    ),
     "icr_load": LawFamily(
-        "constant ICR, with slip in proportion to the traction", _LOAD, _build(IcrLoad, gauge=True), loaded=True
+        "constant ICR, with slip in proportion to the traction",
+        _LOAD,
+        _build(IcrLoad, gauge=True),
+        Look(
+            "constant ICR with slip under load",
+            "#2B7A78",
+            (0, (10, 2, 2, 2, 2, 2)),
+            ("as icr_radius, with v + t √((C v)² + (S w)²) for v", "t: traction over load"),
+        ),
+        loaded=True,
     ),
-    "icr_sides": LawFamily("constant ICR, left and right different", _SIDES, _build(IcrSides, gauge=True)),
+    "icr_sides": LawFamily(
+        "constant ICR, left and right different",
+        _SIDES,
+        _build(IcrSides, gauge=True),
+        Look(
+            "constant ICR, two-sided",
+            "#6A3D9A",
+            (0, (2, 2.5)),
+            ("as icr_radius, with D and ε", "of the left and the right track"),
+        ),
+        _EVERYTHING,
+    ),
 }
 """Families by name, simple ones first."""
 TWO_SIDED = ("icr_sides",)
 """Families that need turns to both sides."""
+RETIRED = ("power", "hyperbola")
+"""Families of trackslip 0.1; constant ICRs say what they said."""
 
 
 def family(name: str) -> LawFamily:
     """The family called `name`; raises InvalidValueError if there is none."""
     if name not in FAMILIES:
-        raise InvalidValueError("law", name, f"one of {', '.join(FAMILIES)}")
+        raise InvalidValueError("law", name, f"one of {', '.join(FAMILIES)}{retired_note(name)}")
     return FAMILIES[name]
+
+
+def retired_note(name: str) -> str:
+    """The end of a message about a law that there is no longer; empty for other names."""
+    return f"; {name} was retired in trackslip 0.2: see icr_radius" if name in RETIRED else ""
 
 
 def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> SlipLaw:

@@ -77,6 +77,7 @@ class ConstantIcr(_Icr):
     """b: half the distance between the tracks' centre lines [m]."""
     radius_error: float = 0.0
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
+    records_icr: ClassVar[bool] = True
 
     @cached_property
     def _tracks(self) -> tuple[Array, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +45,7 @@ class IcrLoad(SlipLaw):
     """S: speed lost per yaw rate and traction over load [m]."""
     load: Array | tuple[float, float] = (0.0, 0.0)
     """(t, t_left): traction that the robot needs over the load on its tracks, uphill; one, or one per motion [-]."""
+    records_icr: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")

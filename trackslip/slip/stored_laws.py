@@ -15,7 +15,7 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.logs.file_format import MANIFEST, require_known_format, require_known_manifest
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
-from trackslip.slip.families import FAMILIES, law_from_values
+from trackslip.slip.families import FAMILIES, RETIRED, law_from_values, retired_note
 from trackslip.slip.nested import entry, number
 
 NO_SLIP = "none"
@@ -55,11 +55,15 @@ class StoredLaws:
         """
         if name is not None:
             if name not in self.laws:
-                raise InvalidValueError("law", name, f"one of {', '.join(self.laws)} (in {self.name})")
+                raise InvalidValueError(
+                    "law", name, f"one of {', '.join(self.laws)} (in {self.name}){retired_note(name)}"
+                )
             return name
         best = self.content.get("best")
         if isinstance(best, str) and best in self.laws:
             return best
+        if best in RETIRED:
+            raise LogError(f"{self.name}: its best law is {best}: choose another{retired_note(best)}")
         identified = [name for name in self.laws if name != NO_SLIP]
         errors = {name: number(self.content, "slip_laws", name, "rms") for name in identified}
         known = {name: error for name, error in errors.items() if error is not None}
@@ -115,7 +119,7 @@ def stored_laws(
 ) -> StoredLaws:
     """The laws in the content of such a file, called `name` in messages; raises LogError as `read_stored` does."""
     geometry, laws = parse_laws(content, name)
-    if not laws and content.get("best") != NO_SLIP:
+    if not laws and content.get("best") not in (NO_SLIP, *RETIRED):
         raise LogError(f"{name}: no slip laws in it")
     stored = StoredLaws(name, geometry, {NO_SLIP: NoSlip(), **laws}, content, manifest or {})
     if robot is not None:

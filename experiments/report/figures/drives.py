@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from experiments.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.figures import style
 from experiments.report.figures.laws import draw_matrix
-from experiments.report.laws import SYMBOLS, prediction_title
+from experiments.report.laws import prediction_title, symbol
 from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.drive.estimate import DriveFit
 from trackslip.identification.drive.fit import Fit
@@ -183,7 +183,7 @@ def clock_offset(found: DriveComparison) -> Figure:
 def drive_correlations(law: DriveFit) -> Figure:
     """Correlation matrix of all parameters fitted."""
     figure, axes = style.subplots(1.2 + 0.38 * len(law.free))
-    draw_matrix(axes, law.correlation, [SYMBOLS[name] for name in law.free], prediction_title(law.name))
+    draw_matrix(axes, law.correlation, [symbol(name) for name in law.free], prediction_title(law.name))
     return figure
 
 

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from experiments.measuring.steady_turns import TRACKS, InnerOuterSamples, repeated
 from experiments.report.figures import style
 from experiments.report.figures.steady_runs import BARS, bar_factor, bar_key, curve_radii, show_radii, with_bars
-from experiments.report.laws import SYMBOLS, shown
+from experiments.report.laws import shown, symbol
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array
@@ -37,7 +37,7 @@ def shown_laws(comparison: Comparison) -> dict[str, SlipLaw]:
 
 
 def _title(name: str, comparison: Comparison) -> str:
-    return shown(name).title + (" – best" if name == comparison.best else "")
+    return shown(name).label + (" – best" if name == comparison.best else "")
 
 
 @style.styled
@@ -117,7 +117,7 @@ def residual_band(runs: InnerOuterSamples, comparison: Comparison) -> tuple[floa
 def criteria(comparison: Comparison) -> Figure:
     """AICc above the smallest, and errors of predicting left-out radii and speeds; one row per law, the best on top."""
     names = comparison.ranking
-    titles = [shown(name).title for name in names]
+    titles = [shown(name).label for name in names]
     figure, axes = style.subplots(
         0.95 + 0.27 * len(names), 1, 4, left=style.margin_for(titles), across=0.45, sharey=True
     )
@@ -171,7 +171,7 @@ def correlations(laws: Sequence[FittedLaw]) -> Figure:
     figure, axes = style.subplots(3.7, 1, 2)
     axes[1].set_visible(len(laws) > 1)
     for axis, law in zip(axes, laws, strict=False):
-        draw_matrix(axis, law.correlation, [SYMBOLS.get(name, name) for name in law.values], shown(law.name).title)
+        draw_matrix(axis, law.correlation, [symbol(name) for name in law.values], shown(law.name).label)
     return figure
 
 

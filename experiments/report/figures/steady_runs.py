@@ -17,7 +17,7 @@ from trackslip import se2
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.filtered import butterworth_motion
+from trackslip.motion.filtered import paper_motion
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
 
@@ -48,7 +48,7 @@ def typical_run(logs: Sequence[RunLog], radius: float = 1.5, speed: float = 0.15
 @style.styled
 def pose_and_velocity(log: RunLog) -> Figure:
     """Fig. 4: pose of one run over time and its smoothed derivatives, in the world frame."""
-    motion = butterworth_motion(log)
+    motion = paper_motion(log)
     v, w, phi = *motion.twist.T, motion.pose[:, 2]
     lines: list[tuple[Array, dict[str, Any]]] = []  # positions, heading and their derivatives (T, 6), and their look
     if log.truth is not None:

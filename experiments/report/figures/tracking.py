@@ -11,7 +11,7 @@ from matplotlib.patches import Arc
 from experiments.driving.paper_model import geometry_of
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE
 from experiments.report.figures import style
-from experiments.report.laws import LAWS, shown
+from experiments.report.laws import law_looks, shown
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array, curvature, track_slip
 from trackslip.logs.runlog import RunLog
@@ -35,12 +35,12 @@ _CROSS: dict[str, Any] = {"ls": "none", "marker": "x", "ms": 4.5}
 
 
 def runs_of(logs: Sequence[RunLog], controller: str) -> dict[str, RunLog]:
-    """Compensation -> the first run of `controller` with it on the paper's path, in the order of LAWS."""
+    """Compensation -> the first run of `controller` with it on the paper's path, in the order of `law_looks`."""
     found: dict[str, RunLog] = {}
     for log in logs:
         if log.metadata.get("controller") == controller and log.metadata.get("reference", "paper") == "paper":
             found.setdefault(str(log.metadata.get("compensation")), log)
-    return {name: found[name] for name in dict.fromkeys([*LAWS, *found]) if name in found}
+    return {name: found[name] for name in dict.fromkeys([*law_looks(), *found]) if name in found}
 
 
 def driven(log: RunLog) -> Array:
@@ -103,7 +103,7 @@ def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> Figure
     """Figs. 8 and 10: paths with each compensation, and distances over time; crosses: `published`, by equations."""
     reference = paper_reference()
     figure, ground, distance = draw_paths(
-        reference, {shown(n).title: (log, style.law_line(n)) for n, log in runs.items()}
+        reference, {shown(n).label: (log, style.law_line(n)) for n, log in runs.items()}
     )
     for name, log in runs.items():
         ground.plot(*driven(log)[-1, :2], "s", ms=4, color=shown(name).colour)
@@ -122,7 +122,7 @@ def _crosses(name: str) -> dict[str, Any]:
     """Keywords of the crosses that stand for the paper's equations with a compensation."""
     law, marker = shown(name), {"none": "x", "published": "+"}[name]
     look = _CROSS | {"marker": marker, "ms": 5.5, "mew": 1.1}
-    return look | {"color": law.colour, "label": f"{law.title}: by the paper's equations"}
+    return look | {"color": law.colour, "label": f"{law.label}: by the paper's equations"}
 
 
 @style.styled
@@ -131,7 +131,7 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str
     reference = paper_reference()
     chosen = [name for name in ("none", "published", "icr_radius") if name in runs] or list(runs)
     lines = [
-        (runs[name], style.thin(len(runs[name].time)), style.law_line(name, lw=1.2, label=shown(name).title))
+        (runs[name], style.thin(len(runs[name].time)), style.law_line(name, lw=1.2, label=shown(name).label))
         for name in chosen
     ]
     lines += [(log, slice(None, None, _EVERY), _crosses(name)) for name, log in published.items()]
@@ -182,7 +182,7 @@ def slip_during_tracking(
             if beside is not None:
                 crosses = _slip_by(known[name], beside)[::_EVERY, track]
                 axis.plot(beside.time[::_EVERY], crosses, color=colour, **_CROSS)
-        axis.set(ylim=_SLIP_RANGE, ylabel="slip i [–]", title=f"Compensated by: {shown(name).title}")
+        axis.set(ylim=_SLIP_RANGE, ylabel="slip i [–]", title=f"Compensated by: {shown(name).label}")
     axes[-1, 0].set(xlabel="time [s]", xlim=(0, paper_reference().duration))
     kinds = {"from the law": _LAW, "true": _TRUE, "by the paper's equations": _CROSS}
     handles = [

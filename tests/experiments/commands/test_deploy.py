@@ -72,7 +72,8 @@ def test_without_a_folder_it_is_the_shipped_law(capsys):
     ("options", "message"),
     [
         (("--law", "online"), "law = 'online': must be one of none, "),
-        (("--law", "power"), "law = 'power': ros2_control can only express constant ICRs; nearest in laws.json is icr"),
+        (("--law", "power"), "law = 'power': must be one of none, "),
+        (("--law", "exponential"), "ros2_control can only express constant ICRs; nearest in laws.json is icr"),
         ((), "laws.json: says nothing of which law is best: choose one of"),
         (("--law", "icr", "--overwrite"), "overwrite = True: must be left out without --out"),
         (("--law", "icr", "--out", "laws.json"), "laws.json: exists already; --overwrite replaces it"),

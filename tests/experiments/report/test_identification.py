@@ -96,7 +96,7 @@ def test_words_carry_the_numbers_of_the_data(found):
     words = text_of(found)
     assert f"at left-out speeds: constant ICR with ε: {found.comparison.laws[found.best].rms:.2g} |" in words
     assert words.count("it is 0.3 off") == 1  # not among the warnings as well
-    assert words.count("law power: the samples don't determine beta_outer.") == 1
+    assert words.count("law exponential_speed: the samples don't determine gamma_outer.") == 1
 
 
 def test_few_samples_have_no_criteria_bootstrap_or_test():

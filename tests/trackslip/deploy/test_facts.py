@@ -19,8 +19,8 @@ from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import Identification
 from trackslip.identification.samples import Sampling
+from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.law_file import load_laws
-from trackslip.slip.power import Power
 from trackslip.slip.stored_laws import read_stored
 
 NASTY = '*/ int x; /* ??/ \\ \n\r\x00 */ é # : - "\'\'\'""" %s {0} \u2028 tail\\'
@@ -40,7 +40,7 @@ DRIVE = {
         "none": {"10": {"heading_rms": np.radians(22.5), "position_rms": 0.325}},
         "icr_radius": {"10": {"heading_rms": np.radians(1.5), "position_rms": 0.065}},
     },
-    "warnings": [NASTY, "law power: left out", "the poses' stamps are 107 ± 2.6 ms late"],
+    "warnings": [NASTY, "law constant: left out", "the poses' stamps are 107 ± 2.6 ms late"],
 }
 
 
@@ -74,7 +74,7 @@ def test_the_comments_say_what_the_law_is_worth():
     assert "warning: sensor_yaw is held: given" in said
     assert "none shows" not in said
     assert "107 +/- 2.6 ms late" in said
-    assert "law power" not in said  # that is another law's
+    assert "law constant" not in said  # that is another law's
     assert all(line.isascii() and line.isprintable() for line in lines)
 
 
@@ -99,15 +99,16 @@ def test_origin_and_intervals_are_those_of_the_folder(tmp_path):
 
 @pytest.mark.usefixtures("few_resamples")
 def test_a_steady_identification_in_memory():
-    law = Power(0.33, -1.25, -0.79, -1.25, GEOMETRY.half_gauge)
-    found = identify_samples(Sampling(grid(law, radii=(0.63, 1.27, 2.53), speeds=(0.1, 0.2)), (), (), 1.0), GEOMETRY)
-    text = trackslip.deploy_law(found, "c", "power")
-    for name, value in vars(found.laws["power"]).items():
+    found = identify_samples(
+        Sampling(grid(PUBLISHED, radii=(0.63, 1.27, 2.53), speeds=(0.1, 0.2)), (), (), 1.0), GEOMETRY
+    )
+    text = trackslip.deploy_law(found, "c", "exponential")
+    for name, value in vars(found.laws["exponential"]).items():
         assert f"trackslip_{name} = {float(value)!r};" in text
-    low, high = found.intervals["power"]["alpha_outer"]
+    low, high = found.intervals["exponential"]["alpha_outer"]
     assert f"95 % interval {low:.6g} to {high:.6g}" in text
-    errors = {name: found.comparison.validation[name] for name in ("none", "power")}
-    before, after = (f"{float(f'{1e3 * errors[name].yaw_rate:.3g}'):g} mrad/s" for name in ("none", "power"))
+    errors = {name: found.comparison.validation[name] for name in ("none", "exponential")}
+    before, after = (f"{float(f'{1e3 * errors[name].yaw_rate:.3g}'):g} mrad/s" for name in ("none", "exponential"))
     assert f"at left-out radii: yaw rate {before} -> {after}" in text
 
 
@@ -129,8 +130,8 @@ def test_json_is_a_file_of_laws_to_the_last_bit(name, tmp_path):
 
 
 def test_the_best_law_is_the_default():
-    laws = stored(best="power")
-    assert laws.law_named(None) == "power"
+    laws = stored(best="exponential")
+    assert laws.law_named(None) == "exponential"
     assert laws.law_named("icr") == "icr"
     assert stored({"icr": VALUES["icr"]}).law_named(None) == "icr"
     assert "Slip law icr_radius" in deploy_law()  # that with the smallest error among the shipped

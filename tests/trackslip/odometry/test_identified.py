@@ -101,8 +101,8 @@ def test_what_is_wrong_is_told_in_a_line(found, folder, tmp_path):
     save_laws(tmp_path / "two.json", {"icr_radius": ICR, "icr": ConstantIcr(0.04, 0.168)}, GEOMETRY)
     other = RobotGeometry(0.2, 0.06)
     for source, name, robot, message in [
-        (folder, "power", None, "law = 'power': must be one of none, icr, icr_radius (in "),
-        (found, "power", None, "(in the identification)"),
+        (folder, "constant", None, "law = 'constant': must be one of none, icr, icr_radius (in "),
+        (found, "constant", None, "(in the identification)"),
         (
             tmp_path / "two.json",
             None,

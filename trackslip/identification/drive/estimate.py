@@ -26,7 +26,7 @@ from trackslip.slip.families import FAMILIES, family
 
 REFERENCE = "icr_radius"
 """The law that is fitted first; others start from its trajectory, and its gates hold for all."""
-DRIVE_LAWS = ("none", "icr", "icr_radius", "icr_sides", "turn_loss", "exponential", "power")
+DRIVE_LAWS = ("none", "icr", "icr_radius", "icr_sides", "turn_loss", "exponential")
 """Laws that can be fitted to drives."""
 _LAG = 0.03  # starting value [s]
 _CERTAIN = 3.0  # lag that shows [standard errors]

@@ -11,7 +11,7 @@ from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.steady_turns import InnerOuterSamples
 from experiments.report.figures import laws as figures
 from experiments.report.figures import steady_runs
-from experiments.report.laws import LAWS, SYMBOLS, shown, unit_of
+from experiments.report.laws import law_looks, shown, symbol, unit_of
 from trackslip.slip.families import FAMILIES
 
 
@@ -31,10 +31,10 @@ def bars(figure):
 
 def test_every_family_is_shown_with_its_formula_and_symbols():
     for name, family in FAMILIES.items():
-        assert name in LAWS
+        assert name in law_looks()
         assert shown(name).formula != shown("a law of the user").formula
         for parameter in family.names:
-            assert parameter in SYMBOLS
+            assert symbol(parameter) != parameter
             assert unit_of(name, parameter)[1] in ("", "mm", "%", "1/m", "s/m")
 
 
@@ -69,7 +69,7 @@ def test_all_laws_are_drawn_through_the_samples(found):
     assert list(laws) == [*found.comparison.ranking, "published"]
     for axes in figure.axes:
         assert {shown(name).colour for name in laws} <= {line.get_color() for line in axes.lines}
-    assert f"{shown('icr_radius').title} – best" in legend_texts(figure)
+    assert f"{shown('icr_radius').label} – best" in legend_texts(figure)
 
 
 def test_wide_radii_have_a_logarithmic_axis():
@@ -84,7 +84,7 @@ def test_residuals_have_a_panel_for_each_law(found, count):
     figure = assert_readable(figures.residuals(turns_of(some), some.comparison))
     panels = [axes for axes in figure.axes if axes.axison]
     assert [axes.get_title(loc="left").removesuffix(" – best") for axes in panels] == [
-        shown(name).title for name in figures.shown_laws(some.comparison)
+        shown(name).label for name in figures.shown_laws(some.comparison)
     ]
     assert len({axes.get_ylim() for axes in panels}) == 1
     meaning = "scatter" if turns_of(found).errors is None else "standard errors"
@@ -95,9 +95,9 @@ def test_criteria_stand_side_by_side(found):
     figure = assert_readable(figures.criteria(found.comparison))
     assert len(figure.axes) == 4
     names = figure.axes[0].get_yticklabels()
-    assert [text.get_text() for text in names] == [shown(name).title for name in found.comparison.ranking]
+    assert [text.get_text() for text in names] == [shown(name).label for name in found.comparison.ranking]
     bold = [text.get_text() for text in names if text.get_fontweight() == "bold"]
-    assert bold == [shown("icr_radius").title]
+    assert bold == [shown("icr_radius").label]
 
 
 def test_criteria_that_are_not_known_are_said_to_be():

@@ -13,7 +13,7 @@ import experiments
 from experiments.benchmark.page import controller_line
 from experiments.report import colours
 from experiments.report.figures.style import RADII_SHADES, SPEED_SHADES, key, legend_below, shade, styled, subplots
-from experiments.report.laws import LAWS
+from experiments.report.laws import law_looks
 
 MIN_CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11: graphical objects
 TEMPLATE = (Path(experiments.__file__).parent / "report" / "templates" / "page.html.j2").read_text(encoding="utf-8")
@@ -52,7 +52,7 @@ def test_a_figures_white_becomes_the_dark_cards_colour():
     "colour",
     [
         *(value for name in ("BLUE", "ORANGE", "GREEN", "RED", "BLACK", "GREY") if (value := vars(colours)[name])),
-        *(law.colour for law in LAWS.values()),
+        *(law.colour for law in law_looks().values()),
         *(controller_line(k)["color"] for k in range(10)),
         *(shade(shades, share) for shades in (RADII_SHADES, SPEED_SHADES) for share in np.linspace(0, 1, 9)),
     ],
@@ -64,7 +64,7 @@ def test_lines_and_symbols_stand_out_from_the_page(colour):
 
 
 def test_laws_differ_without_colour():
-    assert len({str(law.dashes) for law in LAWS.values()}) == len(LAWS)
+    assert len({str(law.dashes) for law in law_looks().values()}) == len(law_looks())
     looks = [controller_line(k) for k in range(70)]
     assert len({(look["color"], str(look["linestyle"])) for look in looks}) == 70
     assert len({str(look["linestyle"]) for look in looks[:7]}) == 7

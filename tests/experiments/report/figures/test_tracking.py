@@ -34,7 +34,7 @@ def test_paths_and_distances_from_the_reference(published, controller):
     runs = published[controller]
     ground, distance = assert_readable(figures.paths(runs, runs)).axes
     log = runs["none"]
-    (line,) = [line for line in ground.lines if line.get_label() == shown("none").title]
+    (line,) = [line for line in ground.lines if line.get_label() == shown("none").label]
     assert (line.get_xdata()[0], line.get_ydata()[0]) == pytest.approx(tuple(log.pose[0, :2]))
     assert distance.get_yscale() == "log"
 

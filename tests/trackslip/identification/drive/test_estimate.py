@@ -271,9 +271,7 @@ def test_wild_readings_and_motion_unlike_the_sprockets_are_said():
         unlagged([other])
 
 
-@pytest.mark.parametrize(
-    "name", [*(name for name in DRIVE_LAWS if name != "power"), pytest.param("power", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("name", DRIVE_LAWS)
 def test_every_law_is_fitted_from_the_trajectory_of_the_reference(name):
     found = fit_drives(name, [drive_log(1, 40)], GEOMETRY, reference=fitted(1))
     assert found.name == name

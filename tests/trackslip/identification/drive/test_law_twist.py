@@ -13,11 +13,10 @@ VALUES = {
     "icr_sides": [0.04, 0.05, 0.01, -0.01],
     "turn_loss": [0.045, 0.0066, 0.3],
     "exponential": [0.1, -1.2, -0.2, -1.5],
-    "power": [0.05, -0.8, -0.1, -0.9],
 }
 
 
-TABULATED = ("none", "exponential", "power")
+TABULATED = ("none", "exponential")
 _INTERPOLATED = 1e-5  # [m/s]: 0.3 m/s h^2 / 8 f'', h = 2 pi / 4096, f'' < 100 for laws that bend within 0.1 rad
 
 
