@@ -1,12 +1,13 @@
-"""A slip law of your own, fitted and compared with the built-in laws."""
+"""A slip law of your own: fitted, compared with the built-in laws, and shown in the report with its formula."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 import sim
 import trackslip
-from trackslip.slip.families import FAMILIES, LawFamily, Parameter
+from trackslip.slip.families import FAMILIES, LawFamily, Look, Parameter
 
 
 @dataclass(frozen=True)
@@ -21,19 +22,24 @@ class Linear(trackslip.SlipLaw):
         return np.stack([self.offset - self.gain * kappa, self.offset + self.gain * kappa], axis=-1)
 
 
-# where fits start, limits, a change that matters, the unit; metres are given in half gauges
-PARAMETERS = {"offset": Parameter((0.0,), -0.5, 0.5, 0.01, ""), "gain": Parameter((0.3,), -5.0, 5.0, 0.3, "m")}
+# where fits start, limits, a change that matters, unit, symbol, meaning; metres are given in half gauges
+PARAMETERS = {
+    "offset": Parameter((0.0,), -0.5, 0.5, 0.01, "", "o", "slip on a straight path"),
+    "gain": Parameter((0.3,), -5.0, 5.0, 0.3, "m", "k", "growth of slip with curvature"),
+}
+LOOK = Look("linear in curvature", "#7A4E00", (0, (1, 1)), ("outer: o + k / R", "inner: o − k / R"))
 
 
-def main() -> None:
+def main(report: Path = Path("own_slip_law.html")) -> None:
     """Once its family is known, `identify` fits it with all others."""
-    FAMILIES["linear"] = LawFamily("linear in curvature", PARAMETERS, lambda p, _: Linear(**p))
+    FAMILIES["linear"] = LawFamily("linear in curvature", PARAMETERS, lambda p, _: Linear(**p), LOOK)
     robot = sim.load_robot()
     omega = trackslip.NoSlip().sprocket_speeds([(0.15, 0.15 / r) for r in (0.6, 0.8, 1.0, 1.5, 2.0)], robot.geometry)
     fleet = sim.Fleet(robot, np.zeros((len(omega), 3)))
     found = trackslip.identify(sim.open_loop(fleet, omega, 12.0), robot.geometry)
     for name, law in found.laws.items():
         print(f"{name} misses the slip by {found.comparison.laws[name].rms:.5f} rms: {law}")
+    found.report(report)
 
 
 if __name__ == "__main__":

@@ -44,14 +44,17 @@ def test_identify_from_python(run, tmp_path):
     assert (tmp_path / "report.html").is_file()
 
 
-def test_own_slip_law(run):
+def test_own_slip_law(run, tmp_path):
     try:
-        printed = run("own_slip_law")
+        printed = run("own_slip_law", tmp_path / "report.html")
     finally:
         FAMILIES.pop("linear", None)
     errors = dict(re.findall(r"^(\w+) misses the slip by (\S+) rms", printed, re.M))
     assert float(errors["linear"]) < float(errors["constant"]) < float(errors["none"])
     assert "Linear(offset=" in printed
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for shown in ("linear in curvature", "outer: o + k / R", "<strong>k</strong>: growth of slip with curvature"):
+        assert shown in page
 
 
 def test_own_controller(run):
