@@ -12,7 +12,8 @@ from sim.bodies import Moments
 from sim.fleet import Fleet
 from sim.instruments import needed_traction, pad_forces
 from sim.scanner.feed import ScannerFeed
-from trackslip.errors import RunFailedError, require
+from trackslip.errors import RunFailedError as RunFailedError
+from trackslip.errors import require
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
 from trackslip.localization.scan import Cluster
