@@ -108,7 +108,7 @@ def drive_course(
     progress: Callable[[float], None] = lambda seconds: None,
     watch: Callable[[Traverse], bool] = lambda world: True,
 ) -> CourseRun:
-    """Drive the first robot of `world` until its run ends.
+    """Drive the first robot of `world` until its run ends; without reference and scanner, it is no run of `sim.loop`.
 
     Args:
         world: one robot at the start of a course.

@@ -49,7 +49,8 @@ def driven(
 ) -> dict[str, list[RunLog]]:
     """Controller -> a run for each law that compensates; the robot slips as in Eq. 11 at the curvature that it drives.
 
-    `starts` are the poses (3,) [m, m, rad] where the runs of each controller begin.
+    `starts` are the poses (3,) [m, m, rad] where the runs of each controller begin. There is no simulator here, so it
+    is not `sim.loop` that drives.
     """
     drivers, limit = [CONTROLLERS[name]() for name in starts], TOP_SPEED / geometry.sprocket_radius
     for driver in drivers:

@@ -179,9 +179,11 @@ def _twists(
     true = part.log.scans
     assert true is not None
     assert true.full is not None
-    found = []
+    beams = np.flatnonzero(np.isfinite(true.full).any(axis=0))  # the others see nothing
+    beams = np.arange(beams[0], beams[-1] + 1)
+    ranges, bearings, found = true.full[:, beams].astype(float), scanner.bearings[beams], []
     for _ in range(repeats):
-        scan = scanner.scan(scanner.measure(true.full.astype(float), rng), true.scan.mount)
+        scan = replace(scanner.scan(scanner.measure(ranges, rng), true.scan.mount), bearings=bearings)
         cluster = extract_plate(scan, true.plate, scan.from_world(part.log.pose))
         scans = replace(true, scan=replace(scan, ranges=scan.ranges[:0]), cluster=cluster, full=None)
         found.append(MOTION_METHODS[_MOTION](replace(part.log, scans=scans), part.window))

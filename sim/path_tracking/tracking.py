@@ -32,7 +32,10 @@ _REWARDS = tuple(f"reward_{term}" for term in TERMS)  # and of the entries of in
 
 
 class PathTracking:
-    """The task, independent of the interface that offers it. Rows are bitwise independent."""
+    """The task, independent of the interface that offers it. Rows are bitwise independent.
+
+    Its users step it, and episodes end one by one, so that it can't run in `sim.loop`.
+    """
 
     def __init__(self, config: EnvConfig, size: int, threads: int = 0) -> None:
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""

@@ -39,7 +39,10 @@ class Episode:
 
 
 class Crossing:
-    """The task, independent of the interface that offers it. Rows are bitwise independent."""
+    """The task, independent of the interface that offers it. Rows are bitwise independent.
+
+    Its users step it, and episodes end one by one, so that it can't run in `sim.loop`.
+    """
 
     def __init__(self, config: TraverseConfig, size: int, threads: int = 0) -> None:
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
