@@ -36,7 +36,7 @@ def scatter(grid, **options):
 def test_all_errors_of_the_scanner_count(grid, options, factor):
     (plain, _), (stated, found) = scatter(grid), scatter(grid, **options)
     assert np.mean(stated / plain) == pytest.approx(factor, rel=0.35)  # edges of the plate tell something as well
-    assert np.mean(found / stated) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 39 / stated.size))
+    assert np.mean(found / stated) < 1.0 + 4 * np.sqrt(2 / 39 / stated.size)  # the statement may be cautious
 
 
 def test_a_bias_shifts_no_twist(grid):
