@@ -26,7 +26,7 @@ from trackslip.odometry.pose_check import jumps
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.tum import write_tum
 from trackslip.se2 import Mounting
-from trackslip.slip.families import FAMILIES
+from trackslip.slip.families import FAMILIES, RETIRED
 from trackslip.slip.stored_laws import NO_SLIP
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def _law_file(spec: str) -> LawFile:
         return None, NO_SLIP
     if Path(spec).exists():
         return Path(spec), None
-    if file and name in FAMILIES and Path(file).exists():
+    if file and (name in FAMILIES or name in RETIRED) and Path(file).exists():
         return Path(file), name
     allowed = f"{NO_SLIP}, or a folder or file with laws, and :NAME for one of {', '.join(FAMILIES)}"
     raise InvalidValueError("law", spec, allowed)
