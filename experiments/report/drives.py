@@ -6,7 +6,7 @@ from math import degrees
 from markupsafe import Markup
 
 from experiments.report.figures import drives as figures
-from experiments.report.formats import MISSING, number, pair, significant
+from experiments.report.formats import MISSING, counted, number, pair, significant
 from experiments.report.laws import (
     NO_SLIP,
     law_cell,
@@ -171,7 +171,7 @@ def whole_drives(found: Identification) -> Section | None:
             heading_table(drive),
         ],
     )
-    meaning = () if found.steady else ("The parameters of the laws are:", parameter_bullets(found.geometry))
+    meaning = () if found.steady else ("The parameters of the laws are:", parameter_bullets(drive.laws, found.geometry))
     laws = Section("Laws of whole drives", [*meaning, law_table(drive), extra_table(best), noise_text(drive)])
     residuals = Plot(
         "drive_residuals",
@@ -211,7 +211,7 @@ def _driven(drive: DriveComparison) -> str:
     duration = sum(float(one.time[-1] - one.time[0]) for one in drive.drives)
     blind = "" if _has_headings(drive) else " without headings"
     return (
-        f"Every pose and every encoder reading counts here: {len(drive.drives)} drive(s), {duration:.0f} s, "
+        f"Every pose and every encoder reading counts here: {counted(len(drive.drives), 'drive')}, {duration:.0f} s, "
         f"{best.poses:,} poses{blind}; {best.left_out} outlying poses and {best.breaks} lasting jumps are left out. "
         "Estimated together are the trajectory, the law, where the sensor sits, the offset of the clocks, and how "
         "large all errors are."

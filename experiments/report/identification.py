@@ -149,7 +149,7 @@ def _laws(found: Identification, turns: InnerOuterSamples) -> Section:
         "A slip law gives the slip of both tracks in a turn of radius R, and so how much faster or slower each "
         "sprocket has to turn for the robot to go where it should. Each law was fitted to both tracks of all runs at "
         "once. The parameters are:",
-        parameter_bullets(found.geometry),
+        parameter_bullets(found.comparison.laws, found.geometry),
     ]
     if len(turns):
         blocks.append(

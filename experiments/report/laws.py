@@ -56,9 +56,9 @@ def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
     return Cell(law.label, name, law.formula if formula else (), "best" if best else "")
 
 
-def parameter_bullets(robot: RobotGeometry) -> Bullets:
-    """The meaning of the laws' parameters."""
-    meanings = {p.symbol: p.meaning for law in FAMILIES.values() for p in law.parameters.values() if p.meaning}
+def parameter_bullets(laws: Iterable[str], robot: RobotGeometry) -> Bullets:
+    """The meaning of the parameters of some laws."""
+    meanings = {p.symbol: p.meaning for law in laws for p in FAMILIES[law].parameters.values() if p.meaning}
     meanings["b"] = f"half the distance between the tracks' centre lines, {robot.half_gauge:g} m, which is not fitted"
     return Bullets([Markup("<strong>{}</strong>: {}.").format(*meaning) for meaning in meanings.items()])
 

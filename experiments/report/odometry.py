@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from experiments.odometry import Evaluated
 from experiments.report.figures import odometry as figures
-from experiments.report.formats import MISSING, number, pair, significant
+from experiments.report.formats import MISSING, counted, number, pair, significant
 from experiments.report.page import Bullets, Note, Page, Plot, Section
 from experiments.report.table import Table
 from trackslip.odometry.evaluation import LENGTHS, PoseErrors
@@ -121,7 +121,7 @@ def page(
     way, duration = sum(drive.way for drive in drives), sum(drive.duration for drive in drives)
     intro = (
         "Odometry turns encoder readings into poses by a slip law. Here it is compared with measured poses of "
-        f"{len(drives)} drive(s): {way:.0f} m by the encoders in {duration:.0f} s, "
+        f"{counted(len(drives), 'drive')}: {way:.0f} m by the encoders in {duration:.0f} s, "
         f"{sum(drive.poses for drive in drives):,} poses. "
     )
     along = "Every path begins at the first measured pose, with its heading."

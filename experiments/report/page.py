@@ -70,7 +70,7 @@ def _saved(figure: Figure, file_format: str, **metadata: None) -> bytes:
     return buffer.getvalue()
 
 
-Panels = Figure | Sequence[Figure] | None
+Drawing = Figure | Sequence[Figure] | None
 """A figure, several that are shown side by side where there is room, or none."""
 
 
@@ -80,7 +80,7 @@ class Plot:
 
     name: str
     """Of the file and of the element on the page; files of several panels are named after their titles, too."""
-    figure: Panels | Callable[[], Panels]
+    figure: Drawing | Callable[[], Drawing]
     """Or what makes it, when and where the page is written; a plot of None is left out."""
     heading: str
     caption: str = ""

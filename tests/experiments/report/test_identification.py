@@ -144,7 +144,7 @@ def test_a_page_of_drives_alone(two_drives):
     assert plots(two_drives) == OF_DRIVES
     words = text_of(two_drives)
     assert "Measured slip" not in words
-    assert "2 drive(s), 40 s," in words
+    assert "2 drives, 40 s," in words
     assert f"held: {two_drives.drive.laws[two_drives.best].held['lag']}" in words
 
 

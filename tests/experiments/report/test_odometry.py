@@ -75,7 +75,7 @@ def test_the_page_holds_figures_tables_and_notes(found, blind):
     assert [block.name for block in blocks if isinstance(block, Plot)] == ["odometry_paths", "odometry_errors_over_way"]
     assert [block for block in blocks if isinstance(block, Table)] == tables(found)
     text = made.html()
-    assert all(part in text for part in ("a note", "The sensor sits here.", "2 drive(s)", gain(found)))
+    assert all(part in text for part in ("a note", "The sensor sits here.", "2 drives", gain(found)))
     assert not any(table.title.startswith("Heading") for table in tables(blind))
     assert "no heading was measured" in page(blind, [], [], MANIFEST, "trackslip evaluate x", "x").html()
 
