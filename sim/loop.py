@@ -87,7 +87,8 @@ def closed_loop(
         reference: the trajectory to follow.
         feed: the scanner in front of the fleet; by default there is none, and a command is given every PERIOD.
         locator: finds the poses in the scans; by default the controllers are given the true poses.
-        descriptions, progress: see `open_loop`.
+        descriptions: see `open_loop`.
+        progress: see `open_loop`.
 
     Raises:
         InvalidValueError: unless every robot has exactly one pilot.
