@@ -89,8 +89,8 @@ def run(config: Config) -> None:
     from trackslip.identification.drive.estimate import DRIVE_LAWS
     from trackslip.identification.identify import identify_source
     from trackslip.identification.result import identification_to_json
-    from trackslip.identification.sensor import Sensor
     from trackslip.identification.source import origin
+    from trackslip.se2 import Mounting
 
     stages = 3 + len(DRIVE_LAWS)  # reading, steady stretches, each law of whole drives, the report
     with Run(config) as run, run.progress("identification", stages, "stages") as report:
@@ -98,7 +98,7 @@ def run(config: Config) -> None:
         for line in source.taken:
             print(line)
         report(1)
-        sensor = None if config.sensor is None else Sensor(*config.sensor)
+        sensor = None if config.sensor is None else Mounting(*config.sensor)
         with run.watch.stage("identify"):
             found = identify_source(source, config.method, sensor, config.estimate_sensor, report)
         manifest = run.manifest(**origin(found.logs))

@@ -16,13 +16,14 @@ from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.outliers import split_outliers
 from trackslip.identification.result import Identification, Method, SteadyLaws
 from trackslip.identification.samples import Sampling, SlipSamples
-from trackslip.identification.sensor import Sensor, with_sensor
+from trackslip.identification.sensor import with_sensor
 from trackslip.identification.source import Reading, Source, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.refused import Refused
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
 from trackslip.ros.choice import AUTOMATIC, BagChoice
+from trackslip.se2 import Mounting
 
 _MIN_SAMPLES = 4  # steady samples that identify laws without the rest of the driving
 _MIN_STEADY = 0.5  # share of the driving that is steady, if steady stretches are to identify the laws [-]
@@ -35,7 +36,7 @@ def identify(
     geometry: RobotGeometry | None = None,
     *,
     method: Method | None = None,
-    sensor: Sensor | None = None,
+    sensor: Mounting | None = None,
     estimate_sensor: bool | None = None,
     gear: float = 1.0,
     settle: float = SETTLE,
@@ -74,7 +75,7 @@ def identify(
 def identify_source(
     source: Source,
     method: Method | None = None,
-    sensor: Sensor | None = None,
+    sensor: Mounting | None = None,
     estimate_sensor: bool | None = None,
     step: Callable[[float], None] = lambda _: None,
 ) -> Identification:
@@ -117,7 +118,7 @@ def identify_samples(
     sampling: Sampling,
     geometry: RobotGeometry,
     logs: tuple[RunLog, ...] = (),
-    sensor: Sensor | None = None,
+    sensor: Mounting | None = None,
     estimate_sensor: bool | None = False,
 ) -> Identification:
     """Leave out outliers, fit and compare the laws; raises LogError if the samples determine no law.
@@ -139,7 +140,7 @@ class Selected:
 
 
 def select_samples(
-    sampling: Sampling, geometry: RobotGeometry, sensor: Sensor | None = None, estimate_sensor: bool | None = False
+    sampling: Sampling, geometry: RobotGeometry, sensor: Mounting | None = None, estimate_sensor: bool | None = False
 ) -> Selected:
     """The samples that laws are fitted to; see `identify_samples`."""
     centred, _, notes = with_sensor(sampling.samples, geometry, sensor, estimate_sensor)
@@ -161,7 +162,7 @@ def identify_selected(
 
 
 def _drive(
-    source: Source, sensor: Sensor | None, most: int | None, names: Sequence[str], step: Callable[[float], None]
+    source: Source, sensor: Mounting | None, most: int | None, names: Sequence[str], step: Callable[[float], None]
 ) -> DriveComparison:
     drives, refused = drives_of(source.logs, *([most] if most else []))
     found = compare_drives(drives, source.geometry, sensor, names, step)

@@ -17,12 +17,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, LogError, require_finite
+from trackslip.errors import InvalidValueError, LogError, require
 from trackslip.identification.fitted import FittedLaw, fit_law
 from trackslip.identification.outliers import split_outliers
 from trackslip.identification.replicates import by_command
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array, RobotGeometry, track_slip
+from trackslip.se2 import Mounting
 
 _MIN_SIDE = 3  # minimum number of turns to each side
 _CERTAIN = 3.0  # size of a value that is no chance [standard errors]
@@ -32,28 +33,10 @@ _NAMES = {"x": "place ahead of the centre of turning", "y": "offset to the left"
 
 
 @dataclass(frozen=True)
-class Sensor:
-    """Place and mounting of the sensor of the poses in the robot's frame."""
-
-    x: float = 0.0
-    """How far it sits ahead of the centre of turning [m]."""
-    y: float = 0.0
-    """How far it sits to the left of the middle between the tracks [m]."""
-    yaw: float = 0.0
-    """Angle of its heading to the robot's, counter-clockwise [rad]."""
-
-    def __post_init__(self) -> None:
-        for name in ("x", "y"):
-            require_finite(f"sensor.{name}", getattr(self, name))
-        if not abs(self.yaw) < np.pi / 2:
-            raise InvalidValueError("sensor.yaw", self.yaw, "between -pi/2 and pi/2")
-
-
-@dataclass(frozen=True)
 class SensorEstimate:
     """The sensor's place and mounting, as far as the driving determines them."""
 
-    sensor: Sensor
+    sensor: Mounting
     """The estimates; 0 where the driving does not determine them."""
     stderr: Mapping[str, float] = field(default_factory=dict)
     """Standard errors of `x`, `y` [m] and `yaw` [rad], where they are determined."""
@@ -61,11 +44,13 @@ class SensorEstimate:
     """Why the others are not."""
 
 
-def corrected(samples: SlipSamples, sensor: Sensor, geometry: RobotGeometry) -> SlipSamples:
+def corrected(samples: SlipSamples, sensor: Mounting, geometry: RobotGeometry) -> SlipSamples:
     """Samples measured by a sensor as those at the robot's centre, with their errors.
 
-    Without lateral speeds, the sensor is taken to move sideways as in a turn about the robot's centre.
+    Without lateral speeds, the sensor is taken to move sideways as in a turn about the robot's centre. Raises
+    InvalidValueError for a sensor that looks sideways or back.
     """
+    require(abs(sensor.yaw) < np.pi / 2, "sensor.yaw", sensor.yaw, "between -pi/2 and pi/2")
     cos, sin = np.cos(sensor.yaw), np.sin(sensor.yaw)
     v, w = samples.twist.T
     if samples.lateral is None or samples.lateral_stderr is None:
@@ -88,17 +73,17 @@ def estimate_sensor(samples: SlipSamples, geometry: RobotGeometry) -> SensorEsti
     """The sensor's mounting and place from lateral speeds, and its offset from turns to both sides, for equal ICRs."""
     samples, _ = split_outliers(samples, geometry, ("icr_sides",))
     values, stderr, reasons = _from_lateral(samples, geometry)
-    straight = corrected(samples, Sensor(yaw=values.get("yaw", 0.0)), geometry)
+    straight = corrected(samples, Mounting(yaw=values.get("yaw", 0.0)), geometry)
     offset = _offset(straight, geometry)
     if isinstance(offset, str):
         reasons["y"] = offset
     else:
         values["y"], stderr["y"] = offset
-    return SensorEstimate(Sensor(**values), stderr, reasons)
+    return SensorEstimate(Mounting(**values), stderr, reasons)
 
 
 def with_sensor(
-    samples: SlipSamples, geometry: RobotGeometry, given: Sensor | None = None, estimate: bool | None = None
+    samples: SlipSamples, geometry: RobotGeometry, given: Mounting | None = None, estimate: bool | None = None
 ) -> tuple[SlipSamples, SensorEstimate | None, tuple[str, ...]]:
     """Samples at the robot's centre, what was found of the sensor, and what a reader should know of it, a line each.
 
@@ -116,7 +101,7 @@ def with_sensor(
     used = [name for name in found.stderr if estimate or _worth_correcting(name, found, geometry)]
     if "y" not in found.stderr and not estimate:
         used = []
-    sensor = Sensor(**{name: getattr(found.sensor, name) for name in used})
+    sensor = Mounting(**{name: getattr(found.sensor, name) for name in used})
     notes = [_told(name, found) for name in used]
     notes += [
         f"sensor: its {_NAMES[name]} is not determined: {why}"

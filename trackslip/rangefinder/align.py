@@ -27,7 +27,7 @@ _MIN_CONDITION = 1e-6  # of the normal equations, below which the lever is not d
 
 
 @dataclass(frozen=True)
-class Mounting:
+class Alignment:
     """Where a scanner stands in another frame."""
 
     mount: Array  # (3,) pose of the scanner [m, m, rad]
@@ -39,7 +39,7 @@ class Mounting:
     """Root mean square distance of the other source's positions from those that follow from the scans [m]."""
 
 
-def mounting(time: Array, pose: Array, other_time: Array, other: Array) -> Mounting:
+def mounting(time: Array, pose: Array, other_time: Array, other: Array) -> Alignment:
     """The mounting that leads from the plate's poses (n, 3) in the scanner's frame to positions of the robot elsewhere.
 
     Args:
@@ -72,7 +72,7 @@ def mounting(time: Array, pose: Array, other_time: Array, other: Array) -> Mount
     turn_error = float(np.sqrt(covariance[1] / 2) / abs(found[1]))
     swing = slope * middle * turn_error  # of the origin about the middle, at right angles to this
     place_error = np.sqrt(covariance[0] / 2 + np.array([swing.imag, swing.real]) ** 2)
-    return Mounting(
+    return Alignment(
         np.array([origin.real, origin.imag, float(np.angle(slope))]),
         np.append(place_error, turn_error),
         float(abs(found[1])),

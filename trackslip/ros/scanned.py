@@ -13,7 +13,7 @@ from trackslip.kinematics import Array
 from trackslip.localization.scan import Plate
 from trackslip.logs.refused import Refused, none_usable
 from trackslip.logs.runlog import RunLog
-from trackslip.rangefinder.align import Mounting, mounting
+from trackslip.rangefinder.align import Alignment, mounting
 from trackslip.rangefinder.findings import findings
 from trackslip.rangefinder.log import scanned_log
 from trackslip.rangefinder.place import PlatePlace, plate_place
@@ -42,7 +42,7 @@ class Stand:
     """How that is known."""
     upside_down: bool = False
     """Whether it looks at the field from below."""
-    aligned: Mounting | None = None
+    aligned: Alignment | None = None
     """Its errors, where it follows from other poses."""
 
 

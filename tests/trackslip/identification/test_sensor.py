@@ -6,13 +6,14 @@ from trackslip.errors import InvalidValueError
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.sensor import Sensor, corrected, estimate_sensor, offset_between_sides, with_sensor
+from trackslip.identification.sensor import corrected, estimate_sensor, offset_between_sides, with_sensor
+from trackslip.se2 import Mounting
 from trackslip.slip.icr import ConstantIcr, IcrSides
 
 pytestmark = pytest.mark.usefixtures("few_resamples")
 ICR = ConstantIcr(0.045, 0.168, 0.0067)
 BOTH = (*RADII, *(-radius for radius in RADII))
-MOUNTED = Sensor(x=0.3, y=0.03, yaw=np.radians(5))
+MOUNTED = Mounting(x=0.3, y=0.03, yaw=np.radians(5))
 _LATERAL_ERROR = 4e-5  # [m/s]
 
 
@@ -56,7 +57,7 @@ def test_errors_of_corrected_samples_are_those_of_many_measurements(lateral):
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_place_and_mounting_are_found_from_turns_to_both_sides(sign):
-    sensor = Sensor(sign * 0.3, sign * 0.03, sign * np.radians(5))
+    sensor = Mounting(sign * 0.3, sign * 0.03, sign * np.radians(5))
     samples, found, notes = with_sensor(seen(sensor), GEOMETRY)
     for name, size in (("x", 1.0), ("y", 1.0), ("yaw", 1.0)):
         error = getattr(found.sensor, name) - getattr(sensor, name)
@@ -81,7 +82,7 @@ def test_standard_errors_are_the_scatter_of_the_estimates():
 
 
 def test_a_sensor_in_the_middle_stays_there():
-    samples = seen(Sensor())
+    samples = seen(Mounting())
     same, found, notes = with_sensor(samples, GEOMETRY)
     assert same is samples
     assert notes == ()
@@ -101,8 +102,8 @@ def test_turns_to_one_side_do_not_tell_the_offset_from_the_law():
 def test_circles_of_one_radius_and_missing_lateral_speeds_are_said():
     circles = estimate_sensor(seen(MOUNTED, radii=RADII[:1]), GEOMETRY)
     assert "on circles of one radius" in circles.reasons["yaw"]
-    assert circles.sensor == Sensor()
-    blind = estimate_sensor(seen(Sensor(y=0.03), lateral=False), GEOMETRY)
+    assert circles.sensor == Mounting()
+    blind = estimate_sensor(seen(Mounting(y=0.03), lateral=False), GEOMETRY)
     assert "the lateral speed was not measured" in blind.reasons["x"]
     assert blind.sensor.y == pytest.approx(0.03, abs=0.002)
 
@@ -116,22 +117,22 @@ def test_given_or_estimated_but_not_both():
     with pytest.raises(InvalidValueError, match="estimate_sensor = True"):
         with_sensor(samples, GEOMETRY, MOUNTED, estimate=True)
     with pytest.raises(InvalidValueError, match=r"sensor\.yaw = 3"):
-        Sensor(yaw=3.0)
+        corrected(seen(Mounting()), Mounting(yaw=3.0), GEOMETRY)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_icrs_that_differ_are_questioned(sign):
-    found = compare_laws(seen(Sensor(y=0.03 * sign)), GEOMETRY)
+    found = compare_laws(seen(Mounting(y=0.03 * sign)), GEOMETRY)
     law = found.laws["icr_sides"]
     assert offset_between_sides(law)[0] == pytest.approx(0.03 * sign, abs=0.001)
     (doubt,) = (warning for warning in found.warnings if warning.startswith("law icr_sides: D_left and D_right differ"))
     assert f"to the {'left' if sign > 0 else 'right'} of the middle" in doubt
     assert "can't be told apart" in doubt
-    assert not any("D_left" in warning for warning in compare_laws(seen(Sensor()), GEOMETRY).warnings)
+    assert not any("D_left" in warning for warning in compare_laws(seen(Mounting()), GEOMETRY).warnings)
 
 
 def test_an_icr_inside_its_track_is_questioned():
     found = compare_laws(grid(ConstantIcr(-0.03, 0.168)), GEOMETRY)
     assert any(warning.startswith("law icr: D = -30.0 ±") for warning in found.warnings)
-    sides = fit_law("icr_sides", seen(Sensor(), IcrSides(0.04, 0.05, 0.0, 0.01, 0.168)), GEOMETRY)
+    sides = fit_law("icr_sides", seen(Mounting(), IcrSides(0.04, 0.05, 0.0, 0.01, 0.168)), GEOMETRY)
     assert offset_between_sides(sides)[0] == pytest.approx(0.005, abs=0.001)

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from trackslip.errors import LogError
 from trackslip.identification.drive.estimate import fit_drives
-from trackslip.identification.sensor import Sensor
 from trackslip.localization.scan import Plate
 from trackslip.ros.any_log import load
 from trackslip.ros.bag import open_bag
 from trackslip.ros.choice import BagChoice
 from trackslip.ros.scanned import scanned_drives
+from trackslip.se2 import Mounting
 
 PLATE = Plate(LENGTH, THICKNESS)
 MOUNT = (1.0, -2.0, 0.7)
@@ -69,7 +69,7 @@ def test_the_law_and_the_plate_s_place_are_found(tmp_path):
     low, high = law.interval95["offset"]
     assert low < D < high
     assert high - low < 0.002
-    given = fit_drives("icr_radius", logs, GEOMETRY, Sensor(*OFF))
+    given = fit_drives("icr_radius", logs, GEOMETRY, Mounting(*OFF))
     assert given.values["offset"] == pytest.approx(D, abs=0.001)
 
 

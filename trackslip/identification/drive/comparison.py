@@ -13,8 +13,8 @@ from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.estimate import DRIVE_LAWS, REFERENCE, DriveFit, fit_drives
 from trackslip.identification.drive.noise import unlike_sprockets
 from trackslip.identification.drive.prediction import Errors, Predictions, held_out, score
-from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import RobotGeometry
+from trackslip.se2 import Mounting
 
 _TOLD = (  # extra, its unit as printed, SI to unit, size worth a line, words for positive and negative values
     (
@@ -80,7 +80,7 @@ class DriveComparison:
 def compare_drives(
     drives: Sequence[Drive],
     geometry: RobotGeometry,
-    sensor: Sensor | None = None,
+    sensor: Mounting | None = None,
     names: Sequence[str] = DRIVE_LAWS,
     step: Callable[[float], None] = lambda _: None,
 ) -> DriveComparison:

@@ -18,9 +18,9 @@ from trackslip.identification.drive.noise import FIRST, unlike_sprockets
 from trackslip.identification.drive.residuals import Nodes, Noise
 from trackslip.identification.drive.start import start, trajectory
 from trackslip.identification.drive.units import require_units
-from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
+from trackslip.se2 import Mounting
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import FAMILIES, family
 
@@ -78,7 +78,7 @@ def fit_drives(
     name: str,
     drives: Sequence[RunLog] | Sequence[Drive],
     geometry: RobotGeometry,
-    sensor: Sensor | None = None,
+    sensor: Mounting | None = None,
     held: Mapping[str, float] | None = None,
     reference: DriveFit | None = None,
 ) -> DriveFit:
@@ -115,7 +115,7 @@ def prepare(drives: Sequence[RunLog] | Sequence[Drive]) -> list[Drive]:
 
 
 def _reference(
-    drives: Sequence[Drive], geometry: RobotGeometry, sensor: Sensor | None, held: Mapping[str, float]
+    drives: Sequence[Drive], geometry: RobotGeometry, sensor: Mounting | None, held: Mapping[str, float]
 ) -> DriveFit:
     """The fit of REFERENCE, with the poses' covariances and with a lag if these make the poses likelier."""
     found = _without_lag(drives, geometry, sensor, held)
@@ -134,7 +134,7 @@ def _reference(
 
 
 def _without_lag(
-    drives: Sequence[Drive], geometry: RobotGeometry, sensor: Sensor | None, held: Mapping[str, float]
+    drives: Sequence[Drive], geometry: RobotGeometry, sensor: Mounting | None, held: Mapping[str, float]
 ) -> DriveFit:
     model = DriveModel(FAMILIES[REFERENCE], geometry)
     offset, clock_offset = start(drives, geometry)
@@ -190,7 +190,7 @@ def _fitted(
     states: Array,
     values: Array,
     noise: Noise,
-    sensor: Sensor | None,
+    sensor: Mounting | None,
     given: Mapping[str, float],
     gated: bool,
     lagging: bool,

@@ -12,7 +12,7 @@ from trackslip.identification.drive.drives import drive_of
 from trackslip.identification.drive.equations import solve
 from trackslip.identification.drive.estimate import DRIVE_LAWS, fit_drives
 from trackslip.identification.drive.residuals import Noise
-from trackslip.identification.sensor import Sensor
+from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.turn_loss import TurnLoss
@@ -79,7 +79,7 @@ def test_place_mounting_and_clock_are_found_with_the_law():
 
 def test_a_given_sensor_is_held_and_improves_the_rest():
     log = drive_log(1, 30, MOUNTED)
-    sensor = Sensor(0.3, 0.1, np.radians(5))
+    sensor = Mounting(0.3, 0.1, np.radians(5))
     given = unlagged([log], sensor)
     assert {key for key, why in given.held.items() if why == "given"} == {"sensor_y", "sensor_yaw", "lag"}
     assert given.extras["sensor_y"] == 0.1
