@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.kinematics import Array, RobotGeometry, advance, body_twist
 from trackslip.localization.base import Locator, PoseEstimate
 from trackslip.localization.pose_tracker import Tracker
@@ -122,8 +123,5 @@ def _between(known: PoseEstimate, keys: np.ndarray, angle: Array, geometry: Robo
         path[:, here] = advance(np.broadcast_to(start, (len(angle), len(here), 3)), twist[:, here], 1.0)
     expected = np.zeros(path.shape)
     for side, start, weight in ((before, np.zeros(3), 1 - share), (after, path[:, keys[after]], share)):
-        pose, step = known.pose[:, side], path - start
-        cos, sin = (f(pose[..., 2] - start[..., 2]) for f in (np.cos, np.sin))
-        turned = np.stack([cos * step[..., 0] - sin * step[..., 1], sin * step[..., 0] + cos * step[..., 1]], axis=-1)
-        expected += weight * (pose + np.concatenate([turned, step[..., 2:]], axis=-1))
+        expected += weight * se2.compose(known.pose[:, side], se2.between(start, path))
     return known.valid[:, before] & known.valid[:, after], expected
