@@ -24,6 +24,7 @@ from experiments.storage.plain_json import plain
 from trackslip.logs.file_format import FORMAT
 
 _SUFFIXES = (".py", ".xml", ".json", ".obj")
+_STATUS = ["git", "--no-optional-locks", "status", "--porcelain"]  # interrupted, it would leave the index locked
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "casadi")
 
 
@@ -120,7 +121,7 @@ def _git_state() -> dict[str, Any] | None:
         return None
     git = functools.partial(subprocess.check_output, text=True, cwd=root, stderr=subprocess.DEVNULL)
     try:
-        commit, changed = git(["git", "rev-parse", "HEAD"]).strip(), git(["git", "status", "--porcelain"])
+        commit, changed = git(["git", "rev-parse", "HEAD"]).strip(), git(_STATUS)
     except (OSError, subprocess.CalledProcessError):
         return None
     return {"commit": commit, "dirty": bool(changed)}
