@@ -5,6 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -28,19 +29,27 @@ class Pilot:
     preview: float = 0.0
     """How far ahead the controller looks: set it to the delay between command and motion [s]."""
 
+    @cached_property
+    def _loaded(self) -> SensesLoad | None:
+        return self.compensation if isinstance(self.compensation, SensesLoad) else None
+
+    @cached_property
+    def _sensing(self) -> SensesSprockets | None:
+        return self.controller if isinstance(self.controller, SensesSprockets) else None
+
     def begin(self, record: RunRecorder) -> None:
         """Begin new runs, which `record` records, where the robots are."""
         self.controller.reset()
         self.compensation.reset(record.fleet.pose()[self.robots])
-        if isinstance(self.compensation, SensesLoad):
+        if self._loaded is not None:
             record.sense_loads()
 
     def law(self, record: RunRecorder, k: int) -> SlipLaw:
         """The slip law in row k, which the compensation may learn from the motion until then."""
         if k > 0:
             self.compensation.observe(record.omega[k, self.robots], record.period, record.estimated(k, self.robots))
-        if isinstance(self.compensation, SensesLoad):
-            self.compensation.sense(record.load[k, self.robots])
+        if self._loaded is not None:
+            self._loaded.sense(record.load[k, self.robots])
         law = self.compensation.law()
         record.compensated(k, self.robots, law)
         return law
@@ -51,13 +60,13 @@ class Pilot:
         omega, time = record.omega[k, self.robots], float(record.time[k])
         geometry = record.fleet.robot.geometry
         # which way the robots move, and where they will be when the command takes effect
-        if isinstance(self.compensation, SensesLoad):
-            pose[:, 2] += self.compensation.crab_angle(law.twist(omega, geometry))
+        if self._loaded is not None:
+            pose[:, 2] += self._loaded.crab_angle(law.twist(omega, geometry))
         if self.preview > 0:
             pose = advance(pose, law.twist(omega, geometry), self.preview)
         try:
-            if isinstance(self.controller, SensesSprockets):
-                self.controller.sense(omega)
+            if self._sensing is not None:
+                self._sensing.sense(omega)
             twist = np.asarray(self.controller.twist(time + self.preview, pose, reference), dtype=float)
         except TrackslipError as error:
             raise RunFailedError(str(error)) from error
