@@ -1,7 +1,7 @@
 """The paper from its grid to its report: drive, identify, verify in closed loop, compare, report.
 
-All runs of the grid are one fleet, and so are the closed loops. Figures are drawn by other processes: those of the
-grid while the closed loops are driven.
+All runs of the grid are one fleet, and so are the closed loops. Another process draws the figures: those of the grid
+while the closed loops are driven.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from experiments.driving.world import World
 from experiments.measuring.grid import grid_summary, measured_run, saturation_warnings, simulated_seconds
 from experiments.measuring.tracking import tracking_results
 from experiments.options.world import IDENTIFIED
-from experiments.parallel import processors, workers
+from experiments.parallel import InlineExecutor, WorkerProcesses, Workers, processors
 from experiments.recording import record_all
 from experiments.report.formats import stages_text
 from experiments.report.page import draw_plots
@@ -39,16 +39,15 @@ if TYPE_CHECKING:
 
 CONTROLLERS = ("feedforward", "linear")
 """The paper's, in the order of its runs."""
-_DRAWING = 2  # processes that have enough to do with the figures
 
 
 def reproduce(config: Config) -> None:
     """Drive the grid, identify the laws, verify them in closed loop, compare with the paper, store, report, print."""
     world, path = World.of(config), paper_reference()
     geometry, cells = world.robot.geometry, cells_of(config)
-    processes = min(config.threads or processors(), _DRAWING)
-    with Run(config) as run, workers("processes", processes) as pool:
-        pool.map(_import_figures, range(processes))  # while the grid is driven
+    drawing = WorkerProcesses(1) if (config.threads or processors()) > 1 else InlineExecutor()
+    with Run(config) as run, drawing:
+        pool = Workers(drawing, 1)
         # drive the grid of radii and speeds, and measure every run's slip
         with run.busy(f"{len(cells)} runs, scans and poses"):
             grid_logs = drive_cells(cells, [world] * len(cells), watch=run.watch)
@@ -130,7 +129,3 @@ def reproduce(config: Config) -> None:
         print(f"{len(summary['warnings'])} warnings: see the report")
     print(stages_text(run.watch.stages))
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s for {simulated:.0f} s of simulated driving")
-
-
-def _import_figures(_: int) -> None:
-    """Nothing more: a process that is to call a function of this module imports it first."""
