@@ -1,4 +1,4 @@
-"""`trackslip coverage`, small; that intervals cover is tested in tests/trackslip/test_comparison.py."""
+"""`trackslip coverage`, small; that intervals cover is tested in tests/trackslip/identification/test_comparison.py."""
 
 import pytest
 

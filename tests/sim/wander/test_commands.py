@@ -72,7 +72,7 @@ def test_stop_and_go_holds_constant_speeds_between_stops():
 def test_figures_close_for_the_half_gauge_that_the_driver_reckons_with(driving, rounds):
     driver = Driver(half_gauge=0.213, acceleration=100.0)  # a short ramp, which would shift the figure
     twist = twist_of_tracks(commands(driving, 0, 200.0, driver), driver.half_gauge)
-    pose = se2.chain(np.zeros(3), se2.exp(np.insert(twist[1:], 1, 0.0, axis=-1) * (1 / RATE)))
+    pose = se2.chain(np.zeros(3), se2.exp(np.insert(twist[1:], 1, 0.0, axis=-1) / RATE))
     begin = 100
     away = np.hypot(*(pose[begin:, :2] - pose[begin, :2]).T)
     leaves = np.flatnonzero(away > 0.5)[0]

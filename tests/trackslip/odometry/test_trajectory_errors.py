@@ -22,8 +22,6 @@ from trackslip.odometry.trajectory_errors import (
 )
 from trackslip.odometry.tum import write_tum
 
-DEGREE = np.degrees(1.0)
-
 
 def trajectory(seed=0, count=400, noise=0.01):
     """A robot that winds about at 10 Hz, standing for a while, and an estimate whose errors grow."""
