@@ -55,7 +55,7 @@ def test_a_grids_bags_have_its_scans(trackslip):
         assert (covariance[:, 5, 5] > 0).all()
 
 
-def test_an_interrupted_grid_resumes_to_the_same_bags_and_numbers(trackslip, tmp_path, monkeypatch):
+def test_bags_change_no_number_and_resumed_ones_are_the_same(trackslip, tmp_path, monkeypatch):
     out = ("--bag", "--out", str(tmp_path / "a"))
 
     def stopped(*arguments, **named):
@@ -65,7 +65,6 @@ def test_an_interrupted_grid_resumes_to_the_same_bags_and_numbers(trackslip, tmp
         patch.setattr(results, "write_bags", stopped)
         with pytest.raises(SystemExit):
             main([*GRID, *out])
-    assert [file.name for file in (tmp_path / "a").iterdir()] == [".grid-parts"]
     resumed = trackslip(*GRID, *out)
     assert resumed.summary["timing"]["taken"] == 1
     fresh = trackslip(*GRID, "--bag", "--out", str(tmp_path / "b"))
@@ -76,7 +75,6 @@ def test_an_interrupted_grid_resumes_to_the_same_bags_and_numbers(trackslip, tmp
     assert not (without.folder / "bags").exists()
     (with_all,), (with_plate,) = read_runs(resumed.folder / "runs.parquet"), read_runs(without.folder / "runs.parquet")
     np.testing.assert_array_equal(with_all.pose, with_plate.pose)
-    np.testing.assert_array_equal(with_all.omega, with_plate.omega)
     assert with_plate.scans.full is None
 
 

@@ -1,58 +1,171 @@
-"""`trackslip identify`: steady samples, bad logs, and runs of other commands."""
+"""`trackslip identify` on logs as real robots make them: steady samples, runs, whole drives, and what goes wrong."""
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
 import pytest
+from wandered import GEOMETRY, LAW, wandered
 
-GEOMETRY = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
-TRACE = "run,t,omega_l,omega_r,x,y,phi\n" + "".join(f"a,{k / 20},2,3,{k / 100},0,0\n" for k in range(200))
+from trackslip.identification.identify import identify
+from trackslip.kinematics import RobotGeometry, advance
+from trackslip.slip.icr import ConstantIcr
+
+pytestmark = pytest.mark.usefixtures("few_resamples")
+ROBOT = RobotGeometry(half_gauge=0.3, sprocket_radius=0.08)
+ICR = ConstantIcr(0.09, 0.3, 0.015)
+OF_ROBOT = ("--half-gauge", "0.3", "--sprocket-radius", "0.08")
+OF_DRIVES = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
+COLUMNS = ("run", "t", "omega_l", "omega_r", "x", "y", "phi")
+TWISTS = tuple((v, v / r) for r in (0.8, 1.5, 3.0, -1.0, -2.0) for v in (0.3, 0.6))
 
 
-@pytest.mark.usefixtures("few_resamples")
-def test_steady_samples_of_a_real_robot(trackslip, tmp_path):
-    twist = np.column_stack([np.full(6, 0.2), 0.2 * np.array([1.5, 0.8, 0.4, -0.5, -1.0, 0.1])])
-    surface = twist[:, :1] + np.array([-1, 1]) * (0.3 + 0.06) * twist[:, 1:]
-    table = np.column_stack([surface / 0.08, twist])
-    rows = "\n".join(",".join(map(repr, map(float, row))) for row in table)
+def rows_of(law=ICR, geometry=ROBOT, twists=TWISTS, duration=20.0, noise=0.003):
+    """Rows of COLUMNS of a run for each twist, by a law."""
+    rng = np.random.default_rng(0)
+    time, runs = np.arange(0, duration, 0.1), []
+    for k, twist in enumerate(twists):
+        pose = advance([1.0, -2.0, 0.5], np.array(twist), time)
+        pose = pose + noise * np.array([1.0, 1.0, 1.5]) * rng.standard_normal(pose.shape)
+        omega = np.tile(law.sprocket_speeds(np.array(twist), geometry), (len(time), 1))
+        runs.append([[f"run {k}", *row] for row in np.column_stack([time, omega, pose])])
+    return runs
+
+
+def written(runs, path, columns=COLUMNS):
+    rows = [",".join(map(str, row)) for run in runs for row in run]
+    path.write_text("\n".join([",".join(columns), *rows]))
+    return str(path)
+
+
+def written_drive(log, path, columns=COLUMNS):
+    """A CSV file with empty cells where nothing was measured."""
+    count, rows = len(columns) - 4, []
+    for k, valid in enumerate(log.is_valid):
+        rows.append([log.run, log.time[k], *log.omega[k], *(log.pose[k, :count] if valid else [""] * count)])
+    return written([rows], path, columns)
+
+
+def offset_of(found):
+    return found.comparison.laws["icr_radius"].values["offset"]
+
+
+def test_steady_samples_with_encoders_before_a_gear(trackslip, tmp_path):
+    twist = np.array([*TWISTS, (-0.3, 0.2), (0.0, 0.6)])
+    omega = ICR.sprocket_speeds(twist, ROBOT) + np.random.default_rng(0).normal(0, 0.01, (len(twist), 2))
+    rows = "\n".join(",".join(map(str, row)) for row in np.column_stack([30 * omega, twist]))
     (tmp_path / "samples.csv").write_text("omega_l,omega_r,v,w\n" + rows)
-    result = trackslip("identify", str(tmp_path / "samples.csv"), "--half-gauge", "0.3", "--sprocket-radius", "0.08")
-    assert result.summary["slip_laws"]["icr"]["values"]["offset"] == pytest.approx(0.06)
-    assert result.summary["samples"] == 6
+    result = trackslip("identify", str(tmp_path / "samples.csv"), *OF_ROBOT, "--gear", "30")
+    assert result.summary["laws"]["icr_radius"]["values"]["offset"] == pytest.approx(0.09, abs=0.01)
+    assert (result.summary["best"], result.summary["samples"]) == ("icr_radius", 12)
     assert (result.folder / "runs.parquet").is_file()
 
 
-@pytest.mark.usefixtures("few_resamples")
-def test_laws_whose_fit_ends_at_a_limit_are_told_of(trackslip, tmp_path):
-    rows = "".join(f"{3 - k / 2},{3 + k / 2},0.2,{0.07 * k}\n" for k in (1, -1, 2, -2, 3, 4))
-    (tmp_path / "samples.csv").write_text("omega_l,omega_r,v,w\n" + rows)
-    result = trackslip("identify", str(tmp_path / "samples.csv"), "--half-gauge", "0.3", "--sprocket-radius", "0.08")
-    assert any(
-        "law exponential: the 6 samples don't determine alpha_inner (the fit stopped at -19.9)" in line
-        for line in result.summary["warnings"]
-    )
+def test_turns_either_way_forwards_backwards_and_in_place(trackslip, tmp_path):
+    more = [(-0.4, 0.3), (-0.3, -0.2), (0.0, 0.5), (0.0, -0.8)]
+    log = written(rows_of(twists=(*TWISTS, *more)), tmp_path / "log.csv")
+    result = trackslip("identify", log, *OF_ROBOT, "--method", "steady")
+    assert (result.summary["outliers"], result.summary["samples"]) == ([], len(TWISTS) + 4)
+    assert result.summary["best"] == "icr_radius"
+    law = result.summary["laws"]["icr_radius"]
+    assert law["values"] == pytest.approx({"offset": 0.09, "radius_error": 0.015}, abs=0.002)
+    keys = {"values", "stderr", "interval95", "rms", "aicc", "weight", "cv_radius", "cv_speed", "cv_yaw_rate"}
+    assert keys <= set(law)
+    low, high = law["interval95"]["offset"]
+    assert low < 0.09 < high
+    assert "drive" not in result.summary
 
 
 @pytest.mark.parametrize(
-    ("text", "options", "message"),
+    ("factors", "guess"),
     [
-        (TRACE, (), "half_gauge = None: must be given (--half-gauge"),
-        (
-            TRACE.replace(",2,", ",inf,"),
-            GEOMETRY,
-            "run 'a': row 1, column omega_l: 'inf' is not a finite number",
-        ),
-        (TRACE.replace(",0,0\n", ",oops,0\n"), GEOMETRY, "run 'a': row 1, column y: 'oops' is not a finite number"),
-        (TRACE.replace(",0,0\n", ",0,\n"), (*GEOMETRY, "--method", "steady"), "run 'a': has no headings"),
-        (TRACE.replace("omega_r", "omega_right"), GEOMETRY, "column omega_r is missing"),
-        ("a,b\n1,2\n", GEOMETRY, "needs the columns"),
-        (TRACE.replace(",", ";"), GEOMETRY, "must be separated by commas"),
-        (TRACE.replace(",", ";").replace(".", ","), GEOMETRY, "must be separated by commas"),
-        ("omega_l,omega_r,v,w\n1,2,0.1,x\n", GEOMETRY, "run 'row 1': column w: 'x' is not a finite number"),
-        ("omega_l,omega_r,v,w\n0,0,0.1,0.2\n", GEOMETRY, "run 'row 1': the sprockets stand still"),
-        ("omega_l,omega_r,v,w\n1,1,0.06,0\n", GEOMETRY, "determine"),
-        (TRACE[: TRACE.index("a,1.0")], (*GEOMETRY, "--method", "steady"), "too short"),
+        ({"omega_l": 30.0, "omega_r": 30.0}, "it looks like a gear of about 29.6"),
+        ({"phi": 180 / np.pi}, "degrees"),
+        ({"phi": -1.0}, "headings fit the path clockwise"),
+        ({"omega_l": -1.0}, "does its encoder count backwards?"),
+        ({"t": 1e3}, "times in ms"),
+        ({"t": 1e9}, "times in ns"),
+        ({"phi": -1.0, "y": -1.0}, "tracks swapped, or phi not counter-clockwise"),
     ],
 )
-def test_bad_logs_get_one_line(refused, tmp_path, text, options, message):
-    path = tmp_path / "log.csv"
-    path.write_text(text)
-    assert message in refused("identify", str(path), *options)
+def test_wrong_units_are_guessed(refused, tmp_path, factors, guess):
+    runs = [[[c * factors.get(n, 1) for n, c in zip(COLUMNS, row, strict=True)] for row in run] for run in rows_of()]
+    assert guess in refused("identify", written(runs, tmp_path / "log.csv"), *OF_ROBOT)
+
+
+def test_units_in_a_parquet_file_are_checked(refused, tmp_path):
+    rows = [row for run in rows_of() for row in run]
+    table = pa.table({name: [row[k] for row in rows] for k, name in enumerate(COLUMNS)})
+    fields = [f.with_metadata({"unit": "deg/s"}) if f.name == "omega_l" else f for f in table.schema]
+    pa.parquet.write_table(table.cast(pa.schema(fields)), tmp_path / "log.parquet")
+    line = refused("identify", str(tmp_path / "log.parquet"), *OF_ROBOT)
+    assert "column omega_l: in 'deg/s', must be in rad/s" in line
+
+
+def test_a_gear_that_is_a_little_wrong_is_doubted(tmp_path):
+    runs = [[[*row[:2], 1.2 * row[2], 1.2 * row[3], *row[4:]] for row in run] for run in rows_of()]
+    found = identify(written(runs, tmp_path / "log.csv"), ROBOT, method="steady")
+    assert "are gear and sprocket radius right?" in "".join(found.warnings)
+
+
+def test_what_is_odd_is_listed_and_the_rest_is_used(tmp_path):
+    """A clock with a gap, poses that teleport, degrees in one run, and a run on other ground."""
+    runs = [*rows_of(), rows_of(ConstantIcr(0.2, 0.3, 0.015), twists=((0.5, 0.4),))[0]]
+    for row in runs[0][50:]:
+        row[1] += 30.0
+    runs[2][100][5] += 3.0
+    for row in runs[3]:
+        row[6] = np.degrees(row[6])
+    for row in runs[-1]:
+        row[0] = "ice"
+    found = identify(written(runs, tmp_path / "log.csv"), ROBOT, method="steady")
+    warnings = " ".join(found.warnings)
+    assert "run 'run 0': its clock has a gap from t = 4.9 s to 35 s" in warnings
+    assert "run 'run 2': its pose jumps by" in warnings
+    assert "run 'run 3' left out: column phi: headings fit the path in degrees" in warnings
+    assert {outlier.run for outlier in found.outliers} == {"run 3", "ice"}
+    assert [name for name in found.samples.run if name.startswith("run 0")] == ["run 0 @ 1.5 s", "run 0 @ 36.5 s"]
+    assert offset_of(found) == pytest.approx(0.09, abs=0.003)
+
+
+# whole drives
+
+
+@pytest.fixture
+def few_laws(monkeypatch):
+    monkeypatch.setattr("trackslip.identification.identify.DRIVE_LAWS", ("none", "icr_radius"))
+
+
+@pytest.mark.usefixtures("few_laws")
+def test_a_drive_is_chosen_by_itself(trackslip, refused, tmp_path):
+    log = written_drive(wandered(duration=24.0), tmp_path / "log.csv")
+    result = trackslip("identify", log, *OF_DRIVES)
+    assert result.summary["method"] == "drive"
+    assert set(result.summary["prediction"]["none"]) == {"1", "2", "5", "10"}
+    assert result.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(0.045, abs=0.002)
+    held = result.summary["drive"]["laws"][result.summary["best"]]["held"]
+    assert f"held: T (lag), {held['lag']}" in result.printed.splitlines()
+    assert "Held-out prediction of heading" in result.printed
+    assert "Whole drives" in (result.folder / "report.html").read_text(encoding="utf-8")
+    assert (result.folder / "runs.parquet").is_file()
+    assert "steady" in refused("identify", log, *OF_DRIVES, "--method", "steady")
+
+
+@pytest.mark.usefixtures("few_laws")
+def test_a_drive_without_headings_and_with_a_sensor_that_is_given(trackslip, tmp_path):
+    log = written_drive(wandered(headings=False, duration=24.0), tmp_path / "log.csv", COLUMNS[:-1])
+    result = trackslip("identify", log, *OF_DRIVES, "--sensor", "0.0", "-0.001", "0.0")
+    assert result.summary["prediction"]["icr_radius"]["2"]["heading_rms"] is None
+    assert "prediction of heading" not in result.printed
+    law = result.summary["drive"]["laws"]["icr_radius"]
+    assert (law["held"]["sensor_y"], law["extras"]["sensor_y"]) == ("given", -0.001)
+
+
+@pytest.mark.usefixtures("few_laws")
+def test_steady_driving_has_the_drives_laws_beside_it(trackslip, tmp_path):
+    circles = rows_of(LAW, GEOMETRY, [(0.2, 0.2 / radius) for radius in (0.6, -1.0, 1.5, -2.5)], 12.0, 0.002)
+    result = trackslip("identify", written(circles, tmp_path / "log.csv"), *OF_DRIVES)
+    assert result.summary["method"] == "steady"
+    for title in ("Slip laws from 4 steady samples", "Laws compared, the best first", "Slip laws from 4 whole drives"):
+        assert title in result.printed
+    drive = result.summary["drive"]["laws"]["icr_radius"]["values"]["offset"]
+    assert drive == pytest.approx(result.summary["slip_laws"]["icr_radius"]["values"]["offset"], abs=0.003)
