@@ -7,7 +7,6 @@ import numpy as np
 from trackslip import se2
 from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.fit import Fit
-from trackslip.identification.drive.law_twist import many_twists
 from trackslip.identification.solver import least_squares
 from trackslip.kinematics import Array, track_speeds
 from trackslip.slip.families import FAMILIES
@@ -29,7 +28,7 @@ def law_start(name: str, reference: Fit) -> Array:
 
     def residual(values: Array, rows: np.ndarray) -> Array:
         del rows
-        found = track_speeds(many_twists(family, values, omega, geometry), geometry.half_gauge)
+        found = track_speeds(family.law(values[:, None, :], geometry).twist(omega, geometry), geometry.half_gauge)
         return (found - measured).reshape(len(values), -1)
 
     reached = least_squares(residual, starts, low, high, scale)

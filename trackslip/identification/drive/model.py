@@ -21,9 +21,9 @@ import scipy
 
 from trackslip import se2
 from trackslip.identification.drive.drives import Drive
-from trackslip.identification.drive.law_twist import many_twists, twists
 from trackslip.identification.drive.reckoning import path_at
 from trackslip.identification.drive.timeline import Timeline
+from trackslip.identification.sensitivity import twist_slopes
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.families import LawFamily
 
@@ -155,12 +155,11 @@ class DriveModel:
         law, lag, drift = len(values), extra["lag"], extra["drift"]
         slope = np.zeros((3, len(free), len(line.omega)))
         of_law = free < law
+        twist = self.family.law(values, self.geometry).twist(line.omega, self.geometry)
         if of_law.any():
-            twist, by_law = twists(self.family, values, line.omega, self.geometry)
+            by_law = twist_slopes(self.family, values[None], line.omega, self.geometry, twist[None])[0]
             by_law = _lagging(np.moveaxis(by_law, 0, -1)[:, free[of_law]], line, lag)
             slope[0, of_law], slope[2, of_law] = by_law
-        else:
-            twist = many_twists(self.family, values[None], line.omega, self.geometry)[0]
         belts = np.moveaxis(twist, 0, -1)
         v, w = lagged = _lagging(belts, line, lag)
         at_lag = free == self.index("lag")
