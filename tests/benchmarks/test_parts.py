@@ -55,7 +55,7 @@ def test_a_scan_of_each_robot(benchmark, fleet):
 
 def test_localization_of_a_scan_of_each_robot(benchmark, robot, fleet):
     feed = ScannerFeed(LaserScanner(), fleet)
-    scan = feed.scan(feed.measured(feed.true_ranges()[:, None, :])[:, 0])
+    scan = feed.scan(feed.measure(feed.true_ranges()[:, None, :])[:, 0])
     benchmark(PlateLocator(robot.plate).locate, scan, fleet.pose())
 
 

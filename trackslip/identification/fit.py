@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from trackslip.identification.sensitivity import twist_slopes
 from trackslip.identification.solver import CONVERGED, ITERATIONS, Minimum, least_squares
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import LawFamily
+from trackslip.slip.slopes import twist_slopes
 
 _FIRST_SCATTER = 0.003  # initial guess of the scatter of slip [-]
 _ROUNDS = 8  # maximum number of alternating fits and scatter estimates
@@ -30,7 +30,6 @@ class Fits:
     scatter: Array  # (M,) tau, scatter of slip beyond the measurement errors [-]
     cost: Array  # (M,) chi-square
     hessian: Array  # (M, p, p) of half of it, from the slopes of the twists
-    bend: Array  # (M, p, p) what the curvature of the twists adds to it, roughly
 
     @cached_property
     def law(self) -> SlipLaw:
@@ -107,25 +106,22 @@ def fit(
     runs: WeightedRuns,
     start: Array | None = None,
     scatter: Array | None = None,
-    bend: Array | None = None,
     tolerance: float = CONVERGED,
-    twist: Array | None = None,
 ) -> Fits:
     """Minimise the squared residuals of the runs, in units of their standard deviations (see `weighting`).
 
     By default, the best of the fits from the family's own starting values is kept, and tau (M,) is estimated,
-    alternating with the values. For `bend` (M, p, p) and `tolerance` see `least_squares`. The `twist` that the laws
-    predict at the start, as of Fits, need not be computed again if it is known.
+    alternating with the values. For `tolerance` see `least_squares`.
     """
     family = family.under(runs.load)
     sets = max(len(runs.speeds), len(runs.weight))
     if scatter is not None:
-        return _at(family, runs, np.broadcast_to(scatter, (sets,)), start, bend, tolerance, twist)
-    found = _at(family, runs, np.full(sets, _FIRST_SCATTER), start, bend, _ROUGHLY, twist)
+        return _at(family, runs, np.broadcast_to(scatter, (sets,)), start, tolerance)
+    found = _at(family, runs, np.full(sets, _FIRST_SCATTER), start, _ROUGHLY)
     for _ in range(_ROUNDS):
         scatter = runs.scatter(found.deviation, found.freedom)
         change = np.abs(scatter - found.scatter) / np.maximum(np.maximum(scatter, found.scatter), 1e-12)
-        found = _at(family, runs, scatter, found.values, found.bend, tolerance, found.twist)
+        found = _at(family, runs, scatter, found.values, tolerance)
         if change.max(initial=0.0) < _SETTLED:
             break
     return found
@@ -138,25 +134,17 @@ def minimise(
     start: Array,
     sets: np.ndarray,
     held: np.ndarray | None = None,
-    bend: Array | None = None,
     tolerance: Array | float = CONVERGED,
     iterations: int = ITERATIONS,
-    twist: Array | None = None,
 ) -> Minimum:
-    """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs; see `least_squares`.
-
-    For `twist` see `fit`.
-    """
+    """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs; see `least_squares`."""
     low, high, scale = family.limits(runs.geometry.half_gauge)
     last = np.empty((len(start), *runs.omega.shape))  # twists
 
-    def whitened(rows: np.ndarray) -> Array:
-        chosen = sets[rows]
-        return runs.whiten(runs.missed(last[rows], chosen), scatter[chosen], chosen)
-
     def residual(values: Array, rows: np.ndarray) -> Array:
+        chosen = sets[rows]
         last[rows] = family.law(values[:, None, :], runs.geometry).twist(runs.omega, runs.geometry)
-        return whitened(rows)
+        return runs.whiten(runs.missed(last[rows], chosen), scatter[chosen], chosen)
 
     def jacobian(values: Array, rows: np.ndarray) -> Array:
         chosen = sets[rows]
@@ -165,23 +153,11 @@ def minimise(
 
     if not family.names:
         cost = np.sum(residual(start, np.arange(len(start))) ** 2, axis=1)
-        return Minimum(start, cost, *np.zeros((2, len(start), 0, 0)))
-    first = None
-    if twist is not None:
-        last[:] = twist
-        first = whitened(np.arange(len(start)))
-    return least_squares(residual, start, low, high, scale, held, jacobian, bend, tolerance, iterations, first)
+        return Minimum(start, cost, np.zeros((len(start), 0, 0)))
+    return least_squares(residual, start, low, high, scale, held, jacobian, tolerance, iterations)
 
 
-def _at(
-    family: LawFamily,
-    runs: WeightedRuns,
-    scatter: Array,
-    start: Array | None,
-    bend: Array | None,
-    tolerance: float,
-    twist: Array | None,
-) -> Fits:
+def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None, tolerance: float) -> Fits:
     """The fits at scatters (M,), from `start` or from the best that the starting values of the family reach."""
     sets = np.arange(len(scatter))
     if start is None:
@@ -190,7 +166,7 @@ def _at(
         each = np.tile(starts, (len(sets), 1))
         reached = minimise(family, runs, scatter, each, np.repeat(sets, k), tolerance=tolerance)
         best = reached.cost.reshape(-1, k).argmin(axis=1) + k * sets
-        found = Minimum(*(each[best] for each in (reached.values, reached.cost, reached.hessian, reached.bend)))
+        found = Minimum(reached.values[best], reached.cost[best], reached.hessian[best])
     else:
-        found = minimise(family, runs, scatter, start, sets, bend=bend, tolerance=tolerance, twist=twist)
-    return Fits(family, runs, found.values, scatter, found.cost, found.hessian, found.bend)
+        found = minimise(family, runs, scatter, start, sets, tolerance=tolerance)
+    return Fits(family, runs, found.values, scatter, found.cost, found.hessian)

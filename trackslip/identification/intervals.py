@@ -66,7 +66,7 @@ def profile_intervals(fits: Fits, height: Array) -> Array:
     centre = fits.values[which, index]
     span = np.where(sign > 0, high[index] - centre, centre - low[index])  # to the limit
     way = np.minimum(goal * error[which, index], span)
-    values, bend = fits.values[which], fits.bend[which]
+    values = fits.values[which]
     with np.errstate(invalid="ignore"):
         beside = (fits.covariance[which, :, index]) / variance[which, index][:, None]  # change of the others
     ahead = np.where(np.isfinite(beside), beside, 0.0)
@@ -84,13 +84,11 @@ def profile_intervals(fits: Fits, height: Array) -> Array:
             start,
             which[rows],
             held[rows],
-            bend[rows],
             tolerance[rows],
             _ITERATIONS,
         )
         moved = gone != 0
         ahead[rows[moved]] = ((reached.values - values[rows])[moved]) / gone[moved, None]
-        bend[rows] = reached.bend
         rise = np.sqrt(np.maximum(reached.cost - fits.cost[which[rows]], 1e-300))
         ratio = goal[rows] / rise
         ended = (np.abs(ratio - 1) < _NEAR) | ((way[rows] >= span[rows]) & (ratio > 1))

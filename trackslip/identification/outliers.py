@@ -82,7 +82,7 @@ def _robust_deviation(name: str, runs: WeightedRuns) -> tuple[Array, float]:
         before, weight = weight, np.where(reach < 1, (1 - reach**2) ** 2, 1e-9)
         if np.abs(weight - before).max() < _SETTLED:
             break
-        found = fit(family, runs.weighted(weight[None]), found.values, scatter, found.bend, _ROUGHLY, found.twist)
+        found = fit(family, runs.weighted(weight[None]), found.values, scatter, _ROUGHLY)
     return found.deviation[0], spread
 
 

