@@ -8,7 +8,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.identification.fit import Fits, fit
-from trackslip.identification.hopeless import undetermined, unfollowed
+from trackslip.identification.hopeless import undetermined
 from trackslip.identification.intervals import bootstrap_intervals, heights, profile_intervals, standard_errors
 from trackslip.identification.replicates import SIGNIFICANT, LackOfFit, lack_of_fit
 from trackslip.identification.samples import SlipSamples
@@ -86,7 +86,7 @@ def fit_law(
     measured = samples.covariance is not None
     tests = lack_of_fit(fits, measured)
     error = standard_errors(fits, tests, measured)[0]
-    notes = undetermined(name, fits, error) or unfollowed(name, fits)
+    notes = undetermined(name, fits, error)
     if notes and not vague:
         raise LogError(notes[0])
     interval = fits.family.limits(geometry.half_gauge)[:2].T

@@ -26,6 +26,8 @@ class SlipLaw(ABC):
     """Whether logs of runs that it compensates have its ICRs: `offset` and `radius_error`."""
     twist_iterations: ClassVar[int] = 12
     """Largest number of iterations of `twist`; where a law jumps, some sprocket speeds take all of them."""
+    closed_form: ClassVar[bool] = False
+    """Whether `twist` is overridden by a closed form, which is cheap enough to be differenced."""
 
     @abstractmethod
     def __call__(self, kappa: ArrayLike) -> Array:

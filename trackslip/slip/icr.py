@@ -21,6 +21,7 @@ class _Icr(SlipLaw):
     """
 
     half_gauge: float
+    closed_form: ClassVar[bool] = True
     _suffixes: ClassVar[tuple[str, ...]] = ("",)  # of the parameters of each track
 
     def __post_init__(self) -> None:

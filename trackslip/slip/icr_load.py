@@ -46,6 +46,7 @@ class IcrLoad(SlipLaw):
     load: Array | tuple[float, float] = (0.0, 0.0)
     """(t, t_left): traction that the robot needs over the load on its tracks, uphill; one, or one per motion [-]."""
     records_icr: ClassVar[bool] = True
+    closed_form: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +36,7 @@ class TurnLoss(SlipLaw):
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     turn_loss: float = 0.0
     """g: share of the speed that is lost in a turn about the middle of the robot [-]."""
+    closed_form: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")

@@ -23,9 +23,9 @@ from trackslip import se2
 from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.reckoning import path_at
 from trackslip.identification.drive.timeline import Timeline
-from trackslip.identification.sensitivity import twist_slopes
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.families import LawFamily
+from trackslip.slip.slopes import twist_slopes
 
 
 @dataclass(frozen=True)
