@@ -12,7 +12,7 @@ from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops, s
 from experiments.driving.grid_runs import cells_of, drive_cells
 from experiments.driving.paper_model import KNOWN_LAWS, published_runs
 from experiments.driving.world import World
-from experiments.measuring.grid import grid_summary, measured_run, saturation_warnings, simulated_seconds
+from experiments.measuring.grid import grid_summary, saturation_warnings, simulated_seconds
 from experiments.measuring.tracking import tracking_results
 from experiments.options.world import IDENTIFIED
 from experiments.parallel import InlineExecutor, WorkerProcesses, Workers, processors
@@ -48,19 +48,19 @@ def reproduce(config: Config) -> None:
     drawing = WorkerProcesses(1) if (config.threads or processors()) > 1 else InlineExecutor()
     with Run(config) as run, drawing:
         pool = Workers(drawing, 1)
-        # drive the grid of radii and speeds, and measure every run's slip
+        # drive the grid of radii and speeds
         with run.busy(f"{len(cells)} runs, scans and poses"):
             grid_logs = drive_cells(cells, [world] * len(cells), watch=run.watch)
-            slips = {log.run: measured_run(log, geometry, config.motion, run.watch) for log in grid_logs}
-            measured = {name: one for name, one in slips.items() if one is not None}
 
         # identify the slip laws
-        with run.busy("slips and laws"), run.watch.stage("laws"):
-            sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True, measured=measured)
-            found = identify_samples(sampling, geometry)
+        with run.busy("slips and laws"):
+            with run.watch.stage("slips"):
+                sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True)
+            with run.watch.stage("laws"):
+                found = identify_samples(sampling, geometry)
             fitted = {name: one.law for name, one in found.comparison.laws.items()}
             names = [cell.name for cell in cells]
-            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, run.watch, measured)
+            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, run.watch)
 
         # verify them in closed loop
         with run.busy("closed loops"):

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from types import MappingProxyType
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
@@ -11,14 +10,12 @@ import numpy as np
 from experiments.options.grid import GridConfig
 from experiments.storage.plain_json import plain
 from sim.stopwatch import Stopwatch
-from trackslip.errors import LogError
-from trackslip.identification.samples import MeasuredRun, MeasuredRuns, SlipSamples, part_by_method, steadily_driven
-from trackslip.identification.true_samples import true_sample
+from trackslip.identification.samples import SlipSamples, samples_by_method, true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.bound import beside_bound
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
-from trackslip.motion.methods import MOTION_METHODS, best_method
+from trackslip.motion.methods import MOTION_METHODS
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
 
@@ -146,25 +143,6 @@ class GridSummary:
         return found
 
 
-def measured_run(
-    log: RunLog, geometry: RobotGeometry, motion: str | None = None, watch: Stopwatch | None = None
-) -> MeasuredRun | None:
-    """The slips of a simulated run by every motion method, and the true ones; None without a steady stretch.
-
-    `watch` gets the time of the method `motion`, by default the most accurate, and that of all others.
-    """
-    watch, chosen = watch or Stopwatch(), motion or best_method(log)
-    try:
-        with watch.stage("slips"):
-            part = steadily_driven(log, geometry)
-            by_method = part_by_method(part, geometry, [chosen])
-        with watch.stage("errors of all methods"):
-            by_method |= part_by_method(part, geometry, [name for name in MOTION_METHODS if name != chosen])
-    except LogError:
-        return None
-    return MeasuredRun(part.window, part.notes, by_method, true_sample(part, geometry))
-
-
 def grid_summary(
     config: GridConfig,
     names: Sequence[str],
@@ -172,12 +150,11 @@ def grid_summary(
     samples: SlipSamples,
     geometry: RobotGeometry,
     watch: Stopwatch,
-    measured: MeasuredRuns = MappingProxyType({}),
 ) -> GridSummary:
     """Evaluate a grid: `names` of all its runs, radius by radius; `logs` of those that were driven; and `samples`.
 
     The logs are gone through once, so that there need never be more than one of them, in the order of the names.
-    `watch` knows how long localization took; runs may have been `measured` before.
+    `watch` knows how long localization took.
     """
     poses, bound = _Poses(), _PosesOverBound()
     slip, true_slip = (np.full((len(names), 2), np.nan) for _ in range(2))
@@ -189,12 +166,11 @@ def grid_summary(
         poses.add(log)
         bound.add(log)
         if log.run in samples.run:
-            run = measured.get(log.run) or measured_run(log, geometry)
-            assert run is not None, "a run that gave a sample is steady"
-            assert run.truth is not None, "of a simulated run"
-            true_slip[names.index(log.run)] = run.truth.slip[0]
-            for name, sample in run.by_method.items():
-                by_method[name].append(sample.slip - run.truth.slip)
+            truth = true_samples([log], geometry).slip
+            true_slip[names.index(log.run)] = truth[0]
+            with watch.stage("errors of all methods"):
+                for name, sample in samples_by_method(log, geometry).items():
+                    by_method[name].append(sample.slip - truth)
     by_radius = (len(config.radii), len(config.speeds))
     mean_slip = slip.reshape(*by_radius, 2).mean(axis=1)
     spread = np.ptp(true_slip.reshape(*by_radius, 2), axis=1)

@@ -44,7 +44,7 @@ from trackslip.identification.drive.drives import drive_of
 from trackslip.identification.drive.estimate import fit_drives
 from trackslip.identification.drive.model import DriveModel
 from trackslip.identification.fitted import fit_law
-from trackslip.identification.true_samples import true_samples
+from trackslip.identification.samples import true_samples
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms

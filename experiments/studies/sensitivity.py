@@ -20,8 +20,7 @@ from experiments.report.table import Table
 from experiments.studies.trials import Outcome, Study, Trial, run_trials
 from sim.scanner.scanner import MIRROR_PERIOD
 from trackslip.errors import LogError
-from trackslip.identification.samples import usable_samples
-from trackslip.identification.true_samples import true_samples
+from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 

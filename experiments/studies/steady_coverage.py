@@ -20,8 +20,7 @@ from sim.seeds import generator
 from trackslip.identification.comparison import Comparison, compare_laws
 from trackslip.identification.coverage import coverage, noise_coverage
 from trackslip.identification.fitted import fit_law
-from trackslip.identification.samples import SlipSamples
-from trackslip.identification.true_samples import true_samples
+from trackslip.identification.samples import SlipSamples, true_samples
 from trackslip.kinematics import RobotGeometry
 from trackslip.localization.scan import extract_plate
 from trackslip.logs.runlog import RunLog

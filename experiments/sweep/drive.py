@@ -15,8 +15,7 @@ from experiments.sweep.plan import PlannedRun
 from sim.loop import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
-from trackslip.identification.samples import usable_samples
-from trackslip.identification.true_samples import true_samples
+from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.logs.runlog import RunLog
 
 _SAMPLED = ("omega_l", "omega_r", "v", "w", "slip_l", "slip_r", "true_slip_l", "true_slip_r", "observed_radius")

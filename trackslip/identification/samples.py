@@ -1,10 +1,10 @@
-"""Steady slip samples from runs."""
+"""Steady slip samples: mean slip in stretches of constant sprocket speeds, as measured and as truly driven."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -100,24 +100,6 @@ class SlipSamples:
 
 
 @dataclass(frozen=True)
-class MeasuredRun:
-    """What was found of the longest steady stretch of a run."""
-
-    window: tuple[float, float]
-    """Start and end [s]."""
-    notes: tuple[str, ...]
-    """What was excluded from the run besides settling, one line each."""
-    by_method: Mapping[str, SlipSamples]
-    """Method -> sample, as `part_by_method` finds it."""
-    truth: SlipSamples | None
-    """The sample from the true motion, if that is known."""
-
-
-MeasuredRuns = Mapping[str, MeasuredRun]
-"""By the name of the run."""
-
-
-@dataclass(frozen=True)
 class Sampling:
     """The samples of a set of runs, and why some runs or stretches gave none."""
 
@@ -131,36 +113,6 @@ class Sampling:
     """Share of the time of driving that is in steady stretches, settling included [-]."""
 
 
-def slip_samples(
-    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str | None = None
-) -> SlipSamples:
-    """Mean slip of each run from its poses and sprocket speeds, in its longest stretch of constant sprocket speeds.
-
-    The first `settle` [s] of the stretch are left out. The method is one of MOTION_METHODS, by default the most
-    accurate that each run allows. Raises LogError if a run has no steady stretch, or too few valid poses in it.
-    """
-    _require_known(settle, method)
-    return SlipSamples.joined([_sample(steady_part(log, geometry, settle), geometry, method) for log in logs])
-
-
-def steadily_driven(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
-    """The longest steady stretch of a run; raises LogError if it has none, or moves unsteadily in it."""
-    part = steady_part(log, geometry, settle)
-    require_steady_motion(part)
-    return part
-
-
-def part_by_method(
-    part: SteadyPart, geometry: RobotGeometry, methods: Iterable[str] = tuple(MOTION_METHODS)
-) -> dict[str, SlipSamples]:
-    """The sample of a steady stretch by each of the methods that it allows."""
-    found = {}
-    for name in methods:
-        with contextlib.suppress(LogError):
-            found[name] = _measured(part, geometry, name)
-    return found
-
-
 def usable_samples(
     logs: Sequence[RunLog],
     geometry: RobotGeometry,
@@ -168,46 +120,48 @@ def usable_samples(
     method: str | None = None,
     refused: Sequence[Refused] = (),
     longest: bool = False,
-    measured: MeasuredRuns = MappingProxyType({}),
 ) -> Sampling:
-    """The samples of all steady stretches of all runs, and why others give none; LogError if none is usable.
+    """The samples of all steady stretches of all runs, and why others give none.
 
-    A run with several stretches gives as many samples, named by when they begin; with `longest`, only the longest
-    stretch of each run counts, as in `slip_samples`, and runs may be `measured` already. `refused` are runs that were
-    left out before.
+    Args:
+        logs: runs.
+        geometry: of the robot.
+        settle: time at the start of each stretch that is left out [s].
+        method: one of MOTION_METHODS; by default the most accurate that each run allows.
+        refused: runs that were left out before.
+        longest: whether only the longest stretch of each run counts; else a run with several stretches gives as many
+            samples, named by when they begin.
+
+    Raises:
+        LogError: if no run gives a sample.
+        InvalidValueError: for an invalid `settle` or `method`.
     """
-    _require_known(settle, method)
-    found = _Found(list(refused))
-    stretches = _longest_only if longest else steady_parts
+    require_non_negative("settle", settle)
+    if method is not None and method not in MOTION_METHODS:
+        raise InvalidValueError("motion", method, f"one of {', '.join(MOTION_METHODS)}")
+    usable: list[SlipSamples] = []
+    notes: list[str] = []
+    left_out, steady = list(refused), 0.0
     for log in logs:
-        known = measured.get(log.run) if longest else None
-        if known is not None and (sample := known.by_method.get(method or best_method(log))) is not None:
-            found.usable.append(sample)
-            found.steady += known.window[1] - known.window[0] + max(settle, MARGIN) + MARGIN
-            found.notes += known.notes
-            continue
         try:
-            parts = stretches(log, geometry, settle)
+            parts = (steady_part(log, geometry, settle),) if longest else steady_parts(log, geometry, settle)
         except LogError as error:
-            found.refused.append(Refused.of(log.run, error))
+            left_out.append(Refused.of(log.run, error))
             continue
-        before = len(found.usable)
+        before = len(usable)
         for part in parts:
             pieces = (part,) if longest else load_pieces(part)
             lead, trail = max(settle, MARGIN) / len(pieces), MARGIN / len(pieces)
             for piece in pieces:
                 try:
-                    found.usable.append(_sample(piece, geometry, method))
-                    found.steady += piece.window[1] - piece.window[0] + lead + trail
+                    require_steady_motion(piece)
+                    usable.append(_sample(piece, geometry, method or best_method(piece.log)))
+                    steady += piece.window[1] - piece.window[0] + lead + trail
                 except LogError as error:
-                    found.refused.append(Refused(piece.name, Refused.of(log.run, error).reason))
-        found.notes += parts[0].notes if len(found.usable) > before else ()
-    return found.sampling(sum(_moving_time(log) for log in logs))
-
-
-def _moving_time(log: RunLog) -> float:
-    """Time in which a sprocket turns [s]."""
-    return float(np.diff(log.time)[np.abs(log.omega[1:]).max(axis=1) > STANDING].sum())
+                    left_out.append(Refused(piece.name, Refused.of(log.run, error).reason))
+        notes += parts[0].notes if len(usable) > before else ()
+    moving = sum(_moving_time(log) for log in logs)
+    return _sampling(usable, left_out, notes, min(1.0, steady / moving) if moving > 0 else 1.0)
 
 
 def usable_rows(
@@ -217,64 +171,73 @@ def usable_rows(
 
     `unread` are rows that cannot be read, with the reason.
     """
-    found = _Found([])
+    left_out, usable = list[Refused](), list[SlipSamples]()
     for k in range(len(omega)):
         name = f"row {k + 1}"
         try:
             if k in unread:
                 raise LogError(unread[k])
-            found.usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name]))
+            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name]))
         except LogError as error:
-            found.refused.append(Refused.of(name, error))
-    return found.sampling()
+            left_out.append(Refused.of(name, error))
+    return _sampling(usable, left_out)
 
 
-def _longest_only(log: RunLog, geometry: RobotGeometry, settle: float) -> tuple[SteadyPart, ...]:
-    return (steady_part(log, geometry, settle),)
+def true_samples(
+    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, of_plate: bool = False
+) -> SlipSamples:
+    """Samples of the longest steady stretches from the true motion of simulated runs.
+
+    `of_plate` takes the motion of the scanned plate, which leans outwards with the robot: it moves along a wider
+    circle, faster by the yaw rate times the lean. Raises LogError if a run has no truth or no steady stretch.
+    """
+    found = []
+    for log in logs:
+        truth = log.truth
+        if truth is None or (of_plate and truth.lean is None):
+            raise LogError(f"run {log.run!r}: has no truth")
+        part = steady_part(log, geometry, settle)
+        twist = truth.twist[part.rows][:, [0, 2]]
+        if of_plate and truth.lean is not None:
+            twist = np.column_stack([twist[:, 0] - twist[:, 1] * truth.lean[part.rows], twist[:, 1]])
+        load = None if part.load is None else part.load[None]
+        mean = twist.mean(axis=0)[None]
+        found.append(SlipSamples.of(part.omega[None], mean, geometry, [part.name], load=load))
+    return SlipSamples.joined(found)
 
 
-@dataclass
-class _Found:
-    """Samples found so far."""
-
-    refused: list[Refused]
-    usable: list[SlipSamples] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    steady: float = 0.0  # time in the stretches used [s]
-
-    def sampling(self, moving: float = 0.0) -> Sampling:
-        """All of them, out of a time of driving [s]; raises LogError if there is no sample."""
-        if not self.usable:
-            raise LogError(none_usable(self.refused))
-        share = min(1.0, self.steady / moving) if moving > 0 else 1.0
-        return Sampling(SlipSamples.joined(self.usable), tuple(self.refused), tuple(self.notes), share)
+def samples_by_method(log: RunLog, geometry: RobotGeometry) -> dict[str, SlipSamples]:
+    """The sample of a run's longest steady stretch by each of the motion methods that it allows."""
+    part, found = steady_part(log, geometry), {}
+    for name in MOTION_METHODS:
+        with contextlib.suppress(LogError):
+            found[name] = _sample(part, geometry, name)
+    return found
 
 
-def _require_known(settle: float, method: str | None) -> None:
-    """Raise InvalidValueError for an invalid option."""
-    require_non_negative("settle", settle)
-    if method is not None and method not in MOTION_METHODS:
-        raise InvalidValueError("motion", method, f"one of {', '.join(MOTION_METHODS)}")
-
-
-def _sample(part: SteadyPart, geometry: RobotGeometry, method: str | None) -> SlipSamples:
-    """The sample of a steady stretch; raises LogError if the robot moves unsteadily in it."""
-    require_steady_motion(part)
-    return _measured(part, geometry, method)
-
-
-def _measured(part: SteadyPart, geometry: RobotGeometry, method: str | None) -> SlipSamples:
+def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSamples:
     """The sample of a steady stretch."""
-    steady = MOTION_METHODS[method or best_method(part.log)](part.log, part.window)
-    lateral = None if steady.lateral is None else np.array([steady.lateral])
-    lateral_stderr = None if steady.lateral_stderr is None else np.array([steady.lateral_stderr])
+    steady = MOTION_METHODS[method](part.log, part.window)
     return SlipSamples.of(
         part.omega[None],
         steady.twist[None],
         geometry,
         [part.name],
         steady.covariance[None],
-        lateral,
-        lateral_stderr,
+        None if steady.lateral is None else np.array([steady.lateral]),
+        None if steady.lateral_stderr is None else np.array([steady.lateral_stderr]),
         None if part.load is None else part.load[None],
     )
+
+
+def _sampling(
+    usable: Sequence[SlipSamples], left_out: Sequence[Refused], notes: Sequence[str] = (), share: float = 1.0
+) -> Sampling:
+    if not usable:
+        raise LogError(none_usable(left_out))
+    return Sampling(SlipSamples.joined(usable), tuple(left_out), tuple(notes), share)
+
+
+def _moving_time(log: RunLog) -> float:
+    """Time in which a sprocket turns [s]."""
+    return float(np.diff(log.time)[np.abs(log.omega[1:]).max(axis=1) > STANDING].sum())

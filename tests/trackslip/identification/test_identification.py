@@ -7,8 +7,7 @@ from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.result import laws_to_json
-from trackslip.identification.samples import SlipSamples, slip_samples
-from trackslip.identification.true_samples import true_samples
+from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
 from trackslip.kinematics import RobotGeometry, advance, body_twist
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.exponential import PUBLISHED
@@ -115,7 +114,7 @@ def trace(law, kappa, duration=20.0, omega_after=1.0):
 
 def test_slip_of_traces():
     law = ConstantIcr(0.045, 0.168, 0.01)
-    samples = slip_samples([trace(law, kappa) for kappa in KAPPA], GEOMETRY)
+    samples = usable_samples([trace(law, kappa) for kappa in KAPPA], GEOMETRY, longest=True).samples
     np.testing.assert_allclose(samples.slip, law(KAPPA), atol=1e-6)
     np.testing.assert_allclose(samples.radius, 1 / KAPPA, rtol=1e-5)
     np.testing.assert_allclose(body_twist(samples.omega, samples.slip, GEOMETRY), samples.twist)
@@ -124,11 +123,11 @@ def test_slip_of_traces():
 def test_runs_that_are_not_steady_are_refused():
     law = ConstantIcr(0.045, 0.168)
     with pytest.raises(LogError, match="too short"):
-        slip_samples([trace(law, 0.5, duration=1.0)], GEOMETRY)
+        usable_samples([trace(law, 0.5, duration=1.0)], GEOMETRY, longest=True)
     with pytest.raises(LogError, match="has no truth"):
         true_samples([trace(law, 0.5)], GEOMETRY)
     with pytest.raises(InvalidValueError, match="settle"):
-        slip_samples([trace(law, 0.5)], GEOMETRY, settle=-1.0)
+        usable_samples([trace(law, 0.5)], GEOMETRY, settle=-1.0, longest=True)
 
 
 def test_laws_survive_their_file(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trackslip.errors import LogError
-from trackslip.identification.samples import slip_samples, usable_samples
+from trackslip.identification.samples import usable_samples
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.load_pieces import load_pieces
@@ -57,7 +57,7 @@ def test_a_stretch_without_load_stays_whole(slope, known):
 def test_pieces_follow_the_law_where_the_whole_circle_is_not_steady():
     log = driven(0.17)
     with pytest.raises(LogError, match="its motion is not: v changes"):
-        slip_samples([log], GEOMETRY)
+        usable_samples([log], GEOMETRY, longest=True)
     pieces = usable_samples([log], GEOMETRY).samples
     expected = LAW.under(pieces.load).twist(pieces.omega, GEOMETRY)
     np.testing.assert_allclose(pieces.twist, expected, atol=2e-3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trackslip.errors import LogError
-from trackslip.identification.samples import slip_samples, usable_samples
+from trackslip.identification.samples import usable_samples
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
@@ -40,7 +40,7 @@ def test_the_longest_steady_stretch_is_found():
     part = steady_part(log, GEOMETRY)
     assert part.window[0] == pytest.approx(6.0 + SETTLE, abs=0.5)
     assert part.window[1] == pytest.approx(18.0 - MARGIN, abs=0.5)
-    np.testing.assert_allclose(slip_samples([log], GEOMETRY).slip[0], LAW(0.5), atol=1e-6)
+    np.testing.assert_allclose(usable_samples([log], GEOMETRY, longest=True).samples.slip[0], LAW(0.5), atol=1e-6)
 
 
 def test_a_run_that_is_steady_for_a_while_only():
@@ -76,7 +76,7 @@ def test_a_glitch_is_left_out_and_listed():
     assert np.flatnonzero(~part.log.is_valid).tolist() == [200, 201, 202]
     assert part.window == pytest.approx((SETTLE, 19.95 - MARGIN))
     assert part.notes == ("run 'run': its pose jumps by 5 m at t = 10 s",)
-    np.testing.assert_allclose(slip_samples([log], GEOMETRY).slip[0], LAW(0.5), atol=1e-6)
+    np.testing.assert_allclose(usable_samples([log], GEOMETRY, longest=True).samples.slip[0], LAW(0.5), atol=1e-6)
 
 
 def test_after_a_lasting_jump_the_longer_part_is_used():
@@ -85,7 +85,7 @@ def test_after_a_lasting_jump_the_longer_part_is_used():
     part = steady_part(log, GEOMETRY)
     assert part.window == pytest.approx((6.0 + SETTLE, 19.95 - MARGIN))
     assert part.log.is_valid.all()
-    np.testing.assert_allclose(slip_samples([log], GEOMETRY).slip[0], LAW(0.5), atol=1e-6)
+    np.testing.assert_allclose(usable_samples([log], GEOMETRY, longest=True).samples.slip[0], LAW(0.5), atol=1e-6)
 
 
 def test_a_gap_in_the_clock_parts_a_run():
@@ -94,14 +94,16 @@ def test_a_gap_in_the_clock_parts_a_run():
     part = steady_part(replace(log, time=late), GEOMETRY)
     assert "its clock has a gap from t = 4.95 s to 12 s" in part.notes[0]
     assert part.window == pytest.approx((12.0 + SETTLE, 26.95 - MARGIN))
-    np.testing.assert_allclose(slip_samples([replace(log, time=late)], GEOMETRY).slip[0], LAW(0.5), atol=1e-6)
+    np.testing.assert_allclose(
+        usable_samples([replace(log, time=late)], GEOMETRY, longest=True).samples.slip[0], LAW(0.5), atol=1e-6
+    )
 
 
 def test_motion_that_changes_though_the_sprockets_do_not_is_refused():
     log = driven()
     slower = driven(((10.0, 0.8),))
     with pytest.raises(LogError, match="but its motion is not: v changes by -0"):
-        slip_samples([replace(slower, omega=log.omega)], GEOMETRY)
+        usable_samples([replace(slower, omega=log.omega)], GEOMETRY, longest=True)
 
 
 def test_runs_without_a_steady_stretch():
