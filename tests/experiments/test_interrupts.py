@@ -128,19 +128,3 @@ def test_a_command_that_ends_keeps_its_code(first, code, said):
             process.send_signal(number)
         assert process.communicate()[1] == said
     assert process.returncode == code
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_three_hundred_interrupts(tmp_path):
-    """A quarter of an hour."""
-    seconds = {}
-    for command in COMMANDS:
-        began = time.monotonic()
-        folder = tmp_path / command
-        folder.mkdir()
-        with started(command, folder) as process:
-            said = process.communicate()[1]
-        assert process.returncode == 0, said
-        seconds[command] = time.monotonic() - began
-    check(1, each=60, seconds=seconds)

@@ -6,11 +6,11 @@ import pytest
 
 PLAN = "plan --half-gauge 0.168 --sprocket-radius 0.06"
 DRAG = "track --controller feedforward"
+ROBOT = "--half-gauge 0.168 --sprocket-radius 0.06"
 
 OPTIONS = [
     ("paint", "COMMAND = 'paint': must be one of bag, bench, benchmark, calibrate, "),
     ("grid --out ''", "--out = '': must be non-empty"),
-    ("grid --out=", "--out = '': must be non-empty"),
     ("grid --out \udcff", "--out = '\\udcff': must be valid UTF-8"),
     ("grid --radii 1 --radii 2", "--radii is given twice; give it once, with all its values"),
     ("grid --random-phase --no-random_phase", "--no-random-phase is given twice"),
@@ -18,16 +18,21 @@ OPTIONS = [
     ("grid --speeds 0.5", "speeds = 0.5: must be at most drive.top_speed = 0.3 m/s"),
     ("grid --scanner.rate 33", "scanner.rate = 33.0: must be a rate whose period is a multiple of drive.period"),
     ("reproduce --drive.period 0.0025", "drive.period = 0.0025: must be a multiple of the physics step"),
-    ("track --reference circle --circle-speed 1e-9", "circle_speed = 1e-09: must be at least 0.001 m/s"),
     ("track --controller pid", "controller = 'pid': must be one of feedforward"),
     ("track --laws nowhere.json", "nowhere.json: No such file"),
-    ("identify nowhere.csv", "nowhere.csv: no such file"),
     (f"identify {'x' * 300}", "path = 'xxx"),
+    (f"identify log.csv {ROBOT} --sensor 0 0 5", "sensor = 5.0: must be from -3.14159 to 3.14159 rad, counter-"),
+    (f"identify log.csv {ROBOT} --sensor 0 nan 0", "sensor = nan: must be from -100 to 100 m, left of the middle"),
+    (f"identify log.csv {ROBOT} --sensor 0 0 0 --estimate-sensor", "estimate_sensor = True: must be left out where"),
+    ("coverage --run-repeats 4 --grids 5", "grids = 5: must be at most run_repeats = 4"),
+    ("coverage --radii 0.6", "radii = (0.6,): must be at least two"),
+    ("sensitivity --scanner.rate 100", "scanner.rate = 100.0: must be at most 75 Hz"),
+    ("sensitivity --duration 1", "duration = 1.0: must be from 4"),
+    ("deploy --law online", "law = 'online': must be one of none, "),
+    ("deploy --law icr --out .", "out = '.': is a folder, must be a file"),
     # grounds, robots, motors, what is towed, obstacles: options of groups are named with the group
     ("grid --ground mud", "ground = 'mud': must be one of stone, concrete"),
-    (f"grid --ground {'x' * 5000}", "ground = 'xxx"),
     ("grid --ground.across 0", "ground.across = 0.0: must be a finite number > 0"),
-    ("grid --ground.slope 0.9", "slope = 0.9: must be less than the friction angle"),
     (
         "grid --radii 1 --speeds 0.1 --ground.slope 0.9 --ground.along 10 --ground.across 10",
         "to park with heading 0 rad: the robot tips",
@@ -40,33 +45,71 @@ OPTIONS = [
     (f"{DRAG} --pull 160 --pull.height 0.6", "tips over"),
     # predictions from theory
     ("predict --com-x 0.2", "com_x = 0.2: must be between"),
-    ("predict --friction-ratio 1e-300", "friction_ratio = 1e-300: must be at least 0.01"),
     ("predict --slope 0.9", "less than the friction limit"),
     ("predict --friction 0.5", "friction = 0.5: must be left out without --slope and --pull"),
-    # teleoperated drives
+    # drives by people, over courses, and planned
     ("wander --duration 0.03", "duration = 0.03: must be at least 0.04 s, two readings"),
     ("wander --max-speed 0.4", "max_speed = 0.4: must be at most drive.top_speed = 0.3 m/s"),
     ("wander --encoder-rate 30", "encoder_rate = 30.0: must be a rate whose period is a multiple of drive.period"),
-    ("wander --law.offset 0.1", "law.offset = 0.1: must be left out without --motion law"),
-    ("wander --motion law --ground ice", "ground = 'ice': must be left out with --motion law"),
-    # training and calibration
-    ("train --env maze", "env = 'maze': must be one of path_tracking, traverse"),
-    ("train --batch 1000", "batch = 1000: must be a factor of robots * horizon = 8192"),
-    ("train --network 1000000000", "network = 1000000000: must be an integer from 1 to 4096"),
-    ("calibrate --target nowhere.csv", "nowhere.csv: no such file"),
-    # experiments to plan
+    ("drive --robot nobody", "robot = 'nobody': must be one of rescue, box, or a .toml file"),
+    ("drive --course nowhere", "course = 'nowhere': must be one of"),
+    ("drive --flippers sideways", "flippers = 'sideways': must be up, down, reflex, or angles"),
+    ("drive --flippers 1,2,3", "flippers = '1,2,3': must be one angle, two (front, rear) or 4"),
+    ("drive --video drive.avi", "video = 'drive.avi': must be a file that ends in .mp4"),
+    ("drive --path gone.csv --speed -1", "speed = -1.0: must be a finite number > 0"),
     ("plan", "half_gauge = None: must be given (--half-gauge on the command line)"),
-    ("plan --half-gauge 0.2", "sprocket_radius = None: must be given (--sprocket-radius on the command line)"),
     (f"{PLAN} --area 3x-3", "area = '3x-3': must be length x width in metres, such as 3x3 or 4.5x2"),
     (f"{PLAN} --area 0.6x3", "area = '0.6x3': must be more than 0.672 m long and wide, for the robot to turn"),
     ("plan --after nowhere", "nowhere: No such file or directory"),
+    # sweeps
+    ("grid --vary noise", "vary = 'noise': must be NAME=VALUE,VALUE,..."),
+    ("grid --radii 1 --vary radius=2,3", "radii = (1.0,): must be left out where radius is an axis"),
+    ("grid --vary colour=red", "axis = 'colour': must be one of radius, speed, friction_ratio"),
+    ("grid --vary scanner.noise=0.1,loud", "vary scanner.noise = 'loud': must be a number"),
+    ("grid --vary scanner.noise=-1", "scanner.noise = -1.0: must be"),
+    ("grid --vary robot.half_gauge=0.2,-1", "robot.half_gauge = -1.0: must be"),
+    ("grid --radii 0.5 0.15 --vary robot.half_gauge=0.2,0.3", "radii = 0.15: must be greater than the half gauge, 0.2"),
+    ("grid --vary localization=gps", "vary localization = 'gps': must be plate or line"),
+    ("grid --vary drive.encoder_counts=1.5", "vary drive.encoder_counts = '1.5': must be an integer"),
+    ("grid --vary random_phase=maybe", "vary random_phase = 'maybe': must be true or false"),
+    ("grid --vary friction_ratio=1,1", "vary friction_ratio = (1.0, 1.0): must be all different"),
+    ("grid --vary ground.slope=0.1 slope=0.2", "vary = 'slope': must be an axis that is given once"),
+    ("grid --vary friction_ratio=1.2 ground.across=0.5", "friction_ratio = (1.2,): must be left out where"),
+    ("grid --executor cloud", "executor = 'cloud': must be processes, inline or dask://HOST:PORT"),
+    # learning and benchmarks
+    ("train --env maze", "env = 'maze': must be one of path_tracking, traverse"),
+    ("train --batch 1000", "batch = 1000: must be a factor of robots * horizon = 8192"),
+    ("benchmark --controllers none:Mine", "controllers = 'none:Mine': must be MODULE:CLASS that"),
+    ("benchmark --controllers pathlib:Path", "controllers = 'pathlib:Path': must be a class with a method"),
+    ("benchmark --compensations magic", "compensations = 'magic': must be one of none, published, "),
+    ("benchmark --references square", "references = 'square': must be one of paper, circle"),
 ]
+TRACE = "run,t,omega_l,omega_r,x,y,phi\n" + "".join(f"a,{k / 20},2,3,{k / 100},0,0\n" for k in range(200))
 FILES = [
-    ("--ground", "along = [", "not TOML"),
-    ("--ground", "slope = 0.9", "slope = 0.9: must be less than the friction angle, 0.611 rad"),
-    ("--ground", '"two\\nlines" = 1', "two lines is unknown"),
-    ("--robot", "half_gauge = 0.01", "com_height = 0.12: must be at most 0.0125 m, to stand on tracks"),
-    ("--robot", "[ground]\nbase = 'ice'", "ground: base is unknown"),
+    ("grid --ground {}", "odd.toml", "along = [", "not TOML"),
+    ("grid --ground {}", "odd.toml", "slope = 0.9", "slope = 0.9: must be less than the friction angle, 0.611 rad"),
+    ("grid --ground {}", "odd.toml", '"two\\nlines" = 1', "two lines is unknown"),
+    ("grid --robot {}", "odd.toml", "half_gauge = 0.01", "com_height = 0.12: must be at most 0.0125 m, to stand on"),
+    ("grid --robot {}", "odd.toml", "[ground]\nbase = 'ice'", "ground: base is unknown"),
+    ("grid --sweep {}", "sweep.toml", "radius = [[1.0]]", "radius = [1.0]: must be a number"),
+    ("grid --sweep {}", "sweep.toml", "colour = [1]", "axis = 'colour'"),
+    ("grid --sweep {}", "sweep.toml", "", "sweep.toml: defines no axis"),
+    ("grid --sweep {}", "sweep.toml", "\ufeffradius = [-1.0]", "radius = -1.0: must be"),
+    ("identify {}", "log.csv", TRACE, "half_gauge = None: must be given (--half-gauge"),
+    (f"identify {ROBOT} {{}}", "log.csv", TRACE.replace(",0,0\n", ",oops,0\n"), "row 1, column y: 'oops' is not a"),
+    (f"identify {ROBOT} {{}}", "log.csv", TRACE.replace(",", ";"), "must be separated by commas"),
+    (f"identify {ROBOT} {{}}", "log.csv", "omega_l,omega_r,v,w\n1,1,0.06,0\n", "determine"),
+    (f"identify {ROBOT} {{}} --plate 0.6x0.04", "log.csv", TRACE, "is no bag"),
+    (f"identify {ROBOT} {{}} --encoders /a", "log.csv", TRACE, "encoders = '/a': must be left out: "),
+    (
+        "calibrate --target {}",
+        "table.csv",
+        "radius,speed,observed_radius,slip_outer,slip_inner\n0.5,0.1,0.6,1.5,-0.1",
+        "row 1, column slip_outer: 1.5 must be < 1",
+    ),
+    ("track --laws {}", "laws.json", "[" * 100_000, "laws.json"),
+    ("deploy {}", "laws.json", '{"radius": [1.0]}', "no slip laws in it"),
+    ("deploy {}", "laws.json", '{"slip_laws": {"icr"', "not JSON"),
 ]
 REJECTED = [
     ("", "Expected one of {bag, bench,"),
@@ -90,10 +133,10 @@ def test_a_refused_value_prints_one_line(refused, line, message):
     assert message in refused(*shlex.split(line))
 
 
-@pytest.mark.parametrize(("option", "text", "message"), FILES)
-def test_a_file_with_a_mistake_prints_one_line(refused, tmp_path, option, text, message):
-    (tmp_path / "odd.toml").write_text(text)
-    assert message in refused("grid", option, "odd.toml")
+@pytest.mark.parametrize(("line", "name", "text", "message"), FILES)
+def test_a_file_with_a_mistake_prints_one_line(refused, tmp_path, line, name, text, message):
+    (tmp_path / name).write_text(text)
+    assert message in refused(*shlex.split(line.format(name)))
 
 
 @pytest.mark.parametrize(("line", "message"), REJECTED)

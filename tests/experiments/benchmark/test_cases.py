@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.benchmark.cases import Case, cases_of
+from experiments.benchmark.cases import Case, cases_of, identified
 from experiments.benchmark.drive import ClosedLoops
 from experiments.commands.benchmark import Config
 from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
@@ -63,3 +63,15 @@ def test_noise_is_the_same_for_all_controllers(tmp_path):
     logs = loops.drive(cases, Stopwatch(), None)
     np.testing.assert_array_equal(logs[0].pose[0], logs[1].pose[0])
     assert np.any(logs[0].pose[0] != logs[0].truth.pose[0])
+
+
+def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
+    (tmp_path / "gains_of_mine.py").write_text("K = 1.0")
+    source = "import gains_of_mine\nfrom trackslip.controllers.linear import LinearTimeVarying as Mine"
+    (tmp_path / "imports_gains.py").write_text(source)
+    loops = ClosedLoops(Config(localization="truth"))
+    cases = (Case("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
+    loops.check(cases)
+    before = identified(cases, loops.config, loops.world)
+    (tmp_path / "gains_of_mine.py").write_text("K = 2.0")
+    assert identified(cases, loops.config, loops.world) != before

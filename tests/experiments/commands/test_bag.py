@@ -89,13 +89,6 @@ def test_identify_takes_what_it_is_told(folder):
     assert source.taken == ("encoders: /motors, left x2, right x1; poses: /amcl_pose (as asked for)",)
 
 
-def test_options_for_bags_are_refused_for_other_logs(folder, tmp_path, refused, capsys):
-    main(["bag", str(folder / "run.mcap"), "--export", str(tmp_path / "log.csv")])
-    capsys.readouterr()
-    line = refused("identify", str(tmp_path / "log.csv"), *GEOMETRY.split(), "--encoders", "/a")
-    assert "encoders = '/a': must be left out: " in line
-
-
 def test_export_and_view_read_bags_too(folder, tmp_path, capsys):
     main(["export", str(folder / "run.mcap"), "--csv", "--out", str(tmp_path / "run.csv")])
     assert package.load(tmp_path / "run.csv")[0].run == "run"

@@ -1,8 +1,8 @@
+"""`trackslip benchmark`: rows are what the stored runs say, and controllers that misbehave fail alone."""
+
 import re
-from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet
 import pytest
 from browser import assert_fits
 
@@ -27,16 +27,9 @@ class Broken(LinearTimeVarying):
     def twist(self, time, pose, reference):
         raise RuntimeError("out of order")
 
-class NoController:
-    pass
-
 class Quits(LinearTimeVarying):
     def twist(self, time, pose, reference):
         raise SystemExit("enough")
-
-class Flat(LinearTimeVarying):
-    def twist(self, time, pose, reference):
-        return super().twist(time, pose, reference).T
 
 class Silent(LinearTimeVarying):
     def twist(self, time, pose, reference):
@@ -56,15 +49,12 @@ class Careless(LinearTimeVarying):
 '''
 
 
-SMALL = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--grounds", "stone", "gravel")
-
-
-def without_times(summary):
-    return [{key: value for key, value in row.items() if "compute" not in key} for row in summary["rows"]]
+ALONE = ("--compensations", "none", "--grounds", "stone")
 
 
 def test_rows_are_what_the_stored_runs_say(trackslip, short):
-    result = trackslip("benchmark", *short, *SMALL, "--seeds", "0", "3")
+    options = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--seeds", "0", "3")
+    result = trackslip("benchmark", *short, *options, "--grounds", "stone", "gravel")
     rows, logs = result.summary["rows"], {log.run: log for log in read_runs(result.folder / "runs.parquet")}
     assert len(rows) == 2 * 2 * 2
     assert len(logs) == result.summary["runs"] == 16
@@ -81,64 +71,45 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
             errors.append(tracking_errors(log.time, log.truth.pose, reference))
         for key in ("rms_position", "rms_position_arc", "rms_heading", "cross_track", "along_track", "iae", "itae"):
             assert row[key] == pytest.approx(np.mean([getattr(e, key) for e in errors]))
-        assert row["rms_position_after_12s"] is None
-        assert row["rms_position_after_12s_ci95"] is None
+        assert row["rms_position_after_12s"] is row["rms_position_after_12s_ci95"] is None
         low, high = row["rms_position_ci95"]
         assert low <= row["rms_position"] <= high
-        assert (row["seeds"], row["failed"], row["success"]) == (2, 0, 1.0)
-        assert row["valid_fraction"] == 1.0
+        assert (row["seeds"], row["failed"], row["success"], row["valid_fraction"]) == (2, 0, 1.0, 1.0)
         assert 0 < row["compute_ms_p50"] <= row["compute_ms_p99"] < 1e3
-    text = (result.folder / "leaderboard.md").read_text()
-    assert text.count("\n| feedforward") == 2 + 4
-    assert "feedforward" in result.printed
+    assert (result.folder / "leaderboard.md").read_text().count("\n| feedforward") == 2 + 4
     page = (result.folder / "report.html").read_text(encoding="utf-8")
     names = {path.stem for path in (result.folder / "figures").glob("*.svg")}
-    assert "leaderboard" in names
-    assert names == set(re.findall(r'<figure id="(\w+)"', page))
+    assert {"leaderboard"} < names == set(re.findall(r'<figure id="(\w+)"', page))
     assert not (result.folder / PARTS).exists()
     assert_fits(page)  # last: it skips the test where there is no browser
-
-
-@pytest.mark.slow
-def test_as_many_processes_as_one_likes_give_the_same_bits(trackslip, short, tmp_path):
-    one = trackslip("benchmark", *short, *SMALL, "--seeds", "0")
-    runs, rows = pyarrow.parquet.read_table(one.folder / "runs.parquet"), without_times(one.summary)
-    two = trackslip("benchmark", *short[:-1], "2", *SMALL, "--seeds", "0")
-    assert pyarrow.parquet.read_table(two.folder / "runs.parquet").equals(runs)
-    assert without_times(two.summary) == rows
 
 
 def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):
     """The others of their fleet are as they would be without them; what they do to their poses is their own affair."""
     (tmp_path / "mine.py").write_text(MODULE.format(robots=0, robot=0))
-    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0", "1")
     broken = {
         "mine:Broken": "its controller fails at 0 s (RuntimeError: out of order), mine.py line 15",
         "mine:Quits": "SystemExit: enough",
         "mine:Silent": "its controller's twists have the shape (): must be (1, 2)",
     }
     well = ("mine:Late", "mine:Careless")
-    result = trackslip("benchmark", *options, "--controllers", "linear", *well, *broken)
+    controllers = ("--controllers", "linear", *well, *broken)
+    result = trackslip("benchmark", *short, *ALONE, "--seeds", "0", "1", *controllers)
     rows = {row["controller"]: row for row in result.summary["rows"]}
     for name in well:
-        assert rows[name]["failed"] == 0
-        assert rows[name]["rms_position"] == rows["linear"]["rms_position"]
+        assert (rows[name]["failed"], rows[name]["rms_position"]) == (0, rows["linear"]["rms_position"])
     for name, message in broken.items():
         assert (rows[name]["failed"], rows[name]["rms_position"], rows[name]["success"]) == (2, None, 0)
         why = [failure["error"] for failure in result.summary["failures"] if failure["run"].startswith(name)]
         assert len(why) == 2
         assert message in why[0]
         assert message in result.printed
-    logs = {log.run: log for log in read_runs(result.folder / "runs.parquet")}
-    assert len(logs) == 2 * (1 + len(well))
-    one, other = (logs[f"{name} none bend.csv stone zero 0"] for name in ("linear", "mine:Careless"))
-    np.testing.assert_array_equal(one.pose, other.pose)
+    assert len(read_runs(result.folder / "runs.parquet")) == 2 * (1 + len(well))
 
 
 def test_a_run_that_fails_leaves_a_recording(trackslip, short, tmp_path):
     (tmp_path / "stops.py").write_text(MODULE.format(robots=1, robot=0))
-    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0", "--rrd")
-    result = trackslip("benchmark", *options, "--controllers", "linear", "stops:Late")
+    result = trackslip("benchmark", *short, *ALONE, "--seeds", "0", "--rrd", "--controllers", "linear", "stops:Late")
     assert [failure["run"] for failure in result.summary["failures"]] == ["stops:Late none bend.csv stone zero 0"]
     assert {path.name for path in (result.folder / "recordings").iterdir()} == {
         "bend_stone_zero_seed_0.rrd",
@@ -148,58 +119,24 @@ def test_a_run_that_fails_leaves_a_recording(trackslip, short, tmp_path):
 
 def test_a_controller_that_cannot_be_timed_has_no_times(trackslip, short, tmp_path):
     (tmp_path / "odd.py").write_text(MODULE.format(robots=0, robot=0))
-    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0", "1")
-    (row,) = trackslip("benchmark", *options, "--controllers", "odd:Company").summary["rows"]
+    result = trackslip("benchmark", *short, *ALONE, "--seeds", "0", "1", "--controllers", "odd:Company")
+    (row,) = result.summary["rows"]
     assert (row["failed"], row["compute_ms_p50"]) == (0, None)
 
 
 def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path):
     (tmp_path / "mine3.py").write_text(MODULE.format(robots=1, robot=0))
-    result = trackslip("benchmark", *short, "--suite", "quick", "--controllers", "mine3:Flat", "--seeds", "0")
+    result = trackslip("benchmark", *short, "--suite", "quick", "--controllers", "mine3:Broken", "--seeds", "0")
     assert [row["failed"] for row in result.summary["rows"]] == [1, 1]
-    why = "its controller's twists have the shape (2, 1): must be (1, 2)"
-    assert all(why in failure["error"] for failure in result.summary["failures"])
     assert not (result.folder / "runs.parquet").exists()
 
 
 def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_path):
     (tmp_path / "mine2.py").write_text(MODULE.format(robots="len(pose)", robot="(pose[:, 1] > 0.0) & (time < 2.1)"))
-    options = (*short[:2], *short[4:], "--compensations", "none", "--grounds", "stone", "--starts", "random", "--seeds")
-    result = trackslip("benchmark", *options, "0", "1", "2", "3", "--controllers", "mine2:Late")
+    options = (*short[:2], *short[4:], *ALONE, "--starts", "random", "--seeds", "0", "1", "2", "3")
+    result = trackslip("benchmark", *options, "--controllers", "mine2:Late")
     (row,) = result.summary["rows"]
-    assert row["seeds"] == 4
-    assert 0 < row["failed"] < 4
+    assert 0 < row["failed"] < row["seeds"] == 4
     assert len(read_runs(result.folder / "runs.parquet")) == 4 - row["failed"]
     assert len(result.summary["failures"]) == row["failed"]
     assert "returns the twist (nan, nan) at 2.05 s: must be finite" in result.summary["failures"][0]["error"]
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--controllers", "pd"), "controllers = 'pd': must be one of feedforward, linear"),
-        (("--controllers", "no_such_module:Mine"), "controllers = 'no_such_module:Mine': must be MODULE:CLASS that"),
-        (("--controllers", "mine:NoController"), "controllers = 'mine:NoController': must be a class with a method"),
-        (("--compensations", "magic"), "compensations = 'magic': must be one of none, published, "),
-        (("--references", "square"), "references = 'square': must be one of paper, circle"),
-        (("--references", "none.csv"), "none.csv: "),
-        (("--grounds", "lava"), "grounds = 'lava': must be one of stone, concrete"),
-        (("--laws", "nowhere.json"), "nowhere.json: "),
-    ],
-)
-def test_what_makes_no_sense_is_refused_in_a_line(refused, tmp_path, monkeypatch, options, message):
-    (tmp_path / "mine.py").write_text(MODULE.format(robots=1, robot=0))
-    monkeypatch.syspath_prepend(tmp_path)
-    assert refused("benchmark", "--suite", "paper", *options).startswith(message)
-
-
-def test_the_documented_controller_compares(trackslip, short, tmp_path):
-    page = (Path(__file__).parents[3] / "docs" / "controller.md").read_text()
-    (text,) = re.findall(r"```python\n(# my_controller.py.*?)```", page, re.DOTALL)
-    (tmp_path / "my_controller.py").write_text(text)
-    options = (*short[:2], *short[4:], "--starts", "random", "--compensations", "icr_radius", "--seeds", "0", "1")
-    result = trackslip("benchmark", *options, "--controllers", "feedforward", "my_controller:MyController")
-    rows = {row["controller"]: row for row in result.summary["rows"]}
-    mine = rows["my_controller:MyController"]
-    assert mine["failed"] == 0
-    assert mine["final_position"] < 0.3 * rows["feedforward"]["final_position"]

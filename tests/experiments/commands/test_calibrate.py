@@ -119,18 +119,3 @@ def test_what_is_tied_together_is_told(trackslip, tmp_path):
     tied = result.summary["parameters"]["contact_length"]
     assert tied["identifiable"] is False
     assert tied["stderr"] is None
-
-
-@pytest.mark.parametrize(
-    ("row", "message"),
-    [
-        ("0,0.1,0.6,0.05,-0.1", "row 1, column radius: 0 must be > 0"),
-        ("0.5,0.1,-1,0.05,-0.1", "row 1, column observed_radius: -1 must be > 0"),
-        ("0.5,0.1,0.6,1.5,-0.1", "row 1, column slip_outer: 1.5 must be < 1"),
-        ("0.5,0.1,0.6,x,-0.1", "row 1, column slip_outer: 'x' is not a finite number"),
-    ],
-)
-def test_bad_tables_get_one_line(refused, tmp_path, row, message):
-    path = tmp_path / "table.csv"
-    path.write_text("radius,speed,observed_radius,slip_outer,slip_inner\n" + row)
-    assert message in refused("calibrate", "--target", str(path))

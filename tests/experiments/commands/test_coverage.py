@@ -23,20 +23,6 @@ def test_every_parameter_of_every_law_has_its_share(trackslip):
     assert "noise alone" in result.printed
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--run-repeats", "4", "--grids", "5"), "grids = 5: must be at most run_repeats = 4"),
-        (("--scanner.noise", "0"), "scanner.noise = 0"),
-        (("--radii", "0.6"), "radii = (0.6,): must be at least two"),
-        (("--drives", "--scanner.noise", "0"), "scanner.noise = 0.0: must be left out with --drives"),
-        (("--drives", "--ground", "ice"), "ground = 'ice': must be left out with --drives"),
-    ],
-)
-def test_mistakes(refused, arguments, message):
-    assert message in refused("coverage", *arguments)
-
-
 @pytest.mark.slow
 def test_drives_are_checked(trackslip):
     result = trackslip("coverage", "--drives", "--drive-repeats", "2", "--threads", "2")

@@ -39,23 +39,16 @@ def test_a_drive_is_stored_with_units_and_without_nan(stored):
             values = table[field.name].to_numpy(zero_copy_only=False)[table[field.name].is_valid().to_numpy()]
             assert np.isfinite(values).all(), field.name
     assert table["slip_chassis_left"][0].as_py() is None  # nothing is known at rest
-    assert table["t"].to_numpy()[-1] == pytest.approx(2.0)
     flippers = ("front_left", "front_right", "rear_left", "rear_right")
     assert {f"angle_{side}_flipper" for side in flippers} < set(table.column_names)
-
-
-def test_its_log_reads_like_any_other(stored):
     (log,) = library.load(str(stored))
-    assert log.run == "drive"
-    assert log.time[-1] == pytest.approx(2.0)
-    table = pyarrow.parquet.read_table(stored / "runs.parquet")
+    assert (log.run, log.time[-1]) == ("drive", pytest.approx(2.0))
     np.testing.assert_allclose(log.omega[:, 0], table["belt_chassis_left"].to_numpy() / 0.08, rtol=1e-12)
 
 
 def test_its_summary_tells_what_happened(stored):
     drive = json.loads((stored / "summary.json").read_text())["drive"]
-    assert drive["outcome"] == "time"
-    assert drive["duration"] == pytest.approx(2.0)
+    assert (drive["outcome"], drive["duration"]) == ("time", pytest.approx(2.0))
     assert [track["name"] for track in drive["tracks"]][:2] == ["chassis_left", "chassis_right"]
     assert 0 < drive["max_penetration"] < 0.02
     assert drive["energy"] == pytest.approx(sum(track["work"] for track in drive["tracks"]))
@@ -72,20 +65,15 @@ def test_its_recording_has_the_course_the_robot_and_its_contacts(stored):
     verify(file)
     table = pyarrow.parquet.read_table(stored / "runs.parquet")
     time, place = component(file, "/run/robot/chassis", "translation")
-    every = slice(None, None, 2)
-    np.testing.assert_allclose(time, table["t"].to_numpy()[every], atol=1e-6)
+    np.testing.assert_allclose(time, table["t"].to_numpy()[::2], atol=1e-6)
     for k, name in enumerate(("x", "y", "z")):
-        np.testing.assert_allclose(place[:, k], table[name].to_numpy()[every], atol=1e-5)
-    _, turned = component(file, "/run/robot/front_left_flipper", "quaternion")
-    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1.0, atol=1e-5)
+        np.testing.assert_allclose(place[:, k], table[name].to_numpy()[::2], atol=1e-5)
     entities = {chunk.entity_path for chunk in RrdReader(file).stream()}
     assert {"/field/ground", "/run/contacts/points", "/run/contacts/forces", "/run/path/driven"} <= entities
-    assert any(entity.startswith("/field/course/") for entity in entities)
     for kind in ("boxes", "wheels"):
         _, moving = component(file, f"/run/robot/chassis/chassis_left/moving_{kind}", "centers")
         assert (np.ptp(moving.reshape(len(time), -1, 3), axis=0).max(axis=-1) > 0.01).all()
-    _, slip = component(file, "/run/slip/tracks", "scalars")
-    assert slip.shape[1] == 6
+    assert component(file, "/run/slip/tracks", "scalars")[1].shape[1] == 6
 
 
 def test_terrain_in_the_recording_is_as_high_as_the_course(trackslip):
@@ -106,14 +94,12 @@ def test_terrain_in_the_recording_is_as_high_as_the_course(trackslip):
     assert surfaces
 
 
-def test_view_shows_its_recording(stored, tmp_path, capsys):
+def test_view_shows_its_recording(stored, tmp_path, refused, capsys):
     copy = tmp_path / "copy.rrd"
     main(["view", str(stored), "--save", str(copy)])
     assert copy.read_bytes() == (stored / "recordings" / "drive.rrd").read_bytes()
-    assert "copy.rrd" in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        main(["view", str(stored), "--run", "drive"])
-    assert "must be left out" in capsys.readouterr().err
+    capsys.readouterr()
+    assert "must be left out" in refused("view", str(stored), "--run", "drive")
 
 
 def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
@@ -126,9 +112,7 @@ def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
     assert result.summary["drive"]["outcome"] == "reached"
     assert "It crossed the course after" in result.printed
     assert "arm track" in result.printed
-    page = (result.folder / "report.html").read_text()
-    assert page.count("<svg ") == 3
-    assert "mine on" in page
+    assert (result.folder / "report.html").read_text().count("<svg ") == 3
     assert len(list((result.folder / "figures").glob("*.svg"))) == 3
 
 
@@ -162,22 +146,6 @@ def test_a_video_has_a_picture_for_each_moment(trackslip, tmp_path):
     assert np.abs(frames[-1].astype(int) - frames[0]).max() > 50
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (("--robot", "nobody"), "robot = 'nobody': must be one of rescue, box, or a .toml file"),
-        (("--course", "nowhere"), "course = 'nowhere': must be one of"),
-        (("--flippers", "sideways"), "flippers = 'sideways': must be up, down, reflex, or angles"),
-        (("--flippers", "1,2,3"), "flippers = '1,2,3': must be one angle, two (front, rear) or 4"),
-        (("--video", "drive.avi"), "video = 'drive.avi': must be a file that ends in .mp4"),
-        (("--path", "gone.csv"), "gone.csv: no such file"),
-        (("--path", "gone.csv", "--speed", "-1"), "speed = -1.0: must be a finite number > 0"),
-    ],
-)
-def test_mistakes(refused, options, said):
-    assert said in refused("drive", *options)
-
-
 def test_without_pyav_a_video_is_refused_in_one_line(refused, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name, *_: None)
     assert 'a video needs PyAV: pip install -e ".[video]"' in refused("drive", "--video", "drive.mp4")
@@ -192,25 +160,25 @@ def test_without_a_display_teleop_is_refused_in_one_line(refused, monkeypatch):
 
 
 def test_keys():
+    up, left, space, home, page_down = 265, 263, 32, 268, 267
     world = build_tracked(load_tracked("rescue"))
     keyboard = Keyboard(world, 0.6, True, np.zeros(4))
-    for _ in range(3):
-        keyboard.press(265)  # arrow up
-    keyboard.press(263)  # arrow left
+    for key in (up, up, up, left):
+        keyboard.press(key)
     half = world.robot.half_gauge
     np.testing.assert_allclose(keyboard(None), [0.15 - 0.1 * half, 0.15 + 0.1 * half])
     for _ in range(50):
-        keyboard.press(265)
+        keyboard.press(up)
     assert keyboard.speed == 0.6
-    keyboard.press(32)  # space
+    keyboard.press(space)
     np.testing.assert_allclose(keyboard(None), [0.0, 0.0])
     assert keyboard.by_reflex
-    keyboard.press(268)  # Home
-    keyboard.press(267)  # Page Down
+    keyboard.press(home)
+    keyboard.press(page_down)
     np.testing.assert_allclose(keyboard.angles, [0.1, 0.1, -0.1, -0.1])
     assert not keyboard.by_reflex
     for _ in range(50):
-        keyboard.press(268)
+        keyboard.press(home)
     np.testing.assert_allclose(keyboard.angles[:2], world.flipper_range[:2, 1])
 
 

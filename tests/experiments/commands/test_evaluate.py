@@ -6,14 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet
 import pytest
-from bags import in_order, joints_of, poses_of, write_bag
 from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
 from evo.core import metrics, sync
 from evo.tools import file_interface
 from wandered import identified_from, wandered
 
 from experiments.storage.plain_json import write_json
-from sim.wander.pose_source import PoseSource
 from trackslip.identification.result import identification_to_json
 from trackslip.logs.logfile import write_parquet
 from trackslip.slip.law_file import save_laws
@@ -36,8 +34,6 @@ def files(tmp_path_factory):
     save_laws(out / "true.json", {"icr_radius": ICR}, GEOMETRY)
     logs = [drive_log(seed, duration, EXACT, STILL) for seed, duration in ((0, 90.0), (1, 20.0))]
     write_parquet(logs, out / "two.parquet")
-    blind = [drive_log(0, 60.0, PoseSource(rate=5.0, heading=False), STILL)]
-    write_parquet(blind, out / "blind.parquet")
     write_parquet([without_poses(logs[0], logs[0].is_valid)], out / "no_poses.parquet")
     return out
 
@@ -56,36 +52,14 @@ def test_the_true_law_is_right_and_none_is_not(trackslip, files):
             assert errors["count"] == laws["none"][lengths][length]["count"]
     assert laws["none"]["after_metres"]["10"]["position_per_way"] > 0.03
     assert [drive["name"] for drive in result.summary["drives"]["none"]] == ["drive 0", "drive 1"]
-    for title in (
-        "Absolute errors, rms | largest",
-        "Position error by way, mean [%] | rms [m]",
-        "Heading error by way, mean [deg/m] | rms [deg]",
-        "Position error by time, rms | median [m]",
-        "Heading error by time, rms | median [deg]",
-    ):
-        assert title in result.printed
     assert "times better" in result.printed.splitlines()[-2]
     assert sorted(file.name for file in result.folder.iterdir()) == [
         "figures", "manifest.json", "report.html", "summary.json", "table.parquet", "trajectories",
     ]  # fmt: skip
-    assert "compared with no slip compensation" in (result.folder / "report.html").read_text()
-
-
-def test_the_table_has_what_the_summary_has(trackslip, files):
-    result = trackslip("evaluate", str(files / "two.parquet"), *OPTIONS)
-    table = pyarrow.parquet.read_table(result.folder / "table.parquet")
-    assert table.schema.field("position_rms").metadata[b"unit"] == b"m"
-    rows = table.to_pylist()
-    assert [(row["kind"], row["length"]) for row in rows] == [
-        ("aligned", None), ("from_first", None),
-        *(("metres", length) for length in (1.0, 2.0, 5.0, 10.0)),
-        *(("seconds", length) for length in (1.0, 2.0, 5.0, 10.0)),
-    ]  # fmt: skip
-    known = result.summary["laws"]["none"]["after_metres"]["5"]
-    row = next(row for row in rows if (row["kind"], row["length"]) == ("metres", 5.0))
-    assert row["heading_per_way"] == known["heading_per_way"]
-    assert row["position_median"] == known["position"]["median"]
-    assert row["count"] == known["count"]
+    rows = pyarrow.parquet.read_table(result.folder / "table.parquet").to_pylist()
+    row = next(row for row in rows if (row["law"], row["kind"], row["length"]) == ("none", "metres", 5.0))
+    known = laws["none"]["after_metres"]["5"]
+    assert (row["heading_per_way"], row["count"]) == (known["heading_per_way"], known["count"])
 
 
 def test_evo_finds_the_same_errors_in_the_trajectories(trackslip, files):
@@ -138,16 +112,6 @@ def test_each_law_has_the_sensor_that_it_was_identified_with(trackslip, files, f
     assert "icr, none: the poses' sensor sits" in result.printed
 
 
-def test_another_clock_is_noticed(trackslip, files):
-    true = f"{files / 'true.json'}:icr_radius"
-    result = trackslip("evaluate", str(files / "two.parquet"), "--law", true, "--clock-offset", "0.1")
-    assert (
-        "the encoders' clock seems to be 0 ms ahead of the poses', not 100 ms: try --clock-offset 0.000"
-        in result.printed
-    )
-    assert len(result.summary["warnings"]) == 1
-
-
 def test_poses_that_jump_are_told(trackslip, files, tmp_path):
     log = drive_log(0, 30.0, EXACT, STILL)
     measured = np.flatnonzero(log.is_valid)
@@ -162,85 +126,11 @@ def test_poses_that_jump_are_told(trackslip, files, tmp_path):
     ]
 
 
-def test_positions_alone_are_enough(trackslip, files):
-    result = trackslip("evaluate", str(files / "blind.parquet"), "--law", str(files / "true.json"))
-    errors = result.summary["laws"]["icr_radius"]
-    assert errors["aligned"]["position"]["largest"] < 1e-6
-    assert errors["aligned"]["heading"] is errors["from_first"]["position"] is None
-    assert errors["after_metres"]["5"]["position"]["largest"] < 1e-6
-    assert errors["after_metres"]["5"]["heading_per_way"] is None
-    assert "Heading error" not in result.printed
-    assert (result.folder / "trajectories" / "drive_0_measured.tum").exists()
-
-
 def test_laws_of_one_name_are_told_apart_by_their_files(trackslip, files, folder):
     laws = ("--law", f"{folder}:icr_radius", "--law", str(files / "true.json"))
     result = trackslip("evaluate", str(files / "two.parquet"), *laws)
     assert len(result.summary["laws"]) == 2
     assert all(label.endswith(":icr_radius") for label in result.summary["laws"])
-
-
-def test_the_log_of_the_identification_is_recognised(trackslip, files, tmp_path):
-    log = str(files / "two.parquet")
-    save_laws(tmp_path / "summary.json", {"icr_radius": ICR}, GEOMETRY)
-    write_json(tmp_path / "manifest.json", {"format": 1, "command": "identify", "config": {"path": log}})
-    result = trackslip("evaluate", log, "--law", str(tmp_path), "--out", str(tmp_path / "out"))
-    assert f"{tmp_path}: identified from this log" in result.printed
-
-
-def test_a_bag_is_evaluated_like_its_log(trackslip, files, tmp_path):
-    """To the precision of its stamps, a nanosecond."""
-    log = drive_log(3, 20.0, EXACT, STILL)
-    write_parquet([log], tmp_path / "log.parquet")
-    names = ("a", "b")
-    bag = write_bag(tmp_path / "run", "mcap", in_order(joints_of(log, names), poses_of(log)))
-    options = ("--encoders", "/joint_states", "--left", "a", "--right", "b", "--poses", "/slam/pose")
-    of_bag, of_log = (
-        trackslip("evaluate", str(path), "--law", str(files / "true.json"), "--law", "none", *more)
-        for path, more in ((bag, options), (tmp_path / "log.parquet", ()))
-    )
-    for kind in ("position", "heading"):
-        ours, theirs = (one.summary["laws"]["none"]["after_metres"]["1"][kind]["rms"] for one in (of_bag, of_log))
-        assert ours == pytest.approx(theirs, rel=1e-5)
-    assert of_bag.summary["laws"]["icr_radius"]["from_first"]["position"]["largest"] < 1e-6
-
-
-def test_what_is_too_short_is_said(trackslip, tmp_path):
-    write_parquet([drive_log(6, 8.0, EXACT, STILL)], tmp_path / "short.parquet")
-    result = trackslip("evaluate", str(tmp_path / "short.parquet"), *OPTIONS)
-    assert "warning: no stretch of 10 s from pose to pose: no relative errors there" in result.printed
-    assert "10" not in result.summary["laws"]["none"]["after_seconds"]
-
-
-def test_mistakes_are_told_in_a_line(refused, files, folder):
-    log = str(files / "two.parquet")
-    for arguments, message in (
-        ((log,), "half_gauge = None: must be given (--half-gauge on the command line)"),
-        ((log, "--law", "icr"), "law = 'icr': must be none, or a folder or file with laws, and :NAME for one of none,"),
-        ((log, "--law", f"{folder}:power"), "; power was retired in trackslip 0.2: see icr_radius"),
-        ((log, "--law", folder, "--half-gauge", "0.2"), "its laws are for half_gauge = 0.168 m"),
-        ((log, "--law", "none", "--law", "none"), "law = ('none', 'none'): must be all different"),
-        ((log, "--law", str(files)), "summary.json: No such file or directory"),
-        ((log, "--sensor", "0", "0", "9", *OPTIONS), "sensor = 9.0: must be from -3.14159 to 3.14159 rad"),
-        ((log, "--clock-offset", "nan", *OPTIONS), "clock_offset = nan: must be from -3600 to 3600 s"),
-        ((str(files / "no_poses.parquet"), *OPTIONS), "encoders were read at 0 of 0 measured pose(s)"),
-        ((str(files / "nowhere.csv"), *OPTIONS), "nowhere.csv: no such file"),
-    ):
-        assert message in refused("evaluate", *arguments), arguments
-
-
-def test_what_is_read_is_not_overwritten(refused, files, folder):
-    log = str(files / "two.parquet")
-    for path, out in ((log, folder), (folder, folder), (f"{folder}/runs.parquet", folder)):
-        message = refused("evaluate", path, "--law", folder, *OPTIONS, "--out", out)
-        assert message == f"out = {out!r}: must be another folder than those of the log and the laws"
-
-
-def test_steady_samples_are_refused(refused, tmp_path):
-    rows = "".join(f"{5 + k},{5 - k},0.3,{-0.2 * k}\n" for k in range(-2, 3))
-    (tmp_path / "samples.csv").write_text("omega_l,omega_r,v,w\n" + rows)
-    message = refused("evaluate", str(tmp_path / "samples.csv"), *OPTIONS)
-    assert "holds steady samples; odometry needs drives with times and poses" in message
 
 
 def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
@@ -251,3 +141,22 @@ def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
     expected = [f"{name}_{what}.tum" for name in ("a_b", "a_b_2", "é") for what in ("measured", "none")]
     assert names == sorted(expected)
     assert np.isfinite(np.loadtxt(result.folder / "trajectories" / names[0])).all()
+
+
+def test_mistakes_are_told_in_a_line(refused, files, folder):
+    log = str(files / "two.parquet")
+    (files / "samples.csv").write_text("omega_l,omega_r,v,w\n" + "".join(f"{5 + k},5,0.3,0.1\n" for k in range(3)))
+    for arguments, message in (
+        ((log,), "half_gauge = None: must be given (--half-gauge on the command line)"),
+        ((log, "--law", "icr"), "law = 'icr': must be none, or a folder or file with laws, and :NAME for one of none,"),
+        ((log, "--law", f"{folder}:power"), "; power was retired in trackslip 0.2: see icr_radius"),
+        ((log, "--law", folder, "--half-gauge", "0.2"), "its laws are for half_gauge = 0.168 m"),
+        ((log, "--sensor", "0", "0", "9", *OPTIONS), "sensor = 9.0: must be from -3.14159 to 3.14159 rad"),
+        ((str(files / "no_poses.parquet"), *OPTIONS), "encoders were read at 0 of 0 measured pose(s)"),
+        ((str(files / "samples.csv"), *OPTIONS), "holds steady samples; odometry needs drives with times and poses"),
+        *(
+            ((path, "--law", folder, *OPTIONS, "--out", out), f"out = {out!r}: must be another folder than those of")
+            for path, out in ((log, folder), (f"{folder}/runs.parquet", folder))
+        ),
+    ):
+        assert message in refused("evaluate", *arguments), arguments

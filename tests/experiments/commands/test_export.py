@@ -2,28 +2,15 @@
 
 import csv
 import errno
-from dataclasses import replace
 
 import numpy as np
-import pyarrow.parquet
 import pytest
-from identified import driven
 
 import trackslip as package
 from experiments.cli import main, parse
 from experiments.commands.identify import source_of
-from experiments.storage.results import write_samples
-from trackslip.errors import LogError
-from trackslip.logs.logfile import RUNS, write_parquet
+from trackslip.logs.logfile import RUNS
 from trackslip.logs.schema import COLUMNS
-
-
-def test_steady_samples_have_units_too(tmp_path):
-    write_samples(tmp_path, driven([(0.1, 0.1), (0.2, 0.1)]))
-    for field in pyarrow.parquet.read_schema(tmp_path / RUNS):
-        assert field.metadata[b"unit"].decode() == COLUMNS[field.name].unit
-    with pytest.raises(LogError, match="column t is missing"):
-        package.load(tmp_path)
 
 
 @pytest.fixture(scope="module")
@@ -68,49 +55,11 @@ def test_identify_reads_it_with_the_options_that_are_printed(grid, tmp_path, cap
     np.testing.assert_allclose(from_csv.slip, from_parquet.slip, rtol=1e-12)
 
 
-def test_identify_is_not_named_for_what_controllers_drove(grid, tmp_path, capsys):
-    closed = [replace(log, twist_command=np.zeros((len(log.time), 2))) for log in package.load(grid)]
-    write_parquet(closed, tmp_path / RUNS)
-    main(["export", str(tmp_path / RUNS), "--csv"])
-    assert "trackslip identify" not in capsys.readouterr().out
-
-
 def test_chosen_runs_of_a_file_go_beside_it(grid, tmp_path):
     (tmp_path / RUNS).write_bytes((grid / RUNS).read_bytes())
     name = package.load(grid)[1].run
     main(["export", str(tmp_path / RUNS), "--csv", "--run", name])
     assert [log.run for log in package.load(tmp_path / "runs.csv")] == [name]
-
-
-def test_a_folders_file_is_named_for_it_and_not_replaced_unasked(grid, capsys):
-    main(["export", str(grid), "--csv"])
-    file = grid.parent / "grid.csv"
-    file.write_text("mine")
-    with pytest.raises(SystemExit) as stop:
-        main(["export", str(grid), "--csv"])
-    assert stop.value.code == 2
-    assert "grid.csv: exists already; --overwrite replaces it" in capsys.readouterr().err
-    assert file.read_text() == "mine"
-    main(["export", str(grid), "--csv", "--overwrite"])
-    assert len(package.load(file)) == 4
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--run", "none"], "run = 'none': must be one of 'radius=0.5 speed=0.1',"),
-        (["--csv", "--out", "x.txt"], "out = 'x.txt': must be a file that ends in .csv"),
-        (["--run", "a", "--run", "b"], "--run is given twice; give it once, with all its values"),
-    ],
-)
-def test_mistakes_cost_a_line(grid, refused, arguments, message):
-    assert message in refused("export", str(grid), *arguments)
-
-
-def test_the_file_that_is_read_is_never_replaced(grid, tmp_path, refused, capsys):
-    main(["export", str(grid), "--csv", "--out", str(tmp_path / "log.csv")])
-    capsys.readouterr()
-    assert "a file other than the one being read" in refused("export", "log.csv", "--csv", "--overwrite")
 
 
 def test_a_full_disk_leaves_the_file_and_its_columns_as_they_were(grid, tmp_path, monkeypatch, capsys):
@@ -141,3 +90,14 @@ def test_a_damaged_file_costs_a_line_and_older_results_stay(command, tmp_path, g
     assert "cut.parquet: damaged, cut short or no Parquet file" in refused(command, "cut.parquet", *more)
     assert (tmp_path / "out" / "report.html").read_text() == "older"
     assert "no runs.parquet in this folder" in refused(command, "out", *more)
+
+
+def test_a_file_is_replaced_only_when_asked_and_never_the_one_that_is_read(grid, tmp_path, refused, capsys):
+    (tmp_path / "log.csv").write_text("mine")
+    command = ["export", str(grid), "--csv", "--out", str(tmp_path / "log.csv")]
+    assert "log.csv: exists already; --overwrite replaces it" in refused(*command)
+    main([*command, "--overwrite"])
+    assert len(package.load(tmp_path / "log.csv")) == 4
+    capsys.readouterr()
+    assert "a file other than the one being read" in refused("export", "log.csv", "--csv", "--overwrite")
+    assert "run = 'none': must be one of 'radius=0.5 speed=0.1'," in refused("export", str(grid), "--run", "none")

@@ -99,9 +99,3 @@ def test_older_results_are_replaced_and_other_files_left(trackslip, tmp_path):
     assert (result.folder / "notes.txt").read_text() == "mine"
     assert json.loads((result.folder / "summary.json").read_text())["radius"]
     assert not (result.folder / "report.html").exists()
-
-
-def test_a_scanner_without_noise_has_no_bound(trackslip):
-    result = trackslip("grid", "--radii", "1", "--speeds", "0.1", "--duration", "4", "--scanner.noise", "0")
-    assert result.summary["localization"]["ratio_to_bound"] is None
-    assert result.summary["localization"]["rmse_x"] < 1e-3

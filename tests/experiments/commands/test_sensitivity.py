@@ -29,15 +29,3 @@ def test_a_row_for_each_disturbance(trackslip):
         assert noisy["localization"][error] > nominal["localization"][error]
     biased = rows["range bias 10 mm"]["localization"]["rmse_y"]  # the scanner looks along y
     assert biased == pytest.approx(0.01, abs=0.004)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--scanner.rate", "100"), "scanner.rate = 100.0: must be at most 75 Hz"),
-        (("--obstacles", "forest"), "obstacles = 'forest': must be one of posts, room, walker, occluded, or a .toml"),
-        (("--duration", "1"), "duration = 1.0: must be from 4"),
-    ],
-)
-def test_mistakes_get_one_line(refused, arguments, message):
-    assert message in refused("sensitivity", *arguments)

@@ -1,13 +1,9 @@
 """Commands on ground that shears: sweeps, closed loops, validation, speed, recordings."""
 
-import json
-
 import numpy as np
 import pytest
 from rrd import component
 
-from experiments.validation.shear import subjects
-from sim.robot.parameters import RobotParameters
 from trackslip.logs.logfile import read_runs
 
 GRID = ("--radii", "1.0", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
@@ -41,18 +37,3 @@ def test_recordings_show_how_far_the_ground_gives_way(trackslip):
     _, colours = component(file, "/run/robot/chassis/shear", "colors")
     assert colours.shape == (len(log.time), 18)
     assert len(np.unique(colours)) > 10
-
-
-@pytest.mark.slow
-def test_every_bound_holds(trackslip):
-    checks = trackslip("validate", "--shear").summary["checks"]
-    assert len(checks) == 66
-    for check in checks:
-        assert check.keys() == {"name", "value", "expected", "bound", "unit", "holds", "source"}
-        assert check["holds"] or "processor time" in check["name"], json.dumps(check)
-
-
-def test_a_robot_that_is_given_is_measured_instead():
-    own = RobotParameters(half_gauge=0.2)
-    assert subjects(own, True) == {"robot": own}
-    assert list(subjects(own, False)) == ["shipped", "larger"]

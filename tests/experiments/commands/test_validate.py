@@ -3,19 +3,19 @@
 import contextlib
 import io
 import json
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import assert_fits
 
 import models
 from experiments.cli import main
 from experiments.report.formats import significant
 from experiments.validation import numerics, theory, turning
+from experiments.validation.shear import subjects
 from experiments.validation.terrain import engine, obstacles, slopes, steps, suite
 from experiments.validation.terrain import turning as terrain_turning
+from sim.robot.parameters import RobotParameters
 
 SMALLER = {
     turning: {"RATIOS": (0.7, 1.4), "LENGTHS": (1.0,), "CENTRES_OF_MASS": ((0.0, 0.0), (-0.05, 0.1))},
@@ -37,7 +37,7 @@ SMALLER_TERRAIN = {
     obstacles: {"ROBOTS": 2, "DURATION": 1.0, "STAIRS_TIME": 0.5},
     engine: {"TIMED": 0.1, "WARM": 0.0, "ROW_TIME": 0.1},
 }
-"""Constants with which the command takes seconds."""
+"""The same on terrain."""
 PARTS = (
     *("slow", "pivot", "centre of mass off", "climbing", "creep", "highest step", "sideways", "backwards"),
     *("stairs, 99th", "stairs down, largest", "rough ground, largest", "warnings", "fastest", "ten steps"),
@@ -45,19 +45,17 @@ PARTS = (
 )
 """Of the names of the checks on terrain."""
 BOX = Path(models.__file__).parent / "box_robot.toml"
-FIGURES = {"turns": 2, "left": 2, "slip": 2, "loads": 2, "slopes": 2, "steps": 1, "energy": 2}
-"""And of how many panels each is."""
 
 
 def validated(out, *options, smaller=()):
-    """The folder of a validation, and what it printed; with the constants of modules in `smaller`."""
+    """Folder, summary and output of a validation, with the constants of modules in `smaller`."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed), pytest.MonkeyPatch.context() as patch:
         for module, constants in dict(smaller).items():
             for name, value in constants.items():
                 patch.setattr(module, name, value)
         main(["validate", "--out", str(out), *options])
-    return out, printed.getvalue()
+    return out, json.loads((out / "summary.json").read_text()), printed.getvalue()
 
 
 @pytest.fixture(scope="module")
@@ -67,23 +65,18 @@ def quick(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def terrain(tmp_path_factory):
-    """The same for a box on terrain, and its summary."""
+    """A box on terrain."""
     options = ("--terrain", "--robot", str(BOX), "--seed", "2", "--threads", "1")
-    folder, printed = validated(tmp_path_factory.mktemp("terrain") / "out", *options, smaller=SMALLER_TERRAIN)
-    return folder, printed, summary_of(folder)
+    return validated(tmp_path_factory.mktemp("terrain") / "out", *options, smaller=SMALLER_TERRAIN)
 
 
-def summary_of(folder):
-    return json.loads((folder / "summary.json").read_text())
-
-
-def page_of(folder):
-    return (folder / "report.html").read_text(encoding="utf-8")
+def failed(found):
+    return [check["name"] for check in found["checks"] if not check["holds"]]
 
 
 def assert_within_bounds(found):
     """What holds of any robot that stands evenly on its tracks."""
-    assert [check["name"] for check in found["checks"] if not check["holds"]] == []
+    assert failed(found) == []
     assert len(found["checks"]) == 12
     assert all(check["source"] for check in found["checks"])
     assert found["naive_icr_error"]["worst"] > found["naive_icr_error"]["median"] > 0.1
@@ -93,68 +86,22 @@ def assert_within_bounds(found):
     assert errors.min() > 0
 
 
-def assert_report_is_whole(page):
-    for name, panels in FIGURES.items():
-        figure = re.search(rf'<figure id="{name}">.*?</figure>', page, re.DOTALL)
-        assert figure is not None
-        assert figure[0].count("<svg ") == panels
-        assert figure[0].count("<figcaption>") == 1
-    assert page.count("<svg ") == sum(FIGURES.values())
-    for reference in re.findall(r'(?:src|href)="([^"]*)"', page):
-        assert reference.startswith("#")
-    for needle in ("<script", "<link", "@import", "url(http", "nan", "None</"):
-        assert needle not in page
-    assert len(page.encode()) < 1.5e6
+def assert_report_is_whole(folder, figures):
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("<svg ") == len(list((folder / "figures").glob("*.svg"))) == figures
+    assert "nan" not in page
 
 
-def test_numbers(quick):
-    found = summary_of(quick[0])
+def test_a_validation(quick):
+    folder, found, printed = quick
     assert_within_bounds(found)
+    assert_report_is_whole(folder, 13)
     assert found["turns"] == 2 * 3 * 10
     assert [entry["dt"] for entry in found["timestep"]] == [0.002, 0.005, 0.01]
-    for key in ("icr_error", "naive_icr_error"):
-        assert set(found[key]) == {"worst", "median"}
-    stages = {"turning", "turning, default contact", "standing", "convergence", "energy"}
-    assert set(found["timing"]["stages"]) == stages
-
-
-def test_what_is_left_behind(quick):
-    folder, printed = quick
-    assert {path.name for path in folder.iterdir()} == {"manifest.json", "summary.json", "report.html", "figures"}
-    manifest = json.loads((folder / "manifest.json").read_text())
-    assert manifest["seed"] == 3
-    assert manifest["robot"]["half_gauge"] == 0.168
-    assert manifest["ground"]["along"] == 0.7
-    assert len(manifest["model_sha256"]) == 64
-    found = summary_of(folder)
     assert significant(100 * found["icr_error"]["worst"]) in printed
-    assert significant(found["creep_mm_per_s"], "mm/s") in printed
     assert "12 of 12 checks hold" in printed
-
-
-def test_the_report_is_whole_and_needs_no_network(quick):
-    assert_report_is_whole(page_of(quick[0]))
-    assert len(list((quick[0] / "figures").glob("*.svg"))) == page_of(quick[0]).count("<svg ")
-
-
-def test_the_report_fits_phone_and_desk(quick):
-    assert_fits(page_of(quick[0]))
-
-
-def test_the_report_shows_the_numbers(quick):
-    page, found = page_of(quick[0]), summary_of(quick[0])
-    text = re.sub(r"\s+", " ", re.sub(r"<svg .*?</svg>|<[^>]*>", " ", page, flags=re.DOTALL))
-    for value, unit in (
-        (100 * found["icr_error"]["median"], "%"),
-        (100 * found["naive_icr_error"]["median"], "%"),
-        (100 * found["energy_residual"], "%"),
-        (found["creep_mm_per_s"], "mm/s"),
-        (found["solver_difference_mm"], "mm"),
-    ):
-        shown = re.findall(rf"(?<![\d.])(\d+\.?\d*) {re.escape(unit)}(?![\w/])", text)
-        assert any(abs(float(number) - value) <= 0.051 * value for number in shown)
-    assert "60 steady turns" in text
-    assert "seed 3" in text
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert (manifest["seed"], manifest["robot"]["half_gauge"], manifest["ground"]["along"]) == (3, 0.168, 0.7)
 
 
 @pytest.mark.slow
@@ -162,69 +109,49 @@ def test_the_report_shows_the_numbers(quick):
 def test_robots_within_bounds(tmp_path, robot):
     file = tmp_path / "robot.toml"
     file.write_text(robot or "")
-    folder, _ = validated(tmp_path / "out", *(() if robot is None else ("--robot", str(file))))
-    found = summary_of(folder)
+    folder, found, _ = validated(tmp_path / "out", *(() if robot is None else ("--robot", str(file))))
     assert_within_bounds(found)
+    assert_report_is_whole(folder, 13)
     assert robot or found["turns"] == 1200
     assert [entry["dt"] for entry in found["timestep"]] == [0.0005, 0.001, 0.002, 0.005, 0.01]
-    assert_report_is_whole(page_of(folder))
 
 
 def test_every_bound_on_terrain_is_a_check(terrain):
-    *_, summary = terrain
-    assert {check["name"].partition(": ")[0] for check in summary["checks"]} == {"box, accurate"}
-    for check in summary["checks"]:
+    folder, found, printed = terrain
+    assert {check["name"].partition(": ")[0] for check in found["checks"]} == {"box, accurate"}
+    for check in found["checks"]:
         low, high = check["bound"] if isinstance(check["bound"], list) else (-np.inf, check["bound"])
         assert check["holds"] == (low <= check["value"] <= (np.inf if high is None else high))
         assert check["unit"] in ("1", "m", "m/s", "rad")
-    named = [check["name"] for check in summary["checks"]]
+    named = [check["name"] for check in found["checks"]]
     assert len(set(named)) == len(named)
-    for part in PARTS:
-        assert any(part in name for name in named), part
+    assert [part for part in PARTS if not any(part in name for name in named)] == []
+    assert_report_is_whole(folder, 4)
+    assert f"{len(named) - len(failed(found))} of {len(named)} checks hold" in printed
 
 
 def test_turns_and_the_engine_hold_their_bounds_even_in_a_glance(terrain):
     """The others need the whole time."""
-    holds = {check["name"].partition(": ")[2]: check["holds"] for check in terrain[2]["checks"]}
-    for name in holds:
-        if name.startswith(("ICRs", "D alone", "warnings", "numbers", "sliding")):
-            assert holds[name], name
-
-
-def test_what_terrain_prints_and_leaves_behind(terrain):
-    out, printed, summary = terrain
-    held = sum(check["holds"] for check in summary["checks"])
-    assert f"{held} of {len(summary['checks'])} checks hold" in printed
-    assert printed.count(" !") == len(summary["checks"]) - held
-    assert "default contact" in printed
-    assert json.loads((out / "manifest.json").read_text())["seed"] == 2
-    page = page_of(out)
-    assert page.count("<svg ") == len(list((out / "figures").glob("*.svg"))) == 4
-    assert "nan" not in page
-    assert [one["robot"] for one in summary["robots"]] == ["box"]
-    assert summary["default_contact"][0]["turning"]["slow"]["half_width"]
+    at_once = ("ICRs", "D alone", "warnings", "numbers", "sliding")
+    assert not [name for name in failed(terrain[1]) if name.partition(": ")[2].startswith(at_once)]
 
 
 @pytest.mark.slow
 def test_the_box_and_the_rescue_robot_hold_every_bound(tmp_path):
-    folder, printed = validated(tmp_path / "out", "--terrain")
-    summary = summary_of(folder)
-    robots = {check["name"].partition(": ")[0] for check in summary["checks"]}
+    _, found, _ = validated(tmp_path / "out", "--terrain")
+    robots = {check["name"].partition(": ")[0] for check in found["checks"]}
     assert robots == {"box, accurate", "box, fast", "rescue, accurate", "rescue, fast"}
-    timed = "real time"  # depends on the computer
-    assert [check["name"] for check in summary["checks"] if not check["holds"] and timed not in check["name"]] == []
-    assert "checks hold" in printed
+    assert [name for name in failed(found) if "real time" not in name] == []  # that depends on the computer
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--seed", "-1"), "seed = -1: must be an integer >= 0"),
-        (("--threads", "-1"), "threads = -1"),
-        (("--robot", "nowhere.toml"), "nowhere.toml: No such file"),
-        (("--terrain", "--robot", "nowhere.toml"), "nowhere.toml"),
-        (("--terrain", "--rrd"), "rrd = True: must be left out with --terrain"),
-    ],
-)
-def test_mistakes_get_one_line(refused, arguments, message):
-    assert message in refused("validate", *arguments)
+@pytest.mark.slow
+def test_every_bound_on_ground_that_shears_holds(tmp_path):
+    _, found, _ = validated(tmp_path / "out", "--shear")
+    assert len(found["checks"]) == 66
+    assert [name for name in failed(found) if "processor time" not in name] == []
+
+
+def test_a_robot_that_is_given_is_measured_instead_of_the_two():
+    own = RobotParameters(half_gauge=0.2)
+    assert subjects(own, True) == {"robot": own}
+    assert list(subjects(own, False)) == ["shipped", "larger"]

@@ -1,6 +1,5 @@
 """The options that describe the world: robot, ground, radius error."""
 
-import numpy as np
 import pytest
 
 from trackslip.logs.logfile import read_runs
@@ -44,24 +43,6 @@ def test_a_robot_file_and_a_ground_that_overrides_its_own(trackslip, tmp_path):
     assert read_runs(other.folder / "runs.parquet")[0].metadata["radius_error"] == 0.0
 
 
-def test_a_slope_turns_the_path_downhill(trackslip):
-    """Everything is measured in the plane of the ground: across a slope the robot slips down as it turns."""
-    result = trackslip("grid", *SHORT, "--ground.slope", "0.2")
-    (log,) = read_runs(result.folder / "runs.parquet")
-    error = (log.pose - log.truth.pose)[log.is_valid]
-    assert np.sqrt(np.mean(error[:, :2] ** 2)) < 0.006
-    assert log.truth.torque[-1].sum() > 1.0  # it starts uphill
-
-
-def test_predict_takes_a_robot_file(trackslip, tmp_path):
-    path = tmp_path / "robot.toml"
-    path.write_text("half_gauge = 0.336\ncontact_length = 0.68\n")
-    law = trackslip("predict").summary["slip_laws"]["icr_radius"]["values"]["offset"]
-    assert trackslip("predict", "--robot", str(path)).summary["slip_laws"]["icr_radius"]["values"][
-        "offset"
-    ] == pytest.approx(2 * law)
-
-
 def test_a_robot_too_heavy_for_its_motors_is_told_so(trackslip, tmp_path):
     """It drives, but not as it should: the summary says which run, and for how long."""
     path = tmp_path / "heavy.toml"
@@ -80,11 +61,3 @@ def test_a_grid_among_posts_remembers_them(trackslip):
     assert found.manifest["config"]["obstacles"] == "posts"
     assert found.manifest["config"]["scanner"]["quantisation"] == 0.01
     assert found.summary["localization"]["valid_fraction"] > 0.5
-
-
-def test_closed_loop_with_walls_from_a_file(trackslip, tmp_path):
-    path = tmp_path / "field.toml"
-    path.write_text("[[walls]]\nx0 = -9\ny0 = 9\nx1 = 9\ny1 = 9\n")
-    circle = ("--reference", "circle", "--circle-duration", "5")
-    found = trackslip("track", *circle, "--obstacles", str(path), "--scanner.scan-duration", "0.0133")
-    assert found.manifest["obstacles"]["walls"] == [{"x0": -9.0, "y0": 9.0, "x1": 9.0, "y1": 9.0}]

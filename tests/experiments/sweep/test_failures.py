@@ -1,12 +1,8 @@
 """Runs that fail, among others and alone."""
 
-import json
-
 import pyarrow.parquet as pq
-import pytest
-from sweeps import ONE, SHORT, SWEEP, fragile, logs
+from sweeps import SHORT, SWEEP, fragile, logs
 
-from experiments.cli import main
 from experiments.driving.grid_runs import drive_cells
 from trackslip.errors import RunFailedError
 from trackslip.logs.logfile import read_runs
@@ -63,16 +59,3 @@ def test_a_run_that_fails_leaves_a_recording(trackslip, monkeypatch):
         "radius=0.6_speed=0.2.rrd",
         "radius=1.5_speed=0.2.rrd",
     }
-
-
-def test_recordings_are_left_even_if_every_run_fails(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("experiments.sweep.drive.drive_cells", tips_over)
-    with pytest.raises(SystemExit) as stop:
-        main(["grid", "--radii", "1.5", *ONE[2:], "--rrd", "--out", str(tmp_path / "out")])
-    assert stop.value.code == 2
-    recordings = tmp_path / "out" / "recordings"
-    *_, line = capsys.readouterr().err.splitlines()
-    assert line == f"trackslip: run 'radius=1.5 speed=0.2': the robot tips over; see {recordings}"
-    assert [path.name for path in recordings.iterdir()] == ["radius=1.5_speed=0.2.rrd"]
-    assert "tips over" in json.loads((tmp_path / "out" / "manifest.json").read_text())["error"]
-    assert not (tmp_path / "out" / "runs.parquet").exists()
