@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from identified import GEOMETRY, driven, grid
 
-from experiments.measuring.steady_turns import InnerOuterSamples, group_label, repeated, slip_at, value_groups
-from experiments.report.figures.steady_runs import bar_factor, bar_key
+from experiments.measuring.steady_turns import InnerOuterSamples, slip_at
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr import IcrSides
 
@@ -49,27 +48,3 @@ def test_a_law_of_both_sides_has_a_curve_for_each_that_was_driven():
     both = InnerOuterSamples.of(driven([*grid(), *grid(side=-1)]), GEOMETRY)
     assert len(both.curves(law, np.array([0.5, 1.0]))) == 2
     assert len(InnerOuterSamples.of(driven(grid()), GEOMETRY).curves(law, np.array([0.5, 1.0]))) == 1
-
-
-def test_error_bars_are_enlarged_until_they_show_and_say_so():
-    known, unknown = (InnerOuterSamples.of(driven(grid(), errors=errors), GEOMETRY) for errors in (True, False))
-    factor = bar_factor(known)
-    assert factor >= 1
-    assert known.errors is not None
-    assert factor * np.median(known.errors.slip) >= 0.03 * np.ptp(known.slip, axis=0).max()
-    assert bar_factor(unknown) == 0
-    assert bar_key(0) == []
-    assert bar_key(50)[0].get_label() == "bars: standard error × 50"
-
-
-def test_groups_of_a_grid_and_parts_of_scattered_values():
-    values = np.array([0.62, 3.1, 0.63, 3.0, 0.61])
-    assert [sorted(group) for group in value_groups(values)] == [[0, 2, 4], [1, 3]]
-    assert len(repeated(values)) == 2
-    scattered = np.linspace(0.5, 5, 40)
-    parts = value_groups(scattered)
-    assert len(parts) == 5
-    assert repeated(scattered) == []
-    assert group_label(scattered[parts[0]], "m") == "0.50–1.31 m"
-    assert group_label(np.array([0.1, 0.1]), "m/s") == "0.10 m/s"
-    assert value_groups(np.array([])) == []

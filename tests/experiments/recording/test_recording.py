@@ -1,7 +1,5 @@
 """Recordings, read back and compared with the logs that they were made of."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +9,6 @@ from rrd import CIRCLE, component, verify
 
 from experiments import recording
 from experiments.cli import main
-from experiments.storage.plain_json import plain
-from sim.ground.ground import Ground, Patch
 from trackslip.kinematics import RobotGeometry, track_slip
 from trackslip.localization.scan import Plate
 from trackslip.logs.logfile import read_runs
@@ -107,23 +103,6 @@ def test_scan_points_lie_on_the_plate(driven):
     assert (off < 0.05).mean() > 0.99
 
 
-def test_patches_and_slope_are_shown(driven, tmp_path):
-    ground = Ground(slope=0.1, uphill=1.2, patches=(Patch((0.0, np.inf), (-1.0, 0.5), 0.1, 0.2),))
-    log = replace(driven[1][0], metadata=driven[1][0].metadata | {"ground": plain(ground)})
-    recording.record(tmp_path / "run.rrd", [log])
-    verify(tmp_path / "run.rrd")
-    found = {}
-    for chunk in RrdReader(tmp_path / "run.rrd").stream():
-        batch = chunk.to_record_batch()
-        found |= {f"{chunk.entity_path} {name}": batch.column(name).to_pylist()[0] for name in batch.schema.names}
-    centre, half = found["/field/patches Boxes3D:centers"][0], found["/field/patches Boxes3D:half_sizes"][0]
-    np.testing.assert_allclose([centre[0] - half[0], centre[1] - half[1], centre[1] + half[1]], [0, -1, 0.5], atol=1e-6)
-    assert 1 < half[0] < 10  # to where the ground ends
-    assert found["/field/patches Boxes3D:labels"] == ["friction 0.1 along, 0.2 across"]
-    np.testing.assert_allclose(found["/field/uphill Arrows3D:vectors"], [[np.cos(1.2), np.sin(1.2), 0]], atol=1e-6)
-    assert found["/field/uphill Arrows3D:labels"] == ["uphill, 0.1 rad"]
-
-
 def test_runs_side_by_side(driven, tmp_path):
     logs = driven[1]
     file = tmp_path / "both.rrd"
@@ -154,19 +133,3 @@ def test_detail_is_stored_and_changes_nothing(driven, tmp_path):
     hit = log.scans.cluster.hit[k, :width]
     np.testing.assert_array_equal(seen[hit], log.scans.cluster.range[k, :width][hit].astype(np.float32))
     assert np.isfinite(log.scans.full[k]).sum() > hit.sum()  # the posts
-
-
-def test_recordings_are_replaced_whole(driven, trackslip):
-    quick = ("--reference", "circle", "--circle-duration", "1", "--localization", "truth")
-    first = trackslip("track", *quick, "--rrd", "--compensation", "none")
-    assert [file.name for file in (first.folder / "recordings").iterdir()] == ["linear_none.rrd"]
-    verify(first.folder / "recordings" / "linear_none.rrd")
-    again = trackslip("track", *quick, "--rrd", "--compensation", "published")
-    assert [file.name for file in (again.folder / "recordings").iterdir()] == ["linear_published.rrd"]
-    without = trackslip("track", *quick)
-    assert not (without.folder / "recordings").exists()
-
-
-def test_driving_without_a_recording_needs_no_rerun():
-    code = "import sys, experiments.commands.track, experiments.commands.view; sys.exit('rerun' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

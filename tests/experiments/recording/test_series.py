@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.recording.plots import LEFT, RIGHT
-from experiments.recording.run import PANELS, panels, series_of
+from experiments.recording.run import panels
 from experiments.recording.traces import traces_of
 from trackslip.kinematics import RobotGeometry, limit_sprocket_speeds
-from trackslip.metrics import TRANSIENT
 from trackslip.slip.exponential import ExponentialSpeed
 
 
@@ -47,25 +45,3 @@ def test_slips_are_on_their_axis(driven):
     for runs in ([more], [traces, more]):
         ranges = [panel.range for panel in panels(runs) if "slip/true" in panel.entities]
         assert all(low < -0.7 and high > 0.3 for low, high in ranges)
-
-
-def test_axes_of_errors_leave_out_the_transient(driven):
-    traces = traces_of(driven[1][1])
-    late = 1e3 * traces.distance[traces.time >= TRANSIENT]
-    assert 1e3 * traces.distance[0] > 2 * late.max()
-    for runs in ([traces], [traces, traces]):
-        (shown,) = [panel.range for panel in panels(runs) if "error/distance" in panel.entities]
-        assert late.max() < shown[1] < 1.5 * late.max()
-
-
-def test_lines_lie_on_thicker_ones(driven):
-    """The viewer draws by the alphabet."""
-    series = {line.entity: line for line in series_of(traces_of(driven[1][1]))}
-    for panel in PANELS:
-        widths = [series[entity].width for entity in sorted(panel.entities)]
-        assert max(widths) == widths[0]
-    for entity, line in series.items():
-        if entity.endswith(("true", "measured", "load", "traction")) and line.names[0].startswith("left"):
-            assert line.colours == (LEFT, RIGHT)
-        elif line.names[0].startswith("left"):
-            assert not set(line.colours) & {LEFT, RIGHT}

@@ -29,15 +29,6 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     assert parameters_of(bare[0]) == RobotParameters()
 
 
-def test_view_refuses(driven, refused):
-    folder = driven[0] / "none"
-    assert refused("view", str(folder), "--run", "other").endswith("no run 'other'; there are 'linear none'")
-    assert "there is no runs.parquet in this folder" in refused("view", str(driven[0]))
-    assert "no such file" in refused("view", "missing.parquet")
-    assert "a file that ends in .rrd" in refused("view", str(folder), "--save", "x.txt")
-    assert "can't be written" in refused("view", str(folder), "--save", "/proc/x/y.rrd")
-
-
 def test_view_chooses_by_name_or_id(driven):
     ids = ("abcd12", "abce34")
     logs = [replace(log, metadata=log.metadata | {"id": i}) for log, i in zip(driven[1], ids, strict=True)]
@@ -53,7 +44,10 @@ def test_view_chooses_by_name_or_id(driven):
         choose(logs, ["abcd", "linear none"], path)
 
 
-def test_view_without_a_viewer(driven, refused, monkeypatch):
+def test_view_refuses(driven, refused, monkeypatch):
+    folder = str(driven[0] / "none")
+    assert refused("view", folder, "--run", "other").endswith("no run 'other'; there are 'linear none'")
+    assert "a file that ends in .rrd" in refused("view", folder, "--save", "x.txt")
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
-    assert "doesn't start; try --web, or --save FILE" in refused("view", str(driven[0] / "none"))
+    assert "doesn't start; try --web, or --save FILE" in refused("view", folder)

@@ -4,10 +4,8 @@ import re
 
 import numpy as np
 import pytest
-from wandered import compared, wandered
 
 from experiments.report import drives as tables
-from experiments.report.formats import MISSING
 
 
 def floats(text):
@@ -26,29 +24,12 @@ def test_laws_with_errors_and_intervals_the_best_predictions_first(two_drives):
     assert floats(" ".join(cells)) == pytest.approx(1e3 * np.array(expected), rel=0.06)
 
 
-def test_sensor_and_clock_in_units_that_people_read(two_drives):
-    law = two_drives.drive.laws["icr_radius"]
-    rows = {symbol: value for _, symbol, value, _ in tables.extra_table(law).rows}
-    units = {symbol: value.split()[-1] for symbol, value in rows.items()}
-    assert units == {"X": "mm", "Y": "mm", "c": "ms", "τ": "ms", "ψ": "°", "T": "ms"}
-    assert floats(rows["ψ"])[0] == pytest.approx(np.degrees(law.extras["sensor_yaw"]), abs=0.05)
-
-
 def test_a_held_parameter_is_marked_and_the_reason_given(without_headings):
     law = without_headings.drive.laws["icr_radius"]
     intervals = {symbol: interval for _, symbol, _, interval in tables.extra_table(law).rows}
     assert (intervals["ψ"].name, intervals["ψ"].text) == ("held", "held: no headings were measured")
     assert isinstance(intervals["X"], str)
     assert "held: ψ (sensor_yaw), no headings were measured" in tables.held_lines(law)
-
-
-def test_a_held_parameter_of_a_law_is_marked():
-    found = compared(wandered(straight=True, duration=15.0), names=("none", "icr_radius"))
-    (offset,) = [cells for _, *cells in tables.law_table(found).rows if cells[0] == "D"]
-    assert offset == ["D", "0 mm", "held"]
-    assert any(
-        line.startswith("held: D (offset), not determined") for line in tables.held_lines(found.laws["icr_radius"])
-    )
 
 
 def test_predictions_are_printed_in_metres_and_degrees(two_drives):
@@ -62,15 +43,3 @@ def test_predictions_are_printed_in_metres_and_degrees(two_drives):
     ratio = re.search(r"heading (\S+) times better than no slip compensation", tables.gain(found))[1]
     told = [found.errors[name][2.0].heading_rms for name in ("none", found.best)]
     assert float(ratio) == pytest.approx(told[0] / told[1], rel=0.06)
-
-
-def test_horizons_beyond_the_drive_are_dashes():
-    found = compared(wandered(duration=8.0), names=("icr",))
-    for table in (tables.position_table(found), tables.heading_table(found)):
-        assert table.rows[0][1] != MISSING
-        assert table.rows[0][len(tables.AHEAD)] == MISSING
-
-
-def test_without_headings_nothing_is_said_of_them(without_headings):
-    assert tables.heading_table(without_headings.drive) is None
-    assert "heading" not in tables.gain(without_headings.drive) + tables.noise_text(without_headings.drive)

@@ -10,7 +10,6 @@ from figures import assert_readable
 from experiments.odometry import clock_doubt, evaluated
 from experiments.report.colours import GREY
 from experiments.report.figures import odometry as figures
-from experiments.report.formats import MISSING
 from experiments.report.laws import shown
 from experiments.report.odometry import gain, page, tables
 from experiments.report.page import Plot
@@ -78,26 +77,6 @@ def test_the_page_holds_figures_tables_and_notes(found, blind):
     assert all(part in text for part in ("a note", "The sensor sits here.", "2 drives", gain(found)))
     assert not any(table.title.startswith("Heading") for table in tables(blind))
     assert "no heading was measured" in page(blind, [], [], MANIFEST, "trackslip evaluate x", "x").html()
-
-
-def test_a_drive_of_moments_has_a_page_without_stretches():
-    short = found_on(drive_log(2, 0.5, EXACT, STILL))
-    made = page(short, [*short[0].errors.notes], [], MANIFEST, "trackslip evaluate x", "x")
-    assert [block.name for block in made.blocks if isinstance(block, Plot)] == ["odometry_paths"]
-    assert "no stretch of 1, 2, 5, 10 m" in made.html()
-    assert gain(short) == ""
-    assert [table.title for table in tables(short)] == ["Absolute errors, rms | largest"]
-
-
-def test_tables_have_a_row_for_each_law(found):
-    _, way_position, _, time_position, _ = (table.rows for table in tables(found))
-    assert all([row[0] for row in table.rows] == ["icr", "none", "other:icr"] for table in tables(found))
-    errors = found[1].errors
-    assert time_position[1][1].split(" | ")[0] == f"{errors.after_seconds[1.0].position.rms:.3f}"
-    mean = errors.after_metres[1.0].position_per_way
-    assert float(way_position[1][1].split(" | ")[0]) == pytest.approx(100 * mean, rel=0.05)
-    lengths = [length for length in (1.0, 2.0, 5.0, 10.0) if length not in errors.after_metres]
-    assert sum(cell == MISSING for cell in way_position[0]) == len(lengths)
 
 
 def test_the_better_law_is_named(found):

@@ -1,18 +1,14 @@
 """Disturbances of the evaluation against closed forms, on runs exactly along a circle."""
 
 import numpy as np
-from pages import ROOT, shown
 
 from experiments.options.base import option, with_option
 from experiments.options.grid import GridConfig
 from experiments.studies.sensitivity import (
     DISTURBANCES,
     Disturbance,
-    disturbed,
-    sensitivity_study,
     slip_errors,
 )
-from experiments.studies.trials import Trial
 from trackslip.kinematics import advance, sprocket_speeds, track_slip
 from trackslip.logs.runlog import RunLog, Truth
 
@@ -62,24 +58,3 @@ def test_a_disturbance_changes_what_it_names_and_nothing_else():
             assert option(changed, name) == value != option(config, name)
             changed = with_option(changed, name, option(config, name))
         assert changed == config
-
-
-def test_every_row_has_a_name_of_its_own_and_stands_on_the_page():
-    assert len({disturbance.name for disturbance in DISTURBANCES}) == len(DISTURBANCES)
-    rows = shown(ROOT / "docs" / "sensitivity.md", "nominal").splitlines()
-    for disturbance in DISTURBANCES:
-        assert sum(row.startswith(f" {disturbance.name}  ") for row in rows) == 1
-
-
-def test_where_nothing_can_be_seen_the_row_says_so(tmp_path):
-    path = tmp_path / "blind.toml"
-    path.write_text("[[posts]]\nx = -1.5\ny = -1.1\nradius = 0.38\n")
-    config = GridConfig(radii=(0.6, 1.5), speeds=(0.2,), duration=5.0)
-    blind = Disturbance("blind", {"obstacles": str(path)})
-    outcome = disturbed(Trial("blind", given=blind), np.random.default_rng(0), config)
-    study = sensitivity_study([blind], [outcome])
-    (row,) = study.summary["rows"]
-    assert row["slip_error"] is None
-    assert row["runs"] == {"used": 0, "all": 2}
-    assert row["localization"]["valid_fraction"] == 0.0
-    assert any("warning: blind: none of the 2 runs can be used" in str(line) for line in study.shown)

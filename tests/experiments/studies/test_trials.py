@@ -13,7 +13,6 @@ from experiments.run import Run
 from experiments.studies.trials import (
     FILE,
     Estimate,
-    Estimates,
     Outcome,
     Trial,
     forget_trials,
@@ -90,27 +89,11 @@ def test_a_killed_study_resumes(killed, tmp_path):
     assert not (tmp_path / FILE).exists()
 
 
-def test_a_line_that_was_cut_short_is_done_again(killed, tmp_path):
-    text = (tmp_path / FILE).read_text()
-    (tmp_path / FILE).write_text(text[:-20])
-    with pytest.raises(KeyboardInterrupt):
-        outcomes(killed, Counted(stop=1))
-    count = Counted()
-    assert outcomes(killed, count) == outcomes(Config(tmp_path / "other"))
-    assert len(count.done) == 5
-
-
 @pytest.mark.parametrize("change", [{"seed": 1}, {"size": 2.0}, {"about": "another ground"}])
 def test_other_options_start_again(killed, change):
     count = Counted()
     outcomes(replace(killed, **{k: v for k, v in change.items() if k != "about"}), count, about=change.get("about"))
     assert len(count.done) == 8
-
-
-def test_a_parameter_that_was_not_estimated_has_no_error_and_covers_nothing():
-    found = Estimates.of([Outcome({"a": Estimate(1.0, 0.1, 0.8, 1.2)}), Outcome(notes=("why",))], "a")
-    np.testing.assert_allclose(found.errors(0.9), [0.1])
-    assert found.cover(np.array([1.1, 1.1])).tolist() == [True, False]
 
 
 def test_intervals_of_shares_cover():

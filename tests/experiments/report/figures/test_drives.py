@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from figures import assert_readable
-from wandered import compared, wandered
 
 from experiments.report.colours import RED
 from experiments.report.figures import drives
@@ -45,24 +44,8 @@ def test_residuals_of_poses_are_of_the_noise_s_size(two_drives):
     assert len(assert_readable(drives.residuals_over_time(law)).axes) == 3
 
 
-def test_steps_between_drives_are_not_assert_readable(two_drives):
-    law = two_drives.drive.laws["icr_radius"]
-    slip, linked = drives.step_residuals(law.fit)
-    between = law.fit.nodes.first[1] - 1
-    assert np.isnan(slip[between]).all()
-    assert np.isfinite(np.delete(slip, between, axis=0)).all()
-    assert linked.all()
-
-
 def test_the_clock_offset_lies_in_the_valley(two_drives):
     found = two_drives.drive
     (axis,) = assert_readable(drives.clock_offset(found)).axes
     offset, rise = axis.lines[0].get_data()
     assert offset[np.argmin(rise)] == pytest.approx(1e3 * found.laws[found.best].extras["clock_offset"], abs=0.5)
-
-
-def test_a_drive_too_short_to_predict():
-    found = compared(wandered(duration=3.0), names=("icr_radius",))
-    figure = assert_readable(drives.path_and_predictions(found))
-    assert figure.axes[1].get_title(loc="left").startswith(("Predicted", "No prediction"))
-    assert_readable(drives.prediction_errors(found))

@@ -3,16 +3,14 @@
 import re
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pytest
-from figures import assert_readable
 from matplotlib.colors import to_rgb
 
 import experiments
 from experiments.benchmark.page import controller_line
 from experiments.report import colours
-from experiments.report.figures.style import RADII_SHADES, SPEED_SHADES, key, legend_below, shade, styled, subplots
+from experiments.report.figures.style import RADII_SHADES, SPEED_SHADES, shade
 from experiments.report.laws import law_looks
 
 MIN_CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11: graphical objects
@@ -36,11 +34,6 @@ def luminance(colour):
 def contrast(a, b):
     dark, light = sorted([luminance(a), luminance(b)])
     return (light + 0.05) / (dark + 0.05)
-
-
-def test_the_measure_of_contrast():
-    assert contrast("white", "black") == pytest.approx(21)
-    assert contrast("#767676", "white") == pytest.approx(4.54, abs=0.01)  # the greyest text that WCAG allows
 
 
 def test_a_figures_white_becomes_the_dark_cards_colour():
@@ -75,31 +68,3 @@ def test_no_figure_has_a_colour_of_its_own_too_pale_to_see():
     for file in Path(experiments.__file__).parent.rglob("*.py"):
         for colour in pale.findall(file.read_text(encoding="utf-8")):
             assert contrast(colour, "white") >= MIN_CONTRAST, f"{file.name}: {colour}"
-
-
-def test_shades_end_where_they_still_can_be_seen():
-    name, top = RADII_SHADES
-    assert shade(RADII_SHADES, 1.0) == matplotlib.colormaps[name](top)
-
-
-def test_margins_and_gaps_are_as_asked_for():
-    figure, axes = subplots(4.0, 2, 3, left=1.0, across=0.4, down=0.5)
-    size = figure.get_size_inches()
-    boxes = [axis.get_position() for axis in axes.ravel()]
-    assert boxes[0].x0 * size[0] == pytest.approx(1.0)
-    assert (boxes[1].x0 - boxes[0].x1) * size[0] == pytest.approx(0.4)
-    assert (boxes[0].y0 - boxes[3].y1) * size[1] == pytest.approx(0.5)
-
-
-@pytest.mark.parametrize("entries", [1, 3, 4, 12])
-def test_a_legend_below_makes_the_figure_higher_and_leaves_the_axes_alone(entries):
-    @styled
-    def draw(entries):
-        figure, axes = subplots(3.0)
-        axes.set_xlabel("time [s]")
-        if entries:
-            legend_below(figure, [key(f"law {k}") for k in range(entries)])
-        return assert_readable(figure)
-
-    without, figure = (draw(count).axes[0].get_window_extent() for count in (0, entries))
-    assert (figure.width, figure.height) == pytest.approx((without.width, without.height))
