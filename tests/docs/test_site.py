@@ -9,7 +9,6 @@ from urllib.parse import unquote
 
 import api_pages
 import pytest
-from browser import dump
 from pages import ROOT
 
 
@@ -97,29 +96,3 @@ def test_equations_are_rendered(site):
     assert References(physics).equations > 50
     for page in site.rglob("*.html"):
         assert "$$" not in page.read_text(encoding="utf-8")
-
-
-SEARCH = """<script>
-const shadows = (root) => [...root.querySelectorAll("*")].flatMap((element) => element.shadowRoot ?? []);
-const within = (root) => [root, ...shadows(root).flatMap(within)];
-const find = (selector) => within(document).map((root) => root.querySelector(selector)).find(Boolean);
-async function wait(selector) {
-  for (let k = 0; k < 100 && !find(selector); k++) await new Promise((done) => setTimeout(done, 100));
-  return find(selector);
-}
-addEventListener("load", async () => {
-  find(".md-search__button, [data-md-component=search] button").click();
-  const input = await wait("input[type=text], input[type=search]");
-  input.value = "hyperbola";
-  input.dispatchEvent(new Event("input", { bubbles: true }));
-  const link = await wait("a[role=option][href*='physics.html']");
-  document.title = link ? "found" : "not found";
-});
-</script>"""
-
-
-def test_search_works_from_a_file(site, tmp_path):
-    copy = shutil.copytree(site, tmp_path / "site")
-    page = copy / "speed.html"
-    page.write_text(page.read_text(encoding="utf-8") + SEARCH, encoding="utf-8")
-    assert "<title>found</title>" in dump(page.as_uri())

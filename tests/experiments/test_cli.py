@@ -1,7 +1,8 @@
-"""The command line: what it refuses, and how; a refused value prints one line, a wrong option tyro's explanation."""
+"""The command line: help, examples, completion, what it imports, and how it ends when it can't write or is stopped."""
 
+import contextlib
 import os
-import pty
+import re
 import shlex
 import signal
 import subprocess
@@ -9,12 +10,69 @@ import sys
 
 import pytest
 
-from experiments.cli import command_modules, parse
+from experiments.cli import EXAMPLES, command_modules, examples_text, main, parse
+
+HEAVY = [
+    "mujoco",
+    "torch",
+    "stable_baselines3",
+    "casadi",
+    "rerun",
+    "pyarrow",
+    "matplotlib",
+    "rosbags",
+    "scipy.optimize",
+]
+"""What commands import only when they run."""
+MODULES = command_modules()
 
 
-def test_every_command_has_a_runner_and_examples_that_parse():
-    for name, module in command_modules().items():
-        assert isinstance(parse(shlex.split(module.EXAMPLES[0][1])[1:]), module.Config), name
+def printed_by(capsys, *command):
+    with pytest.raises(SystemExit) as stop:
+        main([*command])
+    assert not stop.value.code
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["", *MODULES])
+def test_help_ends_with_examples_that_parse(command, capsys):
+    text = printed_by(capsys, *([command] if command else []), "--help")
+    assert text.endswith(f"{examples_text(command)}\n")
+    assert all(len(line) <= 80 for line in text.split("examples:\n")[1].splitlines())
+    examples = MODULES[command].EXAMPLES if command else EXAMPLES
+    assert examples
+    for what, line in examples:
+        assert what
+        inner = re.fullmatch(r'eval "\$\((.*)\)"', line)
+        name, *arguments = shlex.split(inner[1] if inner else line)
+        assert name == "trackslip"
+        assert not command or arguments[0] == command
+        stops = "--help" in arguments or arguments[0].startswith("--tyro")
+        with pytest.raises(SystemExit) if stops else contextlib.nullcontext():
+            parse(arguments)
+
+
+def test_commands_import_what_they_need_when_they_run():
+    code = (
+        "import sys\nfrom experiments.cli import command_modules\ncommand_modules()\n"
+        f"print([name for name in {HEAVY} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_completion_knows_commands_options_and_choices(tmp_path, capsys):
+    (tmp_path / "script").write_text(script := printed_by(capsys, "--tyro-print-completion", "bash"))
+    name = re.search(r"^complete .*-F (\w+) .*trackslip", script, re.MULTILINE)[1]
+    for words, offered in (("gr", "grid"), ("grid --ra", "--radii"), ("track --localization t", "truth")):
+        *before, last = ["trackslip", *words.split()]
+        asked = (
+            f"source {tmp_path}/script; COMP_WORDS=(trackslip {words}); COMP_CWORD={len(before)}; "
+            f"COMP_LINE='trackslip {words}'; COMP_POINT=${{#COMP_LINE}}; "
+            f'{name} trackslip {last} {before[-1]}; echo "${{COMPREPLY[*]}}"'
+        )
+        done = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=True)
+        assert offered in done.stdout.split()
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
@@ -29,17 +87,6 @@ def test_an_output_path_that_is_a_file(refused, tmp_path):
     assert "can't be written" in refused("grid", "--out", str(tmp_path / "file"))
     assert "can't be written" in refused("grid", "--out", str(tmp_path / "file" / "below"))
     assert (tmp_path / "file").read_text() == "mine"
-
-
-def test_one_line_on_a_terminal_too():
-    """tyro draws boxes in colours where it finds a terminal; our own lines are plain."""
-    parent, child = pty.openpty()
-    environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "40"}
-    command = [sys.executable, "-m", "experiments", "grid", "--ground.across", "0"]
-    done = subprocess.run(command, stdout=child, stderr=subprocess.PIPE, text=True, env=environment, check=False)
-    assert (done.returncode, done.stderr) == (2, "trackslip: ground.across = 0.0: must be a finite number > 0\n")
-    os.close(parent)
-    os.close(child)
 
 
 def test_an_interrupt_prints_one_line_while_modules_are_imported():
@@ -57,8 +104,3 @@ def test_an_interrupt_prints_one_line_while_modules_are_imported():
             process.send_signal(signal.SIGINT)
             _, said = process.communicate(timeout=30)
         assert (process.returncode, said) == (130, "trackslip: interrupted\n"), module
-
-
-def test_the_module_itself_is_no_command():
-    done = subprocess.run([sys.executable, "-m", "experiments.cli"], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (2, "trackslip: start it as `trackslip` or `python -m experiments`\n")

@@ -103,28 +103,3 @@ def check(seed, each, seconds):
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_interrupted_commands_end_at_once_and_leave_nothing():
     check(0, each=2, seconds=dict.fromkeys(COMMANDS, 3.0))
-
-
-_ENDING = """
-import atexit, os, signal, sys, threading, time
-from experiments import __main__ as start, cli
-start._AGAIN = 0.2
-cli.main = lambda: os.kill(os.getpid(), int(sys.argv[1]))
-threading.Thread(target=time.sleep, args=(9,), daemon=True).start()  # blocks no signals
-atexit.register(lambda: (print("ends", flush=True), time.sleep(0.5)))
-start.main()
-"""
-
-
-@pytest.mark.parametrize(("first", "code", "said"), [(0, 0, ""), (signal.SIGTERM, 130, "trackslip: interrupted\n")])
-@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_a_command_that_ends_keeps_its_code(first, code, said):
-    """Whatever signals come then, and the alarm that repeats an interrupt."""
-    with subprocess.Popen(
-        [sys.executable, "-c", _ENDING, str(int(first))], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout.readline() == "ends\n"
-        for number in (signal.SIGINT, signal.SIGTERM):
-            process.send_signal(number)
-        assert process.communicate()[1] == said
-    assert process.returncode == code

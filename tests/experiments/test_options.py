@@ -6,19 +6,17 @@ The cases are generated from the options' fields: a new command or option is tes
 import ast
 import dataclasses
 import functools
-import re
 import shlex
 import typing
 from pathlib import Path
 
 import docstring_parser
 import pytest
-import tyro
 
 import experiments
 import sim
 import trackslip
-from experiments.cli import command_modules, main, parse
+from experiments.cli import command_modules, parse
 from experiments.options.base import (
     Distinct,
     Excludes,
@@ -157,33 +155,3 @@ def checks_options(node):
 def test_every_option_is_used():
     used = set(read_names())
     assert {(name, field.name) for name, _, _, field, _ in OPTIONS if field.name not in used} == set()
-
-
-def test_help_lists_every_option_with_its_default(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "100")
-    shown = {}
-    for name in CONFIGS:
-        with pytest.raises(SystemExit):
-            main([name, "--help"])
-        shown[name] = capsys.readouterr().out.split("examples:")[0]
-    for name, option, owner, field, text in OPTIONS:
-        hint = typing.get_type_hints(owner, include_extras=True)[field.name]
-        if tyro.conf.Positional in getattr(hint, "__metadata__", ()):
-            continue
-        flag = "--" + option.removesuffix(".source").removesuffix(".force").removeprefix("bag.").replace("_", "-")
-        about = re.split(rf"\n[│ ] +{re.escape(flag)}[ ,]", shown[name], maxsplit=1)
-        assert len(about) == 2, (name, flag)
-        in_help, words = ("".join(some.replace("│", "").split()) for some in (about[1], text))
-        assert words in in_help, (name, flag)
-        default = re.search(r"\(default:([^)]+)", in_help.split(words, 1)[1])
-        assert default, (name, flag)
-        assert default[1] != "None", (name, flag)
-
-
-def test_help_texts_are_a_line_each_with_the_unit_of_numbers():
-    """tyro would break a line of help where the source does; a number without a unit has [-]."""
-    for _, option, owner, field, text in OPTIONS:
-        assert text.endswith((".", "]")), option
-        assert "\n" not in text, option
-        if "float" in str(typing.get_type_hints(owner)[field.name]):
-            assert re.search(r"\[[^]]+\]", text), option

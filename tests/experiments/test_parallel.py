@@ -59,14 +59,10 @@ def test_every_task_is_done_once(name, jobs):
 
 
 @pytest.mark.parametrize("way", ["each", "map"])
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_what_a_task_raises_arrives(jobs, way):
-    with pytest.raises(ValueError, match="0"), workers("processes", jobs) as pool:
-        list(getattr(pool, way)(refuse, [0]))
-
-
-@pytest.mark.parametrize("way", ["each", "map"])
-def test_a_worker_that_dies_is_reported(way):
+def test_what_a_task_raises_arrives_and_a_worker_that_dies_is_reported(way):
+    for jobs in (1, 2):
+        with pytest.raises(ValueError, match="0"), workers("processes", jobs) as pool:
+            list(getattr(pool, way)(refuse, [0]))
     with pytest.raises(TrackslipError, match="a worker died"), workers("processes", 2) as pool:
         list(getattr(pool, way)(die, range(4)))
     assert gone()

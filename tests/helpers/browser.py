@@ -18,6 +18,7 @@ _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable
 _OPTIONS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"),
     *("--disable-component-update", "--disable-sync", "--disable-quic", "--hide-scrollbars", "--window-size=1500,1000"),
+    *("--enable-logging=stderr", "--v=0", "--dump-dom"),
 )
 # a window can't be as narrow as a phone, a frame can; one made of srcdoc may be looked into
 _HOST = """<!DOCTYPE html><html><body><pre id="found"></pre>{frames}<script>
@@ -35,8 +36,6 @@ function look(frame) {{
     scroll_width: page.documentElement.scrollWidth,
     beyond: beyond.map(element => element.outerHTML.slice(0, 80)),
     loaded: frame.contentWindow.performance.getEntriesByType("resource").map(entry => entry.name),
-    background: getComputedStyle(page.body).backgroundColor,
-    card: [...page.querySelectorAll(".card")].slice(0, 1).map(card => getComputedStyle(card).backgroundColor).join(),
     figures: page.querySelectorAll("figure svg").length,
   }};
 }}
@@ -57,32 +56,18 @@ class Look:
     """Lines on the browser's console."""
 
 
-def dump(url: str) -> str:
-    """The page as HTML, after its scripts have had 15 s of virtual time; skips the test where there is no Chromium."""
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        options = (f"--user-data-dir={folder}/profile", "--virtual-time-budget=15000", "--dump-dom", url)
-        return _browse(*options).stdout
-
-
-def _browse(*options: str) -> subprocess.CompletedProcess[str]:
+def look_at(page: str, widths: tuple[int, ...] = (400, 1400)) -> Look:
+    """The page in frames of such widths [px]; skips the test where there is no Chromium."""
     browser = next(filter(None, map(shutil.which, _NAMES)), None)
     if browser is None:
         pytest.skip(f"none of {', '.join(_NAMES)} is installed")
-    return subprocess.run([browser, *_OPTIONS, *options], capture_output=True, text=True, timeout=60, check=True)
-
-
-def look_at(page: str, widths: tuple[int, ...] = (400, 1400), *, dark: bool = False) -> Look:
-    """The page in frames of such widths [px]; skips the test where there is no Chromium."""
     frame = '<iframe style="width: {}px; height: 900px; border: 0" srcdoc="{}"></iframe>'
     host = _HOST.format(frames="".join(frame.format(width, html.escape(page)) for width in widths))
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         file = Path(folder) / "host.html"
         file.write_text(host, encoding="utf-8")
-        done = _browse(
-            f"--user-data-dir={folder}/profile",
-            f"--blink-settings=preferredColorScheme={0 if dark else 1}",
-            *("--enable-logging=stderr", "--v=0", "--dump-dom", file.as_uri()),
-        )
+        command = [browser, *_OPTIONS, f"--user-data-dir={folder}/profile", file.as_uri()]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     found = re.search(r'<pre id="found">(.+?)</pre>', done.stdout, re.DOTALL)
     assert found, "the page has not been loaded"
     return Look(json.loads(html.unescape(found[1])), [line for line in done.stderr.splitlines() if "CONSOLE" in line])

@@ -54,23 +54,12 @@ class DiffDrive:
 
     def odometry(self, time: Array, omega: Array) -> Array:
         """Poses (T, 3) that it integrates, by exact arcs, from mean wheel speeds (T, 2) since the time (T,) before."""
-        poses = np.zeros((len(time), 3))
-        for k in range(1, len(time)):
-            step = time[k] - time[k - 1]
-            v, w = self.twist(omega[k])
-            x, y, heading = poses[k - 1]
-            turned = heading + w * step
-            if abs(w * step) < 1e-6:
-                along = heading + w * step / 2
-                poses[k] = x + v * step * np.cos(along), y + v * step * np.sin(along), turned
-            else:
-                radius = v / w
-                poses[k] = (
-                    x + radius * (np.sin(turned) - np.sin(heading)),
-                    y - radius * (np.cos(turned) - np.cos(heading)),
-                    turned,
-                )
-        return poses
+        v, w = self.twist(omega[1:]).T
+        turned = w * np.diff(time)
+        heading = np.append(0.0, np.cumsum(turned))
+        chord = v * np.diff(time) * np.sinc(turned / (2 * np.pi)) * np.exp(1j * (heading[:-1] + turned / 2))
+        place = np.append(0.0, np.cumsum(chord))
+        return np.column_stack([place.real, place.imag, heading])
 
 
 def read_yaml(text: str, version: tuple[int, int] = (1, 2)) -> Any:

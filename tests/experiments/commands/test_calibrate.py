@@ -57,17 +57,6 @@ def test_the_shipped_robot_is_the_calibrations_result(centred):
     assert len(found["starts"]) == 1
 
 
-def test_the_other_commands_take_the_robot(trackslip, centred):
-    folder, found, _ = centred
-    parameters, ground = load_robot_file(folder / "robot.toml")
-    assert parameters.half_gauge == 0.168
-    assert ground.across / ground.along == pytest.approx(found["parameters"]["friction_ratio"]["value"])
-    grid = trackslip("grid", "--robot", str(folder / "robot.toml"), "--radii", "1.0", "--speeds", "0.1",
-                     "--duration", "6")  # fmt: skip
-    assert grid.manifest["robot"]["radius_error"] == parameters.radius_error
-    assert grid.manifest["ground"]["across"] == ground.across
-
-
 @pytest.mark.slow
 def test_published_numbers(tmp_path, centred):
     """With the centre of mass to one side; the default tests have that on scans, below."""
@@ -82,14 +71,6 @@ def test_published_numbers(tmp_path, centred):
     assert "com_y = 0" in printed
     parameters, _ = load_robot_file(folder / "robot.toml")
     assert parameters.com_y == found["parameters"]["com_y"]["value"]
-
-
-@pytest.mark.slow
-def test_the_papers_numbers_as_a_table_are_the_published_target(trackslip, centred, tmp_path):
-    options = ("--starts", "0", "--free", "friction_ratio", "radius_error")
-    table = trackslip("calibrate", "--target", table_of_the_paper(tmp_path / "paper.csv"), *options).summary
-    for name, parameter in centred[1]["parameters"].items():
-        assert table["parameters"][name]["value"] == pytest.approx(parameter["value"], rel=1e-3, abs=1e-5)
 
 
 def test_a_robot_is_found_from_its_scans(trackslip, tmp_path):

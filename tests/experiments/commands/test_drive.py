@@ -94,14 +94,6 @@ def test_terrain_in_the_recording_is_as_high_as_the_course(trackslip):
     assert surfaces
 
 
-def test_view_shows_its_recording(stored, tmp_path, refused, capsys):
-    copy = tmp_path / "copy.rrd"
-    main(["view", str(stored), "--save", str(copy)])
-    assert copy.read_bytes() == (stored / "recordings" / "drive.rrd").read_bytes()
-    capsys.readouterr()
-    assert "must be left out" in refused("view", str(stored), "--run", "drive")
-
-
 def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
     course = tmp_path / "course.toml"
     course.write_text('friction = 0.9\n[[pieces]]\nkind = "ramp"\nangle = 0.2\nlength = 1.0\n')
@@ -114,22 +106,6 @@ def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
     assert "arm track" in result.printed
     assert (result.folder / "report.html").read_text().count("<svg ") == 3
     assert len(list((result.folder / "figures").glob("*.svg"))) == 3
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # of drivers
-def test_pictures(tmp_path, capsys):
-    out = tmp_path / "out"
-    options = ("--course", "flat", "--robot", "box", "--preset", "fast", "--duration", "0.4", "--pictures", "2")
-    try:
-        main(["drive", *options, "--out", str(out)])
-    except SystemExit:
-        said = capsys.readouterr().err
-        assert "no OpenGL works here" in said
-        pytest.skip(said)
-    assert [file.name for file in sorted((out / "pictures").glob("*.png"))] == ["000_0.2s.png", "001_0.4s.png"]
-    page = (out / "report.html").read_text()
-    assert 'src="pictures/000_0.2s.png"' in page
 
 
 @pytest.mark.slow

@@ -112,20 +112,6 @@ def test_each_law_has_the_sensor_that_it_was_identified_with(trackslip, files, f
     assert "icr, none: the poses' sensor sits" in result.printed
 
 
-def test_poses_that_jump_are_told(trackslip, files, tmp_path):
-    log = drive_log(0, 30.0, EXACT, STILL)
-    measured = np.flatnonzero(log.is_valid)
-    outliers, jump = log.pose.copy(), log.pose.copy()
-    outliers[measured[20::40], :2] += 2.0
-    jump[measured[150] :, :2] += 2.0
-    write_parquet([replace(log, pose=outliers), replace(log, run="jump", pose=jump)], tmp_path / "log.parquet")
-    result = trackslip("evaluate", str(tmp_path / "log.parquet"), "--law", str(files / "true.json"), "--law", "none")
-    assert result.summary["warnings"][-2:] == [
-        f"run 'drive 0': {len(measured[20::40])} outlying pose(s) count in all errors; medians tell more of the law",
-        "run 'jump': 1 lasting jump(s) of the poses count in all errors; medians tell more of the law",
-    ]
-
-
 def test_laws_of_one_name_are_told_apart_by_their_files(trackslip, files, folder):
     laws = ("--law", f"{folder}:icr_radius", "--law", str(files / "true.json"))
     result = trackslip("evaluate", str(files / "two.parquet"), *laws)

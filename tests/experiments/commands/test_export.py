@@ -1,7 +1,6 @@
 """`trackslip export`: runs as CSV, and what it refuses."""
 
 import csv
-import errno
 
 import numpy as np
 import pytest
@@ -60,36 +59,6 @@ def test_chosen_runs_of_a_file_go_beside_it(grid, tmp_path):
     name = package.load(grid)[1].run
     main(["export", str(tmp_path / RUNS), "--csv", "--run", name])
     assert [log.run for log in package.load(tmp_path / "runs.csv")] == [name]
-
-
-def test_a_full_disk_leaves_the_file_and_its_columns_as_they_were(grid, tmp_path, monkeypatch, capsys):
-    command = ["export", str(grid), "--csv", "--out", str(tmp_path / "log.csv"), "--overwrite"]
-
-    def full(logs, path):
-        path.write_text("run,")
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr("trackslip.logs.logfile.write_csv", full)
-    for old in ({}, {"log.csv": "old", "log.columns.csv": "old"}):
-        for name, text in old.items():
-            (tmp_path / name).write_text(text)
-        with pytest.raises(SystemExit) as stop:
-            main(command)
-        assert stop.value.code == 2
-        assert "log.csv: can't be written (No space left on device)" in capsys.readouterr().err
-        assert {path.name: path.read_text() for path in tmp_path.iterdir()} == old
-
-
-@pytest.mark.parametrize("command", ["identify", "export"])
-def test_a_damaged_file_costs_a_line_and_older_results_stay(command, tmp_path, grid, refused):
-    stored = (grid / RUNS).read_bytes()
-    (tmp_path / "cut.parquet").write_bytes(stored[: len(stored) // 2])
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "report.html").write_text("older")
-    more = ["--out", "out"] if command == "identify" else ["--csv"]
-    assert "cut.parquet: damaged, cut short or no Parquet file" in refused(command, "cut.parquet", *more)
-    assert (tmp_path / "out" / "report.html").read_text() == "older"
-    assert "no runs.parquet in this folder" in refused(command, "out", *more)
 
 
 def test_a_file_is_replaced_only_when_asked_and_never_the_one_that_is_read(grid, tmp_path, refused, capsys):

@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from browser import assert_fits
 from pages import ROOT, missing_line, shown
 
 from experiments.cli import main
@@ -159,11 +160,12 @@ def test_slip_error_over_seeds(tmp_path, options):
         assert max(summary["localization"]["ratio_to_bound"][ratio] for summary in summaries) < 1.1
 
 
-def test_the_report_has_the_papers_figures(folder):
+def test_the_report_has_the_papers_figures_and_fits_phone_and_desk(folder):
     page = (folder / "report.html").read_text()
-    assert {path.stem for path in (folder / "figures").iterdir()} == set(re.findall(r'<figure id="(\w+)"', page))
-    for figure in (4, 5, 6, 7, 8, 9, 10, 11, 12):
-        assert f"Fig. {figure}" in page or f"Figure {figure}" in page
+    names = re.findall(r'<figure id="(\w+)"', page)
+    assert {path.stem for path in (folder / "figures").iterdir()} == set(names)
+    assert [int(number) for number in re.findall(r"fig(\d\d)_", " ".join(names))] == [4, 5, 6, 7, 8, 9, 10, 11, 12]
+    assert_fits(page)  # last: it skips the test where there is no browser
 
 
 @pytest.mark.usefixtures("few_resamples")

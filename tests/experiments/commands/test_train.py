@@ -87,16 +87,3 @@ def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
     policy = CrossingPolicy.load(found.folder)
     assert policy.options == {**OPTIONS, "robot": "rescue"}
     assert policy.action(np.zeros((3, 63))).shape == (3, 4)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--env", "traverse", "--robot", "none"), "robot = 'none'"),
-        (("--references", "square"), "reference = 'square'"),
-        (("--resume",), "checkpoint.zip: no such file"),
-    ],
-)
-def test_what_training_needs_is_refused_before_it_begins(refused, options, message):
-    pytest.importorskip("stable_baselines3")
-    assert message in refused("train", *options)

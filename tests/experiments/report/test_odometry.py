@@ -1,7 +1,5 @@
 """The page of odometry's errors: what its figures show is what was found, and they draw without a warning."""
 
-import re
-
 import numpy as np
 import pytest
 from drives import EXACT, GEOMETRY, ICR, STILL, drive_log
@@ -77,12 +75,6 @@ def test_the_page_holds_figures_tables_and_notes(found, blind):
     assert all(part in text for part in ("a note", "The sensor sits here.", "2 drives", gain(found)))
     assert not any(table.title.startswith("Heading") for table in tables(blind))
     assert "no heading was measured" in page(blind, [], [], MANIFEST, "trackslip evaluate x", "x").html()
-
-
-def test_the_better_law_is_named(found):
-    assert gain(found).startswith("other:icr, after ")
-    assert re.search(r"^icr, after .*: position [\d.]+ times better", gain(found[:2]))
-    assert gain(found[:1]) == gain(found[1:2]) == ""
 
 
 def test_clocks_that_agree_raise_no_doubt():

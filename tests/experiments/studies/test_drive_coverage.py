@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 
 from experiments.checks import Check
-from experiments.driving.drives import KnownDrive
-from experiments.studies.drive_coverage import CASES, SIMULATED, TRUE_LAW, Case, checks_of, fitted_drive, steady_laws
+from experiments.studies.drive_coverage import CASES, TRUE_LAW, Case, checks_of, fitted_drive, steady_laws
 from experiments.studies.trials import Estimate, Outcome, Trial
-from sim.wander.motion import Motion
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.runlog import RunLog
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 NORMAL = 1.959964
@@ -71,15 +68,6 @@ def test_a_drive_by_the_law_is_fitted_within_its_bound():
     for name, true in TRUE_LAW.items():
         assert abs(outcome.estimates[name].value - true) < 4 * outcome.numbers[name]
         assert outcome.estimates[name].stderr > 0.8 * outcome.numbers[name]
-
-
-def test_a_drive_that_tells_nothing_is_recorded():
-    time = np.arange(501) / 50
-    rest = RunLog("rest", time, np.zeros((501, 2)), np.zeros((501, 3)))
-    drive = KnownDrive(rest, Motion(rest.time, rest.pose))
-    outcome = fitted_drive(Trial(SIMULATED, given=drive), np.random.default_rng(0), GEOMETRY)
-    assert outcome.estimates == {}
-    assert len(outcome.notes) == 1
 
 
 def test_steady_circles_of_the_same_speeds_have_icrs_farther_out(robot):

@@ -72,53 +72,27 @@ def test_a_grid_in_the_shipped_world_meets_the_scans_of_reproduce(trackslip):
         np.testing.assert_array_equal(ours.range[ours.hit], theirs.range.astype(np.float32)[theirs.hit])  # as stored
 
 
-def test_seeds_beyond_64_bits_are_text(trackslip):
-    large = 10**20
-    table = pq.read_table(trackslip("grid", *SHORT, "--seeds", "1", str(large)).folder / "table.parquet")
-    assert set(table["seed"].to_pylist()) == {"1", str(large)}
-
-
 @pytest.mark.usefixtures("few_resamples")
-def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused, tmp_path):
-    arguments = (
-        "--radii",
-        "0.6",
-        "1.5",
-        "--speeds",
-        "0.1",
-        "0.2",
-        "--duration",
-        "8",
-        "--vary",
-        "friction_ratio=1.0,1.2",
-    )
-    folder = str(trackslip("grid", *arguments, "--seeds", "0", "1", "--executor", "inline").folder)
-    assert "its runs differ in ground (across): choose with --where" in refused("identify", folder)
-    assert "where = 'colour=red': must be NAME=VALUE with one of seed, friction_ratio, radius, speed" in refused(
-        "identify", folder, "--where", "colour=red"
-    )
-    assert "where = 'friction_ratio=1.1': must be friction_ratio=one of 1.0, 1.2" in refused(
-        "identify", folder, "--where", "friction_ratio=1.1"
-    )
+def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused):
+    small = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8", "--executor", "inline")
+    folder = str(trackslip("grid", *small, "--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1").folder)
+    for where, message in (
+        ((), "its runs differ in ground (across): choose with --where"),
+        (
+            ("--where", "colour=red"),
+            "where = 'colour=red': must be NAME=VALUE with one of seed, friction_ratio, ",
+        ),
+        (("--where", "friction_ratio=1.1"), "where = 'friction_ratio=1.1': must be friction_ratio=one of 1.0, 1.2"),
+    ):
+        assert message in refused("identify", folder, *where)
     found = trackslip("identify", folder, "--where", "friction_ratio=1.2", "seed=1")
     assert found.summary["samples"] == 4
     assert found.summary["slip_laws"]["icr"]["values"]["offset"] > 0.05  # 40 % more friction across doubles it
-    assert {name.split("seed=")[-1] for name in chosen(Path(folder), ["friction_ratio=1", "radius=0.6"])} == {
-        "radius=0.6 speed=0.1 friction_ratio=1.0",
-        "radius=0.6 speed=0.2 friction_ratio=1.0",
-        "1",
-    }
+    assert len(chosen(Path(folder), ["friction_ratio=1", "radius=0.6"])) == 4
 
 
-def test_choosing_what_is_not_there(trackslip, refused, tmp_path):
-    arguments = (*SHORT, "--vary", "slope=0,0.9", "random_phase=true,false")
-    folder = trackslip("grid", *arguments).folder
+def test_runs_that_were_chosen_but_failed_are_named(trackslip, refused):
+    folder = trackslip("grid", *SHORT, "--vary", "slope=0,0.9", "random_phase=true,false").folder
     assert len(chosen(folder, ["random_phase=true", "slope=0"])) == 2
-    assert "none of the 4 chosen run(s) is there: they failed" in refused(
-        "identify", str(folder), "--where", "slope=0.9"
-    )
-    samples = tmp_path / "samples.csv"
-    samples.write_text("omega_l,omega_r,v,w\n1,2,0.1,0.2\n")
-    assert "holds steady samples, not runs of a sweep: --where must be left out" in refused(
-        "identify", str(samples), "--where", "slope=0"
-    )
+    message = "none of the 4 chosen run(s) is there: they failed"
+    assert message in refused("identify", str(folder), "--where", "slope=0.9")

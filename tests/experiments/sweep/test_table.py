@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pyarrow.parquet
 
-from experiments.sweep.axes import AXES, known
+from experiments.sweep.axes import AXES
 from experiments.sweep.table import COLUMNS, write_table
 from trackslip.logs.schema import markdown
 
@@ -24,30 +24,3 @@ def test_every_column_that_is_written_is_documented(tmp_path):
     for field in schema:
         unit, what = (field.metadata[key].decode() for key in (b"unit", b"description"))
         assert f"| `{field.name}` | {unit or '–'} | {what} |" in TABLE
-
-
-def test_options_that_vary_have_units_too(tmp_path):
-    units = {
-        "robot.half_gauge": "m",
-        "robot.mass": "kg",
-        "drive.torque_limit": "N m",
-        "drive.encoder_counts": "1",
-        "scanner.divergence": "rad",
-        "ground.along": "1",
-        "radius_error": "1",
-        "duration": "s",
-        "random_phase": "",
-        "motion": "",
-    }
-    write_table([{"run": "r", "id": "0"}], list(units), tmp_path / "table.parquet")
-    schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
-    assert {name: schema.field(name).metadata[b"unit"].decode() for name in units} == units
-    assert schema.field("duration").metadata[b"description"] == b"Length of each run"
-
-
-def test_every_axis_has_a_unit_if_it_is_a_number():
-    for name, (hint, column) in known().items():
-        assert column.description
-        assert "[" not in column.description
-        if name != "seed" and (name.startswith("robot.") or hint in (int, float, float | None)):
-            assert column.unit
