@@ -86,7 +86,7 @@ def run(config: Config) -> None:
     from experiments.run import Run
     from experiments.storage.manifest import command_line
     from experiments.storage.results import REPORT_FILE, write_samples
-    from trackslip.identification.drive.estimate import DRIVE_LAWS
+    from trackslip.identification.drive_law import DRIVE_LAWS
     from trackslip.identification.identify import identify_source
     from trackslip.identification.result import identification_to_json
     from trackslip.identification.source import origin

@@ -19,10 +19,10 @@ from experiments.report.laws import (
 )
 from experiments.report.page import Block, Plot, Section
 from experiments.report.table import Cell, Table
-from trackslip.identification.drive.comparison import DriveComparison
-from trackslip.identification.drive.estimate import DriveFit
-from trackslip.identification.drive.model import EXTRAS
-from trackslip.identification.drive.prediction import HORIZONS
+from trackslip.identification.comparison import DriveComparison
+from trackslip.identification.drive_law import DriveFit
+from trackslip.identification.drive_model import EXTRAS
+from trackslip.identification.prediction import HORIZONS
 from trackslip.identification.result import Identification
 
 _VALUES = ("value ± std. error", "95 % interval")

@@ -9,7 +9,7 @@ from experiments.report.colours import BLACK
 from experiments.report.formats import MISSING, number
 from experiments.report.page import Bullets
 from experiments.report.table import Cell
-from trackslip.identification.drive.model import EXTRAS
+from trackslip.identification.drive_model import EXTRAS
 from trackslip.kinematics import RobotGeometry
 from trackslip.slip.families import FAMILIES, Look
 

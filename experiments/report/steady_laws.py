@@ -6,8 +6,8 @@ from markupsafe import Markup
 from experiments.report.formats import MISSING, number, significant
 from experiments.report.laws import law_cell, parameter_rows, shown, symbol, unit_of, with_error
 from experiments.report.table import Cell, Table
-from trackslip.identification.comparison import Comparison
-from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.comparison import SteadyComparison
+from trackslip.identification.fitted import SteadyFit
 from trackslip.identification.result import Identification
 from trackslip.identification.weighting import relative_errors
 from trackslip.metrics import rms
@@ -74,7 +74,7 @@ def criteria_table(found: Identification) -> Table:
     return Table("Laws compared, the best first", _CRITERIA_HEADER, rows, "l" + "r" * 9 + "l", _CRITERIA_NOTE)
 
 
-def _fits(law: FittedLaw) -> Cell:
+def _fits(law: SteadyFit) -> Cell:
     """Verdict, statistic and probability of the test for lack of fit."""
     lack = law.lack_of_fit
     if lack is None:
@@ -87,7 +87,7 @@ def _fits(law: FittedLaw) -> Cell:
     return Cell(verdict, f"{verdict} {test}", [test])
 
 
-def lack_of_fit_text(comparison: Comparison) -> str:
+def lack_of_fit_text(comparison: SteadyComparison) -> str:
     """A paragraph on the laws of the wrong shape; empty if there are none."""
     lacking = {name: law.lack_of_fit for name, law in comparison.laws.items() if law.lacks_fit}
     factors = [lack.inflation for name, lack in lacking.items() if lack is not None and name not in _BASELINES]
@@ -101,7 +101,7 @@ def lack_of_fit_text(comparison: Comparison) -> str:
     ).format(titles, max(1.0, np.max(factors)))
 
 
-def best_text(comparison: Comparison) -> str:
+def best_text(comparison: SteadyComparison) -> str:
     """The best law and how well it predicts, beside the paper's exponential."""
     parts = []
     for name in dict.fromkeys([comparison.best, "exponential"]):

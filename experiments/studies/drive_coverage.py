@@ -40,9 +40,9 @@ from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LASTING, WHITE, LawMotion, SlipVariation
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import LogError, TrackslipError
-from trackslip.identification.drive.drives import drive_of
-from trackslip.identification.drive.estimate import fit_drives
-from trackslip.identification.drive.model import DriveModel
+from trackslip.identification.drive_law import fit_drives
+from trackslip.identification.drive_model import DriveModel
+from trackslip.identification.drives import drive_of
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import true_samples
 from trackslip.kinematics import Array, RobotGeometry

@@ -40,8 +40,8 @@ from sim.wander.motion import LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import SOURCES, PoseSource
 from trackslip import se2
 from trackslip.errors import TrackslipError
-from trackslip.identification.drive.drives import drive_of
-from trackslip.identification.drive.estimate import DriveFit, fit_drives
+from trackslip.identification.drive_law import DriveFit, fit_drives
+from trackslip.identification.drives import drive_of
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import body_errors, rms

@@ -17,7 +17,7 @@ from experiments.report.table import Table
 from experiments.studies.trials import Outcome, Study, Trial, Values, plausible_shares, run_trials, share_interval
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
-from trackslip.identification.comparison import Comparison, compare_laws
+from trackslip.identification.comparison import SteadyComparison, compare_laws
 from trackslip.identification.coverage import coverage, noise_coverage
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples, true_samples
@@ -151,7 +151,7 @@ def _repeats(config: Config, number: int) -> int:
     return len(range(number, config.run_repeats, config.grids))
 
 
-def generating_values(name: str, fitted: Comparison) -> Values:
+def generating_values(name: str, fitted: SteadyComparison) -> Values:
     """Parameters to draw with: those of the grid, or for a two-sided law, which left turns leave open, the ICR's."""
     if name in fitted.laws:
         return fitted.laws[name].values

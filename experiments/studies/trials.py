@@ -24,7 +24,7 @@ from trackslip.metrics import rms
 
 if TYPE_CHECKING:
     from experiments.run import Run
-    from trackslip.identification.drive.estimate import DriveFit
+    from trackslip.identification.drive_law import DriveFit
 
 FILE = ".trials.jsonl"
 """File in the folder of results with the trials that a killed study had finished."""

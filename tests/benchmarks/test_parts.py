@@ -12,7 +12,7 @@ from sim.ground.named import load_ground
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.identification.comparison import compare_laws
-from trackslip.identification.drive.estimate import fit_drives, prepare
+from trackslip.identification.drive_law import fit_drives, prepare
 from trackslip.localization.plate import PlateLocator
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import steady_parts

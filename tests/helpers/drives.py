@@ -10,8 +10,8 @@ from sim.wander.commands import Driver, track_commands
 from sim.wander.log import encoder_log, joined_log
 from sim.wander.motion import WHITE, LawMotion, SlipVariation
 from sim.wander.pose_source import PoseSource
-from trackslip.identification.drive.estimate import REFERENCE
-from trackslip.identification.drive.model import DriveModel
+from trackslip.identification.drive_law import REFERENCE
+from trackslip.identification.drive_model import DriveModel
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw

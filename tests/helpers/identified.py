@@ -6,11 +6,11 @@ import itertools
 
 import numpy as np
 
-from trackslip.identification.comparison import Comparison
+from trackslip.identification.comparison import SteadyComparison
 from trackslip.identification.fitted import fit_law
-from trackslip.identification.result import Identification, SteadyLaws
+from trackslip.identification.prediction import CrossValidation, RunPredictions
+from trackslip.identification.result import Identification
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.validation import CrossValidation, Predictions
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.refused import Refused
 from trackslip.slip.icr import ConstantIcr
@@ -40,12 +40,13 @@ def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determine
     laws = {name: fit_law(name, samples, GEOMETRY, bootstraps=0) for name in names}
     aicc = {name: law.aicc(len(samples)) if determined else None for name, law in laws.items()}
     unknown = CrossValidation(None, None, None, None, None)
-    comparison = Comparison(
+    comparison = SteadyComparison(
+        samples=samples,
         laws=laws,
         aicc=aicc,
         weight={name: (1.0 if name == best else 0.0) if determined else None for name in laws},
         validation={
-            name: Predictions.of(law, samples, GEOMETRY).errors(samples, GEOMETRY) if determined else unknown
+            name: RunPredictions.of(law, samples, GEOMETRY).errors(samples, GEOMETRY) if determined else unknown
             for name, law in laws.items()
         },
         best=best,
@@ -54,4 +55,4 @@ def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determine
     )
     outliers = tuple(Refused(*outlier) for outlier in outliers)
     warnings = (*map(str, outliers), *comparison.warnings)
-    return Identification(GEOMETRY, "steady", SteadyLaws(samples, comparison), None, outliers, warnings)
+    return Identification(GEOMETRY, "steady", comparison, None, outliers, warnings)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackslip.identification.drive.comparison import DriveComparison, compare_drives
-from trackslip.identification.drive.estimate import prepare
+from trackslip.identification.comparison import DriveComparison, compare_drives
+from trackslip.identification.drive_law import prepare
 from trackslip.identification.result import Identification
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.logs.runlog import RunLog

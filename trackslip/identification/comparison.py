@@ -1,36 +1,63 @@
-"""Comparison of laws on the same samples: by the motion they predict, by an information criterion, by lack of fit."""
+"""Laws compared on the same data, by the motion that they predict, and what a reader should doubt."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.fitted import FittedLaw, fit_law
+from trackslip.identification.doubts import WITHOUT_RADIUS, doubts_of_drives, doubts_of_samples
+from trackslip.identification.drive_law import DRIVE_LAWS, REFERENCE, ClockProfile, DriveFit, clock_profile, fit_drives
+from trackslip.identification.drives import Drive
+from trackslip.identification.fitted import FittedLaw, SteadyFit, fit_law
+from trackslip.identification.prediction import (
+    CrossValidation,
+    DrivePredictions,
+    PredictionErrors,
+    RunPredictions,
+    best_predictors,
+    held_out,
+    score,
+)
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.sensor import offset_between_sides
-from trackslip.identification.validation import CrossValidation, Predictions, best_predictors
 from trackslip.kinematics import RobotGeometry
+from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES, TWO_SIDED
 
 BASELINES = ("none", "exponential", "icr")
 """Laws that are always reported, for others to be compared with."""
-_WITHOUT_RADIUS = ("none", "constant")  # laws that tell nothing of turns
 _INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred
-_CERTAIN = 3.0  # difference of ICRs that is no chance [standard errors]
 _MIN_LOADS = 1e-3  # range of the tractions per unit load from which their effect may show [-]
-_LARGE_RADIUS_ERROR = 0.1  # radius error above which a wrong gear or sprocket radius is more likely [-]
+_INDISTINCT_LIKELIHOOD = 4.0  # difference of Akaike's criterion within which the simpler law of drives is preferred
+_SAME = 0.02  # difference of scores within which the likelihood decides [-]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """The laws that the same samples determine."""
+    """Laws identified from the same data."""
 
     laws: Mapping[str, FittedLaw]
+    """Fits by name of the law."""
+    best: str
+    """The law that predicts motion best; of laws that predict it equally well, the simplest."""
+    warnings: tuple[str, ...]
+    """What a reader should know of the fits, one line each."""
+
+    @property
+    def ranking(self) -> tuple[str, ...]:
+        """Names of the laws, the best first."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteadyComparison(Comparison):
+    """Laws identified from steady samples."""
+
+    samples: SlipSamples
+    """The samples that the laws were fitted to."""
+    laws: Mapping[str, SteadyFit]
     """Fits by name of the law."""
     aicc: Mapping[str, float | None]
     """Corrected Akaike information criterion; None for too few samples."""
@@ -38,12 +65,8 @@ class Comparison:
     """Akaike weights: the probability of each law to predict best among these [-]."""
     validation: Mapping[str, CrossValidation]
     """Cross-validation by name of the law."""
-    best: str
-    """The simplest of the laws that predict motion as well as any other, see `criterion`."""
     criterion: str
     """What the best law was chosen by: `left-out radii`, `left-out runs`, `AICc` or `scatter`, as the samples allow."""
-    warnings: tuple[str, ...]
-    """What a reader should know of the fits, one line each."""
 
     @property
     def ranking(self) -> tuple[str, ...]:
@@ -52,24 +75,39 @@ class Comparison:
         return tuple(sorted(self.laws, key=lambda name: (aicc[name], self.laws[name].scatter)))
 
 
-def fit_laws(names: Iterable[str], samples: SlipSamples, geometry: RobotGeometry) -> dict[str, FittedLaw]:
-    """Those of some laws that the samples determine, and baselines among them in any case, for `compare_laws`."""
-    laws = {}
-    for name in names:
-        with contextlib.suppress(LogError):
-            laws[name] = fit_law(name, samples, geometry, vague=name in BASELINES)
-    return laws
+@dataclass(frozen=True, kw_only=True)
+class DriveComparison(Comparison):
+    """Laws identified from drives.
+
+    Of the laws whose score is within 2 % of the smallest, the simplest of the likeliest is the best.
+    """
+
+    drives: tuple[Drive, ...]
+    """The drives, as used."""
+    laws: Mapping[str, DriveFit]
+    """Fits by name of the law."""
+    predictions: Mapping[str, DrivePredictions]
+    """Held-out predictions by name of the law."""
+    errors: Mapping[str, Mapping[float, PredictionErrors]]
+    """Errors of those by law and horizon [s]."""
+    score: Mapping[str, float]
+    """Mean ratio of a law's errors to the smallest; NaN if nothing could be predicted [-]."""
+    clock: ClockProfile | None
+    """Likelihood of clock offsets under the best law."""
+
+    @property
+    def ranking(self) -> tuple[str, ...]:
+        """Names of the laws, the best predictions first."""
+        score = {name: np.nan_to_num(value, nan=np.inf) for name, value in self.score.items()}
+        return tuple(sorted(self.laws, key=lambda name: (score[name], len(self.laws[name].values))))
 
 
-def compare_laws(
-    samples: SlipSamples, geometry: RobotGeometry, fitted: Mapping[str, FittedLaw] = MappingProxyType({})
-) -> Comparison:
+def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyComparison:
     """Fit all families that the samples determine, and the baselines in any case, and compare them.
 
-    Some may have been `fitted` to these samples already. Raises LogError if the samples determine no law that tells of
-    turns.
+    Raises LogError if the samples determine no law that tells of turns.
     """
-    laws: dict[str, FittedLaw] = {}
+    laws: dict[str, SteadyFit] = {}
     warnings: list[str] = []
     sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
     for name, family in FAMILIES.items():
@@ -78,21 +116,69 @@ def compare_laws(
         if family.loaded and (samples.load is None or np.ptp(samples.load) < _MIN_LOADS):
             continue
         try:
-            laws[name] = fitted.get(name) or fit_law(name, samples, geometry, vague=name in BASELINES)
+            laws[name] = fit_law(name, samples, geometry, vague=name in BASELINES)
             warnings += laws[name].notes
         except LogError as error:
             warnings.append(str(error))
-    if not any(not law.notes for name, law in laws.items() if name not in _WITHOUT_RADIUS):
+    if not any(law.determined for name, law in laws.items() if name not in WITHOUT_RADIUS):
         raise LogError(next(why for why in warnings if why.startswith("law icr:")))
-    predictions = {name: Predictions.of(law, samples, geometry) for name, law in laws.items()}
+    predictions = {name: RunPredictions.of(law, samples, geometry) for name, law in laws.items()}
     validation = {name: one.errors(samples, geometry) for name, one in predictions.items()}
     aicc = {name: law.aicc(len(samples)) for name, law in laws.items()}
-    known = {name: law for name, law in laws.items() if not law.notes}
+    known = {name: law for name, law in laws.items() if law.determined}
     scatter = min(law.scatter for law in known.values())
     predictors = best_predictors({name: predictions[name] for name in known}, samples, geometry, scatter)
-    best, criterion = _best(known, predictors, aicc)
-    doubts = _doubts(laws, best)
-    return Comparison(laws, aicc, _weights(aicc), validation, best, criterion, (*warnings, *doubts))
+    best, criterion = _best_of_samples(known, predictors, aicc)
+    return SteadyComparison(
+        samples=samples,
+        laws=laws,
+        aicc=aicc,
+        weight=_weights(aicc),
+        validation=validation,
+        best=best,
+        criterion=criterion,
+        warnings=(*warnings, *doubts_of_samples(laws, best)),
+    )
+
+
+def compare_drives(
+    drives: Sequence[Drive],
+    geometry: RobotGeometry,
+    sensor: Mounting | None = None,
+    names: Sequence[str] = DRIVE_LAWS,
+    step: Callable[[float], None] = lambda _: None,
+) -> DriveComparison:
+    """Fit laws to drives and predict held-out driving; `step(1.0)` is called after each law.
+
+    Raises LogError if the drives determine no law with parameters.
+    """
+    reference = fit_drives(REFERENCE, drives, geometry, sensor)
+    laws: dict[str, DriveFit] = {}
+    predictions: dict[str, DrivePredictions] = {}
+    warnings: list[str] = []
+    for name in names:
+        try:
+            found = fit_drives(name, drives, geometry, sensor, reference=reference)
+            predictions[name] = held_out(found.fit)
+            laws[name] = found
+        except LogError as error:
+            warnings.append(f"law {name}: {error}")
+        step(1.0)
+    if not any(law.values for law in laws.values()):
+        raise LogError(warnings[-1] if warnings else "no law can be identified")
+    errors = {name: one.errors() for name, one in predictions.items()}
+    scores = score(errors, tuple(laws))
+    best = _best_of_drives(laws, scores)
+    return DriveComparison(
+        drives=tuple(drives),
+        laws=laws,
+        predictions=predictions,
+        errors=errors,
+        score=scores,
+        best=best,
+        clock=clock_profile(laws[best].fit) if "clock_offset" in laws[best].free else None,
+        warnings=(*warnings, *doubts_of_drives(drives, laws, best)),
+    )
 
 
 def _weights(aicc: Mapping[str, float | None]) -> dict[str, float | None]:
@@ -104,8 +190,8 @@ def _weights(aicc: Mapping[str, float | None]) -> dict[str, float | None]:
     return {name: likelihood[name] / total if name in likelihood else None for name in aicc}
 
 
-def _best(
-    laws: Mapping[str, FittedLaw],
+def _best_of_samples(
+    laws: Mapping[str, SteadyFit],
     predictors: tuple[Mapping[str, float], str] | None,
     aicc: Mapping[str, float | None],
 ) -> tuple[str, str]:
@@ -124,46 +210,11 @@ def _best(
     return min(laws, key=lambda name: laws[name].scatter), "scatter"
 
 
-def _doubts(laws: Mapping[str, FittedLaw], best: str) -> list[str]:
-    """Warnings about the laws."""
-    doubts = []
-    for name, law in laws.items():
-        lack = law.lack_of_fit
-        if lack is not None and law.lacks_fit and name not in _WITHOUT_RADIUS and not law.notes:
-            freedom = ", ".join(map(str, lack.freedom))
-            doubts.append(
-                f"law {name}: lacks fit ({lack.test}({freedom}) = {lack.statistic:.3g}, p = {lack.probability:.2g}): "
-                f"it misses the samples by {law.rms:.2g} rms, more than they scatter; its intervals are widened"
-            )
-    for key, value in laws[best].values.items():
-        if key.startswith("radius_error") and abs(value) > _LARGE_RADIUS_ERROR:
-            doubts.append(
-                f"law {best}: {key} = {value:+.0%} is implausible for a track: are gear and sprocket radius right?"
-            )
-    doubts += _odd_centres(laws)
-    if best in TWO_SIDED:
-        doubts.append(f"left and right turns differ: {best} describes both, the other laws assume symmetry")
-    return doubts
-
-
-def _odd_centres(laws: Mapping[str, FittedLaw]) -> list[str]:
-    """Questions about ICRs inside their tracks, and about ICRs that differ."""
-    doubts = []
-    for name in ("icr", "icr_radius"):
-        if name not in laws or laws[name].notes or laws[name].interval95["offset"][1] >= 0:
-            continue
-        size = f"{1e3 * laws[name].values['offset']:.1f} ± {1e3 * laws[name].stderr['offset']:.2g} mm"
-        doubts.append(
-            f"law {name}: D = {size} is negative, but tracks that skid have their ICRs outside: is half_gauge right, "
-            "or does the sensor sit off the middle (--sensor X Y YAW, or --estimate-sensor)?"
-        )
-    if "icr_sides" in laws:
-        offset, error = offset_between_sides(laws["icr_sides"])
-        if abs(offset) > _CERTAIN * error:
-            differ, sits = (f"{1e3 * k * abs(offset):.1f} ± {1e3 * k * error:.2g} mm" for k in (2, 1))
-            doubts.append(
-                f"law icr_sides: D_left and D_right differ by {differ}: the sensor may sit {sits} to the "
-                f"{'left' if offset > 0 else 'right'} of the middle (--sensor X Y YAW, or --estimate-sensor); an "
-                "offset and unequal ICRs can't be told apart"
-            )
-    return doubts
+def _best_of_drives(laws: Mapping[str, DriveFit], scores: Mapping[str, float]) -> str:
+    known = {name: value for name, value in scores.items() if np.isfinite(value)}
+    if not known:
+        return REFERENCE if REFERENCE in laws else next(name for name in laws if laws[name].values)
+    near = [name for name, value in known.items() if value <= min(known.values()) * (1 + _SAME)]
+    criterion = {name: laws[name].deviance + 2 * len(laws[name].values) for name in near}
+    likely = [name for name in near if criterion[name] <= min(criterion.values()) + _INDISTINCT_LIKELIHOOD]
+    return min(likely, key=lambda name: (len(laws[name].values), criterion[name]))

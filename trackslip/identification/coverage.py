@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from trackslip.identification.fit import fit
 from trackslip.identification.intervals import CONFIDENCE, heights, profile_intervals
-from trackslip.identification.replicates import lack_of_fit
+from trackslip.identification.lack_of_fit import lack_of_fit
 from trackslip.identification.samples import SlipSamples
+from trackslip.identification.steady_fit import fit
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import RobotGeometry
 from trackslip.slip.families import FAMILIES

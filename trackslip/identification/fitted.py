@@ -1,17 +1,18 @@
-"""One identified law: values, errors, intervals, goodness of fit."""
+"""Identified laws: values, errors, intervals; fitted to steady samples, with goodness of fit."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.fit import Fits, fit
-from trackslip.identification.hopeless import undetermined
+from trackslip.identification.determined import undetermined_by_samples
 from trackslip.identification.intervals import bootstrap_intervals, heights, profile_intervals, standard_errors
-from trackslip.identification.replicates import SIGNIFICANT, LackOfFit, lack_of_fit
+from trackslip.identification.lack_of_fit import SIGNIFICANT, LackOfFit, lack_of_fit
 from trackslip.identification.samples import SlipSamples
+from trackslip.identification.steady_fit import Fits, fit
 from trackslip.identification.weighting import MIN_SCATTER, WeightedRuns, relative_errors
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.metrics import rms
@@ -22,23 +23,43 @@ _MIN_DRAWN = 4  # minimum number of runs for a bootstrap
 _TRIED, _REFINED = 60, 6  # number of scatters tried at once, and how often the grid about the best is made finer
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FittedLaw:
-    """A law identified from samples."""
+    """A law with values that were identified, from steady samples or whole drives."""
 
     name: str
     """Name of the family."""
     law: SlipLaw
     """The law with the values below."""
     values: dict[str, float]
-    """Parameters by name, in their units."""
+    """Parameters of the law by name, in their units."""
     stderr: dict[str, float]
-    """Standard errors of the values, inflated if the law lacks fit."""
+    """Standard errors of the fitted parameters."""
     interval95: dict[str, tuple[float, float]]
-    """95 % intervals from the profile likelihood."""
+    """95 % intervals of the fitted parameters."""
+    correlation: Array  # of the fitted parameters, in the order of stderr
+
+    @property
+    def determined(self) -> bool:
+        """Whether the data determine the law."""
+        return True
+
+    @property
+    def stored(self) -> dict[str, Any]:
+        """The entry of the law in the `slip_laws` of a file."""
+        errors = {name: self.stderr.get(name) for name in self.values}  # None for a value that was held
+        return {"values": self.values, "stderr": errors, "interval95": self.interval95}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteadyFit(FittedLaw):
+    """A law fitted to steady samples.
+
+    Standard errors are inflated if the law lacks fit; the intervals are those of the profile likelihood.
+    """
+
     bootstrap95: dict[str, tuple[float, float]]
     """95 % percentile intervals from resampled runs; empty if there are too few runs."""
-    correlation: Array  # (p, p) of the values
     noise_stderr: dict[str, float]
     """Contribution of the measurement errors to the standard errors; 0 if these errors are not known."""
     rms: float
@@ -51,6 +72,16 @@ class FittedLaw:
     """Test for lack of fit; None without repeated runs and measurement errors."""
     notes: tuple[str, ...] = ()
     """Why the samples do not determine the law, whose values then mean nothing; empty if they do."""
+
+    @property
+    def determined(self) -> bool:
+        """Whether the samples determine the law."""
+        return not self.notes
+
+    @property
+    def stored(self) -> dict[str, Any]:
+        """The entry of the law in the `slip_laws` of a file."""
+        return super().stored | {"rms": self.rms}
 
     @property
     def lacks_fit(self) -> bool:
@@ -70,7 +101,7 @@ class FittedLaw:
 
 def fit_law(
     name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps: int = 300, vague: bool = False
-) -> FittedLaw:
+) -> SteadyFit:
     """Weighted least-squares fit to the measured motions (see `weighting`), with intervals.
 
     `geometry` is the robot's nominal one, `bootstraps` the number of resamples of the runs; 0 for none. Raises LogError
@@ -86,7 +117,7 @@ def fit_law(
     measured = samples.covariance is not None
     tests = lack_of_fit(fits, measured)
     error = standard_errors(fits, tests, measured)[0]
-    notes = undetermined(name, fits, error)
+    notes = undetermined_by_samples(name, fits, error)
     if notes and not vague:
         raise LogError(notes[0])
     interval = fits.family.limits(geometry.half_gauge)[:2].T
@@ -103,7 +134,7 @@ def fit_law(
     if bootstraps and count > max(free, _MIN_DRAWN) and not notes:
         drawn = bootstrap_intervals(fits, bootstraps, np.random.default_rng(count))
         bootstrap = dict(zip(names, map(tuple, drawn.tolist()), strict=True))
-    return FittedLaw(
+    return SteadyFit(
         name=name,
         law=law,
         values=values,

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.comparison import compare_laws
-from trackslip.identification.drive.comparison import DriveComparison, compare_drives
-from trackslip.identification.drive.drives import drives_of
-from trackslip.identification.drive.estimate import DRIVE_LAWS
-from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.comparison import DriveComparison, compare_drives, compare_laws
+from trackslip.identification.drive_law import DRIVE_LAWS
+from trackslip.identification.drives import drives_of
 from trackslip.identification.outliers import split_outliers
-from trackslip.identification.result import Identification, Method, SteadyLaws
-from trackslip.identification.samples import Sampling, SlipSamples
+from trackslip.identification.result import Identification, Method
+from trackslip.identification.samples import Sampling
 from trackslip.identification.sensor import with_sensor
 from trackslip.identification.source import Reading, Source, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.refused import Refused
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
 from trackslip.ros.choice import AUTOMATIC, BagChoice
@@ -125,40 +121,11 @@ def identify_samples(
 
     `sensor` and `estimate_sensor` are those of `with_sensor`; by default the sensor is at the robot's centre.
     """
-    return identify_selected(select_samples(sampling, geometry, sensor, estimate_sensor), geometry, logs)
-
-
-@dataclass(frozen=True)
-class Selected:
-    """Steady samples at the robot's centre, without outliers."""
-
-    samples: SlipSamples
-    left_out: tuple[Refused, ...]
-    """Runs that gave no sample, and outliers."""
-    notes: tuple[str, ...]
-    """What a reader should know of the samples, one line each."""
-
-
-def select_samples(
-    sampling: Sampling, geometry: RobotGeometry, sensor: Mounting | None = None, estimate_sensor: bool | None = False
-) -> Selected:
-    """The samples that laws are fitted to; see `identify_samples`."""
     centred, _, notes = with_sensor(sampling.samples, geometry, sensor, estimate_sensor)
     samples, outliers = split_outliers(centred, geometry)
-    return Selected(samples, (*sampling.refused, *outliers), (*sampling.notes, *notes))
-
-
-def identify_selected(
-    selected: Selected,
-    geometry: RobotGeometry,
-    logs: tuple[RunLog, ...] = (),
-    fitted: Mapping[str, FittedLaw] = MappingProxyType({}),
-) -> Identification:
-    """Fit and compare the laws, some of which may have been `fitted` already; see `identify_samples`."""
-    comparison = compare_laws(selected.samples, geometry, fitted)
-    warnings = (*selected.notes, *map(str, selected.left_out), *comparison.warnings)
-    steady = SteadyLaws(selected.samples, comparison)
-    return Identification(geometry, "steady", steady, None, selected.left_out, warnings, logs)
+    steady, left_out = compare_laws(samples, geometry), (*sampling.refused, *outliers)
+    warnings = (*sampling.notes, *notes, *map(str, left_out), *steady.warnings)
+    return Identification(geometry, "steady", steady, None, left_out, warnings, logs)
 
 
 def _drive(

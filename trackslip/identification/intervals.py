@@ -1,4 +1,4 @@
-"""Intervals of the parameters of a law: from the profile likelihood and from resampled runs."""
+"""Intervals of parameters: from the profile likelihood, from resampled runs, and from scores of stretches of drives."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from trackslip.identification.fit import Fits, minimise
-from trackslip.identification.replicates import LackOfFit
+from trackslip.identification.drive_fit import TrajectoryFit
+from trackslip.identification.drive_residuals import weights
+from trackslip.identification.lack_of_fit import LackOfFit
 from trackslip.identification.solver import CONVERGED
+from trackslip.identification.steady_fit import Fits, minimise
 from trackslip.kinematics import Array
 
 CONFIDENCE = 0.95  # of all intervals [-]
@@ -18,6 +20,9 @@ _NEAR = 1e-3  # relative error of the height at convergence
 _ENOUGH = 1e-5  # change of chi-square that does not matter, relative to the height
 _ITERATIONS = 10  # of each fit with a value held: more are needed only where chi-square is rough
 _STRETCH = (0.25, 4.0)  # limits of the ratio of successive steps
+_LONG_STRETCH = 10.0  # usual duration of a long stretch [s]
+_MIN_STRETCHES = 12
+_LASTING = 1.05  # scatter of long stretches' scores over the model's, beyond which slip lasts
 
 
 def standard_errors(fits: Fits, lacks: Sequence[LackOfFit] | None, measured: bool) -> Array:
@@ -118,3 +123,67 @@ def bootstrap_intervals(fits: Fits, count: int, rng: np.random.Generator) -> Arr
     again = np.clip(fits.values - np.linalg.solve(normal, gradient[..., None])[..., 0], low, high)
     tail = (1 - CONFIDENCE) / 2
     return np.quantile(again, [tail, 1 - tail], axis=0).T
+
+
+def model_errors(fit: TrajectoryFit) -> Array:
+    """Standard errors (f,) of the free values if the noise is as the model has it."""
+    return np.asarray(np.sqrt(np.diag(fit.covariance)))
+
+
+def half_widths(fit: TrajectoryFit) -> Array:
+    """Half widths (f,) of the 95 % intervals of the free values.
+
+    Long stretches of a drive have independent scores even if slip lasts for seconds. Where their scores scatter no more
+    than the model says, stretches half as long are taken: these are more, so that their scatter is known better.
+    """
+    errors, f = model_errors(fit), len(fit.free)
+    duration = float(sum(drive.time[-1] - drive.time[0] for drive in fit.nodes.drives))
+    long = max(_MIN_STRETCHES, 3 * f // 2, int(duration / _LONG_STRETCH))
+    (scatter, half), (_, narrow) = _scattered(fit, long), _scattered(fit, 2 * long)
+    wide = np.where(scatter > _LASTING * errors, half, narrow)
+    return np.asarray(np.maximum(scipy.special.ndtri((1 + CONFIDENCE) / 2) * errors, wide))
+
+
+def _scattered(fit: TrajectoryFit, count: int) -> tuple[Array, Array]:
+    """Standard errors (f,) and half widths (f,) by the scatter of the scores of about `count` stretches."""
+    scores = np.diff(innovation_scores(fit, _cuts(fit, count)), axis=0, prepend=0.0)
+    k, f = scores.shape
+    errors = np.sqrt(np.diag(fit.covariance @ (scores.T @ scores) @ fit.covariance))
+    quantile = scipy.special.stdtrit(max(k - 1, 1), (1 + CONFIDENCE) / 2)
+    return errors * np.sqrt(k / max(k - 1, 1)), quantile * errors * np.sqrt(k / max(k - f, 1))
+
+
+def innovation_scores(fit: TrajectoryFit, cuts: np.ndarray) -> Array:
+    """Gradients (n, f) of half of -2 log likelihood of all data up to the nodes `cuts` (n,), by the free values."""
+    found, solution, f = fit.residuals, fit.solution, len(fit.free)
+    _, steps = weights(found, fit.nodes, fit.noise)
+    border, gradient = solution.reduced[..., :f], solution.reduced[..., f]
+    eliminated = np.cumsum(np.einsum("kif,ki->kf", border, gradient), axis=0)
+    total = np.cumsum(solution.gradient, axis=0)
+    scores = np.empty((len(cuts), f))
+    for n, c in enumerate(cuts):
+        root = np.zeros((3, 3))
+        for a in range(3):
+            for b in range(a + 1):
+                root[a, b] = solution.factor[a - b, 3 * c + b]
+        here = root @ solution.reduced[c]  # what the states before leave of the border and the gradient at this node
+        information = root @ root.T
+        if c < len(steps):  # less the step that leads on from it
+            on = found.by_first[c].T * steps[c]
+            information = information - on @ found.by_first[c]
+            here = here - on @ np.column_stack([found.by_values[c], found.step[c]])
+        last = here[:, :f].T @ np.linalg.solve(information, here[:, f])
+        scores[n] = total[c] - (eliminated[c - 1] if c else 0.0) - last
+    return scores
+
+
+def _cuts(fit: TrajectoryFit, count: int) -> np.ndarray:
+    """Last nodes of about `count` stretches of equal duration."""
+    time, first = fit.nodes.time, fit.nodes.first
+    spans = time[first[1:] - 1] - time[first[:-1]]
+    cuts = []
+    for begin, end, span in zip(first[:-1], first[1:], spans, strict=True):
+        parts = max(1, round(count * span / spans.sum()))
+        ends = time[begin] + span * np.arange(1, parts) / parts
+        cuts.append(np.append(begin + np.searchsorted(time[begin:end], ends), end - 1))
+    return np.unique(np.concatenate(cuts))

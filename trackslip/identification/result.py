@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from html import escape
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
 
 from trackslip.errors import OutputError, TrackslipError
-from trackslip.identification.comparison import Comparison
-from trackslip.identification.drive.comparison import DriveComparison
-from trackslip.identification.drive.estimate import DriveFit
-from trackslip.identification.drive.summary import drive_to_json, prediction_to_json
+from trackslip.identification.comparison import Comparison, DriveComparison, SteadyComparison
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
@@ -27,17 +24,8 @@ Method = Literal["steady", "drive"]
 """Ways to identify laws: from stretches of constant sprocket speeds, or from whole drives."""
 _REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
 _SHOWN = 3  # laws in a repr
+_UNSTORED = ("name", "law", "fit")  # fields of fits
 _HEADER = ("law", "parameter", "value", "95 % interval")
-
-
-@dataclass(frozen=True)
-class SteadyLaws:
-    """Laws identified from steady stretches of driving."""
-
-    samples: SlipSamples
-    """The samples that the laws were fitted to."""
-    comparison: Comparison
-    """The fits in full."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +39,7 @@ class Identification:
     """Nominal geometry of the robot."""
     method: Method
     """What `best`, `laws` and `intervals` come from: steady stretches or whole drives."""
-    steady: SteadyLaws | None
+    steady: SteadyComparison | None
     """What steady stretches give; None if there are too few."""
     drive: DriveComparison | None
     """What whole drives give; None if they were not evaluated."""
@@ -65,12 +53,14 @@ class Identification:
     @property
     def samples(self) -> SlipSamples:
         """The steady samples; raises TrackslipError if there are none."""
-        return self._steady().samples
+        return self.comparison.samples
 
     @property
-    def comparison(self) -> Comparison:
+    def comparison(self) -> SteadyComparison:
         """The fits to steady samples; raises TrackslipError if there are none."""
-        return self._steady().comparison
+        if self.steady is None:
+            raise TrackslipError("the laws were identified from whole drives: there are no steady samples")
+        return self.steady
 
     @property
     def best(self) -> str:
@@ -87,15 +77,10 @@ class Identification:
         """95 % interval of every fitted parameter by law and parameter, in the parameter's unit."""
         return {name: self.fits()[name].interval95 for name in self._main().ranking}
 
-    def _steady(self) -> SteadyLaws:
-        if self.steady is None:
-            raise TrackslipError("the laws were identified from whole drives: there are no steady samples")
-        return self.steady
-
-    def _main(self) -> Comparison | DriveComparison:
+    def _main(self) -> Comparison:
         return self.drive if self.method == "drive" and self.drive is not None else self.comparison
 
-    def fits(self) -> Mapping[str, FittedLaw | DriveFit]:
+    def fits(self) -> Mapping[str, FittedLaw]:
         """The fits by law, of the method that identified."""
         return self._main().laws
 
@@ -164,14 +149,9 @@ class Identification:
         return [f"{left_out}{len(self.warnings)} warning(s), see .warnings"] if self.warnings else []
 
 
-def laws_to_json(laws: Mapping[str, FittedLaw | DriveFit], geometry: RobotGeometry) -> dict[str, Any]:
+def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict[str, Any]:
     """`slip_laws` and `geometry`, as `load_laws` reads them."""
-    described: dict[str, dict[str, Any]] = {}
-    for name, fit in laws.items():
-        if fit.values and not (isinstance(fit, FittedLaw) and fit.notes):
-            described[name] = {"values": fit.values, "stderr": {key: fit.stderr.get(key) for key in fit.values}}
-            described[name] |= {"rms": fit.rms} if isinstance(fit, FittedLaw) else {"interval95": fit.interval95}
-    return laws_content(described, geometry)
+    return laws_content({name: fit.stored for name, fit in laws.items() if fit.values and fit.determined}, geometry)
 
 
 def identification_to_json(found: Identification) -> dict[str, Any]:
@@ -179,17 +159,31 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
     steady, drive = found.steady, found.drive
     content: dict[str, Any] = laws_to_json(found.fits(), found.geometry) | {"method": found.method, "best": found.best}
     if steady is not None:
-        content |= {"laws": {name: _law_to_json(name, steady.comparison) for name in steady.comparison.laws}}
-        content |= {"samples": len(steady.samples)}
+        laws = {name: _steady_law(name, steady) for name in steady.laws}
+        content |= {"laws": laws, "samples": len(steady.samples)}
     if drive is not None:
-        content |= {"drive": drive_to_json(drive), "prediction": prediction_to_json(drive)}
+        content["drive"] = {
+            "best": drive.best,
+            "drives": [one.name for one in drive.drives],
+            "laws": {name: _content(law, _UNSTORED) | {"score": drive.score[name]} for name, law in drive.laws.items()},
+            "clock_profile": drive.clock and {"offset": drive.clock.offset.tolist(), "rise": drive.clock.rise.tolist()},
+            "warnings": list(drive.warnings),
+        }
+        content["prediction"] = {
+            name: {f"{horizon:g}": asdict(errors) for horizon, errors in by_horizon.items()}
+            for name, by_horizon in drive.errors.items()
+        }
     return content | {"outliers": [asdict(outlier) for outlier in found.outliers], "warnings": list(found.warnings)}
 
 
-def _law_to_json(name: str, comparison: Comparison) -> dict[str, Any]:
-    found = asdict(comparison.laws[name])
-    for key in ("name", "law", "likelihood"):
-        del found[key]
-    found["correlation"] = found["correlation"].tolist()
-    errors = {f"cv_{key}": error for key, error in asdict(comparison.validation[name]).items()}
-    return found | {"aicc": comparison.aicc[name], "weight": comparison.weight[name]} | errors
+def _steady_law(name: str, found: SteadyComparison) -> dict[str, Any]:
+    errors = {f"cv_{key}": error for key, error in asdict(found.validation[name]).items()}
+    law = _content(found.laws[name], (*_UNSTORED, "likelihood"))
+    return law | {"aicc": found.aicc[name], "weight": found.weight[name]} | errors
+
+
+def _content(law: FittedLaw, unstored: Sequence[str]) -> dict[str, Any]:
+    """The fields of a fit, but for some."""
+    found = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in unstored}
+    lack = found.get("lack_of_fit")
+    return found | {"correlation": law.correlation.tolist()} | ({"lack_of_fit": asdict(lack)} if lack else {})

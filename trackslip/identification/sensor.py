@@ -18,9 +18,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError, require
-from trackslip.identification.fitted import FittedLaw, fit_law
+from trackslip.identification.fitted import SteadyFit, fit_law
+from trackslip.identification.lack_of_fit import by_command
 from trackslip.identification.outliers import split_outliers
-from trackslip.identification.replicates import by_command
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array, RobotGeometry, track_slip
 from trackslip.se2 import Mounting
@@ -111,7 +111,7 @@ def with_sensor(
     return corrected(samples, sensor, geometry) if used else samples, found, tuple(notes)
 
 
-def offset_between_sides(law: FittedLaw) -> tuple[float, float]:
+def offset_between_sides(law: SteadyFit) -> tuple[float, float]:
     """(D_right - D_left) / 2 of the law icr_sides and its standard error [m]: the sensor's offset, for equal ICRs."""
     left, right = (list(law.values).index(f"offset_{side}") for side in ("left", "right"))
     errors = law.stderr["offset_left"], law.stderr["offset_right"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackslip.identification.drive.outliers import outlying
+from trackslip.identification.outliers import outlying
 from trackslip.odometry.trajectory_errors import Trajectory, errors_between
 
 _FAR = 6.0  # error of the step across a lasting jump [median of all steps]

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.errors import require, require_positive
-from trackslip.identification.drive.determined import vaguest
-from trackslip.identification.drive.drives import Drive, merged
-from trackslip.identification.drive.equations import solve
-from trackslip.identification.drive.model import EXTRAS, DriveModel
-from trackslip.identification.drive.residuals import Nodes, Noise, residuals
+from trackslip.identification.determined import vaguest
+from trackslip.identification.drive_equations import solve
+from trackslip.identification.drive_model import EXTRAS, DriveModel
+from trackslip.identification.drive_residuals import Nodes, Noise, residuals
+from trackslip.identification.drives import Drive, merged
 from trackslip.kinematics import Array
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.strokes import RATE

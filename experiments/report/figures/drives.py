@@ -10,11 +10,11 @@ from experiments.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.figures import style
 from experiments.report.figures.laws import draw_matrix
 from experiments.report.laws import prediction_title, symbol
-from trackslip.identification.drive.comparison import DriveComparison
-from trackslip.identification.drive.estimate import DriveFit
-from trackslip.identification.drive.fit import Fit
-from trackslip.identification.drive.prediction import HORIZONS, Predictions
-from trackslip.identification.drive.residuals import Nodes
+from trackslip.identification.comparison import DriveComparison
+from trackslip.identification.drive_fit import TrajectoryFit
+from trackslip.identification.drive_law import DriveFit
+from trackslip.identification.drive_residuals import Nodes
+from trackslip.identification.prediction import HORIZONS, DrivePredictions
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.se2 import rotate
 
@@ -63,7 +63,7 @@ def compared(found: DriveComparison) -> list[str]:
     return [name for name in dict.fromkeys([found.best, "icr_radius", "none"]) if name in found.laws]
 
 
-def predicted_path(fit: Fit, predictions: Predictions, k: int) -> Array:
+def predicted_path(fit: TrajectoryFit, predictions: DrivePredictions, k: int) -> Array:
     """Positions (m, 2) of the sensor at the nodes from the start of prediction `k` to its end [m]."""
     nodes = fit.nodes
     start, horizon = int(predictions.start[k]), float(predictions.horizon[k])
@@ -131,7 +131,7 @@ def residuals_over_time(law: DriveFit) -> Figure:
     return figure
 
 
-def pose_residuals(fit: Fit) -> tuple[Array, np.ndarray]:
+def pose_residuals(fit: TrajectoryFit) -> tuple[Array, np.ndarray]:
     """Trajectory minus measured poses (K, 3) [m, m, rad], NaN where not measured; and whether each was kept (K,)."""
     measured = Nodes.of(fit.nodes.drives)
     error = fit.states - fit.nodes.pose
@@ -139,7 +139,7 @@ def pose_residuals(fit: Fit) -> tuple[Array, np.ndarray]:
     return error, fit.nodes.weight[:, 0] == measured.weight[:, 0]
 
 
-def step_residuals(fit: Fit) -> tuple[Array, np.ndarray]:
+def step_residuals(fit: TrajectoryFit) -> tuple[Array, np.ndarray]:
     """Slip of each step (K - 1, 3) [standard deviations], NaN between drives; and whether each was kept (K - 1,)."""
     measured = Nodes.of(fit.nodes.drives)
     scaled = fit.residuals.step / (np.sqrt(fit.residuals.distance)[:, None] * fit.noise.values[2:])

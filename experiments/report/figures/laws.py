@@ -12,8 +12,8 @@ from experiments.measuring.steady_turns import TRACKS, InnerOuterSamples, repeat
 from experiments.report.figures import style
 from experiments.report.figures.steady_runs import BARS, bar_factor, bar_key, curve_radii, show_radii, with_bars
 from experiments.report.laws import shown, symbol
-from trackslip.identification.comparison import Comparison
-from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.comparison import SteadyComparison
+from trackslip.identification.fitted import SteadyFit
 from trackslip.kinematics import Array
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.exponential import PUBLISHED
@@ -31,17 +31,17 @@ _TRACK_STYLE: dict[str, dict[str, Any]] = {
 }
 
 
-def shown_laws(comparison: Comparison) -> dict[str, SlipLaw]:
+def shown_laws(comparison: SteadyComparison) -> dict[str, SlipLaw]:
     """The fitted laws, smallest AICc first, and the published one."""
     return {name: comparison.laws[name].law for name in comparison.ranking} | {"published": PUBLISHED}
 
 
-def _title(name: str, comparison: Comparison) -> str:
+def _title(name: str, comparison: SteadyComparison) -> str:
     return shown(name).label + (" – best" if name == comparison.best else "")
 
 
 @style.styled
-def fitted_laws(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
+def fitted_laws(runs: InnerOuterSamples, comparison: SteadyComparison) -> Figure:
     """Fig. 6: slip against observed radius with every law; thick: the best, the paper's, and icr_radius."""
     figure, axes = style.subplots(4.6, 1, 2)
     laws, radius, factor = shown_laws(comparison), curve_radii(runs), bar_factor(runs)
@@ -71,7 +71,7 @@ def fitted_laws(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
 
 
 @style.styled
-def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
+def residuals(runs: InnerOuterSamples, comparison: SteadyComparison) -> Figure:
     """Residuals of every run, one panel per law on a common scale that is linear within the band of errors."""
     band, meaning = residual_band(runs, comparison)
     off = {name: runs.residual(law) for name, law in shown_laws(comparison).items()}
@@ -106,7 +106,7 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     return figure
 
 
-def residual_band(runs: InnerOuterSamples, comparison: Comparison) -> tuple[float, str]:
+def residual_band(runs: InnerOuterSamples, comparison: SteadyComparison) -> tuple[float, str]:
     """Half width of the residuals that need no better law to explain them [-], and its meaning."""
     if runs.errors is not None:
         return 2 * float(np.median(runs.errors.slip)), "two standard errors of measurement"
@@ -114,7 +114,7 @@ def residual_band(runs: InnerOuterSamples, comparison: Comparison) -> tuple[floa
 
 
 @style.styled
-def criteria(comparison: Comparison) -> Figure:
+def criteria(comparison: SteadyComparison) -> Figure:
     """AICc above the smallest, and errors of predicting left-out radii and speeds; one row per law, the best on top."""
     names = comparison.ranking
     titles = [shown(name).label for name in names]
@@ -158,7 +158,7 @@ def criteria(comparison: Comparison) -> Figure:
     return figure
 
 
-def correlated_laws(comparison: Comparison) -> list[FittedLaw]:
+def correlated_laws(comparison: SteadyComparison) -> list[SteadyFit]:
     """The best law and the paper's, if they have several parameters."""
     names = dict.fromkeys([comparison.best, "exponential", "icr_radius"])
     known = [comparison.laws[name] for name in names if name in comparison.laws]
@@ -166,7 +166,7 @@ def correlated_laws(comparison: Comparison) -> list[FittedLaw]:
 
 
 @style.styled
-def correlations(laws: Sequence[FittedLaw]) -> Figure:
+def correlations(laws: Sequence[SteadyFit]) -> Figure:
     """Correlation matrices of the parameters of up to two laws."""
     figure, axes = style.subplots(3.7, 1, 2)
     axes[1].set_visible(len(laws) > 1)

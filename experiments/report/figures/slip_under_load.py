@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.report.figures.style import RADII_SHADES, shade, styled, subplots
-from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.fitted import SteadyFit
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry, body_twist
 from trackslip.slip.icr_load import IcrLoad
@@ -16,7 +16,7 @@ _POINTS = 50  # of a curve
 
 
 @styled
-def slip_under_load(samples: SlipSamples, fitted: FittedLaw, geometry: RobotGeometry) -> Figure | None:
+def slip_under_load(samples: SlipSamples, fitted: SteadyFit, geometry: RobotGeometry) -> Figure | None:
     """Slip of the speed ahead against the traction along the robot, with the law of slip under load.
 
     None without samples whose loads are known.

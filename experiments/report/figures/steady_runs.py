@@ -14,7 +14,7 @@ from experiments.measuring.steady_turns import TRACKS, InnerOuterSamples, group_
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.figures import style
 from trackslip import se2
-from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.fitted import SteadyFit
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.filtered import paper_motion
@@ -117,7 +117,7 @@ def published_and_simulated(radius: RadiusSummary, runs: InnerOuterSamples) -> F
 
 
 @style.styled
-def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> Figure:
+def slip_against_speed_and_radius(runs: InnerOuterSamples, best: SteadyFit) -> Figure:
     """Fig. 5: slip of the inner (top) and outer track (bottom) against speed (left) and radius (right)."""
     figure, axes = style.subplots(6.0, 2, 2, across=0.4, down=0.4, sharey="row", sharex="col")
     curve = curve_radii(runs)

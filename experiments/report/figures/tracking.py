@@ -12,7 +12,7 @@ from experiments.driving.paper_model import geometry_of
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE
 from experiments.report.figures import style
 from experiments.report.laws import law_looks, shown
-from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.fitted import SteadyFit
 from trackslip.kinematics import Array, curvature, track_slip
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, body_errors
@@ -157,7 +157,7 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str
 
 @style.styled
 def slip_during_tracking(
-    runs: Mapping[str, RunLog], laws: Mapping[str, FittedLaw], published: Mapping[str, RunLog]
+    runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFit], published: Mapping[str, RunLog]
 ) -> Figure | None:
     """Fig. 12: the slip that the law predicted at each step and, where it is known, the true one.
 

@@ -104,7 +104,7 @@ def test_units_in_a_parquet_file_are_checked(refused, tmp_path):
 def test_a_gear_that_is_a_little_wrong_is_doubted(tmp_path):
     runs = [[[*row[:2], 1.2 * row[2], 1.2 * row[3], *row[4:]] for row in run] for run in rows_of()]
     found = identify(written(runs, tmp_path / "log.csv"), ROBOT, method="steady")
-    assert "are gear and sprocket radius right?" in "".join(found.warnings)
+    assert "are gear and sprocket_radius right?" in "".join(found.warnings)
 
 
 def test_what_is_odd_is_listed_and_the_rest_is_used(tmp_path):

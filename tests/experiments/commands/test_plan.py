@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from trackslip.identification.drive.estimate import fit_drives
+from trackslip.identification.drive_law import fit_drives
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.logfile import read_runs
 from trackslip.planning import plan as planning

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from slip_data import ERRORS, GEOMETRY, RADII, grid
 
-from trackslip.identification.comparison import compare_laws, fit_laws
+from trackslip.identification.comparison import compare_laws
 from trackslip.identification.coverage import coverage, noise_coverage
-from trackslip.identification.fit import fit
 from trackslip.identification.fitted import fit_law
+from trackslip.identification.lack_of_fit import SIGNIFICANT, lack_of_fit
 from trackslip.identification.outliers import split_outliers
-from trackslip.identification.replicates import SIGNIFICANT, lack_of_fit
 from trackslip.identification.samples import SlipSamples
+from trackslip.identification.steady_fit import fit
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import Constant, NoSlip
@@ -172,20 +172,3 @@ def test_intervals_of_noise_alone_cover_the_fit_to_the_truth():
     for key in ("offset", "radius_error"):
         assert abs(noise[key] - 0.95) < 0.04
         assert everything[key] == 1.0  # for they answer for the law's lack of fit as well
-
-
-def test_laws_that_are_fitted_already_are_taken():
-    samples = grid(ICR, radii=RADII, speeds=(0.1, 0.2))
-    fitted = fit_laws(("exponential", "icr_radius"), samples, GEOMETRY)
-    assert [*fitted] == ["exponential", "icr_radius"]
-    found, anew = compare_laws(samples, GEOMETRY, fitted), compare_laws(samples, GEOMETRY)
-    assert all(found.laws[name] is law for name, law in fitted.items())
-    assert (found.best, found.aicc, found.weight, found.validation) == (
-        anew.best,
-        anew.aicc,
-        anew.weight,
-        anew.validation,
-    )
-    assert {name: law.values for name, law in found.laws.items()} == {n: law.values for n, law in anew.laws.items()}
-    two = samples.take(np.arange(len(samples)) < 1)
-    assert [*fit_laws(("exponential", "icr_radius"), two, GEOMETRY)] == []  # undetermined

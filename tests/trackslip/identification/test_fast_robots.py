@@ -11,8 +11,8 @@ from slip_data import grid
 from trackslip.errors import LogError
 from trackslip.identification.comparison import BASELINES, compare_laws
 from trackslip.identification.fitted import fit_law
+from trackslip.identification.lack_of_fit import by_command, folds, group_labels
 from trackslip.identification.outliers import split_outliers
-from trackslip.identification.replicates import by_command, folds, group_labels
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry, track_slip
 from trackslip.metrics import rms

@@ -133,6 +133,6 @@ def test_icrs_that_differ_are_questioned(sign):
 
 def test_an_icr_inside_its_track_is_questioned():
     found = compare_laws(grid(ConstantIcr(-0.03, 0.168)), GEOMETRY)
-    assert any(warning.startswith("law icr: D = -30.0 ±") for warning in found.warnings)
+    assert any(warning.startswith(f"law {found.best}: offset = -30.0 ±") for warning in found.warnings)
     sides = fit_law("icr_sides", seen(Mounting(), IcrSides(0.04, 0.05, 0.0, 0.01, 0.168)), GEOMETRY)
     assert offset_between_sides(sides)[0] == pytest.approx(0.005, abs=0.001)

@@ -4,9 +4,9 @@ from scipy.optimize import curve_fit
 from scipy.optimize import least_squares as scipy_least_squares
 from slip_data import GEOMETRY, grid
 
-from trackslip.identification.fit import fit
 from trackslip.identification.intervals import profile_intervals
 from trackslip.identification.solver import least_squares
+from trackslip.identification.steady_fit import fit
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.families import FAMILIES

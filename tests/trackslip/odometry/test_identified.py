@@ -12,7 +12,7 @@ from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import WHITE, LawMotion
 from sim.wander.pose_source import SOURCES
 from trackslip.errors import LogError, TrackslipError
-from trackslip.identification.drive.estimate import fit_drives
+from trackslip.identification.drive_law import fit_drives
 from trackslip.identification.identify import identify
 from trackslip.identification.result import identification_to_json
 from trackslip.kinematics import RobotGeometry

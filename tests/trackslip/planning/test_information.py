@@ -7,7 +7,7 @@ import pytest
 
 from sim.wander.motion import LawMotion, SlipVariation
 from trackslip import se2
-from trackslip.identification.drive.model import DriveModel
+from trackslip.identification.drive_model import DriveModel
 from trackslip.kinematics import RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.information import PoseQuality, drive_to_measure, expected, information, with_extras

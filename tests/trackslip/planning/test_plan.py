@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from trackslip.errors import InvalidValueError
-from trackslip.identification.drive.estimate import DRIVE_LAWS
-from trackslip.identification.drive.model import DriveModel
+from trackslip.identification.drive_law import DRIVE_LAWS
+from trackslip.identification.drive_model import DriveModel
 from trackslip.kinematics import RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning import plan as planning

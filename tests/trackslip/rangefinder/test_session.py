@@ -8,7 +8,7 @@ import pytest
 from beside import EPSILON, GEOMETRY, LENGTH, THICKNESS, D, cylinder, drive, post, room, teleoperated, wall
 
 from trackslip.errors import LogError
-from trackslip.identification.drive.estimate import fit_drives
+from trackslip.identification.drive_law import fit_drives
 from trackslip.localization.scan import Plate
 from trackslip.rangefinder.findings import findings
 from trackslip.rangefinder.log import scanned_log

@@ -9,7 +9,7 @@ from scanned import other_poses, scan_messages, static_transform, write_session
 from scipy.spatial.transform import Rotation
 
 from trackslip.errors import LogError
-from trackslip.identification.drive.estimate import fit_drives
+from trackslip.identification.drive_law import fit_drives
 from trackslip.localization.scan import Plate
 from trackslip.ros.any_log import load
 from trackslip.ros.bag import open_bag

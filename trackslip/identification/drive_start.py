@@ -1,4 +1,4 @@
-"""Starting values: clock offset and ratio of turns from comparing turns or paths, and the trajectory from them."""
+"""Starting values of fits to drives: of the clock offset, of the turns, of the trajectory, and of other laws."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.errors import LogError
-from trackslip.identification.drive.drives import Drive
-from trackslip.kinematics import Array, RobotGeometry, body_twist
+from trackslip.identification.drive_fit import TrajectoryFit
+from trackslip.identification.drives import Drive, reckoned
+from trackslip.identification.solver import least_squares
+from trackslip.kinematics import Array, RobotGeometry, body_twist, track_speeds
+from trackslip.slip.families import FAMILIES
 
 _OFFSETS = np.arange(-2.0, 2.0001, 0.05)  # clock offsets tried [s]
 _FINE = np.arange(-0.06, 0.0601, 0.01)  # around the best of them [s]
@@ -24,6 +28,8 @@ _AGAINST = (
 )
 _Tried = tuple[float, float, float]  # cost, ratio of turns, clock offset [s]
 _EXPLAINED = 0.7  # share of the cost that turns to the wrong side leave, below which they are believed
+_PIECE = 0.5  # time over which motion is averaged [s]
+_MAX_PIECES = 600
 
 
 def start(drives: Sequence[Drive], geometry: RobotGeometry) -> tuple[float, float]:
@@ -72,16 +78,6 @@ def trajectory(drive: Drive, geometry: RobotGeometry, offset: float, clock_offse
     last = np.where(last < 0, int(np.argmax(measured)), last)
     at = np.where(measured, z, z[last] + np.exp(1j * turned[last]) * (place - place[last]))
     return np.column_stack([at.real, at.imag, heading + turned])
-
-
-def reckoned(drive: Drive, geometry: RobotGeometry, ratio: float, time: Array) -> tuple[np.ndarray, Array]:
-    """Complex places [m] and headings [rad] (K,) at encoder times, from sprocket speeds whose turns are scaled."""
-    v, w = body_twist(drive.omega, 0.0, geometry).T
-    step = np.diff(drive.edges)
-    heading = np.concatenate([[0.0], np.cumsum(ratio * w * step)])
-    middle = (heading[1:] + heading[:-1]) / 2
-    place = np.concatenate([[0.0], np.cumsum(v * step * np.exp(1j * middle))])
-    return np.interp(time, drive.edges, place), np.interp(time, drive.edges, heading)
 
 
 def _turning_costs(drives: Sequence[Drive], geometry: RobotGeometry, offsets: Array) -> list[_Tried]:
@@ -151,3 +147,50 @@ def _turned_to(place: np.ndarray, z: np.ndarray, measured: np.ndarray, time: Arr
     high = np.searchsorted(time, time + _WINDOW / 2, side="right")
     number, a, c, product = sums[:, high] - sums[:, low]
     return np.unwrap(np.angle(product - a * c.conj() / np.maximum(number.real, 1)))
+
+
+def law_start(name: str, reference: TrajectoryFit) -> Array:
+    """Values (p,) of a law that fit the mean twists of pieces of the reference's trajectory in least squares."""
+    model, family = reference.model, FAMILIES[name]
+    if not family.names:
+        return np.zeros(0)
+    omega, twist = pieces(reference)
+    geometry = model.geometry
+    starts = family.starts(geometry.half_gauge)
+    low, high, scale = family.limits(geometry.half_gauge)
+    measured = track_speeds(twist, geometry.half_gauge)
+
+    def residual(values: Array, rows: np.ndarray) -> Array:
+        del rows
+        found = track_speeds(family.law(values[:, None, :], geometry).twist(omega, geometry), geometry.half_gauge)
+        return (found - measured).reshape(len(values), -1)
+
+    reached = least_squares(residual, starts, low, high, scale)
+    return reached.values[int(reached.cost.argmin())]
+
+
+def pieces(fit: TrajectoryFit) -> tuple[Array, Array]:
+    """Mean sprocket speeds (n, 2) [rad/s] and twists (n, 2) of the robot in pieces of about half a second."""
+    model, values = fit.model, fit.values
+    lever = values[[model.index("sensor_x"), model.index("sensor_y")]]
+    offset = values[model.index("clock_offset")]
+    found = []
+    for drive, begin in zip(fit.nodes.drives, fit.nodes.first, strict=False):
+        stride = max(1, round(_PIECE / drive.interval), len(drive.time) * len(fit.nodes.drives) // _MAX_PIECES)
+        rows = np.arange(0, len(drive.time), stride)
+        broken = np.concatenate([[0.0], np.cumsum(1 - fit.nodes.link[begin : begin + len(drive.time) - 1])])
+        state, step = fit.states[begin + rows], np.diff(drive.time[rows])
+        robot = np.column_stack([se2.to_world(state, -lever), state[:, 2]])
+        twist = se2.log(se2.steps(robot))[:, ::2] / step[:, None]
+        turned = _turned(drive, drive.time[rows] + offset)
+        whole = (np.diff(broken[rows]) == 0) & (step < 3 * _PIECE + 3 * drive.interval)
+        found.append((np.diff(turned, axis=0) / step[:, None], twist, whole))
+    omega, twist, whole = (np.concatenate(part) for part in zip(*found, strict=True))
+    whole &= np.abs(omega).max(axis=1) > 0
+    return omega[whole], twist[whole]
+
+
+def _turned(drive: Drive, time: Array) -> Array:
+    """Angles (K, 2) of the sprockets at encoder times [rad]."""
+    angle = np.concatenate([np.zeros((1, 2)), np.cumsum(drive.omega * np.diff(drive.edges)[:, None], axis=0)])
+    return np.column_stack([np.interp(time, drive.edges, angle[:, side]) for side in range(2)])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from trackslip.identification.fit import Fits
+from trackslip.identification.steady_fit import Fits
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 _TOLERANCE = 0.02  # maximum relative difference of the commands (curvatures or speeds) of repeated runs

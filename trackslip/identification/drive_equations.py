@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from trackslip.errors import LogError
-from trackslip.identification.drive.residuals import Nodes, Noise, Residuals, weights
+from trackslip.identification.drive_residuals import Nodes, Noise, Residuals, weights
 from trackslip.kinematics import Array
 
 _MIN_INFORMATION = 1e-3  # of a state, for nodes that no pose and no step ties [1/m^2, 1/rad^2]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from trackslip.identification.drive import reckoning
+from trackslip.identification.drive_model import path_at as paths_at
 from trackslip.kinematics import advance
 from trackslip.se2 import rotate
 
@@ -13,7 +13,7 @@ NO_SLOPE = np.zeros((3, 0, 40))
 
 def path_at(edges, motion, slope, time):
     row = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, len(edges) - 2)
-    return reckoning.path_at(edges, motion, slope, time, row)
+    return paths_at(edges, motion, slope, time, row)
 
 
 def advanced(motion, edges, time):

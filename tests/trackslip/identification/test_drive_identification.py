@@ -208,7 +208,7 @@ def malformed(count):
 @pytest.fixture
 def few_rounds(monkeypatch):
     """Stop fits early: these of malformed drives go on as long as they may."""
-    monkeypatch.setattr("trackslip.identification.drive.fit._ROUNDS", 3)
+    monkeypatch.setattr("trackslip.identification.drive_fit._ROUNDS", 3)
     monkeypatch.setattr("trackslip.identification.identify.DRIVE_LAWS", ("none", "icr"))
 
 

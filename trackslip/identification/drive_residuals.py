@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.identification.drive.drives import Drive
-from trackslip.identification.drive.model import DriveModel
-from trackslip.identification.drive.timeline import Timeline
+from trackslip.identification.drive_model import DriveModel
+from trackslip.identification.drives import Drive, Timeline
 from trackslip.kinematics import Array, wrap_angle
 
 _MIN_DISTANCE = 1e-3  # of a step, so that a robot at rest isn't known to stay exactly [m]

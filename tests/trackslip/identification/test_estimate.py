@@ -8,10 +8,10 @@ from drives import EXACT, GEOMETRY, ICR, NOISE, SLAM, STILL, constant_speeds, dr
 
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.drive.drives import drive_of
-from trackslip.identification.drive.equations import solve
-from trackslip.identification.drive.estimate import DRIVE_LAWS, fit_drives
-from trackslip.identification.drive.residuals import Noise
+from trackslip.identification.drive_equations import solve
+from trackslip.identification.drive_law import DRIVE_LAWS, fit_drives
+from trackslip.identification.drive_residuals import Noise
+from trackslip.identification.drives import drive_of
 from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.icr import ConstantIcr

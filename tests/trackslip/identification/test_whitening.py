@@ -7,8 +7,8 @@ import pytest
 from drives import EXACT, GEOMETRY, drive_log
 
 from sim.wander.motion import WHITE
-from trackslip.identification.drive.estimate import fit_drives
-from trackslip.identification.drive.whitening import whitening
+from trackslip.identification.drive_law import fit_drives
+from trackslip.identification.drives import whitening
 
 TRUE = {"offset": 0.045, "radius_error": 0.0066}
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from drives import EXACT, GEOMETRY, SLAM, STILL, drive_log
 
-from trackslip.identification.drive.comparison import compare_drives
-from trackslip.identification.drive.drives import drive_of, drives_of
-from trackslip.identification.drive.estimate import fit_drives
-from trackslip.identification.drive.prediction import HORIZONS, Errors, held_out, score
+from trackslip.identification.comparison import compare_drives
+from trackslip.identification.drive_law import fit_drives
+from trackslip.identification.drives import drive_of, drives_of
+from trackslip.identification.prediction import HORIZONS, PredictionErrors, held_out, score
 
 MOUNTED = replace(EXACT, ahead=0.2, left=0.05, mounting=0.1)
 
@@ -76,7 +76,7 @@ def test_without_headings_positions_are_predicted_from_the_trail():
 
 def test_the_score_is_the_mean_ratio_to_the_smallest_error():
     def errors(position, heading):
-        return Errors(10, position, position, heading, heading)
+        return PredictionErrors(10, position, position, heading, heading)
 
     table = {"a": {1.0: errors(0.1, 0.2), 2.0: errors(0.2, None)}, "b": {1.0: errors(0.2, 0.1), 2.0: errors(0.2, None)}}
     assert score(table, ("a", "b")) == pytest.approx({"a": (1 + 2 + 1) / 3, "b": (2 + 1 + 1) / 3})

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from drives import drive_log, model
 
-from trackslip.identification.drive.drives import drive_of
-from trackslip.identification.drive.timeline import Timeline
+from trackslip.identification.drives import Timeline, drive_of
 
 DRIVES = [drive_of(drive_log(seed, 10.0 + seed)) for seed in range(3)]
 EVERY = np.arange(len(model("turn_loss").names))

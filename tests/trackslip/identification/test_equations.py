@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from drives import NOISE, drive_log, model
 
-from trackslip.identification.drive.drives import Drive, drive_of
-from trackslip.identification.drive.equations import solve, used_up
-from trackslip.identification.drive.intervals import innovation_scores
-from trackslip.identification.drive.model import EXTRAS
-from trackslip.identification.drive.residuals import Nodes, Noise, cost, residuals, weights
+from trackslip.identification.drive_equations import solve, used_up
+from trackslip.identification.drive_model import EXTRAS
+from trackslip.identification.drive_residuals import Nodes, Noise, cost, residuals, weights
+from trackslip.identification.drives import Drive, drive_of
+from trackslip.identification.intervals import innovation_scores
 
 LAWS = {"icr_radius": [0.045, 0.0066], "turn_loss": [0.045, 0.0066, 0.3], "icr_sides": [0.04, 0.05, 0.01, -0.01]}
 NONE = np.zeros(0, int)

@@ -1,4 +1,4 @@
-"""Drives prepared for the estimator: encoder intervals and poses of one or several logs, each on its own clock."""
+"""Drives prepared for fits: encoder intervals and poses of one or several logs, each on its own clock."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.drive.whitening import whitening
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import RunLog
 
 MAX_POSES = 24_000  # poses that are all used
@@ -19,6 +18,9 @@ MIN_POSES = 10  # of a drive
 _MAX_STEP = 2.5  # time between nodes [median time between poses]
 _MAX_SPEED = 1e4  # of a sprocket [rad/s]
 _STANDING = 1e-3  # sprocket speed of a robot at rest [rad/s]
+_PAUSE = 1.0  # between drives [s]
+_MOST_UNLIKE = 10.0  # ratio of a standard deviation to the usual one, and of that to it, at most [-]
+_MIN_STATED = 0.5  # share of the poses that must state a covariance
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,16 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
     return Drive(log.run, edges, omega, *nodes, usual, whitening(nodes[1], stated))
 
 
+def reckoned(drive: Drive, geometry: RobotGeometry, ratio: float, time: Array) -> tuple[np.ndarray, Array]:
+    """Complex places [m] and headings [rad] (K,) at encoder times, from sprocket speeds whose turns are scaled."""
+    v, w = body_twist(drive.omega, 0.0, geometry).T
+    step = np.diff(drive.edges)
+    heading = np.concatenate([[0.0], np.cumsum(ratio * w * step)])
+    middle = (heading[1:] + heading[:-1]) / 2
+    place = np.concatenate([[0.0], np.cumsum(v * step * np.exp(1j * middle))])
+    return np.interp(time, drive.edges, place), np.interp(time, drive.edges, heading)
+
+
 def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:
     """At most `most` intervals out of those between `time` (T,), with the mean of `omega` (T - 1, 2); ends (M + 1,)."""
     stride = -(-len(omega) // max(most, 1))
@@ -134,3 +146,83 @@ def _filled(time: Array, pose: Array, rows: np.ndarray, usual: float) -> tuple[A
     of = np.full(len(nodes), -1)
     of[at] = rows
     return nodes, poses, of
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Encoder intervals and times of nodes of several drives in a row, with a pause between them."""
+
+    edges: Array  # (M + 1,) ends of the encoder intervals, pauses included [s]
+    omega: Array  # (M, 2) mean sprocket speeds in the intervals [rad/s], 0 in pauses
+    begins: np.ndarray  # (D,) first interval of each drive
+    time: Array  # (K,) of the nodes [s]
+    first: np.ndarray  # (K,) first interval of the drive that each node belongs to
+    last: np.ndarray  # (K,) and its last one
+    between: np.ndarray  # (D - 1,) steps between nodes that lead from one drive to the next
+
+    @classmethod
+    def of(cls, drives: Sequence[Drive]) -> Timeline:
+        """The drives in a row."""
+        edges, omega, times, begins, ends = [], [], [], [], []
+        clock, interval = 0.0, 0
+        for k, drive in enumerate(drives):
+            shift = clock - float(drive.edges[0])
+            edges.append(drive.edges + shift)
+            omega.append(drive.omega if k == len(drives) - 1 else np.append(drive.omega, np.zeros((1, 2)), axis=0))
+            times.append(drive.time + shift)
+            begins.append(interval)
+            ends.append(interval + len(drive.omega) - 1)
+            clock, interval = float(edges[-1][-1]) + _PAUSE, interval + len(drive.omega) + 1
+        nodes = [len(time) for time in times]
+        return cls(
+            np.concatenate(edges),
+            np.concatenate(omega),
+            np.array(begins),
+            np.concatenate(times),
+            np.repeat(begins, nodes),
+            np.repeat(ends, nodes),
+            np.cumsum(nodes)[:-1] - 1,
+        )
+
+    def intervals(self, time: Array) -> np.ndarray:
+        """The interval (K,) that each node is in at other times (K,); beyond the ends of its drive, the nearest one."""
+        return np.clip(np.searchsorted(self.edges, time, side="right") - 1, self.first, self.last)
+
+    def within(self, time: Array) -> Array:
+        """Times (K,) of the nodes, limited to their drives."""
+        return np.clip(time, self.edges[self.first], self.edges[self.last + 1])
+
+
+def whitening(pose: Array, covariance: Array | None) -> Array | None:
+    """Lower left blocks W (K, 3, 3) for poses (K, 3) with covariances (K, 3, 3), NaN where not measured or stated.
+
+    W times a residual of a pose is uncorrelated, and as large as a usual one: two components in m, and the heading's in
+    rad, which depends on nothing else. A pose without covariance counts as a usual one. None if hardly any has one, or
+    all are alike.
+    """
+    if covariance is None:
+        return None
+    known = np.asarray(np.isfinite(pose[:, :2]).all(axis=1))
+    stated = known & np.isfinite(covariance[:, :2, :2]).all(axis=(1, 2))
+    headed = stated & np.isfinite(pose[:, 2]) & np.isfinite(covariance).all(axis=(1, 2))
+    headed &= covariance[:, 2, 2] > 0
+    turn = np.where(headed, covariance[:, 2, 2], 1.0)
+    lever = np.where(headed[:, None], covariance[:, :2, 2], 0.0) / turn[:, None]
+    block = covariance[:, :2, :2] - turn[:, None, None] * lever[:, :, None] * lever[:, None, :]
+    block = np.where(stated[:, None, None], block, np.eye(2))
+    values, axes = np.linalg.eigh((block + block.swapaxes(1, 2)) / 2)
+    stated &= values[:, 0] > 0
+    if stated.sum() < _MIN_STATED * known.sum():
+        return None
+    usual = float(np.sqrt(np.median(values[stated].mean(axis=1))))
+    scale = np.where(stated[:, None], _limited_ratio(usual / np.sqrt(np.maximum(values, 1e-300))), 1.0)
+    found = np.zeros((len(pose), 3, 3))
+    found[:, :2, :2] = np.einsum("kij,kj,klj->kil", axes, scale, axes)
+    found[:, :2, 2] = -np.einsum("kij,kj->ki", found[:, :2, :2], np.where(stated[:, None], lever, 0.0))
+    heading = float(np.sqrt(np.median(turn[headed]))) if headed.any() else 1.0
+    found[:, 2, 2] = np.where(headed, _limited_ratio(heading / np.sqrt(turn)), 1.0)
+    return None if np.allclose(found, np.eye(3)) else found
+
+
+def _limited_ratio(ratio: Array) -> Array:
+    return np.clip(ratio, 1 / _MOST_UNLIKE, _MOST_UNLIKE)

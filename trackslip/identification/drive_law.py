@@ -8,20 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.drive.determined import undetermined
-from trackslip.identification.drive.drives import Drive, drives_of
-from trackslip.identification.drive.fit import Fit, fit
-from trackslip.identification.drive.intervals import half_widths, model_errors
-from trackslip.identification.drive.law_start import law_start
-from trackslip.identification.drive.model import EXTRAS, DriveModel
-from trackslip.identification.drive.noise import FIRST, unlike_sprockets
-from trackslip.identification.drive.residuals import Nodes, Noise
-from trackslip.identification.drive.start import start, trajectory
-from trackslip.identification.drive.units import require_units
+from trackslip.identification.determined import undetermined_by_drives
+from trackslip.identification.drive_equations import solve
+from trackslip.identification.drive_fit import FIRST, TrajectoryFit, fit_trajectory, unlike_sprockets
+from trackslip.identification.drive_model import EXTRAS, DriveModel
+from trackslip.identification.drive_residuals import Nodes, Noise, cost, residuals
+from trackslip.identification.drive_start import law_start, start, trajectory
+from trackslip.identification.drives import Drive, drives_of
+from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.intervals import half_widths, model_errors
+from trackslip.identification.plausibility import require_units
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.se2 import Mounting
-from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import FAMILIES, family
 
 REFERENCE = "icr_radius"
@@ -32,27 +31,22 @@ _LAG = 0.03  # starting value [s]
 _CERTAIN = 3.0  # lag that shows [standard errors]
 _TRIALS = 4  # steps after which a lag is given up unless it shows
 _LIKELIER = 10.0  # fall of -2 log likelihood that a lag must bring, or that poses count alike
+_POINTS = 13
+_WIDTH = 6.0  # of the profile on each side [standard errors]
+_NEWTON_STEPS = 2  # of Gauss and Newton at each offset
 
 
-@dataclass(frozen=True)
-class DriveFit:
-    """A law fitted to drives by maximum likelihood."""
+@dataclass(frozen=True, kw_only=True)
+class DriveFit(FittedLaw):
+    """A law fitted to drives by maximum likelihood.
 
-    name: str
-    """Name of the family."""
-    law: SlipLaw
-    """The law with the values below."""
-    values: dict[str, float]
-    """Parameters of the law by name, in their units."""
+    Standard errors are those by the model of the noise; intervals are wider where slip lasts.
+    """
+
     extras: dict[str, float]
-    """The other parameters (see `model.EXTRAS`), held ones included, in m, s and rad."""
-    stderr: dict[str, float]
-    """Standard errors of all fitted parameters by the model of the noise."""
-    interval95: dict[str, tuple[float, float]]
-    """95 % intervals of all fitted parameters, wider than the model's where slip lasts."""
+    """The other parameters (see `drive_model.EXTRAS`), held ones included, in m, s and rad."""
     held: dict[str, str]
     """Parameters that were held, and why."""
-    correlation: Array  # (f, f) of the fitted parameters, in the order of stderr
     noise: dict[str, float]
     """Standard deviations: position [m], heading [rad], slip_forward, slip_sideways [m/√m], slip_turn [rad/√m]."""
     poses: int
@@ -65,7 +59,7 @@ class DriveFit:
     """Whether the fit converged."""
     deviance: float
     """-2 log likelihood, but for a constant that all laws share [-]."""
-    fit: Fit
+    fit: TrajectoryFit
     """The fit in full, with the trajectory."""
 
     @property
@@ -145,17 +139,19 @@ def _without_lag(
     return _fitted(model, Nodes.of(drives), states, values, FIRST, sensor, held, gated=True, lagging=False)
 
 
-def _likelier_alike(found: Fit) -> bool:
+def _likelier_alike(found: TrajectoryFit) -> bool:
     """Whether the poses of a fit that uses their covariances are clearly likelier if all are equally uncertain."""
     if found.nodes.whitening is None:
         return False
     drives = tuple(replace(drive, whitening=None) for drive in found.nodes.drives)
     nodes = replace(found.nodes, drives=drives, whitening=None)
-    alike = fit(found.model, nodes, found.states, found.values, found.noise, found.free, found.mean, gated=False)
+    alike = fit_trajectory(
+        found.model, nodes, found.states, found.values, found.noise, found.free, found.mean, gated=False
+    )
     return alike.deviance < found.deviance - _LIKELIER
 
 
-def _lagged(found: Fit) -> Array:
+def _lagged(found: TrajectoryFit) -> Array:
     """Values (p,) of a fit without lag, with one that begins later by as much."""
     values = found.values.copy()
     values[found.model.index("lag")] += _LAG
@@ -163,11 +159,11 @@ def _lagged(found: Fit) -> Array:
     return values
 
 
-def _may_lag(found: Fit) -> bool:
+def _may_lag(found: TrajectoryFit) -> bool:
     """Whether a few steps with a lag, the noise as it is, make the poses likelier than a fit without it."""
     free = np.append(found.free, found.model.index("lag"))
     try:
-        tried = fit(
+        tried = fit_trajectory(
             found.model,
             found.nodes,
             found.states,
@@ -212,8 +208,8 @@ def _fitted(
         held.setdefault("sensor_y", "an offset of the sensor and unequal ICRs can't be told apart")
     while True:
         free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
-        found = fit(model, nodes, states, values, noise, free, mean, gated=gated)
-        vague = undetermined(found)
+        found = fit_trajectory(model, nodes, states, values, noise, free, mean, gated=gated)
+        vague = undetermined_by_drives(found)
         if vague is None:
             return _described(found, held)
         name, reason = vague
@@ -228,7 +224,7 @@ def _fitted(
         gated = False
 
 
-def _described(found: Fit, held: Mapping[str, str]) -> DriveFit:
+def _described(found: TrajectoryFit, held: Mapping[str, str]) -> DriveFit:
     model = found.model
     law = len(model.family.names)
     parameters = dict(zip(model.family.names, found.values[:law].tolist(), strict=True))
@@ -257,3 +253,36 @@ def _described(found: Fit, held: Mapping[str, str]) -> DriveFit:
         deviance=found.deviance,
         fit=found,
     )
+
+
+@dataclass(frozen=True)
+class ClockProfile:
+    """Rise of -2 log likelihood with the clock offset."""
+
+    offset: Array  # (n,) encoder clock minus pose clock [s]
+    rise: Array  # (n,) [-]
+
+
+def clock_profile(fit: TrajectoryFit) -> ClockProfile:
+    """The profile of the clock offset around a fit, with its noise; raises ValueError if the fit held the offset."""
+    model, nodes = fit.model, fit.nodes
+    clock, yaw = model.index("clock_offset"), model.index("sensor_yaw")
+    if clock not in fit.free:
+        raise ValueError("the clock offset was held")
+    error = np.sqrt(fit.covariance[list(fit.free).index(clock)][list(fit.free).index(clock)])
+    offsets = fit.values[clock] + error * _WIDTH * np.linspace(-1, 1, _POINTS)
+    free = fit.free[fit.free != clock]
+    low, high, _ = model.limits
+    least = cost(fit.residuals, nodes, fit.noise)
+    rise = []
+    for offset in offsets:
+        values, states = fit.values.copy(), fit.states
+        values[clock] = offset
+        for _ in range(_NEWTON_STEPS):
+            found = residuals(model, nodes, states, values, free)
+            step = solve(found, nodes, fit.noise, yaw, model.prior, values - fit.mean)
+            values[free] = np.clip(values[free] + step.values, low[free], high[free])
+            states = states + step.states
+        found = residuals(model, nodes, states, values, free[:0])
+        rise.append(cost(found, nodes, fit.noise) - least)
+    return ClockProfile(offsets, np.array(rise))

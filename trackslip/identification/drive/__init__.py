@@ -1,1 +1,0 @@
-"""Slip laws from any driving: the maximum likelihood of whole logs."""
