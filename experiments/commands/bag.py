@@ -62,7 +62,7 @@ def _print_topics(bag: "RosBag", choice: BagChoice) -> None:
     from experiments.report.formats import MISSING, number
     from experiments.report.table import Table
     from trackslip.ros.overview import overview
-    from trackslip.ros.record import short_type
+    from trackslip.ros.readers import short_type
 
     found = overview(bag, choice)
     rows = [

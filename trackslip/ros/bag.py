@@ -23,7 +23,7 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.ros import files
 from trackslip.ros.decode import Decoder, require_rosbags
-from trackslip.ros.record import Channel
+from trackslip.ros.readers import Channel, read_file
 
 _SPLIT = re.compile(r"(.*?)(?:_\d{4}(?:-\d\d){5})?_(\d+)")  # name and number of a part, perhaps with a date
 _MAX_PAUSE = 2.0  # time between the parts of a bag [s]
@@ -123,7 +123,7 @@ class Bag:
         reasons: dict[str, str] = {}
         decoder = Decoder()
         for file in self.files:
-            for channel, arrival, data in files.read_file(file, lambda topic: topic in chosen, []):
+            for channel, arrival, data in read_file(file, lambda topic: topic in chosen, []):
                 if chosen.get(channel.topic) != channel.type:
                     continue
                 try:
@@ -205,7 +205,7 @@ def _opened(parts: tuple[Path, ...], path: Path) -> Bag:
     for file in parts:
         said: list[str] = []
         try:
-            for record in files.read_file(file, lambda topic: False, said):
+            for record in read_file(file, lambda topic: False, said):
                 arrivals[record.channel].append(record.arrival)
         except LogError as error:
             complaints.append(str(error))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bz2
+import io
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -16,59 +17,49 @@ ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _BLOCK = 1 << 20  # bytes decompressed at a time
 
 
-@contextmanager
-def opened(path: Path, notes: list[str]) -> Iterator[BinaryIO]:
-    """The file, opened to be read; if it is compressed as a whole, a decompressed copy."""
-    with path.open("rb") as file:
-        if path.suffix.lower() != ".zstd":
-            yield file
-            return
-        with tempfile.TemporaryFile() as copy:
-            if not _expand(file, copy):
-                notes.append("its compressed data is damaged or cut off")
-            copy.seek(0)
-            yield copy
-
-
 def decompressed(data: bytes, compression: str, notes: list[str]) -> bytes:
-    """A chunk decompressed, as far as it is undamaged; raises LogError for an unknown compression."""
+    """Data decompressed, as far as it is undamaged; raises LogError for an unknown compression."""
     if compression in ("", "none"):
         return data
     if compression not in _DECOMPRESSORS:
         raise LogError(f"compression {compression!r} is not one of {', '.join(_DECOMPRESSORS)}")
-    parts, complete = _parts(_DECOMPRESSORS[compression](), data)
-    if not complete:
+    plain = io.BytesIO()
+    if not _expand(io.BytesIO(data), plain, _DECOMPRESSORS[compression]):
         notes.append("a compressed chunk is damaged or cut off")
-    return b"".join(parts)
+    return plain.getvalue()
 
 
-def _expand(file: BinaryIO, copy: BinaryIO) -> bool:
-    """Decompress a Zstandard file; returns whether all of it could be."""
-    decompressor, complete = _zstd(), False
+@contextmanager
+def uncompressed(path: Path, notes: list[str]) -> Iterator[Path]:
+    """The file, or a decompressed copy if it is compressed as a whole."""
+    with path.open("rb") as file:
+        if file.read(len(ZSTD_MAGIC)) != ZSTD_MAGIC:
+            yield path
+            return
+        file.seek(0)
+        with tempfile.TemporaryDirectory() as folder:
+            copy = Path(folder, "bag")
+            with copy.open("wb") as plain:
+                complete = _expand(file, plain, _zstd)
+            if not complete:
+                notes.append("its compressed data is damaged or cut off")
+            yield copy
+
+
+def _expand(file: BinaryIO, plain: BinaryIO, new: Callable[[], Any]) -> bool:
+    """Decompress all frames of a file; returns whether it could be done to the end."""
+    decompressor, complete = new(), False
     while block := file.read(_BLOCK):
         while block:
             if complete:  # another frame follows
-                decompressor, complete = _zstd(), False
+                decompressor, complete = new(), False
             try:
-                copy.write(decompressor.decompress(block))
+                plain.write(decompressor.decompress(block))
             except Exception:  # each library has errors of its own
                 return False
             complete = decompressor.eof
             block = decompressor.unused_data if complete else b""
     return complete
-
-
-def _parts(decompressor: Any, data: bytes) -> tuple[list[bytes], bool]:
-    """What can be decompressed, and whether that is all."""
-    parts: list[bytes] = []
-    for first in range(0, len(data), _BLOCK):
-        try:
-            parts.append(decompressor.decompress(data[first : first + _BLOCK]))
-        except Exception:  # each library has errors of its own
-            return parts, False
-        if decompressor.eof:
-            return parts, True
-    return parts, False
 
 
 def _zstd() -> Any:

@@ -7,7 +7,7 @@ from typing import Any
 
 from trackslip.errors import LogError, TrackslipError, first_line
 from trackslip.ros.compression import ZSTD_MAGIC, decompressed
-from trackslip.ros.record import Channel
+from trackslip.ros.readers import Channel
 
 _SAME = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}  # old names of types
 _TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"

@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from trackslip.errors import LogError, first_line
-from trackslip.ros.mcap import read_mcap
-from trackslip.ros.record import Record, Wanted
-from trackslip.ros.rosbag1 import read_rosbag1
-from trackslip.ros.sqlite import read_sqlite
 
 METADATA = "metadata.yaml"
-_STORAGES: dict[str, Callable[[Path, Wanted, list[str]], Iterator[Record]]] = {
-    ".bag": read_rosbag1,
-    ".mcap": read_mcap,
-    ".db3": read_sqlite,
-}
+_STORAGES = (".bag", ".mcap", ".db3")
 _WRAPPINGS = (".zstd", ".active")  # of compressed files, and of recordings that weren't closed
 _DEPTH = 3  # of folders in folders
 
@@ -38,16 +29,6 @@ def stem(path: Path) -> str:
     while Path(name).suffix.lower() in (*_STORAGES, *_WRAPPINGS):
         name = Path(name).stem
     return name
-
-
-def read_file(path: Path, wanted: Wanted, notes: list[str]) -> Iterator[Record]:
-    """All messages of a bag's file that can be read; raises LogError, naming it, if it is none."""
-    try:
-        yield from _STORAGES[_format(path)](path, wanted, notes)
-    except LogError as error:
-        raise LogError(f"{path}: {error}") from error
-    except OSError as error:
-        raise LogError(f"{path}: {error.strerror or first_line(error)}") from error
 
 
 def bags_in(path: Path, depth: int = _DEPTH) -> list[tuple[Path, ...]]:

@@ -151,10 +151,10 @@ def damaged(tmp_path_factory):
     ("name", "content", "message"),
     [
         ("none.mcap", None, "none.mcap: no such file or folder"),
-        ("empty.mcap", b"", "empty.mcap: is no MCAP file"),
-        ("empty.bag", b"", "empty.bag: is no ROS 1 bag of version 2.0"),
-        ("old.bag", b"#ROSBAG V1.2\n", "old.bag: is no ROS 1 bag of version 2.0"),
-        ("empty.db3", b"", "empty.db3: is no SQLite database"),
+        ("empty.mcap", b"", "empty.mcap: is no bag"),
+        ("empty.bag", b"", "empty.bag: is no bag of ROS 1"),
+        ("old.bag", b"#ROSBAG V1.2\n", "old.bag: is no bag of ROS 1 .version 2.0."),
+        ("empty.db3", b"", "empty.db3: is no bag"),
         ("text.txt", b"hello", "text.txt: is no bag"),
         ("head.mcap", b"\x89MCAP0\r\n", r"head.mcap: no message can be read \(its end is missing"),
     ],
@@ -190,4 +190,4 @@ def test_bags_in_a_folder_that_cannot_be_read_are_named(tmp_path):
     (tmp_path / "bad.mcap").write_bytes(b"nothing")
     (opened,) = open_bags(tmp_path)
     assert opened.name == "good"
-    assert opened.notes == (f"{tmp_path / 'bad.mcap'}: is no MCAP file",)
+    assert opened.notes == (f"{tmp_path / 'bad.mcap'}: is no bag of ROS 1 (version 2.0) or ROS 2 (MCAP or SQLite)",)
