@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from concurrent.futures import CancelledError
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -146,20 +145,17 @@ if __name__ == "__main__":
     assert len(first) == 2
 
 
-WITHOUT_TRACKSLIP = (
+_OF_DASK = (
     "import pathlib, sys; from distributed.cli.{module} import main\n"
     "sys.path[:] = [p for p in sys.path if not (pathlib.Path(p or '.') / 'experiments').is_dir()]\nmain()"
 )
-WITH_TRACKSLIP = "from distributed.cli.{module} import main; main()"
 
 
 @contextlib.contextmanager
-def started(code, module, *arguments):
-    """A process of Dask's, once it has said that it is ready; without the modules of this checkout unless imported."""
+def started(module, *arguments):
+    """What a process of Dask's says, which can't import the modules of this checkout."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    if code is WITH_TRACKSLIP:
-        environment["PYTHONPATH"] = str(Path(__file__).parents[2])
-    command = [sys.executable, "-c", code.format(module=module), *arguments]
+    command = [sys.executable, "-c", _OF_DASK.format(module=module), *arguments]
     with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, cwd="/") as process:
         try:
             yield process.stderr
@@ -168,16 +164,14 @@ def started(code, module, *arguments):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scheduler", [WITH_TRACKSLIP, WITHOUT_TRACKSLIP], ids=["worker", "both"])
-def test_a_dask_worker_without_trackslip_is_refused(scheduler, monkeypatch):
+def test_a_dask_worker_without_trackslip_is_refused(monkeypatch):
     """A real cluster: a worker that can't load a task never does it."""
     pytest.importorskip("distributed")
     monkeypatch.setattr(parallel, "_IMPORT_TIMEOUT", 5)
-    with started(scheduler, "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard") as said:
+    with started("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard") as said:
         address = next(match[1] for line in said if (match := re.search(r"Scheduler at: *tcp://(\S+)", line)))
-        with started(
-            WITHOUT_TRACKSLIP, "dask_worker", f"tcp://{address}", "--no-nanny", "--no-dashboard", "--nthreads", "1"
-        ) as worker_said:
+        options = (f"tcp://{address}", "--no-nanny", "--no-dashboard", "--nthreads", "1")
+        with started("dask_worker", *options) as worker_said:
             assert any("Registered to" in line for line in worker_said)
             began = time.monotonic()
             with pytest.raises(TrackslipError, match="can't import trackslip"), workers(f"dask://{address}", 1):

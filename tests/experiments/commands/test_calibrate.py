@@ -1,9 +1,7 @@
 """`trackslip calibrate`: published numbers, a table, scans of a known robot, and bad input."""
 
 import contextlib
-import csv
 import io
-import itertools
 import json
 
 import pytest
@@ -12,22 +10,8 @@ from experiments.cli import main
 from sim.drive.drive import RADIUS_ERROR
 from sim.ground.ground import Ground
 from sim.robot.parameters import load_robot_file
-from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
-from trackslip.slip.exponential import PUBLISHED
 
 ROBOT = "half_gauge = 0.19\ncontact_length = 0.36\nradius_error = 0.02\n[ground]\nalong = 0.5\nacross = {across}\n"
-
-
-def table_of_the_paper(path, speeds=SPEEDS):
-    with path.open("w", newline="") as file:
-        rows = csv.writer(file)
-        rows.writerow(["radius", "speed", "observed_radius", "slip_outer", "slip_inner"])
-        for (commanded, observed), speed in itertools.product(
-            zip(COMMANDED_RADII, OBSERVED_RADII, strict=True), speeds
-        ):
-            inner, outer = PUBLISHED(1 / observed)
-            rows.writerow([commanded, speed, observed, outer, inner])
-    return str(path)
 
 
 def calibrated(folder, *options):
@@ -90,13 +74,3 @@ def test_a_robot_is_found_from_its_scans(trackslip, tmp_path):
     assert "com_y = 0" in found.printed
     parameters, _ = load_robot_file(found.folder / "robot.toml")
     assert parameters.com_y == found.summary["parameters"]["com_y"]["value"]
-
-
-def test_what_is_tied_together_is_told(trackslip, tmp_path):
-    table = table_of_the_paper(tmp_path / "paper.csv", speeds=[0.1])
-    free = ("--free", "friction_ratio", "contact_length", "radius_error")
-    result = trackslip("calibrate", "--target", table, "--starts", "0", *free)
-    assert "not identifiable separately: friction_ratio, contact_length" in result.printed
-    tied = result.summary["parameters"]["contact_length"]
-    assert tied["identifiable"] is False
-    assert tied["stderr"] is None

@@ -1,4 +1,4 @@
-"""The page of odometry's errors: what its figures show is what was found, and they draw without a warning."""
+"""The page of odometry's errors: what its figures show is what was found."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ from drives import EXACT, GEOMETRY, ICR, STILL, drive_log
 from figures import assert_readable
 
 from experiments.odometry import clock_doubt, evaluated
-from experiments.report.colours import GREY
 from experiments.report.figures import odometry as figures
 from experiments.report.laws import shown
 from experiments.report.odometry import gain, page, tables
@@ -21,7 +20,6 @@ LAWS = [
     ("none", no_slip(GEOMETRY)),
     ("other:icr", LawInUse("icr", ICR, GEOMETRY)),
 ]
-MANIFEST = {"seed": 0, "config": {}}
 
 
 def found_on(*logs, clock_offset=0.0):
@@ -38,10 +36,9 @@ def blind():
     return found_on(drive_log(1, 50.0, PoseSource(rate=5.0, heading=False), STILL))
 
 
-def test_paths_of_the_longest_drive(found):
+def test_paths_of_the_longest_drive(found, blind):
     left, right = assert_readable(figures.paths(found)).axes
     measured, *laws = left.lines
-    assert measured.get_color() == GREY
     drive = found[0].errors.trajectories[1]
     np.testing.assert_array_equal(measured.get_xdata(), drive.measured[:, 0])
     for line, one in zip(laws, found, strict=True):
@@ -49,35 +46,31 @@ def test_paths_of_the_longest_drive(found):
         np.testing.assert_array_equal(line.get_ydata(), placed[:, 1])
         np.testing.assert_array_equal(placed[0], drive.measured[0])
         assert line.get_color() == shown(one.used.name).colour
-    widths = [line.get_linewidth() for line in laws]
-    assert widths[0] == widths[1] != widths[2]
     worst = [np.nanmax(line.get_ydata()) for line in right.lines]
     np.testing.assert_allclose(worst, [one.errors.drives[1].from_first.position.largest for one in found])
+    assert_readable(figures.paths(blind))
 
 
 def test_errors_over_the_way(found, blind):
-    position, heading = assert_readable(figures.errors_over_way(found)).axes
+    position, _ = assert_readable(figures.errors_over_way(found)).axes
     for line, one in zip(position.lines, found, strict=True):
         expected = [100 * errors.position_per_way for errors in one.errors.after_metres.values()]
         np.testing.assert_allclose(line.get_ydata(), expected)
         np.testing.assert_array_equal(line.get_xdata(), [*one.errors.after_metres])
-    assert heading.get_ylabel() == "mean error [°/m]"
     assert len(assert_readable(figures.errors_over_way(blind)).axes) == 1
-    assert_readable(figures.paths(blind))
 
 
 def test_the_page_holds_figures_tables_and_notes(found, blind):
-    made = page(found, ["a note"], ["The sensor sits here."], MANIFEST, "trackslip evaluate x", "x")
+    made = page(found, ["a note"], ["The sensor sits here."], {"seed": 0, "config": {}}, "trackslip evaluate x", "x")
     blocks = list(made.blocks)
     assert [block.name for block in blocks if isinstance(block, Plot)] == ["odometry_paths", "odometry_errors_over_way"]
     assert [block for block in blocks if isinstance(block, Table)] == tables(found)
-    text = made.html()
-    assert all(part in text for part in ("a note", "The sensor sits here.", "2 drives", gain(found)))
+    assert all(part in made.html() for part in ("a note", "The sensor sits here.", "2 drives", gain(found)))
+    assert gain(found).startswith("other:icr, after ")
     assert not any(table.title.startswith("Heading") for table in tables(blind))
-    assert "no heading was measured" in page(blind, [], [], MANIFEST, "trackslip evaluate x", "x").html()
 
 
-def test_clocks_that_agree_raise_no_doubt():
+def test_clocks_that_disagree_raise_a_doubt():
     logs = [drive_log(3, 20.0, EXACT, STILL)]
     assert clock_doubt(found_on(*logs)[2:], logs) == []
     (line,) = clock_doubt(found_on(*logs, clock_offset=0.2)[2:], logs)

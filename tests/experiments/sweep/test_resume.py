@@ -1,36 +1,34 @@
-"""Grids that were stopped, finished or damaged: what is kept, and what is driven again."""
+"""Grids that were stopped, finished or damaged, and runs that fail: what is kept, and what is driven again."""
 
 import json
 import shutil
 
+import pyarrow.parquet as pq
 import pytest
-from sweeps import SHORT, SWEEP, logs
+from sweeps import SHORT, SWEEP, fragile, logs
 
 from experiments.cli import main
 from experiments.commands.grid import PARTS
+from experiments.driving.grid_runs import drive_cells
 from experiments.storage.manifest import made_by
 from experiments.sweep import engine
 from experiments.sweep.parts import Part, Parts
-from trackslip.errors import TrackslipError
-
-
-def stopped_by(error, *arguments):
-    """Drive a grid that is stopped when all is driven."""
-
-    def stop(*_):
-        raise error
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Parts, "gather", stop)
-        with pytest.raises(SystemExit):
-            main(["grid", *arguments])
+from trackslip.errors import RunFailedError, TrackslipError
+from trackslip.logs.logfile import read_runs
 
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
     """A folder with the parts of a grid that was stopped when all was driven."""
     folder = tmp_path_factory.mktemp("driven") / "stopped"
-    stopped_by(KeyboardInterrupt(), *SHORT, "--out", str(folder))
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Parts, "gather", stop)
+        with pytest.raises(SystemExit):
+            main(["grid", *SHORT, "--out", str(folder)])
     return folder
 
 
@@ -76,12 +74,20 @@ def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_pat
         trackslip("grid", *SHORT, *out, "--no-resume")
 
 
+def test_a_worker_with_other_code_is_refused(tmp_path, monkeypatch):
+    parts = Parts(tmp_path, PARTS)
+    with monkeypatch.context() as worker:
+        worker.setattr("experiments.sweep.parts.made_by", lambda: {"code": "other"})
+        part = Part.of([{"run": "a run", "id": "its id", "error": None}], [])
+    with pytest.raises(TrackslipError, match="a worker has other code"):
+        parts.keep(part)
+
+
 @pytest.mark.parametrize(
     ("name", "spoil", "message"),
     [
         ("runs.parquet", lambda content: content[:-100], "runs.parquet: damaged; --no-resume"),
         ("summary.json", lambda content: content[:300], "summary.json: not JSON"),
-        ("manifest.json", lambda content: content[:300], "manifest.json: not JSON"),
         ("manifest.json", lambda content: content.replace(b'"format": 1', b'"format": 99'), "in format 99; "),
     ],
 )
@@ -112,7 +118,6 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
             main([*arguments, "--out", str(tmp_path / "part")])
     assert stop.value.code == 130
     assert "interrupted with 4 of 8 runs driven; the same command resumes" in capsys.readouterr().err
-    assert not (tmp_path / "part" / "runs.parquet").exists()
     spoilt = min((tmp_path / "part" / PARTS).glob("*.parquet"))
     spoilt.write_bytes(spoilt.read_bytes()[:5000])
     result = trackslip(*arguments, "--out", str(tmp_path / "part"))
@@ -124,10 +129,7 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("kind", "spoil"),
     [
-        *(
-            ("json", lambda _, content=content: content)
-            for content in (b"", b"{}", b"[]", b'{"runs": 1, "made_by": 2}')
-        ),
+        *(("json", lambda _, text=text: text) for text in (b"", b"{}", b"[]", b'{"runs": 1, "made_by": 2}')),
         ("json", lambda content: content[:200]),
         ("parquet", lambda content: content[:1000]),
         ("parquet", lambda content: content[:1000] + bytes([content[1000] ^ 1]) + content[1001:]),
@@ -166,14 +168,56 @@ def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
     again = trackslip(*slow, "--vary", "slope=0.05").summary
     assert again["timing"]["taken"] == 1
     assert first["runs"][0]["note"].startswith("run 'radius=1.5 speed=0.001' left out: ")
-    assert again["runs"][0]["note"].startswith("run 'radius=1.5 speed=0.001 slope=0.05' left out: ")
     assert again["warnings"] == [again["runs"][0]["note"]]
+    assert again["warnings"][0].startswith("run 'radius=1.5 speed=0.001 slope=0.05' left out: ")
 
 
-def test_a_worker_with_other_code_is_refused(tmp_path, monkeypatch):
-    parts = Parts(tmp_path, PARTS)
-    with monkeypatch.context() as worker:
-        worker.setattr("experiments.sweep.parts.made_by", lambda: {"code": "other"})
-        part = Part.of([{"run": "a run", "id": "its id", "error": None}], [])
-    with pytest.raises(TrackslipError, match="a worker has other code"):
-        parts.keep(part)
+# runs that fail
+
+
+def test_failed_runs_are_rows_and_are_driven_again(trackslip):
+    """On a slope steeper than its friction angle a robot can't be parked."""
+    arguments = ("grid", *SHORT, "--vary", "slope=0,0.9")
+    result = trackslip(*arguments)
+    rows = pq.read_table(result.folder / "table.parquet").to_pylist()
+    assert [row["error"] is None for row in rows] == [True, True, False, False]
+    assert rows[2]["error"].startswith("slope = 0.9: must be less than the friction angle")
+    assert rows[2]["slip_l"] is None
+    assert len(logs(result.folder)) == 2
+    assert [failure["run"] for failure in result.summary["failures"]] == [row["run"] for row in rows[2:]]
+    assert "failed: radius=0.6 speed=0.2 slope=0.9: slope = 0.9" in result.printed
+    again = trackslip(*arguments)
+    assert again.summary["timing"]["taken"] == 2
+    assert pq.read_table(result.folder / "table.parquet").to_pylist() == rows
+
+
+def test_a_radius_too_tight_for_some_robots_is_a_run_that_fails(trackslip):
+    result = trackslip("grid", *SHORT[3:], "--radii", "0.25", "1", "--vary", "robot.half_gauge=0.168,0.3")
+    (failure,) = result.summary["failures"]
+    assert failure["run"] == "radius=0.25 speed=0.2 robot.half_gauge=0.3"
+    assert failure["error"].startswith("radii = 0.25: must be greater than the half gauge, 0.3 m")
+
+
+def test_a_failing_run_does_not_take_its_fleet_with_it(trackslip, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr("experiments.sweep.drive.drive_cells", fragile)
+        result = trackslip("grid", *SWEEP)
+    assert {row["error"] for row in result.summary["runs"]} == {None, "MemoryError: too wide"}
+    assert len(logs(result.folder)) == 4
+    assert len(logs(trackslip("grid", *SWEEP).folder)) == 8
+
+
+def test_a_run_that_fails_leaves_a_recording(trackslip, monkeypatch):
+    def tips_over(cells, worlds, *rest):
+        logs = drive_cells(cells, worlds, *rest)
+        if wide := [log for log in logs if log.metadata["radius"] == 1.5]:
+            error = RunFailedError(f"run {wide[0].run!r}: the robot tips over")
+            error.logs = logs
+            raise error
+        return logs
+
+    monkeypatch.setattr("experiments.sweep.drive.drive_cells", tips_over)
+    result = trackslip("grid", *SHORT, "--rrd")
+    assert [log.metadata["radius"] for log in read_runs(result.folder / "runs.parquet")] == [0.6]
+    recordings = {path.name for path in (result.folder / "recordings").iterdir()}
+    assert recordings == {"radius=0.6_speed=0.2.rrd", "radius=1.5_speed=0.2.rrd"}

@@ -61,10 +61,3 @@ def test_laws_differ_without_colour():
     looks = [controller_line(k) for k in range(70)]
     assert len({(look["color"], str(look["linestyle"])) for look in looks}) == 70
     assert len({str(look["linestyle"]) for look in looks[:7]}) == 7
-
-
-def test_no_figure_has_a_colour_of_its_own_too_pale_to_see():
-    pale = re.compile(r'color="(#[0-9A-Fa-f]{6})"')
-    for file in Path(experiments.__file__).parent.rglob("*.py"):
-        for colour in pale.findall(file.read_text(encoding="utf-8")):
-            assert contrast(colour, "white") >= MIN_CONTRAST, f"{file.name}: {colour}"
