@@ -27,7 +27,7 @@ from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.tum import write_tum
 from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES, RETIRED
-from trackslip.slip.stored_laws import NO_SLIP
+from trackslip.slip.law_file import NO_SLIP
 
 if TYPE_CHECKING:
     from experiments.commands.evaluate import Config

@@ -21,7 +21,7 @@ from sim.seeds import generator
 from trackslip import se2
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array
-from trackslip.slip.stored_laws import SHIPPED
+from trackslip.slip.law_file import SHIPPED
 
 if TYPE_CHECKING:
     from experiments.commands.benchmark import Config

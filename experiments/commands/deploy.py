@@ -38,7 +38,7 @@ def run(config: Config) -> None:
     from experiments.storage.results import write_output
     from trackslip.deploy.deploy import deployed
     from trackslip.errors import OutputError
-    from trackslip.slip.stored_laws import SHIPPED
+    from trackslip.slip.law_file import SHIPPED
 
     if config.out is not None and config.out.is_dir():
         raise OutputError(f"out = {str(config.out)!r}: is a folder, must be a file")

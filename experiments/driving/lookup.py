@@ -23,8 +23,7 @@ from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import Compensation, FixedLaw, LoadedLaw, LoadedOnlineIcr, OnlineIcr
 from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.icr_load import IcrLoad
-from trackslip.slip.law_file import load_laws
-from trackslip.slip.stored_laws import SHIPPED
+from trackslip.slip.law_file import SHIPPED, load_laws
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 

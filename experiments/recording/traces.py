@@ -16,8 +16,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.logs.stored_geometry import stored_geometry
 from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.motion.filtered import even_poses
-from trackslip.slip.law_file import load_laws
-from trackslip.slip.stored_laws import SHIPPED
+from trackslip.slip.law_file import SHIPPED, load_laws
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 

@@ -14,7 +14,7 @@ from experiments.report.page import Bullets, Note, Page, Plot, Section
 from experiments.report.table import Table
 from trackslip.odometry.evaluation import LENGTHS, PoseErrors
 from trackslip.se2 import Mounting
-from trackslip.slip.stored_laws import NO_SLIP
+from trackslip.slip.law_file import NO_SLIP
 
 _LEAST = 0.01  # below which an error has three decimals
 _FACTORS = {"position": (1.0, 3, 100.0), "heading": (degrees(1.0), 2, degrees(1.0))}

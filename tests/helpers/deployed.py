@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.slip.law_file import laws_content
-from trackslip.slip.stored_laws import StoredLaws, stored_laws
+from trackslip.slip.law_file import StoredLaws, laws_content, stored_laws
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 VALUES = {

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trackslip.deploy.c_header import c_text
-from trackslip.deploy.expressible import best_expressible, instead_of, nearest
-from trackslip.deploy.json_text import json_text
-from trackslip.deploy.python_file import python_text
-from trackslip.deploy.ros2_control import ros2_control_text
+from trackslip.deploy.differential_drive import best_expressible, instead_of_best, nearest, ros2_control_text
+from trackslip.deploy.facts import json_text
+from trackslip.deploy.programs import c_text, python_text
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.slip.families import FAMILIES
-from trackslip.slip.stored_laws import SHIPPED, StoredLaws, read_stored, stored_laws
+from trackslip.slip.law_file import SHIPPED, StoredLaws, read_stored, stored_laws
 
 if TYPE_CHECKING:
     from trackslip.identification.result import Identification
@@ -25,9 +23,7 @@ TARGETS: dict[str, Callable[[StoredLaws, str], str]] = {
     "c": c_text,
     "python": python_text,
 }
-"""What laws can be deployed to: the text of a file, from laws and the name of one of them."""
-
-_PROGRAMS = ("c", "python")
+"""Targets of a deployment: the text of a file, from laws and the name of one of them."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +35,13 @@ class Deployed:
     text: str
     """Text of the file."""
     instead: str
-    """What it costs that this isn't the best law, which the target can't express; else empty."""
+    """Accuracy lost by using an expressible law instead of the best; empty if the best law is used."""
 
 
 def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_control", law: str | None = None) -> str:
-    """The text of a file by which another program moves, and reckons, as a slip law says.
+    """The text of a file by which another program drives, and computes odometry, under a slip law.
 
-    Its comments state the law, its intervals, what it was identified from, and by how much odometry gets better.
+    Its comments state the law, its intervals, its origin, and the accuracy that odometry gains.
 
     Args:
         source: a folder of results, a JSON file of laws, or an identification; by default the shipped laws.
@@ -62,21 +58,18 @@ def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_co
 
 
 def deployed(source: str | Path | Identification, to: str, law: str | None = None) -> Deployed:
-    """The same, with what was taken."""
+    """The same, with the law that was chosen."""
     if to not in TARGETS:
         raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
-    stored, limited = _stored(source), to == "ros2_control"
-    name = stored.law_named(best_expressible(stored) if law is None and limited else law)
-    if to in _PROGRAMS and to not in FAMILIES[name].targets:
+    if isinstance(source, str | Path):
+        stored = read_stored(Path(source))
+    else:
+        from trackslip.identification.result import identification_to_json  # late: it takes SciPy
+
+        stored = stored_laws(identification_to_json(source), "the identification")
+    ros = to == "ros2_control"
+    name = stored.law_named(best_expressible(stored) if law is None and ros else law)
+    if not ros and to not in FAMILIES[name].targets:
         why = "has no input for the load" if FAMILIES[name].loaded else "can express constant ICRs and the exponential"
         raise TrackslipError(f"law = {name!r}: {to} {why}; {nearest(stored, name)}")
-    text = TARGETS[to](stored, name)
-    return Deployed(name, text, instead_of(stored, name) if limited else "")
-
-
-def _stored(source: str | Path | Identification) -> StoredLaws:
-    if isinstance(source, str | Path):
-        return read_stored(Path(source))
-    from trackslip.identification.result import identification_to_json  # late: it takes SciPy
-
-    return stored_laws(identification_to_json(source), "the identification")
+    return Deployed(name, TARGETS[to](stored, name), instead_of_best(stored, name) if ros else "")

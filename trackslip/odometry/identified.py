@@ -14,7 +14,7 @@ from trackslip.odometry.uncertainty import LawErrors, SlipNoise
 from trackslip.se2 import Mounting
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
-from trackslip.slip.stored_laws import NO_SLIP, StoredLaws, read_stored, stored_laws
+from trackslip.slip.law_file import NO_SLIP, StoredLaws, read_stored, stored_laws
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors, SlipNoise
 from trackslip.planning.limits import Knowledge, first_knowledge
-from trackslip.slip.stored_laws import NO_SLIP, StoredLaws, read_stored
+from trackslip.slip.law_file import NO_SLIP, StoredLaws, read_stored
 
 _PATH_LAW = "icr_radius"  # by which paths are predicted
 _SIDES = "icr_sides"

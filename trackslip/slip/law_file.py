@@ -1,24 +1,112 @@
-"""Slip laws in JSON files, with the geometry they were identified for."""
+"""Slip laws in JSON files, with the geometry that they were identified for and whatever else is known of them."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from trackslip.errors import InvalidValueError, OutputError
+import numpy as np
+
+from trackslip.errors import InvalidValueError, LogError, OutputError
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.file_format import FORMAT
+from trackslip.logs.file_format import FORMAT, MANIFEST, require_known_format, require_known_manifest
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.families import family, law_from_values
-from trackslip.slip.stored_laws import NO_SLIP, SHIPPED, read_stored
+from trackslip.slip.constant import NoSlip
+from trackslip.slip.families import FAMILIES, RETIRED, family, law_from_values, retired_note
+
+NO_SLIP = "none"
+"""Name of the law of a robot that doesn't slip."""
+SHIPPED = Path(__file__).parent / "laws.json"
+"""Laws of the default robot on the default ground, made by `trackslip reproduce`."""
 
 
-def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry) -> dict[str, Any]:
-    """The content of a file of laws: by family name, `values` (the parameters) and whatever else describes the law."""
-    return {"format": FORMAT, "geometry": asdict(geometry), "slip_laws": dict(laws)}
+@dataclass(frozen=True)
+class StoredLaws:
+    """The laws in a file, and everything else that the file says."""
+
+    name: str
+    """The file's name in messages and comments, without the folders that lead to it."""
+    geometry: RobotGeometry
+    """Of the robot that the laws were identified for."""
+    laws: Mapping[str, SlipLaw]
+    """Laws by family name; `none` is always there."""
+    content: Mapping[str, Any]
+    """Content of the file."""
+    manifest: Mapping[str, Any]
+    """Content of the manifest next to it; empty where there is none."""
+
+    def require_robot(self, robot: RobotGeometry) -> None:
+        """Raise LogError if the laws are for a robot of another geometry."""
+        mine, theirs = self.geometry, robot
+        if not np.allclose((mine.half_gauge, mine.sprocket_radius), (theirs.half_gauge, theirs.sprocket_radius)):
+            raise LogError(
+                f"{self.name}: its laws are for half_gauge = {mine.half_gauge:g} m and sprocket_radius = "
+                f"{mine.sprocket_radius:g} m, the robot has {theirs.half_gauge:g} m and {theirs.sprocket_radius:g} m"
+            )
+
+    def law_named(self, name: str | None) -> str:
+        """`name` if there is such a law; for None the best law: as stored, the only one, or the one that fits best.
+
+        Raises InvalidValueError for another name, LogError if the file doesn't tell which law is best.
+        """
+        if name is not None:
+            if name not in self.laws:
+                allowed = f"one of {', '.join(self.laws)} (in {self.name}){retired_note(name)}"
+                raise InvalidValueError("law", name, allowed)
+            return name
+        best = self.content.get("best")
+        if isinstance(best, str) and best in self.laws:
+            return best
+        if best in RETIRED:
+            raise LogError(f"{self.name}: its best law is {best}: choose another{retired_note(best)}")
+        identified = [name for name in self.laws if name != NO_SLIP]
+        if len(identified) == 1:
+            return identified[0]
+        errors = {name: number(self.content, "slip_laws", name, "rms") for name in identified}
+        known = {name: error for name, error in errors.items() if error is not None}
+        if not identified or len(known) < len(identified):
+            choice = f"choose one of {', '.join(identified)}" if identified else "it holds no law"
+            raise LogError(f"{self.name}: says nothing of which law is best: {choice}")
+        return min(known, key=lambda name: known[name])
+
+    def values(self, law: str) -> dict[str, float]:
+        """Parameters of a law by name, in SI units."""
+        return {name: float(getattr(self.laws[law], name)) for name in FAMILIES[law].names}
+
+    def drive_fit(self, law: str) -> Mapping[str, Any] | None:
+        """The law's fit to whole drives; None if it wasn't fitted to any."""
+        found = entry(self.content, "drive", "laws", law)
+        return found if isinstance(found, Mapping) else None
+
+    def fit(self, law: str) -> Mapping[str, Any]:
+        """The fit that the law comes from; empty if none is stored."""
+        steady, short = (entry(self.content, key, law) for key in ("laws", "slip_laws"))
+        drive = self.drive_fit(law)
+        inner = drive if self.content.get("method") == "drive" or steady is None else steady
+        return next((one for one in (inner, short) if isinstance(one, Mapping)), {})
+
+    def interval95(self, law: str, parameter: str) -> tuple[float, float] | None:
+        """95 % interval of a parameter; None if unknown, as for a parameter that was held."""
+        for keys in (("slip_laws", law), ("laws", law)):
+            low, high = (number(self.content, *keys, "interval95", parameter, k) for k in (0, 1))
+            if low is not None and high is not None:
+                return low, high
+        return None
+
+
+def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
+    """The laws in a JSON file, or in the summary.json of a folder of results, by family name.
+
+    If `robot` is given, the laws must have been identified for this geometry.
+
+    Raises:
+        LogError: if the file does not exist, holds no slip laws, or was made for another robot or by a newer version.
+    """
+    return {name: law for name, law in read_stored(Path(path), robot).laws.items() if name != NO_SLIP}
 
 
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
@@ -43,12 +131,95 @@ def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeom
         raise OutputError(f"{path}: cannot be written ({getattr(error, 'strerror', None) or error})") from error
 
 
-def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
-    """The laws in a JSON file, or in the summary.json of a folder of results, by family name.
+def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry) -> dict[str, Any]:
+    """The content of a file of laws: by family name, `values` (the parameters) and whatever else describes the law."""
+    return {"format": FORMAT, "geometry": asdict(geometry), "slip_laws": dict(laws)}
 
-    If `robot` is given, the laws must have been identified for this geometry.
 
-    Raises:
-        LogError: if the file does not exist, holds no slip laws, or was made for another robot or by a newer version.
+def read_stored(path: Path, robot: RobotGeometry | None = None) -> StoredLaws:
+    """The laws in a JSON file, or in the summary.json of a folder of results, with all that the file says of them.
+
+    Raises LogError as `load_laws` does.
     """
-    return {name: law for name, law in read_stored(Path(path), robot).laws.items() if name != NO_SLIP}
+    manifest: Mapping[str, Any] = {}
+    file = path / "summary.json" if path.is_dir() else path
+    try:
+        if path.is_dir():
+            require_known_manifest(path)
+            about = path / MANIFEST
+            manifest = json.loads(about.read_text(encoding="utf-8")) if about.is_file() else {}
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except LogError:
+        raise
+    except OSError as error:
+        raise LogError(f"{file}: {error.strerror}") from error
+    except RecursionError as error:
+        raise LogError(f"{file}: not JSON of slip laws (nested too deeply)") from error
+    except ValueError as error:
+        raise LogError(f"{file}: not JSON ({error})") from error
+    _parsed(content, file)  # errors name the whole path
+    # the name goes into comments of other programs, so folders of this machine have no place in it
+    name = file.name if file == path else f"{path.resolve().name}/{file.name}"
+    return stored_laws(content, "the laws shipped with trackslip" if file == SHIPPED else name, manifest, robot)
+
+
+def stored_laws(
+    content: Mapping[str, Any],
+    name: str,
+    manifest: Mapping[str, Any] | None = None,
+    robot: RobotGeometry | None = None,
+) -> StoredLaws:
+    """The laws in the content of such a file, called `name` in messages; raises LogError as `load_laws` does."""
+    geometry, laws = _parsed(content, name)
+    if not laws and content.get("best") not in (NO_SLIP, *RETIRED):
+        raise LogError(f"{name}: no slip laws in it")
+    stored = StoredLaws(name, geometry, {NO_SLIP: NoSlip(), **laws}, content, manifest or {})
+    if robot is not None:
+        stored.require_robot(robot)
+    return stored
+
+
+def _parsed(content: Any, file: object) -> tuple[RobotGeometry, dict[str, SlipLaw]]:
+    """Geometry and laws by family name in the content of a file of laws; raises LogError if there are none."""
+    try:
+        require_known_format(content, file)
+        geometry = RobotGeometry(*(float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius")))
+        stored = content["slip_laws"]
+        b = geometry.half_gauge
+        return geometry, {name: law_from_values(name, stored[name]["values"], b) for name in FAMILIES if name in stored}
+    except InvalidValueError as error:
+        raise LogError(f"{file}: {error}") from error
+    except LogError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise LogError(f"{file}: no slip laws in it ({type(error).__name__}: {error})") from error
+
+
+def entry(content: Any, *keys: str | int) -> Any:
+    """The value under nested keys, or places in lists, of what a JSON file holds; None where there is none."""
+    for key in keys:
+        try:
+            content = content[key]
+        except (LookupError, TypeError):
+            return None
+    return content
+
+
+def number(content: Any, *keys: str | int) -> float | None:
+    """The finite number under nested keys; None for anything else."""
+    found = entry(content, *keys)
+    if isinstance(found, bool) or not isinstance(found, int | float) or not math.isfinite(found):
+        return None
+    return float(found)
+
+
+def text(content: Any, *keys: str | int) -> str:
+    """The text under nested keys; empty for anything else."""
+    found = entry(content, *keys)
+    return found if isinstance(found, str) else ""
+
+
+def texts(content: Any, *keys: str | int) -> list[str]:
+    """The texts in the list under nested keys."""
+    found = entry(content, *keys)
+    return [one for one in found if isinstance(one, str)] if isinstance(found, list | tuple) else []

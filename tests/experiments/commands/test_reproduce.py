@@ -16,8 +16,7 @@ from trackslip.controllers.named import CONTROLLERS
 from trackslip.identification.source import origin, read_source
 from trackslip.logs.logfile import read_runs
 from trackslip.paper import COMMANDED_RADII, SPEEDS
-from trackslip.slip.law_file import load_laws
-from trackslip.slip.stored_laws import SHIPPED
+from trackslip.slip.law_file import SHIPPED, load_laws
 from trackslip.trajectory.segmented import paper_reference
 
 

@@ -20,7 +20,7 @@ from experiments.storage.manifest import relative
 from experiments.storage.results import file_names, locked, results_folder
 from trackslip.errors import OutputError
 from trackslip.logs.file_format import FORMAT
-from trackslip.slip.stored_laws import SHIPPED
+from trackslip.slip.law_file import SHIPPED
 
 ROOT = Path(__file__).parents[3]
 TRACK = ("track", "--reference", "circle", "--circle-duration", "5", "--localization", "truth")

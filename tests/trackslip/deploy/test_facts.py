@@ -12,16 +12,15 @@ from slip_data import grid
 from wandered import identified_from, wandered
 
 import trackslip
-from trackslip.deploy.c_header import c_text
 from trackslip.deploy.deploy import TARGETS, deploy_law
 from trackslip.deploy.facts import fact_lines
+from trackslip.deploy.programs import c_text
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import Identification
 from trackslip.identification.samples import Sampling
 from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.law_file import load_laws
-from trackslip.slip.stored_laws import read_stored
+from trackslip.slip.law_file import load_laws, read_stored
 
 NASTY = '*/ int x; /* ??/ \\ \n\r\x00 */ é # : - "\'\'\'""" %s {0} \u2028 tail\\'
 DRIVE = {

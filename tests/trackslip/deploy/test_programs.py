@@ -1,5 +1,6 @@
 """Laws as C and as Python compute what trackslip computes."""
 
+import json
 import shutil
 import subprocess
 
@@ -7,9 +8,8 @@ import numpy as np
 import pytest
 from deployed import GEOMETRY, stored, twists
 
-from trackslip.deploy.c_header import c_text
 from trackslip.deploy.deploy import deploy_law
-from trackslip.deploy.python_file import python_text
+from trackslip.deploy.programs import c_text, python_text
 from trackslip.errors import TrackslipError
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.icr_load import IcrLoad
@@ -118,19 +118,19 @@ def test_the_python_file_is_the_law(laws, name):
     compare(laws, name, each("sprocket_speeds"), each("body_twist"))
 
 
-@pytest.mark.parametrize("to", ["c", "python", "ros2_control"])
-def test_slip_under_load_is_refused_where_the_load_can_not_be_told(to, tmp_path):
-    law = IcrLoad(0.04, GEOMETRY.half_gauge, 0.01, 0.08)
-    save_laws(tmp_path / "laws.json", {"icr_load": law}, GEOMETRY)
-    with pytest.raises(TrackslipError, match=r"icr_load.*nearest.*icr_radius"):
-        deploy_law(tmp_path / "laws.json", to, "icr_load")
-    assert '"compliance"' in deploy_law(tmp_path / "laws.json", "json", "icr_load")
-
-
-@pytest.mark.parametrize("to", ["c", "python"])
-def test_what_programs_can_not_express_is_refused_with_the_nearest(to, tmp_path):
-    save_laws(tmp_path / "laws.json", {"constant": LAWS.laws["constant"]}, GEOMETRY)
-    with pytest.raises(
-        TrackslipError, match=rf"'constant': {to} can express constant ICRs.*nearest would be icr_radius"
-    ):
-        deploy_law(tmp_path / "laws.json", to, "constant")
+@pytest.mark.parametrize(
+    ("to", "name", "message"),
+    [
+        ("c", "icr_load", "has no input for the load"),
+        ("python", "icr_load", "has no input for the load"),
+        ("ros2_control", "icr_load", "can only express constant ICRs"),
+        ("c", "constant", "can express constant ICRs and the exponential"),
+        ("python", "constant", "can express constant ICRs and the exponential"),
+    ],
+)
+def test_inexpressible_laws_are_refused(to, name, message, tmp_path):
+    file, laws = tmp_path / "laws.json", dict(LAWS.laws, icr_load=IcrLoad(0.04, GEOMETRY.half_gauge, 0.01, 0.08))
+    save_laws(file, {name: laws[name]}, GEOMETRY)
+    with pytest.raises(TrackslipError, match=rf"law = '{name}': {to} {message}; laws.json holds none"):
+        deploy_law(file, to, name)
+    assert json.loads(deploy_law(file, "json", name))["law"] == name

@@ -9,11 +9,9 @@ from deployed import GEOMETRY, VALUES, stored, twists
 from diff_drive import PARAMETERS, DiffDrive, parameters_in, read_yaml
 
 from trackslip.deploy.deploy import deploy_law
-from trackslip.deploy.expressible import nearest_icr
-from trackslip.deploy.ros2_control import ros2_control_text, yaml_number
+from trackslip.deploy.differential_drive import ros2_control_text, yaml_number
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import advance
-from trackslip.slip.icr import ConstantIcr
 
 STORED = stored()
 EVEN_SIDES = {"offset_left": 0.04, "offset_right": 0.04, "radius_error_left": 0.01, "radius_error_right": -0.02}
@@ -95,24 +93,6 @@ def test_a_law_that_cannot_be_expressed_is_refused_with_the_nearest_and_its_cost
     with pytest.raises(TrackslipError) as refused:
         ros2_control_text(stored(**content), "turn_loss")
     assert str(refused.value) == f"law = 'turn_loss': ros2_control can only express constant ICRs; {message}"
-
-
-@pytest.mark.parametrize("name", ["constant", "exponential", "exponential_speed", "turn_loss"])
-def test_the_cost_is_computed_where_it_was_not_measured(name):
-    with pytest.raises(TrackslipError, match=r"its yaw rates are off by [\d.]+%, its speeds by [\d.]+% \(rms\)"):
-        ros2_control_text(STORED, name)
-    with pytest.raises(TrackslipError, match=r"laws.json holds none; nearest would be icr_radius with offset = 0\.\d"):
-        ros2_control_text(stored({name: VALUES[name]}), name)
-
-
-def test_the_nearest_constant_icrs_of_constant_icrs_are_these():
-    law = ConstantIcr(0.045, 0.168, 0.0067)
-    found = nearest_icr(law, GEOMETRY)
-    assert (found.offset, found.radius_error) == pytest.approx((0.045, 0.0067), abs=1e-12)
-    loss = stored().laws["turn_loss"]  # has their yaw rates
-    np.testing.assert_allclose(
-        nearest_icr(loss, GEOMETRY).twist([-1.0, 1.0], GEOMETRY)[1], loss.twist([-1.0, 1.0], GEOMETRY)[1], rtol=1e-9
-    )
 
 
 def test_without_a_name_the_nearest_law_stands_in_for_the_best_one_and_says_so(tmp_path):

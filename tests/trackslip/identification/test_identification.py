@@ -12,8 +12,7 @@ from trackslip.kinematics import RobotGeometry, advance, body_twist
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.law_file import load_laws
-from trackslip.slip.stored_laws import SHIPPED
+from trackslip.slip.law_file import SHIPPED, load_laws
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 KAPPA = np.array([1.6, 0.8, 0.5, 0.4, 0.3, -1.0, -0.35])

@@ -1,0 +1,60 @@
+"""A law as a program: a C header that needs only <math.h>, or a Python module that needs only `math`.
+
+Their functions compute what `trackslip.slip` computes, by the same equations. They are in the folder
+`templates`; the law's numbers are written in front of them as constants.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from trackslip.deploy.differential_drive import constant_icrs, expressible
+from trackslip.deploy.facts import comment, fact_lines
+from trackslip.slip.families import FAMILIES
+from trackslip.slip.law_file import StoredLaws
+
+_TEMPLATES = Path(__file__).parent / "templates"
+
+
+def c_text(stored: StoredLaws, law: str) -> str:
+    """A header for C99 and C++ with the functions trackslip_sprocket_speeds and trackslip_body_twist of a law."""
+    lines = [
+        f"static const double trackslip_{name} = {value!r}; /* {about} */\n"
+        for name, (value, about) in _constants(stored, law).items()
+    ]
+    if law == "exponential":
+        lines.append(f"enum {{ trackslip_iterations = {stored.laws[law].twist_iterations} }};\n")
+    guard = f"TRACKSLIP_{law.upper()}_H"
+    opening = f"#ifndef {guard}\n#define {guard}\n\n#include <math.h>\n\n"
+    return (
+        f"/*\n{comment(fact_lines(stored, law), ' *')} */\n{opening}{''.join(lines)}\n{_template(law, 'h')}\n#endif\n"
+    )
+
+
+def python_text(stored: StoredLaws, law: str) -> str:
+    """A module with the functions `sprocket_speeds` and `body_twist` of a law."""
+    lines = [f"{name.upper()} = {value!r}  # {about}\n" for name, (value, about) in _constants(stored, law).items()]
+    if law == "exponential":
+        lines.append(f"ITERATIONS = {stored.laws[law].twist_iterations}\n")
+    functions = _template(law, "py")
+    imports = "import math\n\n" if "math." in functions else ""
+    return f"{comment(fact_lines(stored, law), '#')}\n{imports}{''.join(lines)}\n\n{functions}"
+
+
+def _template(law: str, language: str) -> str:
+    """The functions of a law; laws with constant ICRs share them."""
+    name = law if law in ("exponential", "turn_loss") else "icr"
+    return (_TEMPLATES / f"{name}.{language}.in").read_text(encoding="utf-8")
+
+
+def _constants(stored: StoredLaws, law: str) -> dict[str, tuple[float, str]]:
+    """Values and descriptions of the constants that the functions of a law use, by name."""
+    geometry, family = stored.geometry, FAMILIES[law]
+    radius = {"sprocket_radius": (geometry.sprocket_radius, "r [m]")}
+    if expressible(law):
+        sides = list(zip(("left", "right"), constant_icrs(stored, law), strict=True))
+        arms = {f"reach_{side}": (geometry.half_gauge + offset, "b + D [m]") for side, (offset, _) in sides}
+        return radius | arms | {f"scale_{side}": (1 + error, "1 + epsilon [-]") for side, (_, error) in sides}
+    units = {name: f"[{parameter.unit or '-'}]" for name, parameter in family.parameters.items()}
+    values = {name: (value, units[name]) for name, value in stored.values(law).items()}
+    return {"half_gauge": (geometry.half_gauge, "b [m]")} | radius | values
