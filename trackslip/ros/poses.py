@@ -13,7 +13,7 @@ from trackslip.kinematics import Array
 from trackslip.ros import covariance as covariances
 from trackslip.ros import rotation
 from trackslip.ros.bag import Bag, Topic
-from trackslip.ros.navsat import local_plane
+from trackslip.ros.geodesy import to_plane
 from trackslip.ros.stamps import stretches
 from trackslip.ros.transforms import read_chain
 
@@ -130,7 +130,8 @@ def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> _Raw:
     known = np.zeros((len(table), 3, 3))
     known[:, :2, :2] = np.where(table[:, 4, None, None] > 0, plane[:, :2, :2], 0.0)
     altitude = np.where(np.abs(table[:, 2]) <= _MAX_ALTITUDE, table[:, 2], 0.0)
-    east_north = local_plane(table[:, 0], table[:, 1], altitude)
+    geodetic = np.column_stack([table[:, :2], altitude])
+    east_north = to_plane(geodetic, geodetic[0])
     return _Raw(at[:, 0], at[:, 1], np.column_stack([east_north, altitude]), None, known)
 
 

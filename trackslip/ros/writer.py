@@ -1,4 +1,4 @@
-"""A RunLog as a ROS 2 bag."""
+"""Runs, and commands to a robot, as ROS 2 bags."""
 
 from __future__ import annotations
 
@@ -17,7 +17,14 @@ from trackslip.logs.runlog import RunLog
 from trackslip.logs.stored_geometry import stored_geometry
 from trackslip.ros.decode import require_rosbags
 from trackslip.ros.messages import Topic, definitions
-from trackslip.ros.run_topics import POSE_TOPICS, PoseMessage, RunTopics, own_scans, stated_scan_duration
+from trackslip.ros.run_topics import (
+    POSE_TOPICS,
+    PoseMessage,
+    RunTopics,
+    command_topic,
+    own_scans,
+    stated_scan_duration,
+)
 
 START = 1_767_225_600
 """Stamp of t = 0, 2026-01-01: a stamp of zero means that there is none [s]."""
@@ -83,10 +90,23 @@ def write_bag(
         *contents.scans(scans or own_scans(log), scan_duration),
     ]
     about = {} if geometry is None else {name: repr(value) for name, value in vars(geometry).items()}
-    write_topics(Path(path), topics, {"run": log.run, **about})
+    _write(Path(path), topics, {"run": log.run, **about})
 
 
-def write_topics(path: Path, topics: Sequence[Topic], about: Mapping[str, str]) -> None:
+def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/cmd_vel") -> None:
+    """Write twists (T, 2) [m/s, rad/s] at times (T,) [s] as TwistStamped to a bag that can be played to a robot.
+
+    The path is that of the bag's folder, or of a file if it ends in .mcap; it must not exist.
+
+    Raises:
+        OutputError: if the path exists, or can't be written.
+        TrackslipError: where rosbags is missing.
+    """
+    stamps = START * 1_000_000_000 + np.round(1e9 * time).astype(np.int64)
+    _write(Path(path), [command_topic(topic, stamps, twist)], {})
+
+
+def _write(path: Path, topics: Sequence[Topic], about: Mapping[str, str]) -> None:
     """The bag, complete or not at all."""
     if path.exists():
         raise OutputError(f"{path}: exists already")
@@ -118,9 +138,10 @@ def _fill(folder: Path, topics: Sequence[Topic], about: Mapping[str, str]) -> No
         stamps = np.concatenate([topic.stamps for topic in topics])
         owner = np.repeat(np.arange(len(topics)), [len(topic.stamps) for topic in topics])
         order = np.argsort(stamps, kind="stable")
+        messages = [topic.messages() for topic in topics]
         for k, stamp in zip(owner[order].tolist(), stamps[order].tolist(), strict=True):
-            topic = topics[k]
-            writer.write(opened[topic.name], stamp, store.serialize_cdr(next(topic.messages), topic.kind))
+            kind = topics[k].kind
+            writer.write(opened[topics[k].name], stamp, store.serialize_cdr(next(messages[k]), kind))
 
 
 def _latched() -> Any:

@@ -25,8 +25,7 @@ from wandered import wandered
 from trackslip.errors import LogError
 from trackslip.ros import covariance
 from trackslip.ros.bag import open_bag
-from trackslip.ros.datum import Datum
-from trackslip.ros.navsat import local_plane
+from trackslip.ros.geodesy import FIELD, from_plane, to_plane
 from trackslip.ros.poses import read_poses
 from trackslip.ros.rotation import headings
 
@@ -173,19 +172,19 @@ def test_fixes_on_a_plane(latitude):
         np.radians(step) * (meridian + 100),
         np.radians(step) * (vertical + 100) * np.cos(np.radians(latitude)),
     )
-    where = local_plane(latitude + np.array([0, step, 0]), 8.0 + np.array([0, 0, step]), np.full(3, 100.0))
-    np.testing.assert_allclose(where, [[0, 0], [0, north], [east, 0]], atol=2e-4)
+    fixes = np.array([[latitude, 8.0, 100.0], [latitude + step, 8.0, 100.0], [latitude, 8.0 + step, 100.0]])
+    np.testing.assert_allclose(to_plane(fixes, fixes[0]), [[0, 0], [0, north], [east, 0]], atol=2e-4)
 
 
-@pytest.mark.parametrize("datum", [Datum(), Datum(-33.0, 179.9999, 1500.0), Datum(0.0, 0.0), Datum(89.9, -70.0)])
-def test_places_of_fixes_by_earth_centred_coordinates(datum):
+@pytest.mark.parametrize("origin", [FIELD, (-33.0, 179.9999, 1500.0), (0.0, 0.0, 0.0), (89.9, -70.0, 0.0)])
+def test_places_of_fixes_by_earth_centred_coordinates(origin):
     place = np.random.default_rng(0).uniform(-2000, 2000, (100, 2))
-    phi, lam = np.radians([datum.latitude, datum.longitude])
+    phi, lam = np.radians(origin[:2])
     east = np.array([-np.sin(lam), np.cos(lam), 0])
     north = np.array([-np.sin(phi) * np.cos(lam), -np.sin(phi) * np.sin(lam), np.cos(phi)])
-    from_datum = ecef(*datum.geodetic(place).T) - ecef(datum.latitude, datum.longitude, datum.altitude)
-    np.testing.assert_allclose(from_datum @ np.stack([east, north]).T, place, atol=1e-7)
-    np.testing.assert_allclose(from_datum @ np.cross(east, north), 0, atol=1e-7)
+    from_origin = ecef(*from_plane(place, origin).T) - ecef(*origin)
+    np.testing.assert_allclose(from_origin @ np.stack([east, north]).T, place, atol=1e-7)
+    np.testing.assert_allclose(from_origin @ np.cross(east, north), 0, atol=1e-7)
 
 
 def test_fixes_are_read_and_those_without_are_left_out(tmp_path):
