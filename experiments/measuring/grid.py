@@ -251,8 +251,7 @@ class _PosesOverBound:
         phi, valid = truth.pose[:, 2], log.is_valid
         left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
         true = (truth.pose + truth.lean[:, None] * left)[valid]
-        seen = scans.cluster.take(np.flatnonzero(valid)) if scans.scan.dropout > 0 else None
-        error, bound = beside_bound(log.pose[valid], true, scans.plate, scans.scan, seen)
+        error, bound = beside_bound(log.pose[valid], true, scans.plate, scans.scan)
         self.squares += np.sum(error**2, axis=0)
         self.variances += np.einsum("sii->i", bound)
 

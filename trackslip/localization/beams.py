@@ -11,8 +11,7 @@ from trackslip.localization.rows import Rows
 from trackslip.localization.scan import MIN_NOISE, Cluster, Scan
 from trackslip.localization.view import Points
 
-OUTWARDS = np.array([[-1.0], [1.0]])
-"""Signs (2, 1) of bearings outwards from the middle, right and left."""
+_OUTWARDS = np.array([[-1.0], [1.0]])  # signs of bearings outwards from the middle, right and left
 _MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]
 
 
@@ -56,7 +55,7 @@ class Beams:
         told &= np.maximum.reduceat(distance, first) < scan.max_range - _MARGIN
         told &= np.array([low > scan.bearings[0] + step / 4, high < scan.bearings[-1] - step / 4])
         weight, ahead = np.where(told, 1 / spread, 0.0), np.exp(1j * middle)
-        edges = Edges(ahead, (reach * OUTWARDS).T, weight.T, slack.T)
+        edges = Edges(ahead, (reach * _OUTWARDS).T, weight.T, slack.T)
         u, u_turned = np.empty((2, len(bearing))), np.empty((2, len(bearing)))
         u[0], u[1] = u_turned[1], u_turned[0] = np.cos(bearing), np.sin(bearing)
         np.negative(u_turned[1], out=u_turned[1])

@@ -19,53 +19,29 @@ missed: a measurement of its bearing b with an error that is uniform over the be
 with db = (-y dx + x dy + (x d_x + y d_y) dphi) / (x^2 + y^2) for a corner at (x, y) that lies (d_x, d_y) from c.
 Each of the two edges adds its 12 / delta^2 to the information, unless it lies outside the field of view.
 
-If a beam that hits returns nothing with probability p, only the returns count. Beyond the last of them, the number of
-lost beams is geometrically distributed with mean p / (1 - p), which shifts the corner, and variance p / (1 - p)^2,
-which is added to the 1 / 12 of each edge. Where it is known which beams returned, this is not good enough along the
-plate, for two reasons. Few returns mean many lost beams, so that the variance given the returns is another than the
-variance over all scans: the length of the plate tells how many are missing at both ends together. And a geometric
-variable is far from normal: an estimator with the variance above does not exist. What does exist is the posterior mean.
-If all places a along the plate are equally probable beforehand, its mean square error is the least of all estimators:
+If a beam that hits returns nothing with probability p, only a share 1 - p of the information of the ranges is left on
+average. Beyond the last return, the number of lost beams is geometrically distributed with mean p / (1 - p), which
+shifts the corner, and variance p / (1 - p)^2, which is added to the 1 / 12 of each edge. Who knows which beams returned
+can do a little better along the plate, since its length tells how many are missing at both ends together.
 
-    E[(a^ - a)^2]  >=  E[Var(a | returns)]  >=  E[Var(a | returns, heading, place across)],
-
-with equality in the first place for the posterior mean; more knowledge makes the mean variance no larger. The last of
-these variances is that of a density over one variable, which is summed (see `ends`), and takes the place of what the
-information above gives along the plate. It depends on the returns of the scan, and bounds the mean over many scans.
-
-This is not a true Cramer-Rao bound. A uniform error has no Fisher information in the usual sense because its support
-moves with the pose. Many such edges, treated as intervals, contain more information than their squares, although for
-two edges at a known distance the middle of the intersection is the mean of the middles and has the same mean square
-error. Nor does the bound apply where the ranges are not smooth functions of the pose: within a few degrees of
-edge-on, where the face that a beam meets determines the heading. If the returns are all from the short face, it is the
-number of lost beams that determines the heading, up to a reflection about the line of sight: a posterior with two peaks
-has no bound of this kind.
+The bound does not apply where the ranges are not smooth functions of the pose: within a few degrees of edge-on, where
+the face that a beam meets determines the heading.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.beams import Beams
-from trackslip.localization.ends import Ends
-from trackslip.localization.likelihood import PlateLikelihood
-from trackslip.localization.plate_axis import PlateAxis
-from trackslip.localization.scan import Cluster, Plate, Scan
+from trackslip.localization.scan import Plate, Scan
 from trackslip.localization.view import View, in_axes
 
 MIN_ANGLE = np.radians(3.0)
 """The bound means little at smaller angles from edge-on [rad]."""
-_NORMAL = 1e9  # the loss of a normally distributed range is never linear [standard deviations]
-_FLAT = 1e-6  # derivative of a range with respect to the place along the plate; of one on the short face it is over 1
 _AT_ONCE = 250  # poses, so that they stay in the cache
 
 
-def pose_bound(
-    pose: Array, plate: Plate, bearings: Array, noise: float, dropout: float = 0.0, seen: Cluster | None = None
-) -> Array:
+def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float, dropout: float = 0.0) -> Array:
     """Covariances (S, 3, 3) of (x, y, phi) that no unbiased estimator from one scan beats; NaN if undetermined.
 
     Args:
@@ -74,32 +50,18 @@ def pose_bound(
         bearings: of the beams (B,), equally spaced, ascending [rad].
         noise: standard deviation of a range [m].
         dropout: probability that a beam that hits returns nothing [-].
-        seen: the returns (S,), which tell more than their expected share where few beams matter; without any from the
-            long face, the pose is undetermined. By default all beams return something, or 1 - dropout of each.
     """
     information = np.zeros((len(pose), 3, 3))
     directions = directed(bearings)
-    told = np.ones(len(pose), bool)
     for start in range(0, len(pose), _AT_ONCE):
         some = pose[start : start + _AT_ONCE]
-        if seen is None:
-            aimed = directions.take(towards(some, plate, bearings), axis=1)
-            jacobian = np.sqrt(1 - dropout) * range_jacobian(some, plate, aimed)
-        else:
-            part = slice(start, start + _AT_ONCE)
-            jacobian = seen.hit[part, :, None] * range_jacobian(some, plate, directed(seen.bearing[part]))
-            told[part] = _on_long_face(jacobian, some[:, 2]).any(axis=1)
-        jacobian /= noise
+        aimed = directions.take(towards(some, plate, bearings), axis=1)
+        ranges = np.sqrt(1 - dropout) / noise * range_jacobian(some, plate, aimed)
         edges = _edge_jacobian(some, plate, bearings) / np.sqrt(1 + 12 * dropout / (1 - dropout) ** 2)
-        information[start : start + _AT_ONCE] = jacobian.swapaxes(1, 2) @ jacobian + edges.swapaxes(1, 2) @ edges
+        information[start : start + _AT_ONCE] = ranges.swapaxes(1, 2) @ ranges + edges.swapaxes(1, 2) @ edges
     covariance = np.full_like(information, np.nan)
-    held = (np.linalg.matrix_rank(information, hermitian=True) == 3) & told
+    held = np.linalg.matrix_rank(information, hermitian=True) == 3
     covariance[held] = np.linalg.inv(information[held])
-    if seen is not None and dropout > 0:
-        scan = Scan(bearings, np.empty((0, len(bearings))), noise, np.zeros(3), dropout=dropout)
-        known = np.flatnonzero(held)
-        for rows in np.split(known, range(_AT_ONCE, len(known), _AT_ONCE)):
-            covariance[rows] += _lost_ends(pose[rows], covariance[rows], plate, scan, seen.take(rows))
     return covariance
 
 
@@ -119,14 +81,12 @@ def ratio_to_bound(error: Array, bound: Array) -> Array:
     return np.sqrt(np.mean(error**2, axis=0) / np.mean(np.einsum("sii->si", bound), axis=0))
 
 
-def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan, seen: Cluster | None = None) -> Array:
+def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan) -> Array:
     """Ratios (3,) to the bound of x, y and heading in the world; of which scans, and arguments, see `beside_bound`."""
-    return ratio_to_bound(*beside_bound(pose, true_pose, plate, scan, seen))
+    return ratio_to_bound(*beside_bound(pose, true_pose, plate, scan))
 
 
-def beside_bound(
-    pose: Array, true_pose: Array, plate: Plate, scan: Scan, seen: Cluster | None = None
-) -> tuple[Array, Array]:
+def beside_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan) -> tuple[Array, Array]:
     """Errors (R, 3) in the world and their bounds (R, 3, 3), of the R scans seen MIN_ANGLE or more from edge-on.
 
     Scans that don't determine the pose are left out.
@@ -136,31 +96,14 @@ def beside_bound(
         true_pose: the true ones (S, 3).
         plate: the plate in the scan.
         scan: its bearings, noise, dropout and mount are used, not its ranges.
-        seen: the returns (S,); see `pose_bound`.
     """
     local = scan.from_world(true_pose)
     rows = viewing_angle(local) > MIN_ANGLE
     error = (pose - true_pose)[rows]
     error[:, 2] = (error[:, 2] + np.pi / 2) % np.pi - np.pi / 2
-    returns = None if seen is None else seen.take(np.flatnonzero(rows))
-    bound = pose_bound(local[rows], plate, scan.bearings, scan.noise, scan.dropout, returns)
-    bound = scan.covariance_to_world(bound)
+    bound = scan.covariance_to_world(pose_bound(local[rows], plate, scan.bearings, scan.noise, scan.dropout))
     held = np.isfinite(bound).all(axis=(1, 2))
     return error[held], bound[held]
-
-
-def _on_long_face(jacobian: Array, heading: Array) -> np.ndarray:
-    """Which ranges with derivatives (S, W, 3) do not change as plates with `heading` (S,) slide along themselves."""
-    along = jacobian[..., 0] * np.cos(heading)[:, None] + jacobian[..., 1] * np.sin(heading)[:, None]
-    return (np.abs(along) < _FLAT) & (jacobian != 0).any(axis=2)
-
-
-def _lost_ends(pose: Array, covariance: Array, plate: Plate, scan: Scan, seen: Cluster) -> Array:
-    """What lost beams change (S, 3, 3) of the covariances along the plates at the true poses, given the returns."""
-    beams = replace(Beams.of(scan, seen), noise=scan.noise)
-    axis = PlateAxis.of(pose, covariance)
-    _, variance, _ = Ends.of(scan, seen, beams).place(PlateLikelihood(plate, _NORMAL), beams, pose, axis.sigma)
-    return axis.change(variance)
 
 
 def towards(pose: Array, plate: Plate, bearings: Array) -> np.ndarray:

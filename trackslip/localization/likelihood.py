@@ -9,10 +9,9 @@ half-planes. The likelihood has two parts:
   that missed it and the first that hit it, so the middle of that gap measures the bearing of the corner with variance
   step^2 / 12. Without the edges, a plate seen broadside could slide freely along itself. An edge of the field of view
   or of the scanner's reach is not an edge of the plate and measures nothing. If beams inside the cluster are missing
-  at a rate p, beams beyond its last return may be missing too: p / (1 - p) of them, with variance p / (1 - p)^2. (That
-  leads to the right peak; from there on, `ends` has the exact likelihood.) An edge made by an object in front of the
-  plate is not the plate's either: the corner may be anywhere behind the object, and only a pose whose corner sticks out
-  beyond it, or does not reach the last return, adds to the cost.
+  at a rate p, beams beyond its last return may be missing too: p / (1 - p) of them, with variance p / (1 - p)^2. An
+  edge made by an object in front of the plate is not the plate's either: the corner may be anywhere behind the object,
+  and only a pose whose corner sticks out beyond it, or does not reach the last return, adds to the cost.
 
 Thus a beam that passes through the supposed plate adds to the cost by way of the edges, and a return where the pose
 leaves nothing to hit costs as much as if it had been measured at the near or far end of the plate.
@@ -78,27 +77,9 @@ class PlateLikelihood:
         view = View.of(self.plate, pose)
         residual, weight = _missed(beams.edges, view.slid(offset).bearings(beams.edges.ahead))
         costs = (residual * weight) ** 2
-        return self.ranges_along(beams, view, offset) + (costs[0] + costs[1]) / 2
+        return self._ranges_along(beams, view, offset) + (costs[0] + costs[1]) / 2
 
-    def ranges_sideways(self, beams: Beams, view: View, offset: Array) -> Array:
-        """What ranges cost (M, K) if M plates are slid across themselves by `offset` (M, K) [m]."""
-        half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
-        along, across = view.place.real, view.place.imag[:, None] + offset  # (M,), (M, K)
-        short = along - np.minimum(np.maximum(along, -half_length), half_length)  # 0 if it points away
-        long = across - np.minimum(np.maximum(across, -half_thickness), half_thickness)
-        distance, reach = np.hypot(along[:, None], across), math.hypot(half_length, half_thickness)
-        cos, sin, short = beams.spread(np.stack([view.axis.real, view.axis.imag, short]))
-        u_along = beams.u[0] * cos + beams.u[1] * sin
-        u_across = beams.u[1] * cos - beams.u[0] * sin
-        row = np.repeat(np.arange(len(offset)), beams.count)
-        predicted = long[row] / (u_across + np.copysign(_TINY, u_across))[:, None]
-        np.maximum(predicted, (short / (u_along + np.copysign(_TINY, u_along)))[:, None], out=predicted)
-        np.maximum(predicted, (distance - reach)[row], out=predicted)
-        np.minimum(predicted, (distance + reach)[row], out=predicted)
-        predicted -= beams.range[:, None]
-        return np.add.reduceat(self.loss(predicted / beams.noise)[1], beams.first, axis=0)
-
-    def ranges_along(self, beams: Beams, view: View, offset: Array) -> Array:
+    def _ranges_along(self, beams: Beams, view: View, offset: Array) -> Array:
         """The part (M, K) of `cost_along` that is due to ranges. Only beams that may leave the long face matter."""
         half_length = self.plate.length / 2
         reach = math.hypot(self.plate.length, self.plate.thickness) / 2

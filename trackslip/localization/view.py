@@ -35,10 +35,9 @@ class View:
         np.sin(pose[:, 2], out=axis.imag)
         return cls(plate, centre * axis.conj(), axis)
 
-    def slid(self, offset: Array, sideways: bool = False) -> View:
-        """Of plates slid along themselves, or sideways, by `offset` (M, K) [m]: arrays (M, K), or (M, 1) if equal."""
-        slid = self.place[:, None] + (1j * offset if sideways else offset)
-        return View(self.plate, slid, self.axis[:, None])
+    def slid(self, offset: Array) -> View:
+        """Of plates slid along themselves by `offset` (M, K) [m]: arrays (M, K), or (M, 1) if equal."""
+        return View(self.plate, self.place[:, None] + offset, self.axis[:, None])
 
     def corners(self) -> Points:
         """The outermost corners (2, M, ...), right and left, along + i across from the centres [m]."""
