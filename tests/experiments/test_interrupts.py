@@ -6,7 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -24,46 +23,40 @@ COMMANDS = {
     "track": (),
 }
 KEPT = {benchmark.PARTS, grid.PARTS, trials.FILE}  # in OUT, with which an interrupted command resumes
-_PROGRESS = re.compile(r".+: [\d.]+(/[\d.]+)? \w+.*")
-_SECONDS = 5.0  # within which an interrupted command ends
-_EARLIEST = 0.1  # after the start of Python, which must have got as far as the command line's first lines [s]
-_NOT_YET = 1.0  # until when Python may not have got there on a busy machine [s]
+PROGRESS = re.compile(r"(?!trackslip).+: [\d.]+(/[\d.]+)? \w+.*")
+LONGEST = 5.0  # until an interrupted command has ended [s]
+STARTED = 1.0  # until when Python may not have got as far as our first lines on a busy machine [s]
 
 
-def started(command, folder):
-    environment = {**os.environ, "TMPDIR": str(folder / "tmp"), "PYTHONPATH": str(Path(__file__).parents[2])}
-    (folder / "tmp").mkdir()
-    return subprocess.Popen(
-        [sys.executable, "-m", "experiments", command, *COMMANDS[command], "--out", str(folder / "out")],
-        env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )  # fmt: skip
-
-
-def interrupted(command, after, number, group, folder):
-    """Start a command, interrupt it, and return what is wrong with its end, line by line."""
-    wrong = []
-    with started(command, folder) as process:
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(("number", "send"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.kill)])
+def test_an_interrupted_command_ends_at_once_and_leaves_nothing(command, number, send, tmp_path):
+    after = random.Random(f"{command} {number}").uniform(0.1, 3.0)
+    environment = {**os.environ, "TMPDIR": str(tmp_path / "tmp"), "PYTHONPATH": str(Path(__file__).parents[2])}
+    (tmp_path / "tmp").mkdir()
+    whole = [sys.executable, "-m", "experiments", command, *COMMANDS[command], "--out", str(tmp_path / "out")]
+    with subprocess.Popen(
+        whole, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
         time.sleep(after)
-        ended = process.poll() is not None
-        began = time.monotonic()
-        if not ended:
-            (os.killpg if group else os.kill)(process.pid, number)
+        if process.poll() is None:
+            send(process.pid, number)
         try:
-            said = process.communicate(timeout=_SECONDS)[1]
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            return [f"hangs; it said {process.communicate()[1]!r}"]
-        wrong += [f"left {line}" for line in left_of(process.pid, began + _SECONDS)]
-    if process.returncode == -number and after < _NOT_YET:
-        return wrong
-    lines = [line for line in said.splitlines() if not _PROGRESS.fullmatch(line) or line.startswith("trackslip")]
-    expected = [] if process.returncode == 0 else ["trackslip: interrupted"]
-    if process.returncode not in (0, 130) or [re.sub(" with .*", "", line) for line in lines] != expected:
-        wrong.append(f"code {process.returncode}, said {said!r}")
-    return wrong + unfinished(folder)
+            said = process.communicate(timeout=LONGEST)[1]
+        finally:
+            left = processes_of(process.pid, time.monotonic() + LONGEST)
+            if left:
+                os.killpg(process.pid, signal.SIGKILL)
+    assert left == []
+    if process.returncode == -number and after < STARTED:
+        return
+    lines = [re.sub(" with .*", "", line) for line in said.splitlines() if not PROGRESS.fullmatch(line)]
+    assert (process.returncode, lines) in ((0, []), (130, ["trackslip: interrupted"]))
+    assert unfinished(tmp_path / "out", tmp_path / "tmp") == []
 
 
-def left_of(group, until):
+def processes_of(group, until):
     """The processes of a group that don't end until then."""
     while True:
         listed = subprocess.run(["ps", "-A", "-o", "pgid=,stat=,args="], capture_output=True, text=True, check=True)
@@ -74,32 +67,12 @@ def left_of(group, until):
         time.sleep(0.05)
 
 
-def unfinished(folder):
-    """What an interrupted command has left and shouldn't have."""
-    out = folder / "out"
-    files = [*(folder / "tmp").iterdir(), *(out.iterdir() if out.exists() else ())]
+def unfinished(out, temporary):
+    """Files that an interrupted command has left and shouldn't have."""
+    files = [*temporary.iterdir(), *(out.iterdir() if out.exists() else ())]
     if (out / "manifest.json").exists():  # it had just ended
-        return [f"left {file}" for file in files if file.name.startswith(".")]
+        return [file for file in files if file.name.startswith(".")]
     parts = [file for file in files if file.name in KEPT]
     drafts = [draft for part in parts for draft in part.glob(".*")]
     empty = [out] if out.exists() and not parts else []
-    return [f"left {file}" for file in (*files, *drafts, *empty) if file not in parts]
-
-
-def check(seed, each, seconds):
-    """Interrupt every command so often, within its `seconds`; nothing must be wrong."""
-    rng, wrong = random.Random(seed), []
-    for command, most in seconds.items():
-        for k in range(each):
-            after, group = rng.uniform(_EARLIEST, most), rng.random() < 0.5
-            number = rng.choice([signal.SIGINT, signal.SIGTERM])
-            with tempfile.TemporaryDirectory() as folder:
-                found = interrupted(command, after, number, group, Path(folder))
-            who = "group" if group else "process"
-            wrong += [f"{command} {k}, {number.name} to the {who} after {after:.3f} s: {line}" for line in found]
-    assert not wrong, "\n".join(wrong)
-
-
-@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_interrupted_commands_end_at_once_and_leave_nothing():
-    check(0, each=2, seconds=dict.fromkeys(COMMANDS, 3.0))
+    return [file for file in (*files, *drafts, *empty) if file not in parts]
