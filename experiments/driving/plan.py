@@ -13,10 +13,10 @@ import numpy as np
 from sim.wander.pose_source import SOURCES
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
-from trackslip.planning.after import Before, read_identification
 from trackslip.planning.information import Expectation, PoseQuality
 from trackslip.planning.limits import first_knowledge
 from trackslip.planning.plan import DrivePlan, evaluations, plan_drive
+from trackslip.planning.prior import PriorIdentification, read_identification
 
 if TYPE_CHECKING:
     from experiments.commands.plan import Config
@@ -42,7 +42,7 @@ def planned(config: Config, run: Run) -> DrivePlan:
         return plan_drive(geometry, limits, poses, config.law, knowledge, values, known, config.seed, step)
 
 
-def _geometry(config: Config, before: Before | None) -> RobotGeometry:
+def _geometry(config: Config, before: PriorIdentification | None) -> RobotGeometry:
     """The robot's geometry; raises InvalidValueError if the identification before was of another robot."""
     if before is None:
         assert config.half_gauge is not None
@@ -80,5 +80,5 @@ def plan_to_json(plan: DrivePlan, paper: Expectation | None) -> dict[str, Any]:
         "paper_stderr": None if paper is None else paper.stderr,
         "start": plan.start,
         "places": {"low": plan.places.low, "high": plan.places.high},
-        "strokes": {"way": plan.strokes.way, "duration": plan.strokes.duration},
+        "strokes": {"way": plan.maneuvers.way, "duration": plan.maneuvers.duration},
     }

@@ -46,8 +46,8 @@ from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import body_errors, rms
 from trackslip.planning.information import Expectation, with_extras
+from trackslip.planning.maneuvers import RATE
 from trackslip.planning.plan import PAPER_DURATION, DrivePlan, expected_alone, paper_runs, usual_values
-from trackslip.planning.strokes import RATE
 from trackslip.slip.families import family
 
 if TYPE_CHECKING:

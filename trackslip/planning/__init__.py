@@ -1,1 +1,1 @@
-"""The shortest experiment: drives designed to tell a slip law as well as possible."""
+"""Planning of drives that determine a slip law as precisely as possible within an area and a time."""

@@ -15,7 +15,7 @@ from trackslip.identification.drive_residuals import Nodes, Noise, residuals
 from trackslip.identification.drives import Drive, merged
 from trackslip.kinematics import Array
 from trackslip.odometry.uncertainty import LawErrors
-from trackslip.planning.strokes import RATE
+from trackslip.planning.maneuvers import RATE
 
 _UNKNOWN_HEADING = 1.0  # standard deviation of a heading that isn't measured, which has no weight [rad]
 

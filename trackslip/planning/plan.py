@@ -22,19 +22,18 @@ from trackslip.planning.information import (
     with_extras,
 )
 from trackslip.planning.limits import DriveLimits, Knowledge, first_knowledge
-from trackslip.planning.place import Places, path
-from trackslip.planning.search import best_tour
-from trackslip.planning.strokes import RATE, Strokes
-from trackslip.planning.tour import Drawn, Tour, drawn
+from trackslip.planning.maneuvers import RATE, Maneuvers
+from trackslip.planning.route import Extent, PlacedRoute, Route, path, placed
+from trackslip.planning.search import best_route
 from trackslip.slip.families import LawFamily, family
 
 PLANNED_LAWS = tuple(name for name in DRIVE_LAWS if family(name).names)
 """Laws that a drive can be planned for."""
 PAPER_DURATION = 30.0
 """Of each of the paper's runs [s]."""
-_EVALUATIONS = 1000  # of tours
+_EVALUATIONS = 1000  # of routes
 _FEWEST = 200
-_LONG = 120.0  # duration beyond which fewer tours are tried [s]
+_LONG = 120.0  # duration beyond which fewer routes are tried [s]
 _POSES = 1200  # that a search reckons with; of more, a part, as good as all
 _THINNED = (2.0, 10.0)  # fewest and most of them per second [Hz]
 
@@ -51,9 +50,9 @@ class DrivePlan:
     poses: PoseQuality
     known: LawErrors | None
     """What an identification before has told of the law."""
-    strokes: Strokes
+    maneuvers: Maneuvers
     start: Array  # (3,) where it begins, from the middle of the area [m, m, rad]
-    places: Places
+    places: Extent
     """Where the middle of the robot may get to, from the middle of the area."""
     expectation: Expectation
     """Standard errors to expect, together with what is known."""
@@ -66,7 +65,7 @@ class DrivePlan:
     @property
     def speeds(self) -> Array:
         """Speeds (T, 2) of the belts from each time on [m/s]; at rest at last."""
-        return np.concatenate([self.strokes.speeds(self.limits.duration), np.zeros((1, 2))])
+        return np.concatenate([self.maneuvers.speeds(self.limits.duration), np.zeros((1, 2))])
 
     @property
     def omega(self) -> Array:
@@ -81,7 +80,7 @@ class DrivePlan:
     @property
     def path(self) -> Array:
         """Expected positions (K, 2) of the middle of the robot, from the middle of the area [m]."""
-        x, y = path(self.strokes, float(self.start[2]), self.knowledge.extremes[:1])
+        x, y = path(self.maneuvers, float(self.start[2]), self.knowledge.extremes[:1])
         return np.asarray(self.start[:2] + np.stack([x[0], y[0]], axis=-1))
 
     @property
@@ -127,24 +126,24 @@ def plan_drive(
     sizes = relative_to(model.family, expected_values, geometry)
     fits = False
 
-    def expectation_of(found: Drawn, quality: PoseQuality, merge: int) -> Expectation:
-        speeds = found.strokes.speeds(limits.duration)
+    def expectation_of(found: PlacedRoute, quality: PoseQuality, merge: int) -> Expectation:
+        speeds = found.maneuvers.speeds(limits.duration)
         drive = drive_to_measure(speeds, RATE, quality, geometry.sprocket_radius, merge)
         return expected(model, everything, [drive], quality, knowledge.slip, known)
 
     quality = poses.thinned(float(np.clip(_POSES / limits.duration, *_THINNED)))
 
-    def cost(tour: Tour) -> float:
+    def cost(route: Route) -> float:
         nonlocal fits
-        found = drawn(tour, limits, knowledge)
+        found = placed(route, limits, knowledge)
         step(1.0)
         if found is None:
             return np.inf
         fits = True
         return largest(expectation_of(found, quality, rate_of(quality)), sizes)
 
-    tour, least = best_tour(cost, evaluations(limits), np.random.default_rng(seed))
-    found = drawn(tour, limits, knowledge)
+    route, least = best_route(cost, evaluations(limits), np.random.default_rng(seed))
+    found = placed(route, limits, knowledge)
     if found is None or not np.isfinite(least):
         if not fits:
             allowed = "larger, for a drive in it by any law that the robot may have"
@@ -158,7 +157,7 @@ def plan_drive(
         knowledge,
         poses,
         known,
-        found.strokes,
+        found.maneuvers,
         found.start,
         found.places,
         expectation_of(found, poses, 1),
@@ -227,5 +226,5 @@ def expected_alone(plan: DrivePlan) -> Expectation:
     """What the planned drive tells without what is known before."""
     geometry = plan.knowledge.geometry
     model = DriveModel(family(plan.law), geometry)
-    drive = drive_to_measure(plan.strokes.speeds(plan.limits.duration), RATE, plan.poses, geometry.sprocket_radius)
+    drive = drive_to_measure(plan.maneuvers.speeds(plan.limits.duration), RATE, plan.poses, geometry.sprocket_radius)
     return expected(model, with_extras(plan.values), [drive], plan.poses, plan.knowledge.slip)

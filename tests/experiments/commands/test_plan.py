@@ -20,7 +20,7 @@ SHORT = (*ROBOT, "--duration", "30", "--threads", "1")
 
 
 @pytest.fixture(autouse=True)
-def few_tours(monkeypatch):
+def few_routes(monkeypatch):
     """A search of a quarter of a second."""
     monkeypatch.setattr(planning, "_EVALUATIONS", 30)
     monkeypatch.setattr(planning, "_FEWEST", 30)

@@ -15,9 +15,9 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning import plan as planning
 from trackslip.planning.information import PoseQuality, drive_to_measure, expected, with_extras
 from trackslip.planning.limits import DriveLimits, first_knowledge
-from trackslip.planning.place import path
+from trackslip.planning.maneuvers import RATE, Maneuvers
 from trackslip.planning.plan import PLANNED_LAWS, expected_alone, expected_of_paper, paper_runs, plan_drive
-from trackslip.planning.strokes import RATE, Strokes
+from trackslip.planning.route import path
 from trackslip.slip.families import FAMILIES
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
@@ -39,7 +39,7 @@ def plan():
 
 
 def test_it_keeps_to_area_and_limits(plan):
-    x, y = path(plan.strokes, float(plan.start[2]), plan.knowledge.extremes)
+    x, y = path(plan.maneuvers, float(plan.start[2]), plan.knowledge.extremes)
     at = plan.start[:2, None, None] + np.stack([x, y])
     assert np.abs(at).max() < 1.5
     assert np.abs(plan.speeds).max() <= 0.3 + 1e-9
@@ -58,8 +58,8 @@ def test_it_turns_to_both_sides(plan):
 
 
 def test_it_tells_more_than_back_and_forth_and_a_spin(plan):
-    half = Strokes.of(np.array([[1.5, 1.5], [-3.0, -3.0], [1.5, 1.5], [1.0, -1.0], [-1.0, 1.0]]), LIMITS)
-    naive = expected_alone(replace(plan, strokes=half))
+    half = Maneuvers.of(np.array([[1.5, 1.5], [-3.0, -3.0], [1.5, 1.5], [1.0, -1.0], [-1.0, 1.0]]), LIMITS)
+    naive = expected_alone(replace(plan, maneuvers=half))
     assert planning.largest(plan.expectation, plan.sizes) < planning.largest(naive, plan.sizes)
 
 
@@ -81,7 +81,7 @@ def test_a_second_round_is_made_for_what_is_left_open(plan):
     known = LawErrors(("offset", "radius_error"), np.diag(np.square([1e-3, 1e-4])))
     second = plan_drive(GEOMETRY, LIMITS, SLAM, known=known)
     model = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
-    drive = drive_to_measure(plan.strokes.speeds(40.0), RATE, SLAM, 0.06)
+    drive = drive_to_measure(plan.maneuvers.speeds(40.0), RATE, SLAM, 0.06)
     first = expected(model, with_extras(plan.values), [drive], SLAM, plan.knowledge.slip, known)
     assert planning.largest(second.expectation, plan.sizes) < 0.95 * planning.largest(first, plan.sizes)
     assert np.abs(second.twist[:, 1]).sum() > np.abs(plan.twist[:, 1]).sum()  # it spins more: D is open

@@ -1,4 +1,4 @@
-"""Tours within limits: spins of the lengths asked for, and legs that shrink."""
+"""Routes within limits: spins of the lengths asked for, and legs that shrink."""
 
 from dataclasses import replace
 
@@ -7,16 +7,16 @@ import pytest
 
 from trackslip.kinematics import RobotGeometry
 from trackslip.planning.limits import DriveLimits, first_knowledge
-from trackslip.planning.tour import STRAIGHT, Tour, drawn
+from trackslip.planning.route import STRAIGHT, Route, placed
 
 LIMITS = DriveLimits(max_speed=0.3, acceleration=0.5, area=(3.0, 3.0), duration=90.0)
 KNOWLEDGE = first_knowledge(RobotGeometry(0.168, 0.06))
-BACK_AND_FORTH = Tour(0, np.array([8, 0]), np.array([False, True]), np.full(2, STRAIGHT), 0.4, 3)
+BACK_AND_FORTH = Route(0, np.array([8, 0]), np.array([False, True]), np.full(2, STRAIGHT), 0.4, 3)
 
 
-def split(tour):
+def split(route):
     """Ways of the spins and of the legs, in order [m]."""
-    way = drawn(tour, LIMITS, KNOWLEDGE).strokes.way
+    way = placed(route, LIMITS, KNOWLEDGE).maneuvers.way
     straight = way[:, 0] == way[:, 1]
     return np.abs(way[~straight, 0]), np.abs(way[straight, 0])
 

@@ -1,4 +1,4 @@
-"""What an identification before tells of a robot: its law, how well that is known, and how much it slips besides."""
+"""Prior knowledge from an earlier identification: the law, its errors, and the slip that no law describes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _LEAST_SLIP = 1e-4  # [m/sqrt(m), rad/sqrt(m)]
 
 
 @dataclass(frozen=True)
-class Before:
-    """An identification that a plan goes on from."""
+class PriorIdentification:
+    """An earlier identification that a plan builds on."""
 
     geometry: RobotGeometry
     values: Array  # (q,) parameters of the law
@@ -30,10 +30,10 @@ class Before:
     knowledge: Knowledge
 
 
-def read_identification(path: str | Path, law: str) -> Before:
-    """Read what `identify` has stored in a folder, or in a summary.json, or a file of laws with their errors.
+def read_identification(path: str | Path, law: str) -> PriorIdentification:
+    """Read a folder of `identify`, its summary.json, or a file of laws with their errors.
 
-    Raises LogError if there is nothing of this law, or no error of any of its parameters.
+    Raises LogError if the law is missing, or has no standard error.
     """
     stored = read_stored(Path(path))
     if law not in stored.laws:
@@ -44,7 +44,9 @@ def read_identification(path: str | Path, law: str) -> Before:
         if not known.names:
             raise LogError(f"{stored.name}: no standard errors of the law {law} in it")
         np.linalg.cholesky(known.covariance)
-        return Before(stored.geometry, np.array([*stored.values(law).values()]), known, _knowledge(stored, law))
+        return PriorIdentification(
+            stored.geometry, np.array([*stored.values(law).values()]), known, _knowledge(stored, law)
+        )
     except LogError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, np.linalg.LinAlgError) as error:
@@ -53,13 +55,13 @@ def read_identification(path: str | Path, law: str) -> Before:
 
 
 def _errors(stored: StoredLaws, law: str) -> LawErrors:
-    """Errors of the law's parameters that are known."""
+    """Errors of those parameters of the law that the identification has fitted."""
     fit = stored.fit(law)
     return LawErrors.stored(fit) if fit.get("stderr") else LawErrors((), np.zeros((0, 0)))
 
 
 def _knowledge(stored: StoredLaws, law: str) -> Knowledge:
-    """What the laws tell of the robot's paths; of what they don't tell, what is usual."""
+    """What the laws say about the robot's paths, completed by typical values."""
     geometry = stored.geometry
     usual = first_knowledge(geometry)
     name = _PATH_LAW if _PATH_LAW in stored.laws else law

@@ -1,4 +1,4 @@
-"""Strokes: pieces of a drive from rest to rest, in which the speeds of the belts keep their ratio."""
+"""Maneuvers: pieces of a drive from rest to rest, in which the speeds of the belts keep their ratio."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from trackslip.kinematics import Array
 from trackslip.planning.limits import DriveLimits
 
 RATE = 50.0
-"""Commands per second; strokes take multiples of its period [Hz]."""
+"""Commands per second; maneuvers take multiples of its period [Hz]."""
 TURNING = 0.65
 """Largest yaw rate, as a share of the fastest spin's [-]: the ICRs of real tracks move outwards with the yaw rate, so
 that faster spins would tell the law of another kind of driving than usual."""
-_LEAST = 1e-9  # way of a stroke that counts [m]
+_LEAST = 1e-9  # way of a maneuver that counts [m]
 
 
 @dataclass(frozen=True)
-class Strokes:
+class Maneuvers:
     """Ways of the belts, and the times that they take within the limits."""
 
     way: Array  # (n, 2) of the left and the right belt, negative backwards [m]
@@ -26,8 +26,8 @@ class Strokes:
     acceleration: float  # [m/s^2]
 
     @classmethod
-    def of(cls, way: Array, limits: DriveLimits) -> Strokes:
-        """The fastest strokes (n, 2) within the limits; strokes without any way are left out."""
+    def of(cls, way: Array, limits: DriveLimits) -> Maneuvers:
+        """The fastest maneuvers (n, 2) within the limits; maneuvers without any way are left out."""
         way = way[np.abs(way).max(axis=1, initial=0.0) > _LEAST]
         return cls(way, durations(way, limits), limits.acceleration)
 
@@ -37,7 +37,7 @@ class Strokes:
         return float(self.duration.sum())
 
     def speeds(self, duration: float) -> Array:
-        """Speeds (T, 2) of the belts, mean over each period, until `duration` [s]; at rest after the last stroke.
+        """Speeds (T, 2) of the belts, mean over each period, until `duration` [s]; at rest after the last maneuver.
 
         The means of a speed within the limits are within them, too, and so are their differences.
         """
@@ -51,7 +51,7 @@ class Strokes:
         return np.asarray(np.diff(before[k] + share * self.way[k], axis=0) * RATE)
 
     def _driven(self, into: Array, k: np.ndarray) -> Array:
-        """Way (T,) of the faster belt at the time `into` (T,) the strokes `k` (T,): a trapezoid of speed."""
+        """Way (T,) of the faster belt at the time `into` (T,) the maneuvers `k` (T,): a trapezoid of speed."""
         a, whole, length = self.acceleration, self.duration[k], np.abs(self.way).max(axis=1)[k]
         peak = (a * whole - np.sqrt(np.maximum((a * whole) ** 2 - 4 * a * length, 0.0))) / 2
         ramp = peak / a
@@ -61,7 +61,7 @@ class Strokes:
 
 
 def durations(way: Array, limits: DriveLimits) -> Array:
-    """Shortest times (n,), in whole periods, of strokes with ways (n, 2) of the belts [m], from rest to rest [s]."""
+    """Shortest times (n,), in whole periods, of maneuvers with ways (n, 2) of the belts [m], from rest to rest [s]."""
     length = np.abs(way).max(axis=1)
     turn = np.abs(way[:, 1] - way[:, 0])
     v = limits.max_speed * np.minimum(1.0, 2 * TURNING * np.maximum(length, _LEAST) / np.maximum(turn, _LEAST))

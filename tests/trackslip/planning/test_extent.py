@@ -10,13 +10,13 @@ import pytest
 from sim.wander.motion import LawMotion, SlipVariation
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.planning.limits import DriveLimits, first_knowledge
-from trackslip.planning.place import path, places
-from trackslip.planning.strokes import RATE, Strokes
+from trackslip.planning.maneuvers import RATE, Maneuvers
+from trackslip.planning.route import extent, path
 from trackslip.slip.icr import ConstantIcr
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(0.3, 0.5, (3.0, 3.0), 60.0)
-STROKES = Strokes.of(np.array([[2.0, 2.0], [-0.5, 0.5], [1.0, 1.5], [-1.5, -1.5], [0.4, -0.4], [2.0, 2.0]]), LIMITS)
+MANEUVERS = Maneuvers.of(np.array([[2.0, 2.0], [-0.5, 0.5], [1.0, 1.5], [-1.5, -1.5], [0.4, -0.4], [2.0, 2.0]]), LIMITS)
 EXACT = replace(first_knowledge(GEOMETRY), reach_doubt=0.0, radius_doubt=0.0, pull=0.0)
 
 
@@ -24,15 +24,15 @@ def test_a_path_is_that_of_the_law():
     law = ConstantIcr(0.05, 0.168, 0.01)
     pose = np.array([0.0, 0.0, 0.3])
     ends = [pose]
-    for way in STROKES.way:
+    for way in MANEUVERS.way:
         pose = advance(pose, law.twist(way / 0.06, GEOMETRY), 1.0)
         ends.append(pose)
-    x, y = path(STROKES, 0.3, np.array([[0.218, 1.01, 1.01]]))
+    x, y = path(MANEUVERS, 0.3, np.array([[0.218, 1.01, 1.01]]))
     np.testing.assert_allclose(np.column_stack([x[0, ::8], y[0, ::8]]), np.array(ends)[:, :2], atol=1e-12)
 
 
 def test_the_margin_is_three_and_a_half_standard_deviations_of_slip():
-    omega = np.concatenate([np.zeros((1, 2)), STROKES.speeds(STROKES.total)]) / 0.06
+    omega = np.concatenate([np.zeros((1, 2)), MANEUVERS.speeds(MANEUVERS.total)]) / 0.06
     law = ConstantIcr(EXACT.offset, 0.168)
     rng = np.random.default_rng(0)
     slip = (0.004, 0.004, 0.01)
@@ -44,8 +44,8 @@ def test_the_margin_is_three_and_a_half_standard_deviations_of_slip():
         ends.append(motion.pose[:, :2])
     real = np.array(ends)
     spread, mean = real.std(axis=0), real.mean(axis=0)
-    exactly = places(STROKES, 0.0, replace(EXACT, slip=(1e-9, 1e-9, 1e-9)))
-    found = places(STROKES, 0.0, known)
+    exactly = extent(MANEUVERS, 0.0, replace(EXACT, slip=(1e-9, 1e-9, 1e-9)))
+    found = extent(MANEUVERS, 0.0, known)
     for side, sign in (("high", 1), ("low", -1)):
         margin = sign * (getattr(found, side) - getattr(exactly, side))
         real = (sign * mean + 3.5 * spread).max(axis=0) - (sign * mean).max(axis=0)
@@ -54,7 +54,7 @@ def test_the_margin_is_three_and_a_half_standard_deviations_of_slip():
 
 def test_the_margin_grows_with_what_is_not_known():
     sizes = [
-        places(STROKES, 0.0, replace(EXACT, **{name: value})).size
+        extent(MANEUVERS, 0.0, replace(EXACT, **{name: value})).size
         for name, value in (("pull", 0.0), ("pull", 0.02), ("reach_doubt", 0.2), ("radius_doubt", 0.05))
     ]
     assert all((size >= sizes[0]).all() and size.max() > 1.01 * sizes[0].max() for size in sizes[1:])
@@ -65,16 +65,16 @@ def test_every_law_that_the_robot_may_have_stays_inside(index):
     """By arcs driven bit by bit, and it would not if the area were the expected law's."""
     known = replace(first_knowledge(GEOMETRY), pull=0.01, slip=(1e-9, 1e-9, 1e-9))
     reach, *scale = known.extremes[index]
-    pose, places_of_law = np.zeros(3), []
-    for way in STROKES.way:
+    pose, reached = np.zeros(3), []
+    for way in MANEUVERS.way:
         left, right = way * scale / 20
         for _ in range(20):
             pose = advance(pose, np.array([(left + right) / 2, (right - left) / (2 * reach)]), 1.0)
-            places_of_law.append(pose[:2])
-    at = np.array(places_of_law)
-    found = places(STROKES, 0.0, known)
+            reached.append(pose[:2])
+    at = np.array(reached)
+    found = extent(MANEUVERS, 0.0, known)
     assert (found.low <= at.min(axis=0) + 1e-3).all()
     assert (at.max(axis=0) <= found.high + 1e-3).all()
     if index:
-        expected = places(STROKES, 0.0, replace(known, reach_doubt=0.0, radius_doubt=0.0, pull=0.0))
+        expected = extent(MANEUVERS, 0.0, replace(known, reach_doubt=0.0, radius_doubt=0.0, pull=0.0))
         assert (at.min(axis=0) < expected.low).any() or (at.max(axis=0) > expected.high).any()
