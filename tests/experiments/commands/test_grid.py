@@ -124,26 +124,6 @@ def test_a_robot_too_heavy_for_its_motors_is_told_so(trackslip, tmp_path):
     assert warning in result.printed
 
 
-def test_a_grid_among_posts_remembers_them(trackslip):
-    found = trackslip("grid", *SHORT, "--obstacles", "posts", "--scanner.quantisation", "0.01")
-    assert len(found.manifest["obstacles"]["posts"]) == 5
-    assert found.manifest["config"]["obstacles"] == "posts"
-    assert found.manifest["config"]["scanner"]["quantisation"] == 0.01
-    assert found.summary["localization"]["valid_fraction"] > 0.5
-
-
-@pytest.mark.slow
-def test_a_sweep_over_shear_is_each_grid_alone(trackslip, tmp_path):
-    swept = trackslip("grid", *SHEAR, "--vary", "ground.shear=0,0.01", "--out", str(tmp_path / "both"))
-    hard = trackslip("grid", *SHEAR, "--out", str(tmp_path / "hard"))
-    soft = trackslip("grid", *SHEAR, "--ground.shear", "0.01", "--out", str(tmp_path / "soft"))
-    both, *alone = (read_runs(one.folder / "runs.parquet") for one in (swept, hard, soft))
-    for one, (other,) in zip(both, alone, strict=True):
-        np.testing.assert_array_equal(one.truth.pose, other.truth.pose)
-    assert both[1].metadata["ground"]["shear"] == 0.01
-    assert np.abs(both[0].truth.pose[-1] - both[1].truth.pose[-1]).max() > 1e-3
-
-
 @pytest.mark.slow
 def test_recordings_show_how_far_the_ground_gives_way(trackslip):
     result = trackslip("grid", *SHEAR, "--ground", "clay", "--rrd")

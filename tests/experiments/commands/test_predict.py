@@ -19,12 +19,6 @@ def test_the_default_is_the_simulated_robot(robot, trackslip):
     assert predicted.offset == pytest.approx(0.0445, abs=0.0005)
 
 
-def test_slip_depends_on_the_shape_only(trackslip):
-    sizes = ((), ("--half-gauge", "0.336", "--contact-length", "0.68"))
-    small, large = (load_laws(trackslip("predict", *size).folder)["icr_radius"].offset for size in sizes)
-    assert large == pytest.approx(2 * small)
-
-
 def test_on_ground_that_shears_slip_depends_on_radius_and_load(trackslip):
     result = trackslip("predict", "--shear", "0.01", "--slope", "0.174533", "--radii", "0.606", "2.938")
     summary = result.summary

@@ -34,18 +34,6 @@ def test_each_driving_in_the_simulator(trackslip, driving):
     assert f"trackslip identify {result.folder}" in result.printed
 
 
-def test_motion_by_a_law_follows_it(trackslip):
-    options = ("--law.offset", "0.03", "--law.radius-error", "0.02", "--law.slip", "none")
-    result = trackslip("wander", *LAW, *options, "--source", "mocap")
-    (log,) = read_runs(result.folder / "runs.parquet")
-    v, lateral, w = log.truth.twist.T
-    left = (v - (0.168 + 0.03) * w) / 1.02
-    rows = np.isin(log.time, np.arange(1001) / 50)
-    np.testing.assert_allclose(left[rows], 0.06 * log.omega[rows, 0], atol=0.06 * 50 * 2 * np.pi / 100_000)
-    np.testing.assert_array_equal(lateral, 0.0)
-    assert log.metadata["law"]["offset"] == 0.03
-
-
 def test_a_drive_does_not_depend_on_how_many_there_are(trackslip, tmp_path):
     logs = [
         read_runs(trackslip("wander", *LAW, "--drives", count, "--out", str(tmp_path / count)).folder / "runs.parquet")

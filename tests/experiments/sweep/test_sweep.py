@@ -1,5 +1,9 @@
-"""`trackslip grid` over axes: rows, bits, scans, and choosing runs."""
+"""`trackslip grid` over axes: rows, ids, scans, choosing runs, and the same wherever it is driven."""
 
+import json
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from sweeps import ONE, SHORT, SWEEP, logs
 
+from experiments.commands.grid import PARTS
 from experiments.commands.reproduce import Config as ReproduceConfig
 from experiments.driving.grid_runs import drive_grid
 from experiments.driving.world import World
@@ -91,8 +96,45 @@ def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused):
     assert len(chosen(Path(folder), ["friction_ratio=1", "radius=0.6"])) == 4
 
 
-def test_runs_that_were_chosen_but_failed_are_named(trackslip, refused):
-    folder = trackslip("grid", *SHORT, "--vary", "slope=0,0.9", "random_phase=true,false").folder
-    assert len(chosen(folder, ["random_phase=true", "slope=0"])) == 2
-    message = "none of the 4 chosen run(s) is there: they failed"
-    assert message in refused("identify", str(folder), "--where", "slope=0.9")
+def test_two_processes_killed_and_resumed(trackslip, tmp_path):
+    vary = ("--vary", "scanner.noise=0.001,0.002,0.003,0.004")
+    whole = trackslip("grid", *SHORT, *vary, "--out", str(tmp_path / "whole")).folder
+    out = tmp_path / "killed"
+    arguments = ("grid", *SHORT[:-1], "processes", "--jobs", "2", *vary, "--out", str(out))
+    command = [sys.executable, "-m", "experiments", *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while not list((out / PARTS).glob("*.json")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    same_bytes(whole, out)
+
+
+def same_bytes(one, other):
+    for name in ("runs.parquet", "table.parquet"):
+        assert (one / name).read_bytes() == (other / name).read_bytes(), name
+    assert not (other / PARTS).exists()
+    summaries = [json.loads((folder / "summary.json").read_text()) for folder in (one, other)]
+    assert summaries[0]["runs"] == summaries[1]["runs"]
+
+
+def test_a_dask_cluster_gives_the_same(trackslip, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    arguments = ("grid", *SHORT[:-2], "--vary", "scanner.noise=0.001,0.002")
+    whole = trackslip(*arguments, "--executor", "inline", "--out", str(tmp_path / "whole")).folder
+    with distributed.LocalCluster(
+        1, processes=False, threads_per_worker=1, dashboard_address="127.0.0.1:0", protocol="tcp"
+    ) as cluster:
+        address = cluster.scheduler_address
+        result = trackslip(
+            *arguments, "--executor", f"dask://{address.removeprefix('tcp://')}", "--out", str(tmp_path / "dask")
+        )
+    same_bytes(whole, result.folder)
+
+
+def test_no_scheduler(refused, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("experiments.parallel._CONNECT_TIMEOUT", 1)
+    assert "no scheduler answers there" in refused("grid", *SHORT[:-2], "--executor", "dask://127.0.0.1:1")
