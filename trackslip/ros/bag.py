@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -27,7 +27,7 @@ from trackslip.ros.readers import Channel, read_file
 
 _SPLIT = re.compile(r"(.*?)(?:_\d{4}(?:-\d\d){5})?_(\d+)")  # name and number of a part, perhaps with a date
 _MAX_PAUSE = 2.0  # time between the parts of a bag [s]
-_SHOWN = 12  # topics in a message
+_SHOWN = 12  # names in a message
 
 
 class Message(NamedTuple):
@@ -100,13 +100,21 @@ class Bag:
         arrivals = [topic.arrival for topic in self.topics.values()]
         return min(int(one[0]) for one in arrivals), max(int(one[-1]) for one in arrivals)
 
-    def topic(self, name: str) -> Topic:
-        """A topic; raises LogError that lists the topics if there is none of the name."""
+    def topic(self, name: str, kind: str | None = None) -> Topic:
+        """A topic; raises LogError if there is none of the name, with a list, or its messages aren't of the type."""
         bare = name.strip("/")
         found = self.topics.get(name) or self.topics.get(f"/{bare}") or self.topics.get(bare)
         if found is None:
-            raise LogError(f"{self.path}: it has no topic {name!r}; its topics are {self.listed(self.topics)}")
+            raise LogError(f"{self.path}: it has no topic {name!r}; its topics are {self.listed()}")
+        if kind not in (None, found.type):
+            raise LogError(f"{self.path}: topic {found.name} has messages of {found.type}, needs {kind}")
         return found
+
+    def only(self, names: Sequence[str], what: str, option: str) -> str:
+        """The only one of the names; LogError, which asks for the option, if there are several."""
+        if len(names) > 1:
+            raise LogError(f"{self.path}: {what} may be {', '.join(names)}: choose with {option}")
+        return names[0]
 
     def of_type(self, *types: str) -> list[Topic]:
         """The topics whose messages have one of the types, given as `sensor_msgs/msg/JointState`."""
@@ -142,11 +150,15 @@ class Bag:
         """The first messages of a topic that can be decoded, at most `most`; next to nothing else is read."""
         return list(islice(self.messages(topic), min(most, self.topic(topic).count)))
 
-    @staticmethod
-    def listed(topics: dict[str, Topic]) -> str:
+    def listed(self) -> str:
         """The first topics with their types, for a message."""
-        more = f", ... ({len(topics)} of them)" if len(topics) > _SHOWN else ""
-        return ", ".join(f"{name} ({topic.type})" for name, topic in list(topics.items())[:_SHOWN]) + more
+        return listed([f"{name} ({topic.type})" for name, topic in self.topics.items()])
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first of some names, for a message."""
+    more = f", ... ({len(names)} of them)" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN] or ["none"]) + more
 
 
 def open_bag(path: str | Path) -> Bag:

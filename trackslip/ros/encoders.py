@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import re
-from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.ros import angles
-from trackslip.ros.bag import Bag, Topic
-from trackslip.ros.choice import AUTOMATIC, BagChoice
-from trackslip.ros.joints import known_joints, listed, sides
+from trackslip.ros import joint_angles
+from trackslip.ros.bag import Bag, listed
+from trackslip.ros.choice import AUTOMATIC, SIDES, BagChoice
+from trackslip.ros.joints import Sides, encoder_topic
 from trackslip.ros.stamps import ascending, clock_parts, seconds
-from trackslip.ros.wheels import side_turns
 
-JOINT_STATE = "sensor_msgs/msg/JointState"
-_COMMANDS = re.compile(r"command|cmd|desired|target|setpoint|reference|goal", re.IGNORECASE)
 _MAX_ANGLE = 1e9  # larger ones aren't measured [rad]
-_LOOKED_AT = 100  # messages whose joints are looked at to choose a topic
 
 
 @dataclass(frozen=True)
@@ -28,8 +22,7 @@ class Encoders:
     """Readings of the encoders, all by one clock."""
 
     topic: str
-    joints: tuple[tuple[str, ...], tuple[str, ...]]
-    """Names of the joints on the left and on the right."""
+    joints: Sides
     stamp: np.ndarray
     """(T,) int: stamps in the headers, ascending [ns]."""
     delay: float
@@ -37,44 +30,11 @@ class Encoders:
     omega: Array
     """(T, 2): sprocket speeds, mean since the previous reading, the first as the second [rad/s]."""
 
-
-@dataclass(frozen=True)
-class _Joint:
-    """What messages say of a joint."""
-
-    row: np.ndarray  # (n,) of the messages that name it
-    position: Array  # (n,) [rad]; NaN if not stated
-    velocity: Array  # (n,) [rad/s]; NaN if not stated
-
-
-def encoder_topic(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[Topic, tuple[tuple[str, ...], tuple[str, ...]]]:
-    """The topic with the encoders, and the joints on the left and on the right.
-
-    Raises LogError if the choice doesn't fit the bag, or leaves a doubt: the message lists what there is.
-    """
-    if choice.encoders is not None:
-        topic = bag.topic(choice.encoders)
-        if topic.type != JOINT_STATE:
-            raise LogError(f"{bag.path}: topic {topic.name} has messages of {topic.type}, needs {JOINT_STATE}")
-        return topic, _joints(bag, topic, choice)
-    topics = bag.of_type(JOINT_STATE)
-    if not topics:
-        raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}; its topics are {bag.listed(bag.topics)}")
-    fitting, reasons = [], []
-    for topic in topics:
-        try:
-            fitting.append((topic, _joints(bag, topic, choice)))
-        except LogError as error:
-            reasons.append(str(error))
-    if not fitting:
-        raise LogError(reasons[0])
-    measured = [one for one in fitting if not _COMMANDS.search(one[0].name)] or fitting
-    usual = [one for one in measured if one[0].name.rpartition("/")[2] == "joint_states"] or measured
-    usual = [one for one in usual if one[0].name.strip("/") == "joint_states"] or usual
-    if len(usual) > 1:
-        names = ", ".join(topic.name for topic, _ in usual)
-        raise LogError(f"{bag.path}: encoders may be {names}: choose with --encoders TOPIC")
-    return usual[0]
+    @property
+    def taken(self) -> str:
+        """What was taken of the bag, for a message."""
+        left, right = (", ".join(side) for side in self.joints)
+        return f"encoders: {self.topic}, left {left}, right {right}"
 
 
 def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | None = None) -> list[Encoders]:
@@ -85,137 +45,89 @@ def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | No
     """
     notes = [] if notes is None else notes
     topic, joints = encoder_topic(bag, choice)
-    stamp, arrival, told = _messages(bag, topic, notes)
-    for side, names in zip(("left", "right"), joints, strict=True):
-        known_joints(names, list(told), side, topic.name)
-    signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in ("left", "right")])
+    stamp, arrival, readings = _readings(bag, topic.name, joints, notes)
+    signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in SIDES])
     found = []
-    used = np.unique(np.concatenate([told[name].row for side in joints for name in side]))
-    for part in clock_parts(topic.name, stamp[used], arrival[used], notes):
-        rows = used[part]
-        one = _speeds(topic.name, stamp, rows, joints, told, notes)
-        if one is not None:
+    for rows in clock_parts(topic.name, stamp, arrival, notes):
+        names = [name for side in joints for name in side]
+        angles = _angles(topic.name, names, stamp[rows], readings[rows], notes)
+        common = _common(angles)
+        if len(common) > 1:
+            first = int(common[0])
+            time = seconds(common, first)
+            turns = {name: np.diff(np.interp(time, seconds(at, first), angle)) for name, (at, angle) in angles.items()}
+            sides = [joint_angles.side_turns(topic.name, side, turns, notes) for side in joints]
+            omega = np.stack(sides, axis=-1) / np.diff(time)[:, None] * signs
             delay = float(np.median(arrival[rows] - stamp[rows])) / 1e9
-            found.append(Encoders(topic.name, joints, one[0], delay, one[1] * signs))
+            found.append(Encoders(topic.name, joints, common, delay, np.concatenate([omega[:1], omega])))
     if not found:
         raise LogError(f"{bag.path}: topic {topic.name}: fewer than 2 messages with the joints chosen")
     return found
 
 
-def _joints(bag: Bag, topic: Topic, choice: BagChoice) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The joints chosen, or those whose names tell; LogError if there are none."""
-    names: dict[str, None] = {}
-    for message in bag.first(topic.name, _LOOKED_AT):
-        names |= dict.fromkeys(message.content.name)
-    if choice.left is not None and choice.right is not None:
-        return choice.left, choice.right
-    found = sides(list(names))
-    if found is None:
-        raise LogError(
-            f"{bag.path}: topic {topic.name}: which of its joints are left and right? It has {listed(list(names))}: "
-            "choose with --left NAMES --right NAMES"
-        )
-    return found
+def _readings(bag: Bag, topic: str, joints: Sides, notes: list[str]) -> tuple[np.ndarray, np.ndarray, Array]:
+    """Stamps and arrivals (N,) [ns] of the messages with any of J joints, and what they state of these (N, J, 3).
+
+    That is whether the joint is named, its position [rad] and its velocity [rad/s], NaN where not stated. Raises
+    LogError for a joint that no message names.
+    """
+    chosen = [name for side in joints for name in side]
+    known: dict[str, None] = {}
+    times, rows = [], []
+    for message in bag.messages(topic, notes=notes):
+        names, *fields = message.content.name, message.content.position, message.content.velocity
+        known |= dict.fromkeys(names)
+        stated = [values if len(values) == len(names) else np.full(len(names), np.nan) for values in fields]
+        of_name = {name: (1.0, *values) for name, *values in zip(names, *stated, strict=True)}
+        if not of_name.keys().isdisjoint(chosen):
+            times.append((message.stamp, message.arrival))
+            rows.append([of_name.get(name, (0.0, np.nan, np.nan)) for name in chosen])
+    for side, of_side in zip(SIDES, joints, strict=True):
+        for name in of_side:
+            if name not in known:
+                raise LogError(f"{side} = {name!r}: topic {topic} has no such joint; its joints are {listed([*known])}")
+    stamp, arrival = np.array(times, np.int64).T
+    readings = np.array(rows, float)
+    return stamp, arrival, np.where(np.abs(readings) <= _MAX_ANGLE, readings, np.nan)
 
 
-def _messages(bag: Bag, topic: Topic, notes: list[str]) -> tuple[np.ndarray, np.ndarray, dict[str, _Joint]]:
-    """Stamps and arrivals (N,) [ns] of the messages, and what they say of each joint."""
-    stamps, arrivals = [], []
-    layouts: dict[tuple[str, ...], list[tuple[int, Array, Array]]] = defaultdict(list)
-    for k, message in enumerate(bag.messages(topic.name, notes=notes)):
-        content = message.content
-        stamps.append(message.stamp)
-        arrivals.append(message.arrival)
-        layouts[tuple(content.name)].append((k, content.position, content.velocity))
-    joints: dict[str, list[tuple[np.ndarray, Array, Array]]] = defaultdict(list)
-    for names, told in layouts.items():
-        rows = np.array([row for row, *_ in told])
-        position = _block([one[1] for one in told], len(names))
-        velocity = _block([one[2] for one in told], len(names))
-        for place, name in enumerate(names):
-            joints[name].append((rows, position[:, place], velocity[:, place]))
-    merged = {}
-    for name, parts in joints.items():
-        rows, position, velocity = (np.concatenate(part) for part in zip(*parts, strict=True))
-        merged[name] = _Joint(rows, position, velocity)
-    return np.array(stamps, np.int64), np.array(arrivals, np.int64), merged
-
-
-def _block(values: list[Array], width: int) -> Array:
-    """Values (n, width); NaN where absurd, and in rows of another width, which state nothing."""
-    block = np.array([row if len(row) == width else np.full(width, np.nan) for row in values]).reshape(-1, width)
-    return np.where(np.abs(block) <= _MAX_ANGLE, block, np.nan)
-
-
-def _speeds(
-    topic: str,
-    stamp: np.ndarray,
-    rows: np.ndarray,
-    joints: tuple[tuple[str, ...], tuple[str, ...]],
-    told: dict[str, _Joint],
-    notes: list[str],
-) -> tuple[np.ndarray, Array] | None:
-    """Stamps (T,) [ns] and mean speeds (T, 2) of both sides; None if there are fewer than two readings."""
-    chosen = {}
-    for name in (name for side in joints for name in side):
-        there = _within(told[name], rows, len(stamp))
-        kept = ascending(topic, stamp[there.row], notes)
-        chosen[name] = _Joint(there.row[kept], there.position[kept], there.velocity[kept])
-    if min(len(joint.row) for joint in chosen.values()) < 2:
-        return None
-    by_position = all(angles.has_positions(joint.position, joint.velocity) for joint in chosen.values())
-    origin = int(stamp[rows].min())
-    turned: dict[str, tuple[np.ndarray, Array]] = {}
-    for name, joint in chosen.items():
-        values = joint.position if by_position else joint.velocity
-        if not by_position and not angles.has_velocities(values):
-            raise LogError(f"topic {topic}: joint {name} states neither positions nor velocities")
+def _angles(
+    topic: str, names: list[str], stamp: np.ndarray, readings: Array, notes: list[str]
+) -> dict[str, tuple[np.ndarray, Array]]:
+    """Stamps (n,) [ns] and angles (n,) [rad] of each joint by name; empty if one has fewer than two readings."""
+    of_joint = {}
+    for name, values in zip(names, readings.swapaxes(0, 1), strict=True):
+        named = np.flatnonzero(values[:, 0])
+        rows = named[ascending(topic, stamp[named], notes)]
+        of_joint[name] = stamp[rows], values[rows, 1], values[rows, 2]
+    if min(len(at) for at, *_ in of_joint.values()) < 2:
+        return {}
+    by_position = all(joint_angles.has_positions(position, velocity) for _, position, velocity in of_joint.values())
+    angles = {}
+    for name, (at, position, velocity) in of_joint.items():
+        joint = f"topic {topic}: joint {name}"
+        values = position if by_position else velocity
         known = np.isfinite(values)
+        if not by_position and known.mean() <= 0.5:
+            raise LogError(f"{joint} states neither positions nor velocities")
         if not known.all():
             what = "position" if by_position else "velocity"
-            notes.append(f"topic {topic}: joint {name}: {(~known).sum()} messages without a {what} left out")
-        at = stamp[joint.row[known]]
-        time = seconds(at, origin)
+            notes.append(f"{joint}: {(~known).sum()} messages without a {what} left out")
+        time = seconds(at[known], int(stamp.min()))
         if by_position:
-            angle, leaps = angles.from_positions(time, values[known], joint.velocity[known])
-            if leaps:
-                notes.append(f"topic {topic}: joint {name}: its position leaps {leaps} time(s): bridged")
-            ratio = angles.speed_ratio(time, angle, joint.velocity[known])
-            if np.isfinite(ratio) and not angles.LIKE[0] < ratio < angles.LIKE[1]:
-                line = f"its positions turn {ratio:.3g} times as fast as its velocities say: positions are taken"
-                notes.append(f"topic {topic}: joint {name}: {line}")
+            angle = joint_angles.from_positions(joint, time, position[known], velocity[known], notes)
         else:
-            angle = angles.from_velocities(time, values[known])
-        turned[name] = at, angle
+            angle = joint_angles.from_velocities(time, velocity[known])
+        angles[name] = at[known], angle
     if not by_position:
         notes.append(f"topic {topic}: speeds are its velocities, because it states no positions")
-    return _sides(topic, turned, joints, notes)
+    return angles
 
 
-def _within(joint: _Joint, rows: np.ndarray, count: int) -> _Joint:
-    """What is said of a joint in `rows` alone, in their order; `count` is the number of all messages."""
-    place = np.full(count, -1)
-    place[joint.row] = np.arange(len(joint.row))
-    kept = place[rows]
-    kept = kept[kept >= 0]
-    return _Joint(joint.row[kept], joint.position[kept], joint.velocity[kept])
-
-
-def _sides(
-    topic: str,
-    turned: dict[str, tuple[np.ndarray, Array]],
-    joints: tuple[tuple[str, ...], tuple[str, ...]],
-    notes: list[str],
-) -> tuple[np.ndarray, Array] | None:
-    """Mean speeds (T, 2) between the readings of the joint that has most, where all joints have some."""
-    at = max((stamps for stamps, _ in turned.values()), key=len)
-    first = max(int(stamps[0]) for stamps, _ in turned.values())
-    last = min(int(stamps[-1]) for stamps, _ in turned.values())
-    at = at[(at >= first) & (at <= last)]
-    if len(at) < 2:
-        return None
-    time = seconds(at, first)
-    turns = {name: np.diff(np.interp(time, seconds(stamps, first), angle)) for name, (stamps, angle) in turned.items()}
-    mean = np.stack([side_turns(topic, side, turns, notes) for side in joints], axis=-1)
-    omega = mean / np.diff(time)[:, None]
-    return at, np.concatenate([omega[:1], omega])
+def _common(angles: dict[str, tuple[np.ndarray, Array]]) -> np.ndarray:
+    """Stamps (T,) [ns] of the joint that has most, where all joints have some."""
+    stamps = [at for at, _ in angles.values()]
+    if not stamps:
+        return np.empty(0, np.int64)
+    most = max(stamps, key=len)
+    return most[(most >= max(at[0] for at in stamps)) & (most <= min(at[-1] for at in stamps))]

@@ -1,4 +1,4 @@
-"""Which joints drive the left and the right side, by their names."""
+"""Which topic has the encoders, and which of its joints drive the left and the right side, by their names."""
 
 from __future__ import annotations
 
@@ -6,41 +6,74 @@ import re
 from collections.abc import Sequence
 
 from trackslip.errors import LogError
+from trackslip.ros.bag import Bag, Topic, listed
+from trackslip.ros.choice import AUTOMATIC, BagChoice
 
+JOINT_STATE = "sensor_msgs/msg/JointState"
+Sides = tuple[tuple[str, ...], tuple[str, ...]]
+"""Names of the joints on the left and on the right."""
+_COMMANDS = re.compile(r"command|cmd|desired|target|setpoint|reference|goal", re.IGNORECASE)
+_LOOKED_AT = 100  # messages whose joints are looked at to choose a topic
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 _DRIVES = re.compile(r"wheel|track|sprocket|belt|crawler|whl", re.IGNORECASE)
 _OTHERS = {"arm", "hip", "pan", "tilt", "head", "neck", "knee", "ankle", "calf"}
 _OTHERS_BEGIN = ("steer", "caster", "castor", "flipper", "finger", "gripper", "shoulder", "elbow", "wrist", "thigh")
 _LEFT = {"left", "l", "fl", "lf", "rl", "lr", "bl", "lb", "ml", "lm", "cl", "lc", "lh", "lhs"}
 _RIGHT = {"right", "r", "fr", "rf", "rr", "br", "rb", "mr", "rm", "cr", "rc", "rh", "rhs"}
-_SHOWN = 12  # joints in a message
 
 
-def sides(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+def encoder_topic(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[Topic, Sides]:
+    """The topic with the encoders, and its joints on the left and on the right.
+
+    Raises LogError if the choice doesn't fit the bag, or leaves a doubt: the message lists what there is.
+    """
+    if choice.encoders is not None:
+        topic = bag.topic(choice.encoders, JOINT_STATE)
+        return topic, _joints(bag, topic, choice)
+    topics = bag.of_type(JOINT_STATE)
+    if not topics:
+        raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}; its topics are {bag.listed()}")
+    fitting: dict[str, tuple[Topic, Sides]] = {}
+    refused = []
+    for topic in topics:
+        try:
+            fitting[topic.name] = topic, _joints(bag, topic, choice)
+        except LogError as error:
+            refused.append(error)
+    if not fitting:
+        raise refused[0]
+    names = sorted(fitting)
+    names = [name for name in names if not _COMMANDS.search(name)] or names
+    names = [name for name in names if name.rpartition("/")[2] == "joint_states"] or names
+    names = [name for name in names if name.strip("/") == "joint_states"] or names
+    return fitting[bag.only(names, "encoders", "--encoders TOPIC")]
+
+
+def _joints(bag: Bag, topic: Topic, choice: BagChoice) -> Sides:
+    """The joints chosen, or those whose names tell; LogError if there are none."""
+    if choice.left is not None and choice.right is not None:
+        return choice.left, choice.right
+    names = [*dict.fromkeys(name for message in bag.first(topic.name, _LOOKED_AT) for name in message.content.name)]
+    found = sides(names)
+    if found is None:
+        raise LogError(
+            f"{bag.path}: topic {topic.name}: which of its joints are left and right? It has {listed(names)}: "
+            "choose with --left NAMES --right NAMES"
+        )
+    return found
+
+
+def sides(names: Sequence[str]) -> Sides | None:
     """Names of the driven joints on the left and on the right; None if the names don't tell.
 
     Joints whose names speak of wheels or tracks come before others, and arms, steering and the like don't count.
     """
-    candidates = [name for name in names if not _other(_words(name))]
-    driven = [name for name in candidates if _DRIVES.search(name)]
-    for some in (driven, candidates):
-        left = tuple(name for name in some if _side(name) == "left")
-        right = tuple(name for name in some if _side(name) == "right")
+    candidates = [name for name in names if not any(map(_drives_neither, _words(name)))]
+    for some in ([name for name in candidates if _DRIVES.search(name)], candidates):
+        left, right = (tuple(name for name in some if _side(name) == side) for side in ("left", "right"))
         if left and len(left) == len(right):
             return left, right
     return None
-
-
-def known_joints(chosen: Sequence[str], names: Sequence[str], side: str, topic: str) -> None:
-    """Raise LogError if joints were chosen that the topic hasn't."""
-    for name in chosen:
-        if name not in names:
-            raise LogError(f"{side} = {name!r}: topic {topic} has no such joint; its joints are {listed(names)}")
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names of joints for a message."""
-    return ", ".join(names[:_SHOWN] or ["none"]) + (f", ... ({len(names)} of them)" if len(names) > _SHOWN else "")
 
 
 def _side(name: str) -> str:
@@ -52,10 +85,10 @@ def _side(name: str) -> str:
 
 
 def _words(name: str) -> set[str]:
-    """The words in a name, in lower case: of front_leftWheel2 front, left and wheel."""
+    """The words in a name, in lower case: front, left and wheel of front_leftWheel2."""
     return {word.lower() for word in _WORDS.findall(name)}
 
 
-def _other(words: set[str]) -> bool:
-    """Whether words speak of a joint that drives neither side."""
-    return bool(words & _OTHERS) or any(word.startswith(_OTHERS_BEGIN) for word in words)
+def _drives_neither(word: str) -> bool:
+    """Whether a word speaks of a joint that drives neither side."""
+    return word in _OTHERS or word.startswith(_OTHERS_BEGIN)

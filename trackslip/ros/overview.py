@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from trackslip.errors import LogError
 from trackslip.ros.bag import Bag
 from trackslip.ros.choice import BagChoice
-from trackslip.ros.encoders import encoder_topic
+from trackslip.ros.joints import encoder_topic
 from trackslip.ros.pose_sources import RANKS, chosen_source, known_source, pose_sources
 from trackslip.ros.scans import LASER_SCAN, scan_topic
 

@@ -75,12 +75,10 @@ def chosen_source(bag: Bag) -> PoseSource:
     sources = pose_sources(bag)
     if not sources:
         needed = f"no topic of {', '.join(POSE_TYPES)}, and no transforms of a robot in a fixed frame"
-        raise LogError(f"{bag.path}: no poses: {needed}; its topics are {bag.listed(bag.topics)}")
+        raise LogError(f"{bag.path}: no poses: {needed}; its topics are {bag.listed()}")
     best = [source for source in sources if source.rank == sources[0].rank]
     best = [source for source in best if source.name in bag.topics] or best  # transforms repeat what topics state
-    if len(best) > 1:
-        names = ", ".join(source.name for source in best)
-        raise LogError(f"{bag.path}: poses may be {names}: choose with --poses TOPIC")
+    bag.only([source.name for source in best], "poses", "--poses TOPIC")
     return best[0]
 
 

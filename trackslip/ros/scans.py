@@ -52,17 +52,11 @@ class Scans:
 def scan_topic(bag: Bag, name: str | None = None) -> Topic:
     """The topic of scans, by default the only one; raises LogError if there is none, or a choice."""
     if name is not None:
-        topic = bag.topic(name)
-        if topic.type != LASER_SCAN:
-            raise LogError(f"{bag.name}: topic {topic.name} has messages of {topic.type}, needs {LASER_SCAN}")
-        return topic
+        return bag.topic(name, LASER_SCAN)
     topics = bag.of_type(LASER_SCAN)
     if not topics:
-        raise LogError(f"{bag.name}: no topic of {LASER_SCAN}; its topics are {bag.listed(bag.topics)}")
-    if len(topics) > 1:
-        names = ", ".join(topic.name for topic in topics)
-        raise LogError(f"{bag.name}: scans may be {names}: choose with --scan TOPIC")
-    return topics[0]
+        raise LogError(f"{bag.name}: no topic of {LASER_SCAN}; its topics are {bag.listed()}")
+    return bag.topic(bag.only([topic.name for topic in topics], "scans", "--scan TOPIC"))
 
 
 def read_scans(bag: Bag, name: str | None = None, notes: list[str] | None = None) -> list[Scans]:

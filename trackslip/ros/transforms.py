@@ -12,14 +12,13 @@ from scipy.spatial.transform import Rotation, Slerp
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.ros import rotation
-from trackslip.ros.bag import Bag, Topic
+from trackslip.ros.bag import Bag, Topic, listed
 from trackslip.ros.stamps import seconds, stretches
 
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _MAX_GAP = 1.0  # time over which a transform is interpolated at most [s]
 _MAX_PLACE = 1e9  # farther ones aren't measured [m]
 _USUAL_GAPS = 5.0  # and in its usual intervals
-_SHOWN = 12  # frames in a message
 
 Pair = tuple[str, str]
 """A frame and one that is given in it."""
@@ -85,7 +84,7 @@ def chain(links: Sequence[Pair] | Mapping[Pair, object], parent: str, child: str
         near[pair[1]].append((pair[0], pair, False))
     for frame in (parent, child):
         if frame not in near:
-            raise LogError(f"frame {frame!r} is not in the transforms; they have {_listed(list(near))}")
+            raise LogError(f"frame {frame!r} is not in the transforms; they have {listed(sorted(near))}")
     came: dict[str, tuple[str, Pair, bool]] = {}
     waiting = deque([parent])
     while waiting:
@@ -96,7 +95,8 @@ def chain(links: Sequence[Pair] | Mapping[Pair, object], parent: str, child: str
                 waiting.append(other)
     if child not in came:
         raise LogError(
-            f"frames {parent!r} and {child!r} are not connected by transforms; {parent!r} is with {_listed(list(came))}"
+            f"frames {parent!r} and {child!r} are not connected by transforms; "
+            f"{parent!r} is with {listed(sorted(came))}"
         )
     way: list[tuple[Pair, bool]] = []
     while child != parent:
@@ -235,8 +235,3 @@ def _at(link: Link, stamp: np.ndarray) -> tuple[Array, Rotation]:
     time, at = seconds(link.stamp, origin), seconds(stamp, origin)
     place = np.stack([np.interp(at, time, column) for column in link.place.T], axis=-1)
     return place, Slerp(time, Rotation.from_quat(link.turn))(at)
-
-
-def _listed(names: list[str]) -> str:
-    """Frames for a message."""
-    return ", ".join(sorted(names)[:_SHOWN]) + (f", ... ({len(names)} of them)" if len(names) > _SHOWN else "")

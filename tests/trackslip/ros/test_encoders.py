@@ -12,10 +12,10 @@ from wandered import wandered
 
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.localization.scan import Plate
-from trackslip.ros.angles import from_positions, from_velocities
 from trackslip.ros.bag import open_bag
 from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.ros.encoders import read_encoders
+from trackslip.ros.joint_angles import from_positions, from_velocities
 from trackslip.ros.joints import sides
 
 LOG = wandered(duration=8.0)
@@ -57,9 +57,9 @@ def test_wrapped_positions_that_turn_more_than_half_a_turn_between_readings(tmp_
     turned = from_velocities(LOG.time, fast[:, 0])
     assert np.abs(np.diff(turned)).max() > np.pi
     wrapped = (turned + np.pi) % (2 * np.pi) - np.pi
-    angle, leaps = from_positions(LOG.time, wrapped, fast[:, 0])
-    np.testing.assert_allclose(angle, turned, atol=1e-9)
-    assert not leaps
+    notes = []
+    np.testing.assert_allclose(from_positions("left", LOG.time, wrapped, fast[:, 0], notes), turned, atol=1e-9)
+    assert not notes
 
 
 @given(
@@ -70,7 +70,7 @@ def test_unwrapping_undoes_wrapping(steps, first):
     angle = first + np.concatenate([[0.0], np.cumsum(steps)])
     wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
     time = np.arange(31.0)
-    found, _ = from_positions(time, wrapped, np.full(31, np.nan))
+    found = from_positions("left", time, wrapped, np.full(31, np.nan), [])
     np.testing.assert_allclose(found, angle - angle[0], atol=1e-9)
 
 
