@@ -11,17 +11,6 @@ of maximum dissipation, Janosi and Hanamoto (1961), and Wong and Chiang (2001).
 """
 
 from trackslip.skid_theory.contact import Contact, Load, line_contact
-from trackslip.skid_theory.steady import steady_twist
-from trackslip.skid_theory.straight import straight_share, straight_slip
-from trackslip.skid_theory.turns import Turns, steady_turns
+from trackslip.skid_theory.steady import Turns, steady_turns, steady_twist
 
-__all__ = [
-    "Contact",
-    "Load",
-    "Turns",
-    "line_contact",
-    "steady_turns",
-    "steady_twist",
-    "straight_share",
-    "straight_slip",
-]
+__all__ = ["Contact", "Load", "Turns", "line_contact", "steady_turns", "steady_twist"]

@@ -1,4 +1,4 @@
-"""The contact of two tracks with the ground, and the load that they pull."""
+"""Contact of two tracks with the ground, and the loads that they carry."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackslip.kinematics import Array
 
 @dataclass(frozen=True)
 class Load:
-    """What acts on a robot besides its weight on level ground."""
+    """A slope and a drawbar pull, which add to the weight of a robot on level ground."""
 
     slope: float = 0.0
     """Angle of the ground to the horizontal [rad]."""
@@ -32,7 +32,7 @@ class Load:
 
     @property
     def downhill(self) -> Array:
-        """Slope's force (2,) that the ground must balance, along and across the robot, over the normal force [-]."""
+        """Force of the slope (2,) along and across the robot that the ground balances, over the normal force [-]."""
         return math.tan(self.slope) * np.array([math.cos(self.uphill), math.sin(self.uphill)])
 
     @property

@@ -1,17 +1,20 @@
-"""Steady twists of a tracked robot, on Coulomb ground or on ground that shears."""
+"""Steady twists and turns of a tracked robot, on Coulomb ground or on ground that shears."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, require_non_negative, require_positive
-from trackslip.kinematics import Array
+from trackslip.kinematics import SIDES, Array
 from trackslip.skid_theory.contact import Contact, Load
-from trackslip.skid_theory.coulomb import minimise
-from trackslip.skid_theory.shear import balance
+from trackslip.skid_theory.forces import balance, least_power
 
 _INERTIA_ITERATIONS = 6
+_TURN_ITERATIONS = 60
+_TURN_TOLERANCE = 1e-7  # relative
 _UNLOADED = Load()
 
 
@@ -37,7 +40,7 @@ def steady_twist(
         raise InvalidValueError("surface_speeds", surface_speeds, "finite")
     require_positive("gravity", 1.0 if gravity == np.inf else gravity)
     require_non_negative("shear", shear)
-    require_carried(load, contact)
+    _require_carried(load, contact)
     shape = speeds.shape[:-1]
     speeds = speeds.reshape(-1, 2)
     twist = np.zeros((len(speeds), 3))
@@ -45,16 +48,65 @@ def steady_twist(
     if moving.any():
         for _ in range(1 if gravity == np.inf else _INERTIA_ITERATIONS):
             acceleration = _acceleration(twist[moving], contact) / gravity
-            twist[moving] = _balance(speeds[moving], contact, acceleration, shear, load)
+            twist[moving] = _balanced(speeds[moving], contact, acceleration, shear, load)
     return twist.reshape(*shape, 3)
 
 
-def require_carried(load: Load, contact: Contact) -> None:
+@dataclass(frozen=True)
+class Turns:
+    """M steady turns to the left, one for each radius."""
+
+    radius: Array  # (M,) driven [m]
+    belts: Array  # (M, 2) speeds of the belts, in units of the yaw rate [m]
+    half_gauge: float
+    """Half the distance between the tracks [m]."""
+
+    @property
+    def slip(self) -> Array:
+        """Slips (M, 2) of the (left, right) tracks, i = 1 - V / r omega [-]."""
+        return 1 - (self.radius[:, None] + self.half_gauge * SIDES) / self.belts
+
+    @property
+    def icr(self) -> Array:
+        """Places (M, 2) of the ICRs of the (left, right) tracks, to the left of the robot's middle [m]."""
+        return self.radius[:, None] - self.belts
+
+    @property
+    def offset(self) -> Array:
+        """D (M,), by which the ICRs lie farther out than the tracks, the mean of both [m]."""
+        return (self.belts[:, 1] - self.belts[:, 0]) / 2 - self.half_gauge
+
+    @property
+    def loss(self) -> Array:
+        """Part (M,) of the belts' mean speed that the robot lacks [-]."""
+        return 1 - self.radius / self.belts.mean(axis=1)
+
+
+def steady_turns(radius: ArrayLike, contact: Contact, shear: float = 0.0, load: Load = _UNLOADED) -> Turns:
+    """The turns to the left of radii (M,) driven [m]; arguments as for `steady_twist`.
+
+    Raises InvalidValueError for a load that the ground does not carry, and a radius that no belt speeds drive.
+    """
+    radius = np.asarray(radius, float)
+    half_gauge = float(np.abs(contact.y).mean())
+    belts = radius[:, None] + half_gauge * SIDES
+    for _ in range(_TURN_ITERATIONS):
+        v, _, w = steady_twist(belts, contact, shear=shear, load=load).T
+        if not ((v > 0) & (w > 0)).all():
+            break
+        mean, spread = belts.mean(axis=1), (belts[:, 1] - belts[:, 0]) / 2
+        factors = np.array([radius / v, 1 / w])
+        belts = (factors[0] * mean)[:, None] + (factors[1] * spread)[:, None] * SIDES
+        if np.abs(factors - 1).max() < _TURN_TOLERANCE:
+            return Turns(radius, belts, half_gauge)
+    raise InvalidValueError("radius", radius.tolist(), "radii that the robot can drive under its load")
+
+
+def _require_carried(load: Load, contact: Contact) -> None:
     """Raise InvalidValueError unless friction carries a load, and the load leaves every point of the tracks loaded."""
     along, across = load.downhill + np.array([load.drawbar, 0.0])
-    needed = float(np.hypot(along / contact.along, across / contact.across))
     shown = f"slope {load.slope:.3g} rad, pull {load.pull:.3g} of the weight"
-    if not needed < 1:
+    if not np.hypot(along / contact.along, across / contact.across) < 1:
         raise InvalidValueError("load", shown, "less than the friction limit")
     if contact.loads(load.downhill, load.hitch_height * load.drawbar).min() < 0:
         raise InvalidValueError("load", shown, "less: it lifts part of a track")
@@ -67,15 +119,17 @@ def _acceleration(twist: Array, contact: Contact) -> Array:
     return np.stack([-w * (u + w * forwards), w * (v - w * left)], axis=1)
 
 
-def _balance(speeds: Array, contact: Contact, acceleration: Array, shear: float, load: Load) -> Array:
+def _balanced(speeds: Array, contact: Contact, acceleration: Array, shear: float, load: Load) -> Array:
     """Twists (M, 3) at which the forces of the ground produce accelerations (M, 2), in units of gravity."""
-    scale = np.abs(speeds).max(axis=1)
+    scale = np.abs(speeds).max(axis=1, keepdims=True)
     forwards, left, _ = contact.centre_of_mass
     carried = acceleration / np.cos(load.slope) + load.downhill
     moment = forwards * carried[:, 1] - left * carried[:, 0]
     required = np.column_stack([carried, moment]) + np.array([load.drawbar, 0.0, 0.0])
-    loads, relative = contact.loads(carried, load.hitch_height * load.drawbar), speeds / scale[:, None]
-    twist = minimise(relative, contact, loads, required)
+    loads = contact.loads(carried, load.hitch_height * load.drawbar)
+    relative = speeds / scale
+    belt = np.where(contact.y > 0, relative[:, :1], relative[:, 1:])  # (M, K)
+    twist = least_power(belt, contact, loads, required)
     if shear > 0:
-        twist = balance(relative, contact, loads, required, shear, twist)
-    return twist * scale[:, None]
+        twist = balance(belt, contact, loads, required, shear, twist)
+    return twist * scale

@@ -1,7 +1,15 @@
-"""Balance of a robot on ground that shears: share of the friction limit, forces, and the steady twist.
+"""Forces of the ground on sliding tracks, and the twists at which they balance a load.
 
-An element of track that entered the contact at its front end x_f has been in it for the time T = (x_f - x) / V. Over
-the ground it has moved since by
+On Coulomb ground, the forces are minus the gradient of the dissipated power
+
+    P(v, u, w) = sum_k N_k sqrt((mu_along s_x,k)^2 + (mu_across s_y,k)^2)
+
+which is convex: the robot turns with the twist that dissipates least. Forces depend only on the direction of sliding,
+so slip depends on the radius of the path, on mu_across / mu_along and on the length of contact, but not on speed,
+weight or the magnitude of friction.
+
+On ground that shears, an element of track that entered the contact at its front end x_f has been in it for the time
+T = (x_f - x) / V. Over the ground it has moved since by
 
     j = P(0, x) - P(-T, x_f)
 
@@ -17,6 +25,7 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 from trackslip.skid_theory.contact import Contact
 
+_SMOOTHING = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of |s| at 0, relative to the belts' speed
 _STEP = 1e-6  # of finite differences, relative to the belts' speed
 _ITERATIONS = 100
 _HALVINGS = 30
@@ -48,11 +57,6 @@ def displacement(twist: Array, belt: Array, contact: Contact) -> Array:
     return np.where(standing[..., None], np.inf, moved)
 
 
-def shear_share(distance: Array, shear: float) -> Array:
-    """Shares (...) of the friction limit after shear displacements (...) [m]; `shear` is the modulus K [m]."""
-    return -np.expm1(-distance / shear)
-
-
 def ground_wrench(twist: Array, belt: Array, contact: Contact, load: Array, shear: float) -> Array:
     """Forces of the ground along and across the robot and their moment (..., 3), over the weight.
 
@@ -64,22 +68,66 @@ def ground_wrench(twist: Array, belt: Array, contact: Contact, load: Array, shea
     rear, front = contact.ends
     within = contact.across * w * (front - rear) / contact.x.size / 2
     size = np.sqrt((contact.along * slide_x) ** 2 + (contact.across * slide_y) ** 2 + within**2)
-    share = shear_share(np.linalg.norm(displacement(twist, belt, contact), axis=-1), shear)
+    share = -np.expm1(-np.linalg.norm(displacement(twist, belt, contact), axis=-1) / shear)
     per_speed = -load * share / np.where(size > 0, size, 1.0)
     force_x, force_y = per_speed * contact.along**2 * slide_x, per_speed * contact.across**2 * slide_y
     moment = contact.x * force_y - contact.y * force_x
     return np.stack([force_x.sum(axis=-1), force_y.sum(axis=-1), moment.sum(axis=-1)], axis=-1)
 
 
-def balance(speeds: Array, contact: Contact, load: Array, required: Array, shear: float, start: Array) -> Array:
+def least_power(belt: Array, contact: Contact, load: Array, required: Array) -> Array:
+    """Twists (M, 3) at which Coulomb ground exerts `required` forces and moments (M, 3), over the weight.
+
+    They minimise the power that belts at speeds (M, K) of order one dissipate under loads (M, K), less the power of the
+    required forces. Newton's method with backtracking, for ever less smoothing where the sliding reverses.
+    """
+    x, y = contact.x, contact.y
+    # the sliding velocity, weighted by friction, is linear in the twist
+    along = contact.along * np.stack([np.ones_like(x), np.zeros_like(x), -y], axis=1)  # (K, 3)
+    across = contact.across * np.stack([np.zeros_like(x), np.ones_like(x), x], axis=1)  # (K, 3)
+
+    def power(twist: Array, smoothing: float) -> tuple[Array, Array, Array, Array]:
+        a, c = twist @ along.T - contact.along * belt, twist @ across.T
+        size = np.sqrt(a**2 + c**2 + smoothing**2)
+        return np.sum(load * size, axis=1) + np.sum(required * twist, axis=1), a, c, size
+
+    left, right = belt[:, np.argmax(y)], belt[:, np.argmin(y)]
+    twist = np.column_stack([(left + right) / 2, np.zeros(len(belt)), (right - left) / (4 * np.abs(y).mean())])
+    for smoothing in _SMOOTHING:
+        for _ in range(_ITERATIONS):
+            value, a, c, size = power(twist, smoothing)
+            n = load / size
+            gradient = (n * a) @ along + (n * c) @ across + required
+            parts = (
+                (n * (1 - (a / size) ** 2), along, along),
+                (n * (1 - (c / size) ** 2), across, across),
+                (-n * a * c / size**2, along, across),
+            )
+            both_along, both_across, cross = (np.einsum("mk,ki,kj->mij", *part) for part in parts)
+            hessian = both_along + both_across + cross + cross.swapaxes(1, 2)
+            step = np.linalg.solve(hessian, -gradient[..., None])[..., 0]
+            decrement = -np.einsum("mi,mi->m", gradient, step)
+            length = np.ones(len(twist))
+            for _ in range(_HALVINGS):  # until the power decreases sufficiently (Armijo)
+                high = power(twist + length[:, None] * step, smoothing)[0] > value - 0.25 * length * decrement + 1e-15
+                if not high.any():
+                    break
+                length[high] /= 2
+            twist = twist + length[:, None] * step
+            if decrement.max() < 1e-14:
+                break
+    return twist
+
+
+def balance(belt: Array, contact: Contact, load: Array, required: Array, shear: float, start: Array) -> Array:
     """Twists (M, 3) at which the ground exerts `required` forces and moments (M, 3), over the weight.
 
-    Belt speeds (M, 2) are of order one; `load` (M, K) are the fractions of the weight on the points, `start` (M, 3) the
+    Belt speeds (M, K) are of order one; `load` (M, K) are the fractions of the weight on the points, `start` (M, 3) the
     first guess. Newton's method with a line search. Raises InvalidValueError where nothing balances.
     """
-    belt = np.where(contact.y > 0, speeds[:, :1], speeds[:, 1:])  # (M, K)
-    unit = np.array([1.0, 1.0, 1 / float(np.abs(contact.y).mean())])  # of the twist
-    lever = np.array([1.0, 1.0, float(np.abs(contact.y).mean())])  # of the balance
+    gauge = float(np.abs(contact.y).mean())
+    unit = np.array([1.0, 1.0, 1 / gauge])  # of the twist
+    lever = np.array([1.0, 1.0, gauge])  # of the balance
 
     def missing(twist: Array, rows: np.ndarray) -> Array:
         lacking: Array = ground_wrench(twist, belt[rows], contact, load[rows], shear) - required[rows]
@@ -107,6 +155,6 @@ def balance(speeds: Array, contact: Contact, load: Array, required: Array, shear
             break
     short = np.linalg.norm(error, axis=1) > _ACCEPTED
     if short.any():
-        lost = speeds[np.argmax(short)].tolist()
+        lost = np.unique(belt[np.argmax(short)]).tolist()
         raise InvalidValueError("surface_speeds", lost, "speeds at which the ground carries the load")
     return twist
