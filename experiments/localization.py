@@ -6,7 +6,7 @@ from typing import Any
 
 from experiments.report.formats import number, percent
 from experiments.report.table import Table
-from trackslip.rangefinder.place import PlatePlace
+from trackslip.rangefinder.plate_motion import PlatePlace
 from trackslip.ros.scanned import ScannedDrive, Stand
 
 _HEADER = ("run", "scans", "located", "noise [mm]", "on the plate [mm]", "background", "others move")

@@ -19,10 +19,9 @@ from trackslip.identification.source import Reading, Source, read_source
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import NO_UNIT, PURE, Column
-from trackslip.odometry.clock_check import better_clock_offset
+from trackslip.odometry.checks import better_clock_offset, jumps
 from trackslip.odometry.evaluation import OdometryErrors, PoseErrors, odometry_errors
 from trackslip.odometry.identified import LawInUse, identified_law, no_slip
-from trackslip.odometry.pose_check import jumps
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.tum import write_tum
 from trackslip.se2 import Mounting

@@ -12,8 +12,7 @@ from experiments.driving.lookup import reference as load_reference
 from trackslip import se2
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
-from trackslip.logs.runlog import RunLog
-from trackslip.logs.stored_geometry import stored_geometry
+from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.motion.filtered import even_poses
 from trackslip.slip.law_file import SHIPPED, load_laws

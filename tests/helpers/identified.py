@@ -12,7 +12,7 @@ from trackslip.identification.prediction import CrossValidation, RunPredictions
 from trackslip.identification.result import Identification
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.refused import Refused
+from trackslip.logs.runlog import Refused
 from trackslip.slip.icr import ConstantIcr
 
 GEOMETRY = RobotGeometry(0.168, 0.06)

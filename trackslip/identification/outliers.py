@@ -12,7 +12,7 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_fit import fit
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
-from trackslip.logs.refused import Refused
+from trackslip.logs.runlog import Refused
 from trackslip.slip.families import FAMILIES
 
 _MIN_SAMPLES = 6  # minimum number of samples to detect outliers

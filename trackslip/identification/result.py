@@ -14,8 +14,7 @@ from trackslip.identification.comparison import Comparison, DriveComparison, Ste
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.refused import Refused
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import Refused, RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.law_file import laws_content

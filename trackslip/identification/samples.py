@@ -12,12 +12,18 @@ import numpy as np
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
 from trackslip.identification.plausibility import NEARLY_STANDING, require_plausible
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
-from trackslip.logs.refused import Refused, none_usable
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.motion.constant_speed import SETTLE
-from trackslip.motion.load_pieces import load_pieces
 from trackslip.motion.methods import MOTION_METHODS, best_method
-from trackslip.motion.steady import MARGIN, STANDING, SteadyPart, require_steady_motion, steady_part, steady_parts
+from trackslip.motion.steady import (
+    MARGIN,
+    STANDING,
+    SteadyPart,
+    load_pieces,
+    require_steady_motion,
+    steady_part,
+    steady_parts,
+)
 
 _OPTIONAL = ("covariance", "lateral", "lateral_stderr", "load")  # fields of SlipSamples
 

@@ -15,8 +15,7 @@ from trackslip.identification.samples import Sampling, usable_rows, usable_sampl
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table, runs_file
-from trackslip.logs.refused import Refused
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import Refused, RunLog
 from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.constant_speed import SETTLE

@@ -19,7 +19,6 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError, LogWarning, first_line
-from trackslip.logs.arrow import repeated
 from trackslip.logs.file_format import require_known_manifest
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import file_metadata, stored_text, to_table
@@ -185,6 +184,6 @@ class StoredRuns:
             table = self._file.read_row_groups(self._groups[name]).replace_schema_metadata(None)
             if pc.count_distinct(table.column(0)).as_py() > 1:
                 table = table.filter(pc.equal(table.column(0), name))
-            return table if new == name else table.set_column(0, "run", repeated(new, len(table)))
+            return table if new == name else table.set_column(0, "run", pa.repeat(new, len(table)))
         except (pa.ArrowException, OSError) as error:
             raise LogError(f"{self._path}: run {name!r}: {first_line(error)}") from error

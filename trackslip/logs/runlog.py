@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from trackslip.errors import LogError
-from trackslip.kinematics import Array
+from trackslip.errors import LogError, TrackslipError
+from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.scanlog import ScanLog
 
 _BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid", "load")
@@ -95,3 +97,35 @@ class RunLog:
         held = [name for name in optional if getattr(self, name) is not None]
         size = f"{len(self.time)} rows, {self.time[-1] - self.time[0]:.4g} s"
         return f"<RunLog {self.run!r}: {', '.join([size, *held])}>"
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A run that cannot be read, gave no sample or was excluded from the fits."""
+
+    run: str
+    """Name of the run, or of its steady stretch."""
+    reason: str
+    """Why it was excluded."""
+
+    @classmethod
+    def of(cls, run: str, error: Exception) -> Refused:
+        """A run that raised an error, whose message may begin with the name of the run."""
+        return cls(run, str(error).removeprefix(f"run {run!r}: "))
+
+    def __str__(self) -> str:
+        return f"run {self.run!r} left out: {self.reason}"
+
+
+def none_usable(refused: Sequence[Refused]) -> str:
+    """One line for a log all of whose runs are refused."""
+    every = f"none of the {len(refused)} runs can be used; " if len(refused) > 1 else ""
+    return f"{every}run {refused[0].run!r}: {refused[0].reason}"
+
+
+def stored_geometry(log: RunLog) -> RobotGeometry | None:
+    """The robot's geometry, if the log has it."""
+    known = log.metadata.get("geometry")
+    with contextlib.suppress(TypeError, TrackslipError):
+        return RobotGeometry(**known) if isinstance(known, Mapping) else None
+    return None

@@ -11,7 +11,6 @@ import pyarrow as pa
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Cluster, Plate, Scan
-from trackslip.logs.arrow import arrow, lists
 from trackslip.logs.scanlog import ScanLog
 
 SCANNED = "scanned"
@@ -25,13 +24,21 @@ def scan_columns(scans: ScanLog) -> dict[str, Any]:
     """The columns, with T rows each."""
     numbers = (scans.first_beam(), scans.cluster.lost, *scans.cluster.hidden.T)
     ranges, count = scans.ranges()
-    columns = dict(zip(_NUMBERS, map(arrow, numbers), strict=True)) | {_RANGES: lists(ranges.astype(np.float32), count)}
+    columns = dict(zip(_NUMBERS, map(pa.array, numbers), strict=True)) | {
+        _RANGES: _lists(ranges.astype(np.float32), count)
+    }
     return columns if scans.full is None else columns | {_FULL: list_column(scans.full)}
 
 
 def list_column(rows: Array) -> pa.Array:
     """Convert numbers (T, ...) to a column of T lists."""
-    return lists(rows.ravel().astype(np.float32), np.full(len(rows), rows[0].size))
+    return _lists(rows.ravel().astype(np.float32), np.full(len(rows), rows[0].size))
+
+
+def _lists(values: Array, count: np.ndarray) -> pa.Array:
+    """Lists of `count` (T,) numbers each, of all values (n,) in order."""
+    ends = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+    return pa.ListArray.from_arrays(pa.array(ends), pa.array(values))
 
 
 def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | None:

@@ -18,7 +18,6 @@ import pyarrow as pa
 
 from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
-from trackslip.logs.arrow import arrow, repeated
 from trackslip.logs.columns import Columns
 from trackslip.logs.file_format import FORMAT, require_known_format
 from trackslip.logs.runlog import RunLog
@@ -153,7 +152,7 @@ class _Content:
         numbers = [(names, block) for names, block in blocks if block is not None]
         if log.scans is not None:
             others |= scan_columns(log.scans)
-        return cls(repeated(log.run, len(log.time)), numbers, others)
+        return cls(pa.repeat(log.run, len(log.time)), numbers, others)
 
     @property
     def columns(self) -> list[tuple[Any, Any]]:
@@ -169,6 +168,6 @@ def _table(runs: Sequence[_Content]) -> pa.Table:
         names = blocks[0][0]
         block = np.concatenate([block for _, block in blocks])
         block = block[:, *UPPER] if names == COVARIANCE else block.reshape(len(block), -1)
-        columns |= {name: arrow(part) for name, part in zip(names, block.T, strict=True)}
+        columns |= {name: pa.array(part) for name, part in zip(names, block.T, strict=True)}
     columns |= {name: pa.chunked_array([one.others[name] for one in runs]) for name in runs[0].others}
     return pa.Table.from_arrays([*columns.values()], names=[*columns])

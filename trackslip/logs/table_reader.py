@@ -11,11 +11,9 @@ import pyarrow as pa
 
 from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
-from trackslip.logs import clock
+from trackslip.logs.checks import in_order, require_headings, restarts
 from trackslip.logs.columns import Columns
-from trackslip.logs.heading_check import require_headings
-from trackslip.logs.refused import Refused, none_usable
-from trackslip.logs.runlog import RunLog, Truth
+from trackslip.logs.runlog import Refused, RunLog, Truth, none_usable
 from trackslip.logs.scan_columns import SCANNED, from_list_column, scans_from_table
 from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, SHEAR, TRUTH, UPPER, stored_metadata
 
@@ -93,7 +91,7 @@ class _Reader:
         unread["t"] = np.isnan(self._cells["t"].values)
         rows = rows[~self._left_out(name, rows, unread, "row")]
         time = self._cells["t"].values[rows]
-        starts = clock.restarts(time)
+        starts = restarts(time)
         if not starts.size:
             return [self._run(name, name, rows)]
         first = starts[0]
@@ -171,7 +169,7 @@ class _Reader:
     def _in_order(self, name: str, rows: np.ndarray) -> np.ndarray:
         """The rows whose times ascend."""
         time = self._cells["t"].values[rows]
-        kept = clock.in_order(time)
+        kept = in_order(time)
         if len(kept) < len(rows):
             k = int(np.argmax(np.diff(time) <= 0))
             reason = (

@@ -35,6 +35,8 @@ _TURNING = 0.2  # curvature [1/m] of nearly straight paths, and radius [m] of tu
 _EVEN = 1e-3  # relative difference of time steps that count as equal
 _MIN_COMPARED = 8  # poses needed to find jumps
 _LISTED = 3  # jumps of a run that are described one by one
+_LOAD_CHANGE = 0.1  # change of the traction per unit load within a piece [-]
+_SHORTEST_PIECE = 1.5  # duration of a piece [s]
 
 
 @dataclass(frozen=True)
@@ -217,3 +219,26 @@ def _described(time: Array, jumps: Jumps) -> list[str]:
         size = f"pose jumps by {way:.3g} m" + (f" and {turn:.2g}°" if turn > 1 else "")
         notes.append(f"its {size} at t = {time[k]:.12g} s" + (" and stays there" if k in jumps.lasting else ""))
     return notes
+
+
+def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:
+    """The stretch cut evenly into pieces, under each of which the load changes little; whole if that is not known.
+
+    On a slope, the load turns with the robot and its twist varies with it: no arc fits the whole stretch.
+    """
+    if part.log.load is None:
+        return (part,)
+    load = part.log.load[part.rows]
+    load = load[np.isfinite(load).all(axis=1)]
+    begin, end = part.window
+    changed = float(np.hypot(*np.diff(load, axis=0).T).sum()) if len(load) > 1 else 0.0
+    poses = int((part.rows & part.log.has_heading).sum())
+    most = min(int((end - begin) / _SHORTEST_PIECE), poses // (MIN_ARC_POSES + 1))
+    count = max(1, min(int(np.ceil(changed / _LOAD_CHANGE)), most))
+    if count == 1:
+        return (part,)
+    edges = np.linspace(begin, end, count + 1).tolist()
+    return tuple(
+        replace(part, name=f"{part.log.run} @ {first:.1f} s", window=(first, last))
+        for first, last in itertools.pairwise(edges)
+    )

@@ -1,4 +1,4 @@
-"""Returns that are not from the background: the plate's, and those of whatever moves besides."""
+"""Motion in the scans: what moves besides the plate, and ranges of a plate that moves during a scan."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.kinematics import Array, wrap_angle
+from trackslip.localization.bound import directed, range_jacobian
 from trackslip.localization.pieces import Returns
 from trackslip.localization.scan import MAX_GAP, Plate, Scan, returns_of
 from trackslip.rangefinder.background import Background
@@ -16,6 +17,7 @@ _MARGIN = 0.1  # around a plate, where beams tell nothing of the background [m]
 _BESIDE = 0.3  # distance from the plate of returns that are from something else [m]
 _MIN_RETURNS = 5  # of something else in a scan, at least
 _LENGTH = 90.0  # percentile of the lengths seen: the plate is seen broadside now and then [%]
+_WORTH = 0.1  # correction below which ranges are left as they are [standard deviations]
 
 
 @dataclass(frozen=True)
@@ -67,3 +69,30 @@ def cut_where_nothing_moves(series: ScanSeries, background: Background) -> ScanS
     around = np.cumsum(np.concatenate([count, count, count]))
     sums = around[beams + window : 2 * beams + window] - around[beams - window : 2 * beams - window]
     return series.from_beam(int(np.argmin(sums)))
+
+
+def straightened(
+    ranges: np.ndarray, bearings: Array, lag: Array, plate: Plate, pose: Array, rate: Array, noise: float
+) -> np.ndarray:
+    """Ranges (S, B) of plates at poses (S, 3) that move at `rate` (S, 3) [m/s, m/s, rad/s], in the scanner's frame.
+
+    To first order, a range changes by its gradient times the way of the plate between the beam's time, `lag` (B,) after
+    the first beam's, and that of the plate's middle beam. The arrays are those given where that is nothing.
+    """
+    middle = np.interp(np.arctan2(pose[:, 1], pose[:, 0]), bearings, lag)
+    on = around_plate(bearings, ranges, plate, pose) & np.isfinite(ranges)
+    row, beam = np.nonzero(on)
+    late = lag[beam] - middle[row]
+    if not late.any():
+        return ranges
+    width = on.sum(axis=1)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(width) - width, width)
+    bearing = np.zeros((len(pose), int(width.max(initial=1))))
+    bearing[row, place] = bearings[beam]
+    gradient = range_jacobian(pose, plate, directed(bearing))[row, place]
+    change = late * np.einsum("hi,hi->h", gradient, rate[row])
+    if np.abs(change).max(initial=0.0) < _WORTH * noise:
+        return ranges
+    result = ranges.copy()
+    result[row, beam] -= change
+    return result

@@ -16,10 +16,9 @@ from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
 from trackslip.rangefinder.background import Background, background_of
 from trackslip.rangefinder.links import Chain, carried, consistent, headings
-from trackslip.rangefinder.moving import Moving, around_plate, cut_where_nothing_moves, moving_things
+from trackslip.rangefinder.moving import Moving, around_plate, cut_where_nothing_moves, moving_things, straightened
 from trackslip.rangefinder.plate_motion import PlateMotion, Turned, plate_motion
 from trackslip.rangefinder.series import ScanSeries
-from trackslip.rangefinder.skew import straightened
 
 _KEY_SCANS = 400  # from which the background is taken
 _MIN_TURNED = 3.0  # of a sprocket in a session, for the background to show [rad]

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.logs.refused import Refused, none_usable
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns
 from trackslip.ros.bag import Bag, open_bags
 from trackslip.ros.checks import DOUBTS, Doubt, Repeated, repeated, sign_doubt, strides

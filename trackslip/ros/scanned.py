@@ -11,13 +11,11 @@ from scipy.spatial.transform import Rotation
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Plate
-from trackslip.logs.refused import Refused, none_usable
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.rangefinder.align import Alignment, mounting
 from trackslip.rangefinder.findings import findings
 from trackslip.rangefinder.log import scanned_log
-from trackslip.rangefinder.place import PlatePlace, plate_place
-from trackslip.rangefinder.plate_motion import Turned
+from trackslip.rangefinder.plate_motion import PlatePlace, Turned, plate_place
 from trackslip.rangefinder.series import MIN_SCANS, ScanSeries
 from trackslip.rangefinder.session import Sighting, sight_plate
 from trackslip.ros.bag import Bag, open_bags

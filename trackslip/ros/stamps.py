@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.logs import clock
+from trackslip.logs.checks import in_order, restarts
 
 _BEGINS = 10**10  # latest second stamp of a clock that begins at 0 [ns]
 _MOST = 0.5  # share of messages out of order or without stamp above which a topic can't be read
@@ -43,7 +43,7 @@ def clock_parts(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[
     rows = np.argsort(arrival, kind="stable")
     rows = _stamped(topic, stamp, rows, notes)
     time = seconds(stamp[rows], int(stamp[rows].min()))
-    starts = clock.restarts(time)
+    starts = restarts(time)
     if starts.size:
         k = int(starts[0])
         origin = int(stamp[rows].min())
@@ -72,7 +72,7 @@ def ascending(topic: str, stamp: np.ndarray, notes: list[str]) -> np.ndarray:
 
     `notes` gets a line for those left out, if it hasn't got it.
     """
-    kept = clock.in_order(stamp)
+    kept = in_order(stamp)
     left_out = len(stamp) - len(kept)
     if left_out:
         origin = int(stamp[0])

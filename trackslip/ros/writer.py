@@ -13,8 +13,7 @@ import numpy as np
 from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Scan
-from trackslip.logs.runlog import RunLog
-from trackslip.logs.stored_geometry import stored_geometry
+from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.ros.decode import require_rosbags
 from trackslip.ros.messages import Topic, definitions
 from trackslip.ros.run_topics import (

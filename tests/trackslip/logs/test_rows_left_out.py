@@ -6,7 +6,7 @@ import pyarrow.parquet
 import pytest
 
 import trackslip
-from trackslip.logs.clock import in_order, restarts
+from trackslip.logs.checks import in_order, restarts
 from trackslip.logs.logfile import read_log
 
 HEADER = "run,t,omega_l,omega_r,x,y,phi,valid\n"

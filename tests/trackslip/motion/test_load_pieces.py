@@ -7,8 +7,7 @@ from trackslip.errors import LogError
 from trackslip.identification.samples import usable_samples
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.load_pieces import load_pieces
-from trackslip.motion.steady import steady_part
+from trackslip.motion.steady import load_pieces, steady_part
 from trackslip.slip.icr_load import IcrLoad
 
 GEOMETRY = RobotGeometry(0.168, 0.06)

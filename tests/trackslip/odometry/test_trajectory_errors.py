@@ -11,13 +11,15 @@ from evo.tools import file_interface
 
 from trackslip.errors import InvalidValueError, OutputError
 from trackslip.kinematics import advance, wrap_angle
-from trackslip.odometry.alignment import best_fit, from_pose, moved
 from trackslip.odometry.trajectory_errors import (
     Statistics,
     Trajectory,
     absolute_errors,
+    best_fit,
     errors_after_metres,
     errors_after_seconds,
+    from_pose,
+    moved,
     stretches,
 )
 from trackslip.odometry.tum import write_tum

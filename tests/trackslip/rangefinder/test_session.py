@@ -12,8 +12,7 @@ from trackslip.identification.drive_law import fit_drives
 from trackslip.localization.scan import Plate
 from trackslip.rangefinder.findings import findings
 from trackslip.rangefinder.log import scanned_log
-from trackslip.rangefinder.place import plate_place
-from trackslip.rangefinder.plate_motion import Turned
+from trackslip.rangefinder.plate_motion import Turned, plate_place
 from trackslip.rangefinder.series import ScanSeries
 from trackslip.rangefinder.session import sight_plate
 

@@ -1,4 +1,4 @@
-"""A check of the offset between the clocks of encoders and poses: whether odometry fits better with another."""
+"""Checks of measured poses by odometry: the offset of their clock, and jumps."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackslip.errors import LogError
+from trackslip.identification.outliers import outlying
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import LENGTHS, trajectory_of
 from trackslip.odometry.slip_odometry import SlipOdometry
-from trackslip.odometry.trajectory_errors import Stretches, errors_after_seconds
+from trackslip.odometry.trajectory_errors import Stretches, Trajectory, errors_after_seconds, errors_between
 from trackslip.se2 import Mounting
 
 _STEP = 0.05  # of the offset for the parabola [s]
@@ -20,6 +21,7 @@ _ITERATIONS = 4
 _MATTERS = 0.02  # difference of offsets that is told [s]
 _GAIN = 0.9  # of the squares, below which another offset is better
 _FAR = 3.0  # size of an error beyond which it counts no more [medians]
+_JUMP = 6.0  # error of the step across a lasting jump [median of all steps]
 
 
 def better_clock_offset(
@@ -62,3 +64,14 @@ def _squares(logs: Sequence[RunLog], odometry: SlipOdometry, mounting: Mounting,
 def _sizes(found: Stretches, half_gauge: float) -> Array:
     """Sizes (n,) of errors [m], those of headings as they move the tracks."""
     return np.hypot(found.position, half_gauge * np.nan_to_num(found.heading))
+
+
+def jumps(drive: Trajectory) -> tuple[int, int]:
+    """Number of outlying poses of a drive, and of lasting jumps, as odometry shows them."""
+    state = np.column_stack([drive.measured[:, :2], drive.heading])
+    bad, lasting = outlying(drive.measured, state, drive.estimated)
+    row = np.arange(len(drive.time))
+    usual = errors_between(drive, row[:-1], row[1:]).position
+    after = np.flatnonzero(lasting)
+    across = errors_between(drive, after - 1, after).position
+    return int(bad.sum()), int((across > _JUMP * np.median(usual)).sum()) if len(usual) else 0
