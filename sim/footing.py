@@ -40,6 +40,8 @@ class Footing:
         self._gravity: Array | None = None  # (N, 3), live, once a ground slopes
         self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # as PadFriction.surface
         self._mean_friction: Array | None = None  # (N, 2), once asked for
+        self.grounds = tuple(grounds)
+        """Ground of each robot."""
         self.put(grounds)
 
     @property
@@ -67,13 +69,9 @@ class Footing:
         largest = max(ground.largest_shear for ground in grounds)
         allowed = "0 for a fleet that began on ground that doesn't shear: say Fleet(..., shears=True)"
         require(largest == 0 or self._shear is not None, "ground.shear", largest, allowed)
-        if rows is None:
-            self.grounds = tuple(grounds)
-            self._ground = PadFriction(grounds, self._robot.pad_position)
-        else:
-            changed = dict(zip(rows.tolist(), grounds, strict=True))
-            self.grounds = tuple(changed.get(k, ground) for k, ground in enumerate(self.grounds))
-            self._ground.replace(rows, grounds)
+        changed = dict(enumerate(grounds) if rows is None else zip(rows.tolist(), grounds, strict=True))
+        self.grounds = tuple(changed.get(k, ground) for k, ground in enumerate(self.grounds))
+        self._ground = PadFriction(self.grounds, self._robot.pad_position)
         self.slope = np.array([ground.slope for ground in self.grounds])
         """Slopes (N,) of the grounds [rad]."""
         self.uphill = np.array([ground.uphill for ground in self.grounds])

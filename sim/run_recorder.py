@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from sim.bodies import Moments
 from sim.fleet import Fleet
 from sim.instruments import needed_traction, pad_forces
 from sim.scanner.feed import ScannerFeed
@@ -23,8 +22,7 @@ from trackslip.slip.base import SlipLaw
 
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""
-_OF_MOMENT = 5  # arrays of the engine's state in what is recorded of the truth
-_ENERGY, _SATURATED = _OF_MOMENT + 1, _OF_MOMENT + 2  # places in that
+_ENERGY, _SATURATED = 4, 5  # places of accumulated quantities among the fields of Truth, which has their rates
 _TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
 _UPRIGHT = float(np.cos(_TIPPED))
 
@@ -66,7 +64,7 @@ class RunRecorder:
         self._icr = np.full((rows, n, 2), np.nan)
         self._covariance = np.zeros((rows, n, 3, 3))
         self._valid = np.zeros((rows, n), bool)
-        # of each row, (N, ...) each: the engine's state, torques, total energy and saturated time, and contacts
+        # of each row, (N, ...) each: the fields of Truth, but total energy and saturated time for their rates
         self._truth: list[tuple[Array, ...]] = []
         self._ranges: list[np.ndarray] = []  # (N, rows, B) each
 
@@ -79,11 +77,12 @@ class RunRecorder:
         self._angle = angle
         if self._loads:
             self.load[k] = needed_traction(fleet)
+        of_bodies, lean = (fleet.pose(), fleet.twist(), fleet.traction()), fleet.lean(fleet.robot.lrf_height)
         of_drive = drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
         contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
         if self._in_detail and fleet.shear is not None:
             contact += (np.linalg.norm(fleet.shear.displacement, axis=-1).astype(np.float32),)
-        self._truth.append((*fleet.now.copied(), *of_drive, *contact))  # what follows is computed for all rows at once
+        self._truth.append((*of_bodies, *of_drive, lean, *contact))
 
     def _require_upright(self, k: int) -> None:
         """Raise RunFailedError if a robot has tipped over in row k."""
@@ -157,13 +156,9 @@ class RunRecorder:
         """
         if self.complete < 2:
             return []
-        columns = [np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)]
-        moments = Moments(*columns[:_OF_MOMENT])
-        torque, energy, saturated_time, *contact = columns[_OF_MOMENT:]
-        before = self._truth[0]
-        rates = (self._rate(total, before[k]) for k, total in ((_ENERGY, energy), (_SATURATED, saturated_time)))
-        lean = moments.lean(self.fleet.robot.lrf_height)
-        truths = (moments.pose(), moments.twist(), moments.traction(), torque, *rates, lean, *contact)
+        truths = [np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)]
+        for k in (_ENERGY, _SATURATED):
+            truths[k] = np.diff(truths[k], axis=0, prepend=truths[k][:1]) / self.period
         empty = None if feed is None else feed.scan(np.empty((0, len(feed.bearings))))
         logs = []
         for i in range(self.fleet.size):
@@ -192,7 +187,3 @@ class RunRecorder:
             scans=scans,
             metadata=dict(description.metadata) | ({} if failure is None else {FAILURE: failure}),
         )
-
-    def _rate(self, total: Array, before: Array) -> Array:
-        """Mean rates (T, N, 2) since the row before, of accumulated quantities (T, N, 2) and (N, 2) before them."""
-        return np.diff(total, axis=0, prepend=before[None]) / self.period

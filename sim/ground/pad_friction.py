@@ -11,9 +11,6 @@ from sim.ground.ground import Ground
 from trackslip import se2
 from trackslip.kinematics import Array
 
-_SLACK = 0.5  # around the pads; a robot moves half of it before its nearby patches are selected again [m]
-_FEW = 16  # up to this many patches are all tested, always
-
 
 class PadFriction:
     """Friction and shear modulus of N robots' grounds under their P pads."""
@@ -36,27 +33,6 @@ class PadFriction:
                 shear = self._base[i, j, 2] if change.shear is None else change.shear
                 self._base[i, j + 1 :] = change.along, change.across, shear
             self._corners[i, : len(ground.patches)], self._patch[i, : len(ground.patches)] = laid[id(ground)]
-        self._forget_nearby()
-
-    def replace(self, rows: np.ndarray, grounds: Sequence[Ground]) -> None:
-        """Put the robots `rows` (R,) on other grounds, one each."""
-        new = PadFriction(grounds, self._pads)
-        changes = max(self._time.shape[1], new._time.shape[1])
-        patches = max(self._patch.shape[1], new._patch.shape[1])
-        self._widen(changes, patches)
-        new._widen(changes, patches)
-        for name in ("_time", "_base", "_corners", "_patch"):
-            getattr(self, name)[rows] = getattr(new, name)
-        self.varies = bool(np.isfinite(self._time).any() or (self._patch[..., 0] > 0).any())
-        self._forget_nearby()
-
-    def _widen(self, changes: int, patches: int) -> None:
-        """Pad the tables with changes that never come and patches that are nowhere."""
-        later, more = changes - self._time.shape[1], patches - self._patch.shape[1]
-        self._time = np.pad(self._time, ((0, 0), (0, later)), constant_values=np.inf)
-        self._base = np.pad(self._base, ((0, 0), (0, later), (0, 0)), mode="edge")
-        self._corners = np.pad(self._corners, ((0, 0), (0, more), (0, 0), (0, 0)), constant_values=np.nan)
-        self._patch = np.pad(self._patch, ((0, 0), (0, more), (0, 0)))
 
     def surface(self, time: ArrayLike, position: Array, heading: Array) -> Array:
         """Friction along and across the tracks [-] and shear modulus [m], (N, P, 3).
@@ -69,33 +45,13 @@ class PadFriction:
         friction = np.repeat(self._base[np.arange(n), passed][:, None], len(self._pads), axis=1)
         if self._patch.shape[1] == 0:
             return friction
-        self._select_nearby(position)
         place = position[:, None] + se2.rotate(heading[:, None], self._pads)  # (N, P, 2)
-        low, high = np.moveaxis(self._near_corners[:, None], 3, 0)  # (N, 1, M, 2) each
+        low, high = np.moveaxis(self._corners[:, None], 3, 0)  # (N, 1, M, 2) each
         inside = ((place[:, :, None] >= low) & (place[:, :, None] < high)).all(axis=-1)  # (N, P, M)
         last = inside.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=-1)  # of overlapping patches
-        on_patch = np.take_along_axis(self._near_patch, last[..., None], axis=1)
+        on_patch = np.take_along_axis(self._patch, last[..., None], axis=1)
         on_patch[..., 2] = np.where(np.isnan(on_patch[..., 2]), friction[..., 2], on_patch[..., 2])
         return np.where(inside.any(axis=-1)[..., None], on_patch, friction)
-
-    def _forget_nearby(self) -> None:
-        self._selected_at: Array | None = None  # (N, 2) [m]
-        self._near_corners, self._near_patch = self._corners, self._patch  # (N, M, 2, 2), (N, M, 3)
-
-    def _select_nearby(self, position: Array) -> None:
-        """Select the M patches of each robot that its pads may touch until it has moved by _SLACK / 2."""
-        if self._patch.shape[1] <= _FEW:
-            return
-        if self._selected_at is not None and np.abs(position - self._selected_at).max() <= _SLACK / 2:
-            return
-        self._selected_at = position.copy()
-        reach = np.hypot(*self._pads.T).max() + _SLACK
-        low, high = np.moveaxis(self._corners, 2, 0)
-        near = ((position[:, None] >= low - reach) & (position[:, None] <= high + reach)).all(axis=-1)  # (N, K)
-        # nearby patches first, in order; a row with fewer of them is filled with patches that are out of reach
-        chosen = np.argsort(~near, axis=1, kind="stable")[:, : max(1, int(near.sum(axis=1).max()))]
-        self._near_corners = np.take_along_axis(self._corners, chosen[..., None, None], axis=1)
-        self._near_patch = np.take_along_axis(self._patch, chosen[..., None], axis=1)
 
 
 def _laid(ground: Ground) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ import numpy as np
 
 import models
 from sim.robot.parameters import RobotParameters
-from sim.robot.spec import skip_idle_stages, split_pads
+from sim.robot.spec import split_pads
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate
@@ -35,7 +35,7 @@ class Robot:
     """A compiled model and the numbers in it."""
 
     model: mujoco.MjModel
-    """With idle stages of the engine disabled: before adding springs, dampers or a fluid, clear `opt.disableflags`."""
+    """The compiled model, without its visuals."""
     geometry: RobotGeometry
     """Half gauge and nominal sprocket radius."""
     contact_half_length: float
@@ -120,7 +120,6 @@ def load_robot(
         if contact_sensors:
             _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
         model = spec.compile()
-        skip_idle_stages(model)
         robot = _read(model, sprocket_radius, digest, single_contacts)
         return replace(robot, path=path, parameters=parameters, contact_sensors=contact_sensors)
     except (ValueError, KeyError, AttributeError) as error:

@@ -1,4 +1,4 @@
-"""Edits of the robot's model: idle stages of the engine off, and pads that touch at one point each."""
+"""Pads that touch the ground at one point each, as ground that shears needs."""
 
 from __future__ import annotations
 
@@ -7,17 +7,6 @@ import numpy as np
 
 _TILT = np.radians(45.0)  # of a pad: only its lower end touches, and its axis still gives the contact's directions
 _LENGTH = 0.02  # between the ends of a pad [m]
-
-
-def skip_idle_stages(model: mujoco.MjModel) -> None:
-    """Disable the search for islands where there can be one only, and passive forces where there are none."""
-    disabled = mujoco.mjtDisableBit
-    if model.ntree <= 1:  # all constraints then act on the same degrees of freedom
-        model.opt.disableflags |= disabled.mjDSBL_ISLAND
-    jointed = (model.jnt_type != mujoco.mjtJoint.mjJNT_FREE).any() or model.dof_damping.any()
-    in_fluid = model.opt.density > 0 or model.opt.viscosity > 0
-    if not (jointed or in_fluid or model.ntendon or model.nflex or model.nplugin or model.ngravcomp):
-        model.opt.disableflags |= disabled.mjDSBL_SPRING | disabled.mjDSBL_DAMPER
 
 
 def split_pads(spec: mujoco.MjSpec) -> None:

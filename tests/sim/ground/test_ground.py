@@ -25,34 +25,6 @@ def test_patches_act_under_the_pads_that_are_on_them():
     np.testing.assert_allclose(on_both[0], [0.9, 0.8])  # the last counts
 
 
-def test_of_many_patches_the_last_under_each_pad_counts():
-    rng = np.random.default_rng(0)
-    robots, few, many = 4, 3, 400
-    grounds = []
-    for count in (many, few, 0, many):
-        low, size = rng.uniform(-3, 3, (count, 2)), rng.uniform(0.1, 1.0, (count, 2))
-        frictions = rng.uniform(0.1, 1.0, (count, 2))
-        patches = [Patch((x, x + a), (y, y + b), *mu) for (x, y), (a, b), mu in zip(low, size, frictions, strict=True)]
-        grounds.append(Ground(patches=tuple(patches)))
-    friction = PadFriction(grounds, PADS)
-    position, heading = rng.uniform(-2, 2, (robots, 2)), rng.uniform(-np.pi, np.pi, robots)
-    for _ in range(100):
-        position, heading = position + rng.uniform(-0.1, 0.1, (robots, 2)), heading + 0.1
-        found = friction.surface(0.0, position, heading)[..., :2]
-        for i, ground in enumerate(grounds):
-            cos, sin = np.cos(heading[i]), np.sin(heading[i])
-            for j, (a, b) in enumerate(PADS):
-                x, y = position[i] + (cos * a - sin * b, sin * a + cos * b)
-                expected = (ground.along, ground.across)
-                for patch in ground.patches:
-                    if patch.x[0] <= x < patch.x[1] and patch.y[0] <= y < patch.y[1]:
-                        expected = (patch.along, patch.across)
-                assert tuple(found[i, j]) == expected
-        if rng.random() < 0.1:
-            friction.replace(np.array([1]), [grounds[0]])
-            grounds[1] = grounds[0]
-
-
 def test_changes_take_effect_at_their_times_outside_patches():
     patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.2, 0.3)
     ground = Ground(0.5, 0.6, patches=(patch,), changes=(Change(1.0, 0.7, 0.8), Change(2.0, 0.1, 0.1)))

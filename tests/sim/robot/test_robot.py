@@ -7,7 +7,6 @@ import pytest
 from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import FIELD, load_robot
-from sim.robot.spec import skip_idle_stages
 from trackslip.errors import TrackslipError
 
 
@@ -36,10 +35,9 @@ def test_models_load_and_stand_without_our_code(name):
 
 
 def test_what_is_left_out_carries_no_physics(robot):
-    """Visuals, cameras and lights, a ground for both tracks, and stages of the engine without anything to do."""
+    """Visuals, cameras and lights."""
     full, belts = mujoco.MjModel.from_xml_path(str(FIELD)), robot.pad_speeds(np.array([0.1, 0.3]))
     assert full.ngeom > robot.model.ngeom
-    assert full.opt.disableflags != robot.model.opt.disableflags
     ends = []
     for model in (full, robot.model):
         data, model.flg_surfacevel = mujoco.MjData(model), 1
@@ -49,20 +47,6 @@ def test_what_is_left_out_carries_no_physics(robot):
     robot.model.geom_surfacevel[:] = 0.0
     assert ends[0][0] > 0.1
     np.testing.assert_array_equal(*ends)
-
-
-def test_stages_of_the_engine_with_something_to_do_remain():
-    def flags(body, option=""):
-        free = f'<body><freejoint/><geom size="0.1"/>{body}</body>'
-        model = mujoco.MjModel.from_xml_string(f"<mujoco><option {option}/><worldbody>{free}</worldbody></mujoco>")
-        skip_idle_stages(model)
-        return model.opt.disableflags
-
-    island, spring = mujoco.mjtDisableBit.mjDSBL_ISLAND, mujoco.mjtDisableBit.mjDSBL_SPRING
-    assert flags("") & (island | spring) == island | spring
-    assert not flags('<body><joint damping="1"/><geom size="0.1"/></body>') & spring
-    assert not flags("", 'viscosity="1"') & spring
-    assert not flags('</body><body pos="1 0 0"><freejoint/><geom size="0.1"/>') & island
 
 
 def test_the_contact_recipe_follows_from_its_formulas(robot):
