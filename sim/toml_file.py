@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os.path
+import reprlib
 import tomllib
 import typing
 from collections.abc import Iterable, Mapping
@@ -15,28 +16,19 @@ from trackslip.errors import InvalidValueError, SettingsFileError, require
 
 T = TypeVar("T")
 
-_MAX_VALUE_TEXT = 80  # characters of a value in a message
-_MAX_DEPTH = 20  # levels of tables and lists in a file
-
 _type_hints = functools.cache(typing.get_type_hints)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file; raises SettingsFileError for a file that can't be read."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise SettingsFileError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise SettingsFileError(f"{path}: not text ({error.reason})") from error
     except (ValueError, RecursionError) as error:  # tomllib has no error of its own for long integers and deep nesting
         raise SettingsFileError(f"{path}: not TOML ({error})") from error
-    level: list[Any] = [table]
-    for _ in range(_MAX_DEPTH):
-        level = [inner for value in level for inner in _inner(value)]
-    if level:  # dotted keys nest without limit
-        raise SettingsFileError(f"{path}: nested too deeply, at most {_MAX_DEPTH} levels are allowed")
-    return table
 
 
 def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
@@ -60,7 +52,7 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
         SettingsFileError: for unknown or missing fields and values that aren't allowed.
     """
     if not isinstance(table, Mapping):
-        raise SettingsFileError(f"{where}: {_shown(table)} is not a table")
+        raise SettingsFileError(f"{where}: {reprlib.repr(table)} is not a table")
     hints = _type_hints(cls)  # type: ignore[arg-type]
     known = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
     for name in table:
@@ -84,13 +76,13 @@ def _value(hint: Any, value: object, where: str, name: str) -> Any:
     if hint in (int, str):
         what = "a whole number" if hint is int else "a text"
         if not isinstance(value, hint) or isinstance(value, bool):
-            raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be {what}")
+            raise SettingsFileError(f"{where}: {name} = {reprlib.repr(value)}: must be {what}")
         return value
     if hint is Path:
         return Path(_value(str, value, where, name))
     of = typing.get_args(hint)[0]
     if not isinstance(value, list):
-        raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be a list")
+        raise SettingsFileError(f"{where}: {name} = {reprlib.repr(value)}: must be a list")
     if dataclasses.is_dataclass(of):
         return tuple(build(of, item, f"{where}: {name}[{k}]") for k, item in enumerate(value))  # type: ignore[arg-type]
     if typing.get_origin(of) is tuple:
@@ -100,22 +92,5 @@ def _value(hint: Any, value: object, where: str, name: str) -> Any:
 
 def _number(value: object, where: str, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be a number")
-    try:
-        return float(value)
-    except OverflowError as error:
-        raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be a number of moderate size") from error
-
-
-def _inner(value: object) -> Iterable[Any]:
-    """What a value contains."""
-    return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-
-
-def _shown(value: object) -> str:
-    """A value in a message, shortened."""
-    try:
-        text = repr(value)
-    except ValueError:  # Python refuses to print integers with thousands of digits
-        return "a huge number"
-    return text if len(text) <= _MAX_VALUE_TEXT else text[: _MAX_VALUE_TEXT - 3] + "..."
+        raise SettingsFileError(f"{where}: {name} = {reprlib.repr(value)}: must be a number")
+    return float(value)

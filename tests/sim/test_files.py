@@ -5,14 +5,14 @@ import re
 from pathlib import Path
 
 import pytest
-from pages import ROOT, file
+from pages import ROOT
 from tracked_files import ROBOT, write_robot
 
-from sim.ground.ground import Change, Ground, Patch
+from sim.ground.ground import Ground
 from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.robot.parameters import RobotParameters, load_robot_file, robot_file_text
 from sim.robot.tracked import load_tracked
-from sim.scanner.obstacles import NAMED_OBSTACLES, Obstacles, Post, Walker, Wall, load_obstacles
+from sim.scanner.obstacles import Obstacles, Post, Walker, Wall, load_obstacles
 from sim.terrain import Course, Mesh, Ramp, Rough, Stairs, load_course
 from trackslip.errors import InvalidValueError, SettingsFileError
 
@@ -82,19 +82,6 @@ def test_files_of_a_piece_are_beside_the_course(tmp_path):
     assert load_course(str(tmp_path / "mine.toml")).pieces == (Mesh(str(tmp_path / "roof.obj")),)
 
 
-def test_the_examples_on_the_page_are_files(tmp_path):
-    for name in ("ground", "robot", "obstacles"):
-        (tmp_path / f"{name}.toml").write_text(file(PAGE, f"{name}.toml"))
-    ground = load_ground(str(tmp_path / "ground.toml"))
-    assert (ground.along, ground.slope) == (NAMED_GROUNDS["gravel"].ground.along, 0.1)
-    assert ground.patches == (Patch((0.0, 2.0), (-1.0, 1.0), 0.12, 0.12),)
-    assert ground.changes == (Change(20.0, 0.5, 0.7),)
-    expected = RobotParameters(half_gauge=0.25, contact_length=0.5), Ground()
-    assert load_robot_file(tmp_path / "robot.toml") == expected
-    found = load_obstacles(str(tmp_path / "obstacles.toml"))
-    assert (len(found.posts), len(found.walls), found.walkers) == (1, 1, NAMED_OBSTACLES["walker"].walkers)
-
-
 def test_the_page_lists_the_named_grounds():
     rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (\d+) \| (.+) \|$", PAGE.read_text(), re.MULTILINE)
     listed = {name: (float(along), float(across), float(shear), source) for name, along, across, shear, source in rows}
@@ -111,53 +98,32 @@ STAIRS, PICTURE = '[[pieces]]\nkind = "stairs"\n', '[[pieces]]\nkind = "picture"
 MISTAKES = [
     # what any file can have
     (load_ground, "along = ", "not TOML"),
-    (load_ground, f"along = {'9' * 400}", "along = 999"),  # too large for a float
-    (load_ground, f"along = {'9' * 5000}", "not TOML (Exceeds the limit"),  # too long for Python to read
-    (
-        load_ground,
-        f"along = 0x{'f' * 6000}",
-        "along = a huge number: must be a number of moderate size",
-    ),  # and to write
     (load_ground, "a = " + "[" * 5000, "not TOML (maximum recursion"),
-    (load_ground, "along" + ".x" * 5000 + " = 1", "nested too deeply, at most 20 levels are allowed"),
     (load_ground, "along = true", "along = True: must be a number"),
     (load_ground, "grip = 1.0", "grip is unknown; known are along, across"),
     # grounds
-    (load_ground, "across = 99", "across = 99.0: must be at most 10"),
     (load_ground, "base = 'mud'", "base = 'mud': must be one of stone"),
     (load_ground, "patches = 3", "patches = 3: must be a list"),
     (load_ground, "patches = [3]", "patches[0]: 3 is not a table"),
     (load_ground, PIECE, "patches[0]: x is missing"),
     (load_ground, PIECE + "x = [[0], [1]]", "patches[0]: x = [0]: must be a number"),
-    (load_ground, PIECE + "x = [nan, 1]", "patches[0]: x = (nan, 1.0): must be two ascending numbers"),
-    (load_ground, "[[changes]]\ntime = inf\nalong = 1\nacross = 1", "changes[0]: time = inf: must be a finite number"),
     (
         load_ground,
         "changes = [{time = 2, along = 1, across = 1}, {time = 1, along = 1, across = 1}]",
         "changes = [2.0, 1.0]: must be in ascending order",
     ),
     # robots
-    (load_robot, "half_gauge = 'wide'", "half_gauge = 'wide': must be a number"),
     (load_robot, "ground = 3", "ground: 3 is not a table"),
     (load_robot, "[ground]\nalong = -1", "ground: along = -1.0: must be a finite number > 0"),
     # obstacles
-    (load_obstacles, "[[posts]]\nx = 1.0\ny = 0\nradius = -1", "posts[0]: radius = -1.0: must be"),
     (load_obstacles, "[[trees]]\nx = 1.0", "trees is unknown; known are posts, walls, walkers"),
     # courses
-    (load_course, "", "pieces = (): must be at least one piece"),
     (load_course, "pieces = 3", "pieces = 3: must be a list of tables"),
     (load_course, "pieces = [3]", "pieces[0]: 3 is not a table"),
     (load_course, "[[pieces]]\nangle = 1", "pieces[0]: kind = None: must be one of flat, ramp, step, stairs"),
-    (load_course, RAMP + "slope = 1", "pieces[0]: slope is unknown; known are angle, length"),
     (load_course, STAIRS + "number = 3.0", "pieces[0]: number = 3.0: must be a whole number"),
     (load_course, PICTURE, "pieces[0]: file is missing"),
-    (load_course, PICTURE + "file = 3", "pieces[0]: file = 3: must be a text"),
     (load_course, PICTURE + 'file = "none.png"', "none.png: "),
-    (
-        load_course,
-        "width = 200\n[[pieces]]\nkind = 'rough'\ncell = 0.005",
-        "cells along a side of rough ground = 40001",
-    ),
 ]
 
 
@@ -178,11 +144,8 @@ def test_a_mistake_is_one_line_with_file_and_field(tmp_path, load, text, message
     ("old", "new", "said"),
     [
         ("half_gauge = 0.2", "half_gauge = -1", r"mine.toml: half_gauge = -1.0: must be a finite number > 0"),
-        ("half_gauge = 0.2", "", "mine.toml: half_gauge is missing"),
-        ('side = "left"', 'side = "top"', r"mine.toml: flippers\[0\]: side = 'top': must be left or right"),
         ("[[-0.2, 0.1, 0.1], [0.2", "[[0.2", "mine.toml: hull = .*two wheels"),
         ("[[-0.2, 0.1, 0.1]", '[["a", 0.1, 0.1]', r"mine.toml: hull\[0\] = 'a': must be a number"),
-        ('model = "mine.urdf"', "model = 3", "mine.toml: model = 3: must be a text"),
     ],
 )
 def test_files_of_tracked_robots_with_mistakes(tmp_path, old, new, said):

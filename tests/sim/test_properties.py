@@ -6,10 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from sim.drive.drive import Drive, tireless
+from sim.drive.drive import tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground, Patch
-from sim.ground.shear import LARGEST
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
 from trackslip.kinematics import track_slip
@@ -102,41 +101,3 @@ def test_a_patch_under_one_track_turns_the_robot_as_theory_says(robot, omega):
     even = least_power_twist(robot, np.where(on_left, *slow) * 0.06, np.full((20, 2), [0.7, 0.8]))
     if omega[0] != omega[1]:
         assert abs(expected[2] / even[2] - 1) > 0.1  # the patch matters
-
-
-SHEARS = st.floats(0.001, 0.03)
-
-
-@settings(max_examples=3, deadline=None)
-@given(
-    shear=SHEARS,
-    left=st.floats(-4.0, 4.0),
-    right=st.floats(-4.0, 4.0),
-    slope=st.floats(0.0, 0.2),
-    uphill=st.floats(-3, 3),
-)
-def test_mirrored_turns_on_mirrored_ground_that_shears_mirror(robot, shear, left, right, slope, uphill):
-    patch, other = ((0.0, 0.3), (0.05, 0.4), 0.5, 0.6, shear / 2), ((0.0, 0.3), (-0.4, -0.05), 0.5, 0.6, shear / 2)
-    grounds = [
-        Ground(0.7, 0.8, slope, side * uphill, (Patch(*part),), shear=shear) for side, part in ((1, patch), (-1, other))
-    ]
-    fleet = Fleet(robot, np.zeros((2, 3)), grounds, 0.0, FAST)
-    fleet.command([[left, right], [right, left]])
-    fleet.advance(1.5)
-    one, mirrored = fleet.twist()
-    np.testing.assert_allclose(mirrored, one * [1, -1, -1], atol=2e-4)
-
-
-@settings(max_examples=3, deadline=None)
-@given(seed=st.integers(0, 1000), shear=st.one_of(st.just(0.0), SHEARS), other=SHEARS)
-def test_shares_and_displacements_stay_in_their_bounds(robot, seed, shear, other):
-    rng = np.random.default_rng(seed)
-    patch = Patch((-0.2, 0.3), (0.0, 1.0), 0.3, 0.4, other)
-    fleet = Fleet(robot, np.zeros((2, 3)), Ground(slope=0.1, patches=(patch,), shear=shear), 0.0, Drive(), shears=True)
-    for _ in range(6):
-        fleet.command(rng.uniform(-5.0, 5.0, (2, 2)))
-        fleet.advance(0.3)
-        assert np.all((fleet.shear.share > 0) & (fleet.shear.share <= 1))
-        moved = np.linalg.norm(fleet.shear.displacement, axis=-1)
-        assert moved.max() <= LARGEST * max(shear, other) * (1 + 1e-12)
-    assert np.isfinite(fleet.batch.state).all()

@@ -155,14 +155,6 @@ def test_a_controller_that_fails_leaves_the_rows_before(robot, detail):
             np.testing.assert_array_equal(log.scans.cluster.count, expected.scans.cluster.count[:20])
 
 
-def test_a_controller_that_fails_at_once_leaves_no_log(robot):
-    reference = short_path()
-    fleet = Fleet(robot, reference.pose([0.0]))
-    with pytest.raises(RunFailedError, match=r"fails at 0\.05 s") as failure:
-        closed_loop(fleet, FailsAfter(0.0), reference)
-    assert failure.value.logs == []
-
-
 class Returns(Feedforward):
     """A controller that always returns the same."""
 

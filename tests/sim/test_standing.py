@@ -63,20 +63,6 @@ def test_robots_of_any_shape_have_their_numbers_stand_and_turn_as_theory_says(pa
     np.testing.assert_allclose(twist[:, 2], expected[:, 2], rtol=3e-3, atol=1e-5)
 
 
-@pytest.mark.parametrize("com_y", [-0.03, 0.05])
-@pytest.mark.parametrize("com_x", [0.0, 0.02])
-def test_the_chassis_leans_on_the_ground_as_on_springs(com_x, com_y):
-    """Their stiffness follows from the sink under the weight."""
-    parameters = RobotParameters(com_x=com_x, com_y=com_y)
-    robot = load_robot(parameters=parameters)
-    sink, roll, pitch = Fleet(robot, np.zeros((1, 3))).attitude()[0]
-    x, y = weight_offset(parameters)
-    spread_x = np.mean(robot.contact_points[:, 0] ** 2)
-    assert sink == pytest.approx(SINK, rel=0.01)
-    assert pitch == pytest.approx(SINK * x / spread_x, rel=0.02, abs=1e-5)
-    assert roll == pytest.approx(-SINK * y / parameters.half_gauge**2, rel=0.02)
-
-
 @pytest.mark.parametrize("heading", [0.0, np.pi, 0.1])
 def test_robots_do_not_park_where_they_would_tip_over(robot, heading):
     """Rough ground would hold it, but its weight, 12 cm high, is beyond its rear contact points, 15.3 cm back."""
@@ -93,13 +79,6 @@ def test_robots_do_not_park_where_one_track_slides(robot):
     with pytest.raises(InvalidValueError, match=r"slope = 0\.3: must be less, to park .* the robot slides"):
         Fleet(robot, np.zeros((1, 3)), ground)
     Fleet(robot, np.zeros((1, 3)), Ground(0.7, 0.7, slope=0.15, patches=(patch,)))
-
-
-def test_each_robot_is_parked_on_its_own_ground(robot):
-    grounds = [Ground(), Ground(slope=0.3), Ground(0.3, 0.3, slope=0.3)]
-    with pytest.raises(InvalidValueError, match=r"friction angle, 0\.291 rad"):
-        Fleet(robot, np.zeros((3, 3)), grounds)
-    Fleet(robot, np.zeros((2, 3)), grounds[:2])
 
 
 def test_a_run_in_which_a_robot_tips_over_ends_with_its_name_and_keeps_its_rows(robot):

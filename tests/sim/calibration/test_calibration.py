@@ -7,11 +7,9 @@ from sim.calibration.calibration import (
     Candidate,
     bounds,
     calibrate,
-    floor,
     simulated_twist,
     starts,
     theoretical_twist,
-    undetermined,
 )
 from sim.calibration.target import MeasuredTurns, TurnTable
 from sim.ground.ground import Ground
@@ -100,28 +98,6 @@ def test_a_parameter_without_effect_is_told(name, target):
     fit = calibrate(BASE, (name, "radius_error"), target, theoretical_twist, NO_FURTHER[:, :2])
     assert fit.tied == (name,)
     assert set(fit.stderr) == {"radius_error"}
-
-
-def test_undetermined_directions():
-    rng = np.random.default_rng(0)
-    a, b, c = rng.normal(size=(3, 20))
-    tied, held = undetermined(np.stack([a, b, c], axis=-1))
-    assert not tied.any()
-    tied, held = undetermined(np.stack([a, b, 3 * a - 2 * b + 1e-6 * c, c, 1e-9 * c], axis=-1))
-    np.testing.assert_array_equal(tied, [True, True, True, False, True])
-    np.testing.assert_array_equal(held, [False, False, True, False, True])
-
-
-def test_theory_reaches_no_lower_than_its_floor(published):
-    fit, target = published, TurnTable.published()
-    lowest = floor(fit, target)
-    assert lowest.slip_rms <= fit.slip_rms
-    rng = np.random.default_rng(2)
-    for _ in range(50):
-        near = lowest.candidate.with_values(
-            {name: lowest.candidate.value(name) + rng.normal(0, 0.5) * fit.stderr[name] for name in FREE}
-        )
-        assert target.slip_rms(theoretical_twist(near, target), near.geometry) >= lowest.slip_rms
 
 
 @pytest.mark.parametrize(

@@ -78,13 +78,6 @@ def test_the_ground_holds_a_parked_robot_with_just_the_shear_it_needs(robot):
     assert crept.max() < 1.2 * np.hypot(*coulomb.pose()[0, :2])
 
 
-def test_level_ground_at_rest_is_not_sheared(robot):
-    fleet = Fleet(robot, np.zeros((1, 3)), SANDY)
-    assert np.all(fleet.shear.displacement == 0)
-    fleet.advance(2.0)
-    assert np.hypot(*fleet.pose()[0, :2]) < 1e-5
-
-
 def test_hard_patches_act_in_full_on_ground_that_shears(robot):
     hard = Patch((-1.0, 1.0), (0.0, 1.0), 0.7, 0.778, shear=0.0)
     fleet = Fleet(robot, np.zeros((1, 3)), Ground(shear=0.01, patches=(hard,)))

@@ -75,17 +75,6 @@ def test_driving_uphill_takes_the_weight_and_the_motors_pay(robot):
     assert (fleet.drive.energy - before).sum() / 2.0 == pytest.approx(lifted + lost, rel=0.01)
 
 
-def test_the_torque_speed_line_bounds_the_speed(robot):
-    """A motor that would need its whole voltage at 2 rad/s of the sprocket never gets there under load."""
-    slow = Drive(motor=Motor(no_load_speed=100.0, stall_torque=0.3, friction=0.0))
-    fleet = Fleet(robot, np.zeros((1, 3)), Ground(slope=0.1), drive=slow)
-    fleet.command([4.0, 4.0])
-    fleet.advance(3.0)
-    load = robot.mass * 9.81 * np.sin(0.1) / 2 * 0.06 * 1.0066
-    stall = 0.3 * 50
-    np.testing.assert_allclose(fleet.drive.omega, 2.0 * (1 - load / stall), rtol=0.01)
-
-
 def log_of(robot, fleet, omega):
     (log,) = open_loop(fleet, omega, 3.0, ScannerFeed(LaserScanner(), fleet), PlateLocator(robot.plate))
     return log
@@ -137,20 +126,6 @@ def test_lateral_speed_is_in_the_truth_and_as_theory_says():
     # the grip's lag of 10 ms moves the centre of rotation forwards by 10 ms of way; see models/README.md
     expected[1] -= 0.01 * expected[0] * expected[2]
     np.testing.assert_allclose(log.truth.twist[-20:].mean(axis=0), expected, rtol=0.02)
-
-
-def test_a_drive_too_weak_to_turn_in_place_stalls_calmly(robot):
-    fleet = Fleet(robot, np.zeros((1, 3)), drive=Drive(torque_limit=1.5))
-    fleet.command([-3.0, 3.0])
-    fleet.advance(1.0)
-    speeds = []
-    for _ in range(100):
-        fleet.advance(fleet.period)
-        speeds.append(fleet.drive.omega[0].copy())
-    assert np.abs(speeds).max() < 0.01
-    assert np.std(speeds, axis=0).max() < 1e-3
-    assert np.abs(fleet.drive.torque).max() <= 1.5
-    assert abs(fleet.pose()[0, 2]) < 0.1
 
 
 def test_it_is_the_slopes_component_and_the_pull(robot):

@@ -7,7 +7,6 @@ from sim.ground.ground import Ground
 from sim.ground.named import NAMED_GROUNDS
 from sim.loop import closed_loop
 from sim.path_tracking.config import Reward
-from sim.path_tracking.episode import ReferenceTable
 from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.tracking import TERMS
 from sim.pilot import Pilot
@@ -155,16 +154,6 @@ def test_options_ask_for_what_is_not_to_be_drawn():
             env.reset(options=options)
 
 
-def test_each_robot_may_have_its_own_ground_and_reference():
-    env = PathTrackingVectorEnv(num_envs=2)
-    options = {"ground": [Ground(0.4, 0.5), "ice"], "reference": ["circle", "slalom"], "latency": 1}
-    _, info = env.reset(seed=0, options=options)
-    np.testing.assert_allclose(info["friction"], [[0.4, 0.5], [0.12, 0.12]])
-    np.testing.assert_allclose(info["true_pose"], [[-1.5, 0.4, 0.0], [-3.5, 1.2, info["true_pose"][1, 2]]], atol=1e-9)
-    with pytest.raises(InvalidValueError, match="list of 2"):
-        env.reset(options={"reference": ["circle"]})
-
-
 def test_whatever_is_drawn_can_be_parked():
     drawn = Randomization(
         friction_ratio=(0.3, 3.0),
@@ -182,20 +171,3 @@ def test_whatever_is_drawn_can_be_parked():
     for _ in range(10):
         *_, info = env.step(np.zeros((200, 2), np.float32))
     assert np.abs(info["true_pose"] - start).max() < 2e-3  # ground that shears gives way a little
-
-
-def test_rows_of_the_table_are_the_references_at_the_instants_of_control():
-    names, steps = ("circle", "paper", "stop_and_go"), np.array([0, 4, 20])
-    table = ReferenceTable(names, steps)
-    index, k = np.array([1, 0, 2]), np.array([[0, 0, 0], [37, 400, 900], [120, 838, 1]]).T
-    for row, name in enumerate(np.array(names)[index]):
-        reference = named_reference(name)
-        np.testing.assert_array_equal(table.pose(index[row], k[row]), reference.pose(k[row] * 0.05))
-        later = (k[row][:, None] + steps) * 0.05
-        np.testing.assert_array_equal(table.twists(index[row], k[row]), reference.twist(later))
-        assert (table.last[index[row]] - 1) * 0.05 < reference.duration <= table.last[index[row]] * 0.05 + 1e-9
-        far = np.array([table.last[index[row]] + 20, 10_000])  # beyond its end it stands
-        np.testing.assert_array_equal(table.twists(index[row], far), 0)
-        np.testing.assert_allclose(table.pose(index[row], far), [reference.pose(reference.duration)] * 2)
-    assert [table.index("slalom") for _ in range(2)] == [3, 3]
-    assert len(table.path(3)) == table.last[3] + 1

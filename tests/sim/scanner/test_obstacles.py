@@ -66,11 +66,6 @@ def test_a_beam_along_a_wall_passes_it():
     assert np.isnan(wall.ranges(np.zeros(2), np.array([[1.0, 0.0]]), NOW)).all()
 
 
-def test_within_a_person_nothing_else_is_seen():
-    crowd = Obstacles(walkers=(Walker(0.1, 0.0, 0.0, 0.0),), posts=(Post(2.0, 0.0),))
-    np.testing.assert_array_equal(crowd.ranges(np.zeros(2), fan(), NOW), 0.0)
-
-
 def test_a_person_walks_straight_on_or_to_and_fro():
     time = np.array([-0.5, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
     straight, turning = Walker(1.0, 2.0, 0.5, -1.0), Walker(1.0, 2.0, 0.5, -1.0, turns_after=2.0)
@@ -129,19 +124,3 @@ def test_the_person_walks_in_the_fleets_time(robot):
         expected = np.arctan2(-(middle + 1.5), 2.0)  # counter-clockwise from the scanner's heading, +y
         assert seen.mean() == pytest.approx(expected, abs=np.radians(0.3))
         fleet.advance(1.0)
-
-
-@pytest.mark.parametrize("name", sorted(NAMED_OBSTACLES))
-def test_named_obstacles_leave_the_circles_free(name):
-    """Of the grid's circles, all tangent at (-1.5, 0), with room for a robot and its plate."""
-    angle, radii = np.linspace(0.0, 2 * np.pi, 400), np.linspace(0.6, 3.2, 20)[:, None]
-    points = np.stack([-1.5 + radii * np.sin(angle), radii * (1 - np.cos(angle))], axis=-1).reshape(-1, 2)
-    found = NAMED_OBSTACLES[name]
-    circles = [(np.array([post.x, post.y]), post.radius) for post in found.posts]
-    circles += [(one.place(np.array(t)), one.radius) for one in found.walkers for t in np.linspace(0.0, 12.0, 60)]
-    for place, radius in circles:
-        assert np.hypot(*(points - place).T).min() > radius + 0.32
-    for wall in found.walls:
-        start, side = np.array([wall.x0, wall.y0]), np.array([wall.x1 - wall.x0, wall.y1 - wall.y0])
-        share = np.clip((points - start) @ side / (side @ side), 0, 1)
-        assert np.hypot(*(points - start - share[:, None] * side).T).min() > 0.32

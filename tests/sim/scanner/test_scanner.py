@@ -1,15 +1,12 @@
 import numpy as np
 import pytest
 
-from sim.drive.drive import Drive
 from sim.fleet import Fleet
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
-from trackslip.errors import InvalidValueError
 from trackslip.localization.plate import PlateLocator
 from trackslip.trajectory.named import REFERENCES
-from trackslip.trajectory.profile import LIMITS
 
 POSES = np.array([[-1.5, 0.5, 0.3], [0.0, 1.0, 2.0], [-3.0, 3.0, -1.0], [-1.5, 1.0, np.pi / 2]])
 
@@ -63,26 +60,6 @@ def test_dropouts_and_range_limit(robot):
     assert np.isnan(near[2]).all()
 
 
-def test_generators_are_one_per_robot(robot):
-    with pytest.raises(InvalidValueError, match="generators = 1: must be 4, one per robot"):
-        ScannerFeed(LaserScanner(), Fleet(robot, POSES), [generator(0, "")])
-
-
-def test_field_of_view_and_resolution(robot):
-    bearings = LaserScanner(field_of_view=np.radians(100), resolution=np.radians(0.5)).bearings
-    assert len(bearings) == 201
-    np.testing.assert_allclose(np.degrees(bearings[[0, -1]]), [-50, 50])
-    wide = LaserScanner(field_of_view=np.radians(270))
-    assert feed(robot, wide).true_ranges().shape == (4, 1081)
-
-
-def test_random_numbers_depend_on_what_the_run_is():
-    first = generator(0, "run a").random(3)
-    np.testing.assert_array_equal(first, generator(0, "run a").random(3))
-    assert not np.array_equal(first, generator(0, "run b").random(3))
-    assert not np.array_equal(first, generator(1, "run a").random(3))
-
-
 def test_a_seed_gives_each_robot_its_own_noise(robot):
     fleet = Fleet(robot, POSES[[0, 0]])
     true = ScannerFeed(LaserScanner(), fleet).true_ranges()[:, None]
@@ -129,7 +106,3 @@ def test_the_plate_stays_in_view_and_clear_of_the_scanner(robot, name):
     assert distance.max() + TRACKING_ERROR < 6.0
     bearing = np.abs(np.angle(seen)) + np.arcsin(TRACKING_ERROR / distance)
     assert bearing.max() < LaserScanner().field_of_view / 2 - np.radians(3)
-
-
-def test_limits_leave_the_drives_a_margin():
-    assert LIMITS.track_speed <= 0.9 * Drive().top_speed

@@ -64,14 +64,6 @@ TAPERED = [(0.0, 0.0, 0.065), (0.245, 0.0, 0.04)]
 FOUR = [(-0.3, 0.2, 0.05), (0.3, 0.2, 0.05), (0.2, 0.05, 0.05), (-0.2, 0.05, 0.05)]
 
 
-def test_length_of_an_open_belt():
-    """2 sqrt(L^2 - (R - r)^2) + pi (R + r) + 2 (R - r) asin((R - r) / L)."""
-    big, small, apart = 0.065, 0.04, 0.245
-    less = big - small
-    length = 2 * np.sqrt(apart**2 - less**2) + np.pi * (big + small) + 2 * less * np.arcsin(less / apart)
-    assert Outline.of(Hull.from_wheels(TAPERED)).ends[-1] == pytest.approx(length, rel=1e-12)
-
-
 @pytest.mark.parametrize("hull", [TWO, TAPERED, FOUR])
 def test_the_belt_is_closed_and_touches_its_hull(hull):
     outline = Outline.of(Hull.from_wheels(hull))

@@ -3,8 +3,6 @@ import numpy as np
 import pytest
 from tracked import add_robot, built, plane
 
-from trackslip.errors import InvalidValueError
-
 
 @pytest.fixture
 def robot():
@@ -48,16 +46,6 @@ def test_a_track_in_the_air_has_no_slip(robot):
     np.testing.assert_array_equal([reading.traction, reading.load, reading.depth], np.zeros((3, 2)))
 
 
-def test_a_belt_that_stands_has_a_sliding_velocity_but_no_slip(robot):
-    model, data, belts = robot
-    mujoco.mj_step(model, data, 100)
-    data.qvel[0] = 0.5
-    mujoco.mj_step(model, data)
-    reading = belts.read(model, data)
-    np.testing.assert_allclose(reading.sliding, -0.5, rtol=1e-6)
-    assert np.isnan(reading.slip).all()
-
-
 def test_wheels_on_an_edge_pull_along_the_belt_there():
     """A wheel before a high step: the belt's force is tangential, and turns with the normal."""
     spec = plane()
@@ -80,17 +68,3 @@ def test_wheels_on_an_edge_pull_along_the_belt_there():
     np.testing.assert_allclose(reading.traction.sum(), pull, rtol=1e-4)
     np.testing.assert_allclose(reading.load.sum(), load, rtol=1e-9)
     assert pull > 0
-
-
-@pytest.mark.parametrize(
-    ("speeds", "message"),
-    [
-        ([0.1], r"shape of speeds = \(1,\): must be \(..., 2\), a belt each"),
-        (0.1, r"shape of speeds = \(\)"),
-        ([0.1, np.nan], r"speeds = \[nan\]: must be finite"),
-    ],
-)
-def test_bad_speeds_are_refused(robot, speeds, message):
-    model, _, belts = robot
-    with pytest.raises(InvalidValueError, match=message):
-        belts.set(model, speeds)

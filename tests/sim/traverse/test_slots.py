@@ -52,12 +52,6 @@ def test_courses_without_room_are_refused(world):
         alone.begin([0], [steps])
 
 
-def test_the_same_numbers_draw_the_same_course():
-    one, two, other = (draw_course(np.random.default_rng(seed), 0.7) for seed in (3, 3, 4))
-    assert one == two
-    assert one != other
-
-
 def test_every_course_fits_the_slots():
     courses = [draw_course(np.random.default_rng(seed), 1.0) for seed in range(400)]
     assert max(len(course.solids) for course in courses) == MAX_BOXES

@@ -28,17 +28,6 @@ def test_poses_between_rows_lie_on_the_arc():
     np.testing.assert_allclose(motion.at(time), motion.pose, atol=1e-12)
 
 
-def test_steps_and_joined_are_inverse():
-    pose = RNG.normal(size=(50, 3)).cumsum(axis=0)
-    np.testing.assert_allclose(se2.chain(pose[0], se2.steps(pose)), pose, atol=1e-12)
-
-
-def test_an_arc_with_lateral_speed_is_many_short_straight_steps():
-    twist = np.array([0.3, -0.1, 1.2])
-    fine = se2.chain(np.zeros(3), np.tile(twist * 1e-5, (100_000, 1)))[-1]
-    np.testing.assert_allclose(se2.exp(twist), fine, atol=1e-5)
-
-
 RATE = 50.0
 GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
 LAW = ConstantIcr(offset=0.045, half_gauge=0.168, radius_error=0.0066)

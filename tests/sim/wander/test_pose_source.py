@@ -13,7 +13,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LawMotion, Motion, SlipVariation
-from sim.wander.pose_source import SOURCES, PoseSource, plate_ranges, plate_scans
+from sim.wander.pose_source import PoseSource, plate_ranges, plate_scans
 from trackslip import se2
 from trackslip.kinematics import RobotGeometry, wrap_angle
 from trackslip.localization.scan import Plate
@@ -122,12 +122,6 @@ def test_a_mounted_sensor_is_where_it_is_mounted(motion):
     np.testing.assert_allclose(cos * away[:, 0] + sin * away[:, 1], 0.3, atol=1e-12)
     np.testing.assert_allclose(-sin * away[:, 0] + cos * away[:, 1], 0.1, atol=1e-12)
     np.testing.assert_allclose(wrap_angle(poses[:, 2] - robot[:, 2]), 0.087, atol=1e-12)
-
-
-def test_a_source_without_headings_gives_none(motion):
-    _, poses = measure(SOURCES["gnss"], motion)
-    assert np.isnan(poses[:, 2]).all()
-    assert np.isfinite(poses[:, :2]).all()
 
 
 SCANNER = LaserScanner()
