@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -15,7 +14,6 @@ from trackslip.kinematics import Array, RobotGeometry, curvature, sprocket_speed
 
 _EDGE = 1e-9  # beyond a jump that is rounding [half its height]
 _CONVERGED = 1e-12  # relative error of the sprocket speeds
-_FEW = 64  # motions that are not worth sorting out when they are found
 _SLOPES = (0.2, 5.0)  # of the commanded direction over the real one, to which a step is limited
 
 
@@ -23,9 +21,9 @@ class SlipLaw(ABC):
     """Maps curvature (...) [1/m] to the slip (..., 2) of the left and right track [-]."""
 
     records_icr: ClassVar[bool] = False
-    """Whether logs of runs that it compensates have its ICRs: `offset` and `radius_error`."""
+    """Whether logs of runs under this law record its ICRs: `offset` and `radius_error`."""
     twist_iterations: ClassVar[int] = 12
-    """Largest number of iterations of `twist`; where a law jumps, some sprocket speeds take all of them."""
+    """Largest number of iterations of `twist`; where a law jumps, some sprocket speeds take them all."""
     closed_form: ClassVar[bool] = False
     """Whether `twist` is overridden by a closed form, which is cheap enough to be differenced."""
 
@@ -51,13 +49,11 @@ class SlipLaw(ABC):
         omega = np.asarray(omega, float)
         in_place, turning = self.turns_in_place(omega, geometry)
         commanded = np.broadcast_to(_without_slip(omega, geometry), in_place.shape)
-        whole = np.empty(in_place.shape, complex)
-        law, rows, real, found = self, np.arange(whole.size).reshape(whole.shape), commanded, in_place
-        wrong = turned = np.zeros_like(commanded, dtype=float)
-        few = _FEW if self._many() is not None else rows.size
+        real, found = commanded, in_place
+        wrong = turned = np.zeros(in_place.shape)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for k in range(self.twist_iterations):
-                demanded = law.sprocket_speeds(_of_plane(real, geometry), geometry)
+                demanded = self.sprocket_speeds(_of_plane(real, geometry), geometry)
                 ratio = commanded / _without_slip(demanded, geometry)
                 ratio = np.where(np.isfinite(ratio) & (ratio != 0), ratio, 1.0)
                 missed = np.arctan2(ratio.imag, ratio.real)
@@ -67,33 +63,12 @@ class SlipLaw(ABC):
                 found = found | (np.abs(ratio - 1) < _CONVERGED)  # kept, as another step might cross a jump
                 if found.all():
                     break
-                if rows.size > few and 2 * np.count_nonzero(found) > rows.size:
-                    whole.flat[rows] = real
-                    sought = ~found
-                    commanded, rows, real, wrong, turned = (
-                        values[sought] for values in (commanded, rows, real, wrong, turned)
-                    )
-                    law, found = law._of(sought), np.zeros(len(rows), bool)
-        whole.flat[rows] = real
-        return _of_plane(np.where(in_place, 1j * turning, whole), geometry)
-
-    def _many(self) -> dict[str, Array] | None:
-        """The parameters that are arrays, of many laws at once; None if others may be, too, inside of anything else."""
-        known = getattr(self, "__dataclass_fields__", {})
-        values = {name: getattr(self, name) for name in known or vars(self)}
-        many = {name: value for name, value in values.items() if isinstance(value, np.ndarray) and value.ndim}
-        plain = all(isinstance(value, int | float | np.generic) for name, value in values.items() if name not in many)
-        return many if plain and all(name in known and known[name].type in ("float", float) for name in many) else None
-
-    def _of(self, chosen: np.ndarray) -> SlipLaw:
-        """The law of the chosen motions (...): parameters of many laws are broadcast to them, and become (count,)."""
-        many = {name: np.broadcast_to(value, chosen.shape)[chosen] for name, value in (self._many() or {}).items()}
-        return replace(self, **many) if many else self  # type: ignore[type-var]
+        return _of_plane(np.where(in_place, 1j * turning, real), geometry)
 
     def turns_in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
-        """Whether sprocket speeds (..., 2) lie in the jump between turns in place, (...), and b w (...) [m/s] there.
+        """Whether sprocket speeds (..., 2) lie in the jump between left and right turns in place, and b w there.
 
-        The slips of both tracks then have the same sum as at either end of the jump.
+        Both are (...), b w in [m/s]. The slips of both tracks have the same sum as at either end of the jump.
         """
         belt = geometry.sprocket_radius * omega
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -155,8 +130,3 @@ def require_between(law: SlipLaw, names: Iterable[str], low: float, high: float,
 def require_slips(law: SlipLaw, *names: str) -> None:
     """Raise InvalidValueError unless the parameters of these names are slips of a moving track."""
     require_between(law, names, -np.inf, 1, "finite and < 1 (slip 1 is a track that stands still)")
-
-
-def require_decays(law: SlipLaw, *names: str) -> None:
-    """Raise InvalidValueError unless slip decays with radius by the parameters of these names."""
-    require_between(law, names, -np.inf, 0, "finite and < 0 (no slip on a straight path)")

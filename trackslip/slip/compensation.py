@@ -17,7 +17,7 @@ from trackslip.slip.icr_load import MAX_LOAD, IcrLoad
 from trackslip.slip.online import FilterTuning, IcrFilter
 
 MAX_CRAB_ANGLE = 0.3
-"""Largest angle at which a robot is taken to move to the side of its heading [rad]."""
+"""Largest angle between the heading of a robot and its direction of motion [rad]."""
 _LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
 """The law does not tell the centre of turns, which shifts along the robot as it turns towards the slope."""
 
@@ -33,6 +33,17 @@ class Compensation(Protocol):
 
     def law(self) -> SlipLaw:
         """The current slip law, with one set of parameters per robot where they differ."""
+
+
+@runtime_checkable
+class SensesLoad(Protocol):
+    """A compensation that also takes the traction per unit load of the robots, for example from their inclination."""
+
+    def sense(self, load: Array) -> None:
+        """Take tractions per unit load (N, 2), along the robots and to their left [-], before each call of `law`."""
+
+    def crab_angle(self, twist: Array) -> Array:
+        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
 
 
 @dataclass(frozen=True)
@@ -52,23 +63,6 @@ class FixedLaw:
         return self.known
 
 
-@runtime_checkable
-class SensesLoad(Protocol):
-    """A compensation that also measures the traction per unit load that the robots need, as from their inclination."""
-
-    def sense(self, load: Array) -> None:
-        """Take tractions per unit load (N, 2), along the robots and to their left [-], before each call of `law`."""
-
-    def crab_angle(self, twist: Array) -> Array:
-        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
-
-
-def crab_angle(forward: Array, leftward: Array) -> Array:
-    """Angles (N,) from the robots' axes to their directions of motion, at speeds (N,); at most MAX_CRAB_ANGLE [rad]."""
-    angle = np.arctan2(leftward * np.sign(forward), np.abs(forward))
-    return np.asarray(np.clip(angle, -MAX_CRAB_ANGLE, MAX_CRAB_ANGLE))
-
-
 class LoadedLaw:
     """A fixed law of slip under load, at the load that is measured."""
 
@@ -86,13 +80,18 @@ class LoadedLaw:
         """Take tractions per unit load (N, 2) [-]; beyond MAX_LOAD, the law takes MAX_LOAD."""
         self._load = np.clip(load, -MAX_LOAD, MAX_LOAD)
 
-    def crab_angle(self, twist: Array) -> Array:
-        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
-        return crab_angle(twist[:, 0], self.law().sideslip(twist))
-
     def law(self) -> IcrLoad:
         """The law at the load sensed last."""
         return self._known.under(self._load)
+
+    def crab_angle(self, twist: Array, drift: Array | float = 0.0) -> Array:
+        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad].
+
+        `drift` (N,) is added to the speed to the left [m/s]. At most MAX_CRAB_ANGLE.
+        """
+        forward, leftward = twist[:, 0], self.law().sideslip(twist) + drift
+        angle = np.arctan2(leftward * np.sign(forward), np.abs(forward))
+        return np.asarray(np.clip(angle, -MAX_CRAB_ANGLE, MAX_CRAB_ANGLE))
 
 
 class OnlineIcr:
@@ -102,33 +101,32 @@ class OnlineIcr:
         self, geometry: RobotGeometry, prior: ConstantIcr | None = None, tuning: FilterTuning | None = None
     ) -> None:
         self._geometry, self._prior, self._tuning = geometry, prior, tuning
-        self._filter: IcrFilter | None = None
+        self._started: IcrFilter | None = None
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3)."""
-        self._filter = IcrFilter(start, self._geometry, self._prior, self._tuning)
+        self._started = IcrFilter(start, self._geometry, self._prior, self._tuning)
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Update the filters with the motion of the robots."""
-        self._running.update(omega, duration, estimate)
+        self._filter.update(omega, duration, estimate)
 
     def law(self) -> ConstantIcr | IcrLoad:
         """The current estimates, with parameters (N,)."""
-        return self._running.law
+        return self._filter.law
 
     @property
-    def _running(self) -> IcrFilter:
-        if self._filter is None:
+    def _filter(self) -> IcrFilter:
+        if self._started is None:
             raise TrackslipError("compensation: call reset() before the first run")
-        return self._filter
+        return self._started
 
 
 class LoadedOnlineIcr(OnlineIcr):
     """Constant ICRs and the centre of turns, learnt while driving, with the slip under load of a known law."""
 
     def __init__(self, geometry: RobotGeometry, prior: IcrLoad, tuning: FilterTuning | None = None) -> None:
-        unloaded = ConstantIcr(prior.offset, prior.half_gauge, prior.radius_error)
-        super().__init__(geometry, unloaded, tuning or _LOADED_TUNING)
+        super().__init__(geometry, prior.unloaded_law, tuning or _LOADED_TUNING)
         self._loaded = LoadedLaw(prior)
 
     def reset(self, start: Array) -> None:
@@ -142,14 +140,13 @@ class LoadedOnlineIcr(OnlineIcr):
 
     def crab_angle(self, twist: Array) -> Array:
         """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
-        drift = -self._running.state[:, 5] * twist[:, 1]
-        return crab_angle(twist[:, 0], self._loaded.law().sideslip(twist) + drift)
+        return self._loaded.crab_angle(twist, drift=-self._filter.state[:, 5] * twist[:, 1])
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Update the filters with the motion of the robots, whose tracks slip under the load sensed before it."""
-        self._running.update(omega, duration, estimate, self.law().yielding(omega, self._geometry))
+        self._filter.update(omega, duration, estimate, self.law().yielding(omega, self._geometry))
 
     def law(self) -> IcrLoad:
         """The current estimates, with parameters (N,), at the load sensed last."""
-        learnt = self._running.law
+        learnt = self._filter.law
         return replace(self._loaded.law(), offset=learnt.offset, radius_error=learnt.radius_error)

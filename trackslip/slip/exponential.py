@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array, curvature
-from trackslip.slip.base import SlipLaw, by_side, radius_of, require_between, require_decays, require_slips
+from trackslip.slip.base import SlipLaw, by_side, radius_of, require_between, require_slips
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Exponential(SlipLaw):
 
     def __post_init__(self) -> None:
         require_slips(self, "alpha_outer", "alpha_inner")
-        require_decays(self, "beta_outer", "beta_inner")
+        require_between(self, ("beta_outer", "beta_inner"), -np.inf, 0, "finite and < 0 (no slip on a straight path)")
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""

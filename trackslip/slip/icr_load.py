@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import SIDES, Array, RobotGeometry
-from trackslip.slip.base import SlipLaw, require_between
-from trackslip.slip.icr import ConstantIcr
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.slip.base import require_between
+from trackslip.slip.icr import ConstantIcr, IcrLaw
 
 MAX_COMPLIANCE = 1.2
 """Largest slip per traction over load [-]."""
@@ -19,7 +19,7 @@ MAX_LOAD = 0.8
 
 
 @dataclass(frozen=True)
-class IcrLoad(SlipLaw):
+class IcrLoad(IcrLaw):
     """Constant ICRs, and slip in proportion to the traction per unit load, as on ground that shears.
 
     With the twist (v', w') of constant ICRs and the traction per unit load (t, t_left) that the robot needs,
@@ -27,7 +27,7 @@ class IcrLoad(SlipLaw):
         v = v' - t sqrt((C v')^2 + (S w')^2)        w = w'        u = -t_left (C |v| + S |w|)
 
     Straight uphill the belts slip by C t; downhill the robot outruns them as much. In turns the tracks slide sideways
-    anyway, and then yield to any other force, too. Where uphill is to the left, the robot drifts to the right: u < 0.
+    anyway, and yield to any other force as well. Where uphill is to the left, the robot drifts to the right: u < 0.
 
     For small tractions, C = 2 K / (mu L) with the ground's shear modulus K, its friction mu and the length L of the
     contact (Janosi and Hanamoto, 1961), and S = L / (2 mu) in turns that shear the ground to its limit.
@@ -46,13 +46,9 @@ class IcrLoad(SlipLaw):
     load: Array | tuple[float, float] = (0.0, 0.0)
     """(t, t_left): traction that the robot needs over the load on its tracks, uphill; one, or one per motion [-]."""
     records_icr: ClassVar[bool] = True
-    closed_form: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")
-        outside = f"finite and > -half_gauge = {-self.half_gauge}"
-        require_between(self, ("offset",), -self.half_gauge, np.inf, outside)
-        require_between(self, ("radius_error",), -1, np.inf, "finite and > -1")
+        super().__post_init__()
         require_between(self, ("turn_compliance",), -np.inf, np.inf, "finite")
         for name, most in (("compliance", MAX_COMPLIANCE), ("load", MAX_LOAD)):
             limit = most * 1.01  # for differences at the limit
@@ -62,25 +58,17 @@ class IcrLoad(SlipLaw):
         """The law of a robot that needs tractions per unit load `load`, one (2,) or (..., 2) [-]."""
         return replace(self, load=np.asarray(load, float))
 
-    def __call__(self, kappa: ArrayLike) -> Array:
-        """Slips (..., 2) at curvatures (...), driving forwards or turning in place."""
-        direction = np.arctan(np.asarray(kappa, float))  # finite for infinite curvature
-        return self.slip(np.stack([np.cos(direction), np.sin(direction)], axis=-1))
-
     def slip(self, twist: ArrayLike) -> Array:
         """Slips (..., 2) at twists (..., 2)."""
-        twist = np.asarray(twist, float)
-        real = twist[..., :1] + SIDES * self.half_gauge * twist[..., 1:]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return 1 - real / self._belts(twist)
+        return self.slip_ratio(twist)
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2); regular at every radius."""
-        return self._belts(np.asarray(twist, float)) / geometry.sprocket_radius
+        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
+        return self.unloaded_law.sprocket_speeds(self.unloaded(twist), geometry)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce; regular at every radius."""
-        free = self._unloaded.twist(omega, geometry)
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
+        free = self.unloaded_law.twist(omega, geometry)
         v, w = free[..., 0], free[..., 1]
         slower = v - self._tractions[0] * np.hypot(self.compliance * v, self.turn_compliance * w)
         return np.stack(np.broadcast_arrays(slower, w), axis=-1)
@@ -102,8 +90,8 @@ class IcrLoad(SlipLaw):
     def yielding(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """Velocities (..., 3), forwards, to the left and of yaw, that load adds at sprocket speeds omega (..., 2)."""
         twist = self.twist(omega, geometry)
-        added = twist - self._unloaded.twist(omega, geometry)
-        return np.stack([added[..., 0], self.sideslip(twist), added[..., 1]], axis=-1)
+        slower = twist[..., 0] - self.unloaded_law.twist(omega, geometry)[..., 0]
+        return np.stack([slower, self.sideslip(twist), np.zeros_like(slower)], axis=-1)
 
     @property
     def _tractions(self) -> tuple[Array, Array]:
@@ -112,10 +100,6 @@ class IcrLoad(SlipLaw):
         return load[..., 0], load[..., 1]
 
     @property
-    def _unloaded(self) -> ConstantIcr:
+    def unloaded_law(self) -> ConstantIcr:
+        """The law of the robot without load."""
         return ConstantIcr(self.offset, self.half_gauge, self.radius_error)
-
-    def _belts(self, twist: Array) -> Array:
-        """Nominal speeds V (..., 2) of the belts at twists (..., 2)."""
-        unit = RobotGeometry(self.half_gauge, 1.0)
-        return self._unloaded.sprocket_speeds(self.unloaded(twist), unit)

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
-from trackslip.errors import InvalidValueError, require_non_negative, require_positive
+from trackslip.errors import require, require_non_negative, require_positive
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.base import PoseEstimate
 from trackslip.slip.icr import ConstantIcr
@@ -69,14 +69,10 @@ class FilterTuning:
     """Number of scans over which that mean is taken [-]."""
 
     def __post_init__(self) -> None:
-        for name in ("gain_spread", "radius_error_spread", "centre_spread", "outlier", "change", "known", "floor"):
-            require_positive(name, getattr(self, name))
-        for name in ("gain_walk", "radius_error_walk", "centre_walk", "position_walk", "heading_walk", "least_turn"):
-            require_non_negative(name, getattr(self, name))
-        if self.patience < 1:
-            raise InvalidValueError("patience", self.patience, "an integer >= 1")
-        if not 1 <= self.memory < np.inf:
-            raise InvalidValueError("memory", self.memory, "finite and >= 1")
+        for name, value in vars(self).items():
+            (require_non_negative if name.endswith(("_walk", "_turn")) else require_positive)(name, value)
+        require(self.patience >= 1, "patience", self.patience, "an integer >= 1")
+        require(self.memory >= 1, "memory", self.memory, "finite and >= 1")
 
     @property
     def spreads(self) -> tuple[float, float, float]:
@@ -85,7 +81,7 @@ class FilterTuning:
 
 
 class IcrFilter:
-    """Estimates pose, D and epsilon of N robots, which are bitwise independent of each other."""
+    """Estimates pose, D and epsilon of N robots, independently of each other."""
 
     def __init__(
         self,
@@ -108,9 +104,9 @@ class IcrFilter:
         """Covariance (N, 6, 6) of the state."""
         self.restarts = np.zeros(n, int)
         """Number of restarts (N,)."""
-        self._lean = np.zeros((n, 3))  # exponentially weighted sum of whitened innovations
-        self._weight = np.zeros(n)  # variance of that sum
-        self._refused = np.zeros(n, int)  # number of poses rejected in a row
+        self._drift = np.zeros((n, 3))  # exponentially weighted sum of whitened innovations
+        self._drift_variance = np.zeros(n)
+        self._rejected = np.zeros(n, int)  # number of poses rejected in a row
         self._turning = np.zeros(n)  # recent mean yaw rate [rad/s]
         self._begin(np.arange(n), pose, np.zeros((n, 3, 3)), 1.0 if law is None else self._tuning.known)
 
@@ -169,19 +165,20 @@ class IcrFilter:
         noise = noise + tuning.floor**2 * np.eye(3)
         spread = self.covariance[rows, :3, :3] + noise
         root = np.linalg.cholesky((spread + spread.swapaxes(1, 2)) / 2)
-        white = _solve_lower(root, innovation)
+        white = np.linalg.solve(root, innovation[..., None])[..., 0]
         surprising = np.einsum("ni,ni->n", white, white) > tuning.outlier
-        self._refused[rows] = np.where(surprising, self._refused[rows] + 1, 0)
+        self._rejected[rows] = np.where(surprising, self._rejected[rows] + 1, 0)
         good = np.flatnonzero(~surprising)
         self._learn(rows[good], white[good], root[good])
-        lean = np.einsum("ni,ni->n", self._lean[rows], self._lean[rows]) / np.maximum(self._weight[rows], 1.0)
-        again = (self._refused[rows] >= tuning.patience) | (lean > tuning.change)
+        drift = np.einsum("ni,ni->n", self._drift[rows], self._drift[rows])
+        changed = drift > tuning.change * np.maximum(self._drift_variance[rows], 1.0)
+        again = changed | (self._rejected[rows] >= tuning.patience)
         self.restarts[rows[again]] += 1
         self._begin(rows[again], pose[again], noise[again], 1.0)
 
     def _learn(self, rows: np.ndarray, white: Array, root: Array) -> None:
         """Update the state with innovations (R, 3), whitened by the roots (R, 3, 3) of their covariances."""
-        half = _solve_lower(root[:, None], self.covariance[rows, :, :3])  # (R, 6, 3)
+        half = np.linalg.solve(root, self.covariance[rows, :3, :]).swapaxes(1, 2)  # (R, 6, 3)
         taken = half.copy()
         slow = np.abs(self._turning[rows]) < self._tuning.least_turn
         taken[np.ix_(slow, [3, 5])] = 0.0  # considered, not updated
@@ -192,8 +189,8 @@ class IcrFilter:
         self.covariance[rows] = (covariance + covariance.swapaxes(1, 2)) / 2
         self.state[rows, 3:] = np.clip(self.state[rows, 3:], *_LIMITS)
         fade = 1 - 1 / self._tuning.memory
-        self._lean[rows] = fade * self._lean[rows] + white
-        self._weight[rows] = fade**2 * self._weight[rows] + 1
+        self._drift[rows] = fade * self._drift[rows] + white
+        self._drift_variance[rows] = fade**2 * self._drift_variance[rows] + 1
 
     def _begin(self, rows: np.ndarray, pose: Array, noise: Array, share: float) -> None:
         """(Re)start at poses (R, 3) with covariances (R, 3, 3), and a `share` of the spreads of the constants."""
@@ -201,7 +198,7 @@ class IcrFilter:
         self.covariance[rows] = 0.0
         self.covariance[rows[:, None, None], np.arange(3)[:, None], np.arange(3)] = noise
         self.covariance[rows, 3:, 3:] = np.diag(np.square(self._tuning.spreads)) * share**2
-        self._lean[rows], self._weight[rows], self._refused[rows] = 0.0, 0.0, 0
+        self._drift[rows], self._drift_variance[rows], self._rejected[rows] = 0.0, 0.0, 0
 
 
 def icr_motion(law: Array, omega: Array, geometry: RobotGeometry) -> tuple[Array, Array]:
@@ -220,11 +217,3 @@ def icr_motion(law: Array, omega: Array, geometry: RobotGeometry) -> tuple[Array
     derivative[:, 1] = -centre[:, None] * derivative[:, 2]
     derivative[:, 1, 2] = -yaw_rate
     return np.stack([scale * speed, -centre * yaw_rate, yaw_rate], axis=1), derivative
-
-
-def _solve_lower(root: Array, right: Array) -> Array:
-    """Solutions (..., 3) of L z = r for lower triangular L (..., 3, 3) and r (..., 3)."""
-    a = right[..., 0] / root[..., 0, 0]
-    b = (right[..., 1] - root[..., 1, 0] * a) / root[..., 1, 1]
-    c = (right[..., 2] - root[..., 2, 0] * a - root[..., 2, 1] * b) / root[..., 2, 2]
-    return np.stack([a, b, c], axis=-1)

@@ -1,4 +1,4 @@
-"""Derivatives of the twists of laws by their parameters."""
+"""Derivatives of the twists of laws with respect to their parameters."""
 
 from __future__ import annotations
 
@@ -19,15 +19,12 @@ def parameter_slopes(law: SlipLaw, steps: Mapping[str, float], omega: Array, geo
 
     `steps` are the sizes of the differences, by name of the p parameters, whose shapes (...) may be those of many laws.
     """
-    values = {name: np.asarray(getattr(law, name), float) for name in steps}
-    shape = np.broadcast_shapes(omega.shape[:-1], *(value.shape for value in values.values()))
-    p, ones = len(steps), (1,) * len(shape)
-    size = np.array(list(steps.values())).reshape(p, *ones)
-    beside = np.concatenate([np.eye(p), -np.eye(p)]).reshape(2 * p, p, *ones)
-    pushed = {name: value + beside[:, k] * size[k] for k, (name, value) in enumerate(values.items())}
-    twist = replace(law, **pushed).twist(omega, geometry)  # type: ignore[type-var]
-    ahead, behind = np.broadcast_to(twist, (2 * p, *shape, 2)).reshape(2, p, *shape, 2)
-    return np.moveaxis((ahead - behind) / (2 * size[..., None]), 0, -1)
+
+    def pushed(name: str, step: float) -> Array:
+        return replace(law, **{name: getattr(law, name) + step}).twist(omega, geometry)  # type: ignore[type-var]
+
+    slopes = [(pushed(name, step) - pushed(name, -step)) / (2 * step) for name, step in steps.items()]
+    return np.stack(slopes, axis=-1)
 
 
 def twist_slopes(
@@ -44,48 +41,37 @@ def twist_slopes(
     step = _DIFFERENCE * scale
     inside = np.clip(values, low + step, high - step)
     law = family.law(inside[:, None, :], geometry)
-    ahead, behind = (family.law(each[..., None, :], geometry) for each in _pushed(inside, step))
+    pushes = np.diag(step)[:, None, None, :]  # a parameter at a time, for all laws: (p, 1, 1, p)
+    ahead, behind = (family.law(inside[:, None, :] + sign * pushes, geometry) for sign in (1, -1))
     if law.closed_form:
         change = ahead.twist(omega, geometry) - behind.twist(omega, geometry)  # (p, m, n, 2)
-        slopes = np.moveaxis(change / (2 * step[:, None, None, None]), 0, -1)
+        slopes = np.moveaxis(change, 0, -1) / (2 * step)
     else:
         twist = law.twist(omega, geometry) if twist is None else twist
-        slopes = _implicit_slopes(family, inside, step, twist, geometry)
+        slopes = _implicit_slopes(law, ahead, step, twist, geometry)
         jumps, _ = law.turns_in_place(omega, geometry)
         if jumps.any():
             high_end, low_end = (each.turns_in_place(omega, geometry)[1] for each in (ahead, behind))
-            change = (high_end - low_end) / (2 * step[:, None, None] * geometry.half_gauge)  # (p, m, n) of w
+            change = np.moveaxis(high_end - low_end, 0, -1) / (2 * step * geometry.half_gauge)  # (m, n, p) of w
             slopes[jumps] = 0.0
-            slopes[jumps, 1, :] = np.moveaxis(change, 0, -1)[jumps]
+            slopes[jumps, 1, :] = change[jumps]
     return np.where(np.isfinite(slopes), slopes, 0.0)
 
 
-def _pushed(values: Array, step: Array) -> Array:
-    """Values (2, p, m, p), one parameter a step above and below those (m, p) of m laws."""
-    return values + np.diag(step)[:, None, :] * np.array([1.0, -1.0])[:, None, None, None]
+def _implicit_slopes(law: SlipLaw, ahead: SlipLaw, step: Array, twist: Array, geometry: RobotGeometry) -> Array:
+    """The same by the implicit function theorem: the sprocket speeds at the twists don't change.
 
-
-def _implicit_slopes(family: LawFamily, values: Array, step: Array, twist: Array, geometry: RobotGeometry) -> Array:
-    """The same (m, n, 2, p) by the implicit function theorem, with omega(twist, values) = omega.
-
-    It takes one evaluation of the sprocket speeds, where a twist without closed form takes many.
+    `ahead` is the law with each of its p parameters a step (p,) larger. It takes one evaluation of the sprocket speeds
+    per difference, where a twist without closed form takes many.
     """
-    parameters = len(step)
-    size = _DIFFERENCE * np.maximum(np.abs(twist[..., 0]), geometry.half_gauge * np.abs(twist[..., 1]))  # (m, n)
-    pushes = np.stack([size, size / geometry.half_gauge])
-    laws = np.tile(values, (parameters + 3, 1, 1))  # as they are, a parameter pushed, a component of the twist pushed
-    twists = np.tile(twist, (parameters + 3, 1, 1, 1))
-    for k in range(parameters):
-        laws[1 + k, :, k] += step[k]
-    for k in range(2):
-        twists[1 + parameters + k, ..., k] += pushes[k]
+    size = _DIFFERENCE * np.maximum(np.abs(twist[..., :1]), geometry.half_gauge * np.abs(twist[..., 1:]))  # (m, n, 1)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        here, *beside = family.law(laws[:, :, None, :], geometry).sprocket_speeds(twists, geometry)
-        by_values = np.stack([(each - here) / one for each, one in zip(beside, step, strict=False)], axis=-1)
-        (a, c), (b, d) = (
-            np.moveaxis((each - here) / push[..., None], -1, 0)
-            for each, push in zip(beside[parameters:], pushes, strict=True)
+        here = law.sprocket_speeds(twist, geometry)
+        by_values = np.moveaxis(ahead.sprocket_speeds(twist, geometry) - here, 0, -1) / step
+        pushes = [size * unit for unit in ([1.0, 0.0], [0.0, 1.0 / geometry.half_gauge])]
+        by_v, by_w = (
+            (law.sprocket_speeds(twist + push, geometry) - here) / push.max(axis=-1, keepdims=True) for push in pushes
         )
+        (a, c), (b, d) = (np.moveaxis(each, -1, 0)[..., None] for each in (by_v, by_w))
         x, y = by_values[..., 0, :], by_values[..., 1, :]
-        scaled = np.stack([d[..., None] * x - b[..., None] * y, a[..., None] * y - c[..., None] * x], axis=-2)
-        return -scaled / (a * d - b * c)[..., None, None]
+        return -np.stack([d * x - b * y, a * y - c * x], axis=-2) / (a * d - b * c)[..., None, :]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
-from trackslip.slip.base import SlipLaw, require_between
+from trackslip.kinematics import SIDES, Array, RobotGeometry
+from trackslip.slip.base import require_between
+from trackslip.slip.icr import IcrLaw
 
 _MIN_LOSS, _MAX_LOSS = -8.0, 1.0  # between these, v grows with the belts' mean speed at every difference
 _ITERATIONS = 60
@@ -17,15 +17,14 @@ _CONVERGED = 1e-15  # last step, relative to the twist
 
 
 @dataclass(frozen=True)
-class TurnLoss(SlipLaw):
-    """Yaw rate as with constant ICRs; speed that turning diminishes, as seen with fast skid-steered robots.
+class TurnLoss(IcrLaw):
+    """The yaw rate of constant ICRs, and a speed that turning diminishes, as seen with fast skid-steered robots.
 
     With the belts' speeds V = (1 + epsilon) r omega, their mean s and half their difference d,
 
         w = d / (b + D)        v = s (1 - g sin^2 theta)        tan theta = d / s
 
-    With g = 0 it is the constant ICR. Sprocket speeds and twists are computed without the slip ratio, which has a pole
-    where a sprocket stands still.
+    With g = 0 it is the constant ICR.
     """
 
     offset: float
@@ -36,26 +35,14 @@ class TurnLoss(SlipLaw):
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     turn_loss: float = 0.0
     """g: share of the speed that is lost in a turn about the middle of the robot [-]."""
-    closed_form: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")
-        outside = f"finite and > -half_gauge = {-self.half_gauge}"
-        require_between(self, ("offset",), -self.half_gauge, np.inf, outside)
-        require_between(self, ("radius_error",), -1, np.inf, "finite and > -1")
+        super().__post_init__()
         allowed = f"between {_MIN_LOSS:g} and {_MAX_LOSS:g}, where sprocket speeds are unique"
         require_between(self, ("turn_loss",), _MIN_LOSS, _MAX_LOSS, allowed)
 
-    def __call__(self, kappa: ArrayLike) -> Array:
-        """Slips (..., 2) at curvatures (...)."""
-        direction = np.arctan(np.asarray(kappa, float))  # finite for infinite curvature
-        twist = np.stack([np.cos(direction), np.sin(direction)], axis=-1)
-        nominal = RobotGeometry(self.half_gauge, sprocket_radius=1.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return 1 - track_speeds(twist, self.half_gauge) / self.sprocket_speeds(twist, nominal)
-
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2); regular at every radius."""
+        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
         v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
         reach, scale = np.asarray(self.half_gauge + np.asarray(self.offset)), 1 + np.asarray(self.radius_error)
         v, difference, loss, scale = np.broadcast_arrays(v, reach * w, self.turn_loss, scale)
@@ -63,7 +50,7 @@ class TurnLoss(SlipLaw):
         return (mean[..., None] + SIDES * difference[..., None]) / (geometry.sprocket_radius * scale[..., None])
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce; regular at every radius."""
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
         belt = geometry.sprocket_radius * (1 + np.asarray(self.radius_error)[..., None]) * np.asarray(omega, float)
         mean, difference = (belt[..., 1] + belt[..., 0]) / 2, (belt[..., 1] - belt[..., 0]) / 2
         v = mean * (1 - self.turn_loss * _sine(difference, mean) ** 2)
