@@ -86,13 +86,13 @@ def run(config: Config) -> None:
     from experiments.run import Run
     from experiments.storage.manifest import command_line
     from experiments.storage.results import REPORT_FILE, write_samples
-    from trackslip.identification.drive_law import DRIVE_LAWS
     from trackslip.identification.identify import identify_source
     from trackslip.identification.result import identification_to_json
     from trackslip.identification.source import origin
     from trackslip.se2 import Mounting
+    from trackslip.slip.families import drive_laws
 
-    stages = 3 + len(DRIVE_LAWS)  # reading, steady stretches, each law of whole drives, the report
+    stages = 3 + len(drive_laws())  # reading, steady stretches, each law of whole drives, the report
     with Run(config) as run, run.progress("identification", stages, "stages") as report:
         source = source_of(config)
         for line in source.taken:

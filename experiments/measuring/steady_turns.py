@@ -8,7 +8,6 @@ import numpy as np
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.icr_load import IcrLoad
 
 TRACKS = ("inner", "outer")
 """Order of the tracks on the last axis, here and in the figures."""
@@ -59,7 +58,7 @@ class InnerOuterSamples:
 
     def residual(self, law: SlipLaw) -> Array:
         """Measured slip minus the law's at the measured motion, (n, 2) of the inner and outer track [-]."""
-        loaded = law.under(self.load) if isinstance(law, IcrLoad) and self.load is not None else law
+        loaded = law if self.load is None else law.under(self.load)
         return self.slip - inner_outer(loaded.slip(self.twist), self.left)
 
     def curves(self, law: SlipLaw, radius: Array) -> list[Array]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.identification.doubts import WITHOUT_RADIUS, doubts_of_drives, doubts_of_samples
-from trackslip.identification.drive_law import DRIVE_LAWS, REFERENCE, ClockProfile, DriveFit, clock_profile, fit_drives
+from trackslip.identification.drive_law import REFERENCE, ClockProfile, DriveFit, clock_profile, fit_drives
 from trackslip.identification.drives import Drive
 from trackslip.identification.fitted import FittedLaw, SteadyFit, fit_law
 from trackslip.identification.prediction import (
@@ -24,7 +24,7 @@ from trackslip.identification.prediction import (
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
 from trackslip.se2 import Mounting
-from trackslip.slip.families import FAMILIES, TWO_SIDED
+from trackslip.slip.families import FAMILIES, drive_laws
 
 BASELINES = ("none", "exponential", "icr")
 """Laws that are always reported, for others to be compared with."""
@@ -111,7 +111,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     warnings: list[str] = []
     sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
     for name, family in FAMILIES.items():
-        if name in TWO_SIDED and min((sides > 0).sum(), (sides < 0).sum()) < 2:
+        if family.two_sided and min((sides > 0).sum(), (sides < 0).sum()) < 2:
             continue
         if family.loaded and (samples.load is None or np.ptp(samples.load) < _MIN_LOADS):
             continue
@@ -145,18 +145,18 @@ def compare_drives(
     drives: Sequence[Drive],
     geometry: RobotGeometry,
     sensor: Mounting | None = None,
-    names: Sequence[str] = DRIVE_LAWS,
+    names: Sequence[str] | None = None,
     step: Callable[[float], None] = lambda _: None,
 ) -> DriveComparison:
     """Fit laws to drives and predict held-out driving; `step(1.0)` is called after each law.
 
-    Raises LogError if the drives determine no law with parameters.
+    By default, all families that are made for drives. Raises LogError if the drives determine no law with parameters.
     """
     reference = fit_drives(REFERENCE, drives, geometry, sensor)
     laws: dict[str, DriveFit] = {}
     predictions: dict[str, DrivePredictions] = {}
     warnings: list[str] = []
-    for name in names:
+    for name in names or drive_laws():
         try:
             found = fit_drives(name, drives, geometry, sensor, reference=reference)
             predictions[name] = held_out(found.fit)

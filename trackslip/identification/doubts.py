@@ -11,7 +11,7 @@ from trackslip.identification.drive_law import DriveFit
 from trackslip.identification.drives import Drive
 from trackslip.identification.fitted import FittedLaw, SteadyFit
 from trackslip.identification.sensor import offset_between_sides
-from trackslip.slip.families import TWO_SIDED
+from trackslip.slip.families import FAMILIES
 
 WITHOUT_RADIUS = ("none", "constant")
 """Laws that tell nothing of turns."""
@@ -64,7 +64,7 @@ def doubts_of_samples(laws: Mapping[str, SteadyFit], best: str) -> list[str]:
                 f"{'left' if offset > 0 else 'right'} of the middle (--sensor X Y YAW, or --estimate-sensor); an "
                 "offset and unequal ICRs can't be told apart"
             )
-    if best in TWO_SIDED:
+    if FAMILIES[best].two_sided:
         doubts.append(f"left and right turns differ: {best} describes both, the other laws assume symmetry")
     return doubts
 

@@ -25,8 +25,6 @@ from trackslip.slip.families import FAMILIES, family
 
 REFERENCE = "icr_radius"
 """The law that is fitted first; others start from its trajectory, and its gates hold for all."""
-DRIVE_LAWS = ("none", "icr", "icr_radius", "icr_sides", "turn_loss", "exponential")
-"""Laws that can be fitted to drives."""
 _LAG = 0.03  # starting value [s]
 _CERTAIN = 3.0  # lag that shows [standard errors]
 _TRIALS = 4  # steps after which a lag is given up unless it shows
@@ -76,7 +74,7 @@ def fit_drives(
     held: Mapping[str, float] | None = None,
     reference: DriveFit | None = None,
 ) -> DriveFit:
-    """Fit a law, one of DRIVE_LAWS, to whole drives by maximum likelihood.
+    """Fit a law to whole drives by maximum likelihood.
 
     Args:
         name: of the law.
@@ -204,7 +202,7 @@ def _fitted(
         held.setdefault("sensor_yaw", "no headings were measured")
     if not lagging:
         held.setdefault("lag", "none shows")
-    if model.family is FAMILIES["icr_sides"]:
+    if model.family.two_sided:
         held.setdefault("sensor_y", "an offset of the sensor and unequal ICRs can't be told apart")
     while True:
         free = np.array([k for k, name in enumerate(model.names) if name not in held], int)

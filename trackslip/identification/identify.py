@@ -8,7 +8,6 @@ from pathlib import Path
 
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.comparison import DriveComparison, compare_drives, compare_laws
-from trackslip.identification.drive_law import DRIVE_LAWS
 from trackslip.identification.drives import drives_of
 from trackslip.identification.outliers import split_outliers
 from trackslip.identification.result import Identification, Method
@@ -96,7 +95,7 @@ def identify_source(
         return steady
     main = steady is None or not _mostly_steady(source.sampling)
     try:
-        drive = _drive(source, sensor, None if main else _POSES_BESIDE, DRIVE_LAWS if main else _BESIDE, step)
+        drive = _drive(source, sensor, None if main else _POSES_BESIDE, None if main else _BESIDE, step)
     except LogError as error:
         if steady is None:
             both = f"{error}; from steady stretches: {reason}"
@@ -129,7 +128,11 @@ def identify_samples(
 
 
 def _drive(
-    source: Source, sensor: Mounting | None, most: int | None, names: Sequence[str], step: Callable[[float], None]
+    source: Source,
+    sensor: Mounting | None,
+    most: int | None,
+    names: Sequence[str] | None,
+    step: Callable[[float], None],
 ) -> DriveComparison:
     drives, refused = drives_of(source.logs, *([most] if most else []))
     found = compare_drives(drives, source.geometry, sensor, names, step)

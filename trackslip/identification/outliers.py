@@ -27,7 +27,7 @@ _ROUGHLY = 1e-6  # tolerance of the fits
 _TUKEY = 4.685  # cutoff of the biweight [robust standard deviations]
 _LAWS = ("exponential", "icr_radius", "turn_loss", "icr_sides")
 
-_LOADED = ("icr_load",)  # for runs under known loads
+_LOADED = "icr_load"  # for runs under known loads
 _NEIGHBOURS = 7  # poses that predict the next one
 _JUMPED = 6.0  # outlying error of prediction [robust standard deviations]
 _MIN_SPREAD = np.array([1e-3, np.radians(0.05)])  # [m, rad]
@@ -47,7 +47,7 @@ def split_outliers(
     if count < _MIN_SAMPLES:
         return samples, []
     runs = WeightedRuns.of(samples, geometry)
-    told = laws if samples.load is None else (*laws, *_LOADED)
+    told = laws if samples.load is None else (*laws, _LOADED)
     judged = [_robust_deviation(name, runs) for name in told if count > len(FAMILIES[name].names)]
     least = min(spread for _, spread in judged)
     labels = by_load(by_command(samples.omega, geometry), samples.load)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.errors import InvalidValueError
-from trackslip.identification.drive_law import DRIVE_LAWS
 from trackslip.identification.drive_model import DriveModel
 from trackslip.kinematics import Array, RobotGeometry, twist_of_tracks
 from trackslip.odometry.uncertainty import LawErrors
@@ -25,9 +24,9 @@ from trackslip.planning.limits import DriveLimits, Knowledge, first_knowledge
 from trackslip.planning.maneuvers import RATE, Maneuvers
 from trackslip.planning.route import Extent, PlacedRoute, Route, path, placed
 from trackslip.planning.search import best_route
-from trackslip.slip.families import LawFamily, family
+from trackslip.slip.families import LawFamily, drive_laws, family
 
-PLANNED_LAWS = tuple(name for name in DRIVE_LAWS if family(name).names)
+PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names)
 """Laws that a drive can be planned for."""
 PAPER_DURATION = 30.0
 """Of each of the paper's runs [s]."""

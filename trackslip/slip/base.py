@@ -35,6 +35,11 @@ class SlipLaw(ABC):
         """Slips (..., 2) at twists (..., 2); laws that depend on speed override this."""
         return self(curvature(twist))
 
+    def under(self, load: ArrayLike) -> SlipLaw:
+        """The law under tractions per unit load (..., 2) [-]; laws without load are the same under any."""
+        del load
+        return self
+
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2) under this law; Eq. 15."""
         return sprocket_speeds(twist, self.slip(twist), geometry)

@@ -71,6 +71,10 @@ class LawFamily:
     """What it can be deployed to, of `trackslip.deploy.TARGETS`."""
     loaded: bool = False
     """Whether slip depends on the traction per unit load, which runs then have to tell."""
+    two_sided: bool = False
+    """Whether left and right turns slip differently, so that fits need turns to both sides."""
+    of_drives: bool = True
+    """Whether it is fitted to whole drives, too."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -92,13 +96,7 @@ class LawFamily:
         """The family of the laws under tractions per unit load (...) [-]; the same for laws without load."""
         if not self.loaded or load is None:
             return self
-
-        def build(values: Mapping[str, Any], geometry: RobotGeometry) -> SlipLaw:
-            law = self.build(values, geometry)
-            assert isinstance(law, IcrLoad)
-            return law.under(load)
-
-        return replace(self, build=build)
+        return replace(self, build=lambda values, geometry: self.build(values, geometry).under(load))
 
     def law(self, values: Array, geometry: RobotGeometry) -> SlipLaw:
         """The law with parameters (..., p): many laws of shape (...) at once."""
@@ -152,6 +150,7 @@ FAMILIES: dict[str, LawFamily] = {
         _CONSTANT,
         _build(Constant),
         Look("constant slip", "#8a8a8a", (0, (6, 2)), ("i the same at every radius",)),
+        of_drives=False,
     ),
     "exponential": LawFamily(
         "exponential in radius, the paper's",
@@ -165,6 +164,7 @@ FAMILIES: dict[str, LawFamily] = {
         _SPEED,
         _build(ExponentialSpeed),
         Look("exponential with speed", "#C98200", (0, (6, 1.5, 1, 1.5, 1, 1.5)), ("i = (α + γ v) exp(β R)",)),
+        of_drives=False,
     ),
     "icr": LawFamily(
         "constant ICR",
@@ -208,6 +208,7 @@ FAMILIES: dict[str, LawFamily] = {
             ("as icr_radius, with v + t √((C v)² + (S w)²) for v", "t: traction over load"),
         ),
         loaded=True,
+        of_drives=False,
     ),
     "icr_sides": LawFamily(
         "constant ICR, left and right different",
@@ -220,13 +221,17 @@ FAMILIES: dict[str, LawFamily] = {
             ("as icr_radius, with D and ε", "of the left and the right track"),
         ),
         _EVERYTHING,
+        two_sided=True,
     ),
 }
 """Families by name, simple ones first."""
-TWO_SIDED = ("icr_sides",)
-"""Families that need turns to both sides."""
 RETIRED = ("power", "hyperbola")
 """Families of trackslip 0.1; constant ICRs say what they said."""
+
+
+def drive_laws() -> tuple[str, ...]:
+    """Names of the families that are fitted to whole drives."""
+    return tuple(name for name, one in FAMILIES.items() if one.of_drives)
 
 
 def family(name: str) -> LawFamily:

@@ -132,7 +132,7 @@ def test_what_is_odd_is_listed_and_the_rest_is_used(tmp_path):
 
 @pytest.fixture
 def few_laws(monkeypatch):
-    monkeypatch.setattr("trackslip.identification.identify.DRIVE_LAWS", ("none", "icr_radius"))
+    monkeypatch.setattr("trackslip.identification.comparison.drive_laws", lambda: ("none", "icr_radius"))
 
 
 @pytest.mark.usefixtures("few_laws")

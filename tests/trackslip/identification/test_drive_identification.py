@@ -27,7 +27,7 @@ DRIVEN = 12.0  # [s]
 @pytest.fixture(autouse=True)
 def few_laws(monkeypatch):
     """Fit few laws: those that are tabulated take most of the time, and have tests of their own."""
-    monkeypatch.setattr("trackslip.identification.identify.DRIVE_LAWS", ("none", "icr", "icr_radius"))
+    monkeypatch.setattr("trackslip.identification.comparison.drive_laws", lambda: ("none", "icr", "icr_radius"))
 
 
 @cache
@@ -209,7 +209,7 @@ def malformed(count):
 def few_rounds(monkeypatch):
     """Stop fits early: these of malformed drives go on as long as they may."""
     monkeypatch.setattr("trackslip.identification.drive_fit._ROUNDS", 3)
-    monkeypatch.setattr("trackslip.identification.identify.DRIVE_LAWS", ("none", "icr"))
+    monkeypatch.setattr("trackslip.identification.comparison.drive_laws", lambda: ("none", "icr"))
 
 
 @pytest.mark.usefixtures("few_rounds")

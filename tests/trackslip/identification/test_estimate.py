@@ -9,11 +9,11 @@ from drives import EXACT, GEOMETRY, ICR, NOISE, SLAM, STILL, constant_speeds, dr
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.drive_equations import solve
-from trackslip.identification.drive_law import DRIVE_LAWS, fit_drives
+from trackslip.identification.drive_law import fit_drives
 from trackslip.identification.drive_residuals import Noise
 from trackslip.identification.drives import drive_of
 from trackslip.se2 import Mounting
-from trackslip.slip.families import FAMILIES
+from trackslip.slip.families import FAMILIES, drive_laws
 from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.turn_loss import TurnLoss
 
@@ -271,7 +271,7 @@ def test_wild_readings_and_motion_unlike_the_sprockets_are_said():
         unlagged([other])
 
 
-@pytest.mark.parametrize("name", DRIVE_LAWS)
+@pytest.mark.parametrize("name", drive_laws())
 def test_every_law_is_fitted_from_the_trajectory_of_the_reference(name):
     found = fit_drives(name, [drive_log(1, 40)], GEOMETRY, reference=fitted(1))
     assert found.name == name

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from trackslip.errors import InvalidValueError
-from trackslip.identification.drive_law import DRIVE_LAWS
 from trackslip.identification.drive_model import DriveModel
 from trackslip.kinematics import RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors
@@ -18,7 +17,7 @@ from trackslip.planning.limits import DriveLimits, first_knowledge
 from trackslip.planning.maneuvers import RATE, Maneuvers
 from trackslip.planning.plan import PLANNED_LAWS, expected_alone, expected_of_paper, paper_runs, plan_drive
 from trackslip.planning.route import path
-from trackslip.slip.families import FAMILIES
+from trackslip.slip.families import FAMILIES, drive_laws
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(max_speed=0.3, acceleration=0.5, area=(3.0, 3.0), duration=40.0)
@@ -102,7 +101,7 @@ def test_every_law_can_be_planned_for(law, monkeypatch):
 
 
 def test_the_laws_are_those_that_drives_determine():
-    assert {*PLANNED_LAWS, "none"} == set(DRIVE_LAWS)
+    assert {*PLANNED_LAWS, "none"} == set(drive_laws())
 
 
 def test_the_papers_runs():
@@ -143,7 +142,7 @@ def test_limits_that_cannot_be(changes, message):
         ({"area": (3.0, 0.6)}, {}, "area = '3x0.6': must be more than 0.672 m long and wide, for the robot to turn"),
         ({"max_speed": 1e-3, "duration": 10.0}, {}, "duration = 10.0: must be longer, for a drive within the limits"),
         ({}, {"knowledge": replace(first_knowledge(GEOMETRY), slip=(0.5,) * 3)}, "area = '3x3': must be larger"),
-        ({}, {"law": "none"}, "law = 'none': must be one of icr, icr_radius"),
+        ({}, {"law": "none"}, "law = 'none': must be one of exponential, icr, icr_radius"),
     ],
 )
 def test_drives_that_cannot_be(changes, options, message):
