@@ -1,33 +1,24 @@
-import json
 import re
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
+from ran import Result, ran
 
 from experiments.cli import main
 
 
-@dataclass(frozen=True)
-class Result:
-    folder: Path
-    summary: dict[str, Any]
-    manifest: dict[str, Any]
-    printed: str
-
-
 @pytest.fixture
-def trackslip(tmp_path, capsys):
+def trackslip(tmp_path):
     """Runs a command into a folder, by default one of its own, and reads back what it wrote."""
 
     def run(*arguments: str) -> Result:
-        own = "--out" in arguments
-        folder = Path(arguments[arguments.index("--out") + 1]) if own else tmp_path / arguments[0]
-        main([*arguments, *(() if own else ("--out", str(folder)))])
-        printed = capsys.readouterr().out
-        summary, manifest = (json.loads((folder / f"{name}.json").read_text()) for name in ("summary", "manifest"))
-        return Result(folder, summary, manifest, printed)
+        given = list(arguments)
+        folder = tmp_path / given[0]
+        if "--out" in given:
+            k = given.index("--out")
+            folder = Path(given[k + 1])
+            del given[k : k + 2]
+        return ran(folder, *given)
 
     return run
 

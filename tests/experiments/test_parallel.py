@@ -17,7 +17,7 @@ import pytest
 
 from experiments import parallel
 from experiments.commands import benchmark, grid
-from experiments.parallel import InlineExecutor, Workers, interrupts_later, workers
+from experiments.parallel import InlineExecutor, Workers, workers
 from experiments.studies import trials
 from trackslip.errors import TrackslipError
 
@@ -83,25 +83,6 @@ def test_failures_in_a_cluster(error, message):
         list(Workers(InlineExecutor(), 1).each(fail, [1]))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_waits_for_the_end_of_a_block(number):
-    def handle(*_):
-        raise KeyboardInterrupt
-
-    def interrupted():
-        with interrupts_later():
-            signal.raise_signal(number)
-            done.append(number)
-
-    before, done = signal.signal(number, handle), []
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            interrupted()
-        assert done == [number]
-    finally:
-        assert signal.signal(number, before) is handle
-
-
 @pytest.mark.parametrize(("do", "tasks"), [(time.sleep, [60] * 4), (large, [20] * 20), (stubborn, [0] * 4)])
 def test_an_error_leaves_no_process(do, tasks):
     """While workers are at work, while they return results, and when their tasks don't end."""
@@ -117,16 +98,6 @@ def test_an_error_leaves_no_process(do, tasks):
         fail()
     assert time.monotonic() - caught.value.args[0] < 4
     assert gone()
-
-
-def test_workers_ignore_interrupts_of_the_terminal():
-    with workers("processes", 2) as pool:
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
-        pending = pool.map(time.sleep, [1.0] * 2)
-        for child in multiprocessing.active_children():
-            os.kill(child.pid, signal.SIGINT)
-        assert list(pending) == [None, None]
-        assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == before
 
 
 def test_workers_end_with_a_parent_that_is_killed():

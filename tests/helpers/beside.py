@@ -8,7 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from trackslip.kinematics import Array, RobotGeometry, advance
+from trackslip import se2
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.se2 import advance, compose, inverse
 
 GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
 D, EPSILON = 0.045, 0.0066
@@ -37,20 +39,6 @@ class Session:
     def local(self, time: Array) -> Array:
         """True poses (..., 3) of the plate in the scanner's frame."""
         return compose(inverse(self.mount), self.path(time))
-
-
-def compose(first: Array, then: Array) -> Array:
-    """Poses (..., 3) `then`, given in the frames `first`."""
-    cos, sin = np.cos(first[..., 2]), np.sin(first[..., 2])
-    x, y, phi = np.moveaxis(then, -1, 0)
-    return np.stack(
-        [first[..., 0] + cos * x - sin * y, first[..., 1] + sin * x + cos * y, first[..., 2] + phi], axis=-1
-    )
-
-
-def inverse(pose: Array) -> Array:
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    return np.array([-cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1], -pose[2]])
 
 
 def teleoperated(rng: np.random.Generator, duration: float, top: float = 5.0) -> Array:
@@ -86,10 +74,8 @@ def drive(
     rng = np.random.default_rng(seed)
     r, b = GEOMETRY.sprocket_radius * (1 + EPSILON), GEOMETRY.half_gauge + D
     v, w = r * (omega[:, 1] + omega[:, 0]) / 2, r * (omega[:, 1] - omega[:, 0]) / (2 * b)
-    turned = start[2] + np.append(0.0, np.cumsum(w[1:] / RATE))
-    chord = v[1:] / RATE * np.sinc(w[1:] / RATE / (2 * np.pi)) * np.exp(1j * (turned[:-1] + w[1:] / RATE / 2))
-    way = np.append(0.0, np.cumsum(chord))
-    robot = np.column_stack([start[0] + way.real, start[1] + way.imag, turned])
+    motion = np.column_stack([v, 0 * v, w])[1:] / RATE
+    robot = se2.chain(np.array(start), se2.exp(motion))
     encoder_time = np.arange(len(omega)) / RATE
 
     def at(time: Array) -> Array:

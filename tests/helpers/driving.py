@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,34 +38,30 @@ def circles(radius: Array, rate: Array, start: Array, rows: int) -> Drive:
 
 def track_afterwards(scan: Scan, drive: Drive, locator: Locator) -> PoseEstimate:
     """Poses (T * N) from scans (T * N, B), located all at once; those refused are located again where expected."""
-    t, n, _ = drive.pose.shape
     single = locator.locate(scan)
-    tracker = Tracker(drive.pose[0], GEOMETRY)
-    found = []
-    for k in range(t):
-        expected = tracker.predict(drive.omega, PERIOD if k > 0 else 0.0)
-        rows = np.arange(k * n, (k + 1) * n)
-        estimate = PoseEstimate(single.pose[rows], single.covariance[rows], single.valid[rows])
-        refused = np.flatnonzero(~tracker.believes(estimate))
+
+    def estimate(rows: slice, expected: Array, tracker: Tracker) -> PoseEstimate:
+        found = PoseEstimate(single.pose[rows], single.covariance[rows], single.valid[rows])
+        refused = np.flatnonzero(~tracker.believes(found))
         if refused.size:
-            again = locator.locate(replace(scan, ranges=scan.ranges[rows[refused]]), expected[refused])
-            for old, new in zip(vars(estimate).values(), vars(again).values(), strict=True):
+            again = locator.locate(replace(scan, ranges=scan.ranges[rows][refused]), expected[refused])
+            for old, new in zip(vars(found).values(), vars(again).values(), strict=True):
                 old[refused] = new
-        found.append(tracker.update(estimate))
-    return _joined(found)
+        return found
+
+    return _tracked(drive, estimate)
 
 
 def track_online(scan: Scan, drive: Drive, locator: Locator) -> PoseEstimate:
     """Poses (T * N) from scans (T * N, B), each located where its robot is expected."""
-    t, n, _ = drive.pose.shape
+    return _tracked(drive, lambda rows, at, _: locator.locate(replace(scan, ranges=scan.ranges[rows]), at))
+
+
+def _tracked(drive: Drive, estimate: Callable[[slice, Array, Tracker], PoseEstimate]) -> PoseEstimate:
+    count = drive.pose.shape[1]
     tracker = Tracker(drive.pose[0], GEOMETRY)
     found = []
-    for k in range(t):
+    for k in range(len(drive.pose)):
         expected = tracker.predict(drive.omega, PERIOD if k > 0 else 0.0)
-        now = replace(scan, ranges=scan.ranges[k * n : (k + 1) * n])
-        found.append(tracker.update(locator.locate(now, expected)))
-    return _joined(found)
-
-
-def _joined(estimates: list[PoseEstimate]) -> PoseEstimate:
-    return PoseEstimate(*(np.concatenate(parts) for parts in zip(*(vars(e).values() for e in estimates), strict=True)))
+        found.append(tracker.update(estimate(slice(k * count, (k + 1) * count), expected, tracker)))
+    return PoseEstimate(*(np.concatenate(parts) for parts in zip(*(vars(e).values() for e in found), strict=True)))

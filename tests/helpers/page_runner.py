@@ -30,7 +30,7 @@ _NUMBER = re.compile(r"[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 
 @dataclass
 class PageRunner:
-    """Runs the blocks of a page, in order."""
+    """Runs the blocks of a page, in order, and compares what they print with what it shows."""
 
     folder: Path
     """Where the page's files are written: the working directory."""
@@ -50,17 +50,15 @@ class PageRunner:
             line = None if self.printed is None else missing_line(block.text, self.printed)
             assert line is None, f"not printed: {line}\nprinted was:\n{self.printed}"
             return
-        self.printed = None
+        runs = self._runs(block)
         if block.directive == "file":
             (self.folder / block.about).write_text(block.text, encoding="utf-8")
-        if block.language == "python" and self._runs(block):
+        if block.language == "python" and runs:
             self._python(block)
         elif block.language == "sh" and block.directive != "not run":
-            given = [arguments(command) for command in commands(block.text)]
-            for words in given:
-                self._command(words, block.directive) if self._runs(block) else parse(words)
-        if self._runs(block):
-            self.printed = self.captured()
+            for words in map(arguments, commands(block.text)):
+                self._command(words, block.directive) if runs else parse(words)
+        self.printed = self.captured() if runs else None
 
     def _runs(self, block: Block) -> bool:
         if block.directive == "needs":
@@ -101,8 +99,11 @@ def _as_printed(line: str, printed: list[str]) -> str:
     """The first printed line with the shown line's words, else the most similar one; printed loses what is used up."""
     words = line.removesuffix("…").split()
     cut = len(words) if line.endswith("…") else None
-    pattern = _pattern(words)
-    same = [found for found in printed if _pattern(found.split()[:cut]) == pattern]
+
+    def pattern(text: str) -> list[str]:
+        return [_NUMBER.sub("#", word) for word in text.split()[:cut]]
+
+    same = [found for found in printed if pattern(found) == pattern(" ".join(words))]
     nearest = same[:1] or get_close_matches(line, printed, 1, 0.7)
     if not words or not nearest:
         return line
@@ -110,10 +111,6 @@ def _as_printed(line: str, printed: list[str]) -> str:
     del printed[: printed.index(found) + 1]
     now = found.split()[:cut]
     return line if now == words else found if cut is None else " ".join(now) + " …"
-
-
-def _pattern(words: list[str]) -> list[str]:
-    return [_NUMBER.sub("#", word) for word in words]
 
 
 def _refresh(path: Path) -> None:

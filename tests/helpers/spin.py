@@ -7,6 +7,7 @@ from dataclasses import asdict
 import numpy as np
 
 from sim.scanner.scanner import LaserScanner
+from trackslip import se2
 from trackslip.localization.bound import pose_bound
 from trackslip.localization.scan import Plate
 from trackslip.logs.runlog import RunLog, Truth
@@ -22,14 +23,8 @@ def spun_before_the_scanner(rows=2000, metadata=METADATA, factor=1.0):
     covariance = pose_bound(local, Plate(), LaserScanner().bearings, LaserScanner().noise)
     root = np.linalg.cholesky(np.nan_to_num(covariance) + 1e-12 * np.eye(3))
     error = factor * np.einsum("nij,nj->ni", root, np.random.default_rng(0).standard_normal((rows, 3)))
-    true, seen = (_to_world(pose) for pose in (local, local + error))
+    true, seen = (se2.compose(MOUNT, pose) for pose in (local, local + error))
     nothing = np.zeros((rows, 2))
     truth = Truth(true, np.zeros((rows, 3)), nothing, nothing)
     valid = np.arange(rows) % 10 > 0
     return RunLog("spin", 0.05 * np.arange(rows), nothing + 1.0, seen, valid=valid, truth=truth, metadata=metadata)
-
-
-def _to_world(pose):
-    cos, sin = np.cos(MOUNT[2]), np.sin(MOUNT[2])
-    turned = pose[:, :2] @ np.array([[cos, sin], [-sin, cos]])
-    return np.column_stack([turned + MOUNT[:2], pose[:, 2] + MOUNT[2]])

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.identification.comparison import DriveComparison, compare_drives
 from trackslip.identification.drive_law import prepare
 from trackslip.identification.result import Identification
-from trackslip.kinematics import RobotGeometry, advance
+from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.icr import ConstantIcr
 
@@ -24,9 +25,8 @@ def wandered(*, name="drive", duration=30.0, noise=0.005, headings=True, outlier
     sway = 0.0 if straight else np.sin(2.3 * at[:, 1]) + 0.6 * np.sin(0.7 * at[:, 0])
     twist = np.column_stack([0.12 + 0.08 * np.sin(0.9 * at[:, 0]), 0.5 * sway * np.ones(len(time))])
     omega = LAW.sprocket_speeds(twist, GEOMETRY)
-    pose = np.zeros((len(time), 3))
-    for k in range(1, len(time)):
-        pose[k] = advance(pose[k - 1], twist[k], time[k] - time[k - 1])
+    motion = np.insert(twist[1:] * 0.05, 1, 0.0, axis=1)
+    pose = se2.chain(np.zeros(3), se2.exp(motion))
     pose += noise * np.array([1.0, 1.0, 3.0]) * rng.standard_normal(pose.shape)
     pose[10 : 10 + 20 * outliers : 20, :2] += 0.5
     if not headings:

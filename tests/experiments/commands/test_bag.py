@@ -212,14 +212,6 @@ def test_without_rosbags_nothing_is_driven(refused, monkeypatch):
     assert refused("wander", "--bag") == "bags need the package rosbags: pip install 'trackslip[ros]'"
 
 
-def test_a_folder_of_other_bags_is_kept(refused, tmp_path):
-    mine = tmp_path / "out" / "bags" / "mine" / "mine.mcap"
-    mine.parent.mkdir(parents=True)
-    mine.touch()
-    assert "bags there contains files that aren't part of results" in refused("wander", "--bag", "--out", "out")
-    assert mine.exists()
-
-
 @pytest.mark.parametrize("source", ["slam", "gnss"])
 def test_a_drive_and_its_bag_are_read_alike(trackslip, source):
     result = trackslip("wander", "--motion", "law", "--source", source, "--duration", "20", "--bag")

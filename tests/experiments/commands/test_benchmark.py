@@ -107,16 +107,6 @@ def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):
     assert len(read_runs(result.folder / "runs.parquet")) == 2 * (1 + len(well))
 
 
-def test_a_run_that_fails_leaves_a_recording(trackslip, short, tmp_path):
-    (tmp_path / "stops.py").write_text(MODULE.format(robots=1, robot=0))
-    result = trackslip("benchmark", *short, *ALONE, "--seeds", "0", "--rrd", "--controllers", "linear", "stops:Late")
-    assert [failure["run"] for failure in result.summary["failures"]] == ["stops:Late none bend.csv stone zero 0"]
-    assert {path.name for path in (result.folder / "recordings").iterdir()} == {
-        "bend_stone_zero_seed_0.rrd",
-        "stops_Late_none_bend.csv_stone_zero_0.rrd",
-    }
-
-
 def test_a_controller_that_cannot_be_timed_has_no_times(trackslip, short, tmp_path):
     (tmp_path / "odd.py").write_text(MODULE.format(robots=0, robot=0))
     result = trackslip("benchmark", *short, *ALONE, "--seeds", "0", "1", "--controllers", "odd:Company")

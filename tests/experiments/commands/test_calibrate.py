@@ -1,12 +1,8 @@
-"""`trackslip calibrate`: published numbers, a table, scans of a known robot, and bad input."""
-
-import contextlib
-import io
-import json
+"""`trackslip calibrate`: published numbers, and scans of a known robot."""
 
 import pytest
+from ran import ran
 
-from experiments.cli import main
 from sim.drive.drive import RADIUS_ERROR
 from sim.ground.ground import Ground
 from sim.robot.parameters import load_robot_file
@@ -14,46 +10,39 @@ from sim.robot.parameters import load_robot_file
 ROBOT = "half_gauge = 0.19\ncontact_length = 0.36\nradius_error = 0.02\n[ground]\nalong = 0.5\nacross = {across}\n"
 
 
-def calibrated(folder, *options):
-    """Folder, summary and output of a calibration to the paper."""
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        main(["calibrate", "--starts", "0", "--out", str(folder), *options])
-    return folder, json.loads((folder / "summary.json").read_text()), printed.getvalue()
-
-
 @pytest.fixture(scope="module")
 def centred(tmp_path_factory):
     """With the centre of mass left in the middle, so that right turns mirror left ones."""
-    return calibrated(tmp_path_factory.mktemp("centred") / "out", "--free", "friction_ratio", "radius_error")
+    options = ("calibrate", "--starts", "0", "--free", "friction_ratio", "radius_error")
+    return ran(tmp_path_factory.mktemp("centred") / "out", *options).summary
 
 
 def test_the_shipped_robot_is_the_calibrations_result(centred):
-    found = centred[1]
-    values = {name: parameter["value"] for name, parameter in found["parameters"].items()}
+    values = {name: parameter["value"] for name, parameter in centred["parameters"].items()}
     assert set(values) == {"friction_ratio", "radius_error"}
-    assert all(p["identifiable"] and p["stderr"] > 0 for p in found["parameters"].values())
+    assert all(p["identifiable"] and p["stderr"] > 0 for p in centred["parameters"].values())
     assert values["friction_ratio"] * Ground().along == pytest.approx(Ground().across, abs=0.0011)
     assert values["radius_error"] == pytest.approx(RADIUS_ERROR, abs=0.0001)
-    assert found["slip_rms"] < 0.00715
-    assert found["radius_rms"] < 0.0495
-    assert found["floor"]["slip_rms"] <= found["slip_rms"]
-    assert len(found["starts"]) == 1
+    assert centred["slip_rms"] < 0.00715
+    assert centred["radius_rms"] < 0.0495
+    assert centred["floor"]["slip_rms"] <= centred["slip_rms"]
+    assert len(centred["starts"]) == 1
 
 
 @pytest.mark.slow
-def test_published_numbers(tmp_path, centred):
+def test_published_numbers(trackslip, centred):
     """With the centre of mass to one side; the default tests have that on scans, below."""
-    folder, found, printed = calibrated(tmp_path / "out")
+    result = trackslip("calibrate", "--starts", "0")
+    found = result.summary
     assert set(found["parameters"]) == {"friction_ratio", "radius_error", "com_y"}
     assert all(p["identifiable"] and p["stderr"] > 0 for p in found["parameters"].values())
     assert found["slip_rms"] <= 0.0066
     assert found["radius_rms"] <= 0.046
     assert found["floor"]["slip_rms"] <= found["slip_rms"]
     assert found["slip_rms"] < found["centred"]["slip_rms"] <= 0.0072
-    assert found["centred"]["parameters"] == centred[1]["parameters"]
-    assert "com_y = 0" in printed
-    parameters, _ = load_robot_file(folder / "robot.toml")
+    assert found["centred"]["parameters"] == centred["parameters"]
+    assert "com_y = 0" in result.printed
+    parameters, _ = load_robot_file(result.folder / "robot.toml")
     assert parameters.com_y == found["parameters"]["com_y"]["value"]
 
 

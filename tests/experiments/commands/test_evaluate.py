@@ -81,13 +81,6 @@ def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip
     assert "0.100 m ahead of and -0.200 m left of the turning centre, turned by 17.19° (given)" in given.printed
 
 
-def test_laws_of_one_name_are_told_apart_by_their_files(trackslip, files, folder):
-    laws = ("--law", f"{folder}:icr_radius", "--law", str(files / "true.json"))
-    result = trackslip("evaluate", str(files / "two.parquet"), *laws)
-    assert len(result.summary["laws"]) == 2
-    assert all(label.endswith(":icr_radius") for label in result.summary["laws"])
-
-
 def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
     log = drive_log(6, 8.0, EXACT, STILL)
     write_parquet([replace(log, run=name) for name in ("../a b", "a_b", "é")], tmp_path / "log.parquet")

@@ -1,7 +1,5 @@
 """`trackslip reproduce`, whole, against the numbers it must reach, and when a closed loop fails."""
 
-import contextlib
-import io
 import json
 import re
 
@@ -9,6 +7,7 @@ import numpy as np
 import pytest
 from browser import assert_fits
 from pages import ROOT, missing_line, shown
+from ran import ran
 
 from experiments.cli import main
 from trackslip.controllers.linear import LinearTimeVarying
@@ -22,22 +21,13 @@ from trackslip.trajectory.segmented import paper_reference
 
 @pytest.fixture(scope="module")
 def reproduced(tmp_path_factory):
-    """The folder of a whole reproduction, and what it printed."""
-    out = tmp_path_factory.mktemp("reproduce") / "out"
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        main(["reproduce", "--out", str(out)])
-    return out, printed.getvalue()
+    """A whole reproduction."""
+    return ran(tmp_path_factory.mktemp("reproduce") / "out", "reproduce")
 
 
 @pytest.fixture(scope="module")
-def folder(reproduced):
-    return reproduced[0]
-
-
-@pytest.fixture(scope="module")
-def summary(folder):
-    return json.loads((folder / "summary.json").read_text())
+def summary(reproduced):
+    return reproduced.summary
 
 
 def grid_of(folder):
@@ -68,8 +58,8 @@ def test_localization_and_slip_errors(summary):
         assert summary["slip_error"][track] == summary["slip_error"]["bundle"][track]
 
 
-def test_errors_are_those_of_the_stored_poses(folder, summary):
-    runs = grid_of(folder)
+def test_errors_are_those_of_the_stored_poses(reproduced, summary):
+    runs = grid_of(reproduced.folder)
     error = np.concatenate([log.pose - log.truth.pose for log in runs])
     error[:, 2] = np.angle(np.exp(1j * error[:, 2]))
     found = [summary["localization"][f"rmse_{name}"] for name in ("x", "y", "heading")]
@@ -77,9 +67,9 @@ def test_errors_are_those_of_the_stored_poses(folder, summary):
     assert summary["localization"]["valid_fraction"] == pytest.approx(np.mean([log.is_valid.mean() for log in runs]))
 
 
-def test_whole_circles_with_edge_on_views(folder):
+def test_whole_circles_with_edge_on_views(reproduced):
     """Runs that went all the way round, edge-on views and bridged gaps included."""
-    whole = [log for log in grid_of(folder) if np.ptp(log.truth.pose[:, 2]) > 2 * np.pi]
+    whole = [log for log in grid_of(reproduced.folder) if np.ptp(log.truth.pose[:, 2]) > 2 * np.pi]
     assert len(whole) >= 3
     for log in whole:
         error = log.pose - log.truth.pose
@@ -113,12 +103,12 @@ def test_the_shipped_laws_are_these(summary):
             assert value == pytest.approx(fresh["values"][key], abs=0.2 * fresh["stderr"][key])
 
 
-def test_what_is_left_behind(folder, summary):
-    assert {path.name for path in folder.iterdir()} == {
+def test_what_is_left_behind(reproduced, summary):
+    assert {path.name for path in reproduced.folder.iterdir()} == {
         *("manifest.json", "summary.json", "runs.parquet", "report.html", "figures")
     }
     assert summary["timing"]["simulated_s"] == pytest.approx(25 * 30 + 10 * paper_reference().duration, abs=1)
-    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest = reproduced.manifest
     assert (manifest["config"]["duration"], manifest["config"]["scanner"]["noise"]) == (30, 0.005)
     assert manifest["versions"]["mujoco"] >= "4.0"
     assert len(manifest["model_sha256"]) == 64
@@ -128,7 +118,7 @@ def test_the_pages_show_what_is_printed(reproduced):
     """Every line, to the digit."""
     page = ROOT / "docs" / "reproduction.md"
     for text in (shown(ROOT / "README.md", "slip law"), shown(page, "slip law"), shown(page, "Tracking errors")):
-        assert missing_line(text, reproduced[1]) is None
+        assert missing_line(text, reproduced.printed) is None
 
 
 @pytest.mark.slow
@@ -138,10 +128,7 @@ def test_slip_error_over_seeds(tmp_path, options):
     bounds = {"bundle": 0.0003, "arc": 0.0004}
     if "0.01" in options:
         bounds = {"bundle": 0.0005}
-    summaries = []
-    for seed in range(5):
-        main(["grid", "--seed", str(seed), *options, "--out", str(tmp_path / str(seed))])
-        summaries.append(json.loads((tmp_path / str(seed) / "summary.json").read_text()))
+    summaries = [ran(tmp_path / str(k), "grid", "--seed", str(k), *options).summary for k in range(5)]
     for method, most in bounds.items():
         for track in ("outer", "inner"):
             errors = [summary["slip_error"][method][track] for summary in summaries]
@@ -151,16 +138,16 @@ def test_slip_error_over_seeds(tmp_path, options):
         assert max(summary["localization"]["ratio_to_bound"][ratio] for summary in summaries) < 1.1
 
 
-def test_the_report_has_the_papers_figures_and_fits_phone_and_desk(folder):
-    page = (folder / "report.html").read_text()
+def test_the_report_has_the_papers_figures_and_fits_phone_and_desk(reproduced):
+    page = (reproduced.folder / "report.html").read_text()
     names = re.findall(r'<figure id="(\w+)"', page)
-    assert {path.stem for path in (folder / "figures").iterdir()} == set(names)
+    assert {path.stem for path in (reproduced.folder / "figures").iterdir()} == set(names)
     assert [int(number) for number in re.findall(r"fig(\d\d)_", " ".join(names))] == [4, 5, 6, 7, 8, 9, 10, 11, 12]
     assert_fits(page)  # last: it skips the test where there is no browser
 
 
-def test_its_steady_runs_can_be_identified_from(folder):
-    source = read_source(folder)
+def test_its_steady_runs_can_be_identified_from(reproduced):
+    source = read_source(reproduced.folder)
     assert source.sampling.samples.run == tuple(f"radius={r} speed={v}" for r in COMMANDED_RADII for v in SPEEDS)
     assert origin(source.logs)["seed"] == 0
 

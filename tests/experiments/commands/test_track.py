@@ -68,12 +68,3 @@ def test_a_controller_that_raises_leaves_its_run_and_its_recording(tmp_path, cap
     assert log.metadata["failure"] == error
     assert 1.9 < log.time[-1] <= 2.05
     assert len(list((out / "recordings").glob("*.rrd"))) == 1
-
-
-def test_results_replace_those_of_a_failed_run(tmp_path, stubborn):
-    out = tmp_path / "out"
-    with pytest.raises(SystemExit):
-        main(["track", "--controller", stubborn, *CIRCLE, "--out", str(out)])
-    main(["track", *CIRCLE, "--out", str(out)])
-    assert {path.name for path in out.iterdir()} == {"manifest.json", "runs.parquet", "summary.json"}
-    assert "error" not in json.loads((out / "manifest.json").read_text())

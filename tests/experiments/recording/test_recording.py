@@ -10,7 +10,7 @@ from rrd import CIRCLE, component, verify
 
 from experiments import recording
 from experiments.cli import main
-from experiments.recording.run import panels, parameters_of
+from experiments.recording.run import parameters_of
 from experiments.recording.traces import traces_of
 from experiments.recording.viewer import choose
 from sim.robot.parameters import RobotParameters
@@ -166,16 +166,6 @@ def test_the_law_shown_is_the_one_that_compensated(driven):
     np.testing.assert_allclose(traces.law[shown], slip[shown], atol=1e-9)
     assert not shown[np.abs(command).max(axis=1) >= limit].any()  # scaled down: it can't be told there
     assert traces.law_name == "exponential"
-
-
-def test_slips_are_on_their_axis(driven):
-    traces = traces_of(driven[1][1])
-    slip = {panel.title: panel.range for panel in panels([traces]) if "lip" in panel.title}
-    assert slip == {"Slip [-]": (-0.25, 0.20)}
-    more = replace(traces, slip=np.tile([-0.7, 0.3], (len(traces.time), 1)))
-    for runs in ([more], [traces, more]):
-        ranges = [panel.range for panel in panels(runs) if "slip/true" in panel.entities]
-        assert all(low < -0.7 and high > 0.3 for low, high in ranges)
 
 
 def test_view_of_a_real_robots_log(driven, tmp_path, capsys):

@@ -28,14 +28,6 @@ def test_laws_with_errors_and_intervals_the_best_predictions_first(two_drives):
     assert floats(" ".join(cells)) == pytest.approx(1e3 * np.array(expected), rel=0.06)
 
 
-def test_a_held_parameter_is_marked_and_the_reason_given(without_headings):
-    law = without_headings.drive.laws["icr_radius"]
-    intervals = {symbol: interval for _, symbol, _, interval in tables.extra_table(law).rows}
-    assert (intervals["ψ"].name, intervals["ψ"].text) == ("held", "held: no headings were measured")
-    assert isinstance(intervals["X"], str)
-    assert "held: ψ (sensor_yaw), no headings were measured" in tables.held_lines(law)
-
-
 def test_predictions_are_printed_in_metres_and_degrees(two_drives):
     found = two_drives.drive
     position, heading = tables.position_table(found), tables.heading_table(found)
@@ -73,15 +65,6 @@ def test_predicted_paths_end_where_the_errors_say(two_drives, without_headings, 
         error = np.array([np.cos(turn) * forwards - np.sin(turn) * left, np.sin(turn) * forwards + np.cos(turn) * left])
         np.testing.assert_allclose(path[0], fit.nodes.pose[start, :2], atol=1e-12)
         np.testing.assert_allclose(path[-1] - error, fit.nodes.pose[start + len(path) - 1, :2], atol=1e-9)
-
-
-def test_residuals_of_poses_are_of_the_noise_s_size(two_drives):
-    law = two_drives.drive.laws["icr_radius"]
-    error, kept = drives.pose_residuals(law.fit)
-    assert np.std(error[kept, 0]) == pytest.approx(law.noise["position"], rel=0.25)
-    assert np.std(error[kept, 2]) == pytest.approx(law.noise["heading"], rel=0.25)
-    assert np.hypot(*error[~kept, :2].T).max() > 0.5
-    assert len(assert_readable(drives.residuals_over_time(law)).axes) == 3
 
 
 def test_the_clock_offset_lies_in_the_valley(two_drives):

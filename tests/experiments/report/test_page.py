@@ -100,14 +100,10 @@ def test_names_are_escaped_everywhere():
 
 def test_captions_state_seed_ground_and_command():
     stone = {"along": 0.7, "across": 0.778, "slope": 0.0, "patches": [], "changes": []}
-    assert conditions({"seed": 3, "ground": stone}, "trackslip grid --seed 3") == (
-        "seed 3 · ground: friction 0.7 along, 0.778 across · trackslip grid --seed 3"
-    )
     tilted = stone | {"slope": 0.1, "uphill": 1.57, "patches": [{}, {}]}
     line = conditions({"seed": [0, 1], "ground": {"stone": stone, "hill": tilted}}, "trackslip benchmark")
     assert line.startswith("seeds 0, 1 · stone ground: friction 0.7 along, 0.778 across; hill ground: friction 0.7")
-    assert "slope 0.1 rad, uphill 1.57 rad, 2 patches" in line
-    assert conditions({}, "trackslip evaluate a.csv") == "trackslip evaluate a.csv"
+    assert line.endswith("slope 0.1 rad, uphill 1.57 rad, 2 patches · trackslip benchmark")
 
 
 def test_numbers_as_printed():

@@ -25,20 +25,13 @@ def test_a_run_is_the_same_however_it_is_asked_for():
     assert one.name == "radius=1.0 speed=0.1"
     assert same.name == "radius=1.0 speed=0.1 ground=ice seed=7 slope=0.02"
     usual = {"--radii": "1", "--speeds": "0.1", "--ground": "ice", "--ground.slope": "0.02", "--seed": "7"}
+    others = {"--seed": "8", "--radii": "1.1", "--scanner.noise": "0.006", "--drive.lag": "0.06", "--motion": "arc"}
+    others |= {"--obstacles": "posts", "--radius-error": "0.01", "--duration": "20"}
     ids = {one.id}
-    for option, value in (
-        ("--seed", "8"),
-        ("--radii", "1.1"),
-        ("--scanner.noise", "0.006"),
-        ("--drive.lag", "0.06"),
-        ("--obstacles", "posts"),
-        ("--motion", "arc"),
-        ("--radius-error", "0.01"),
-        ("--duration", "20"),
-    ):
-        (other,) = planned(*(word for pair in (usual | {option: value}).items() for word in pair))
+    for change in others.items():
+        (other,) = planned(*(word for pair in (usual | dict([change])).items() for word in pair))
         ids.add(other.id)
-    assert len(ids) == 9
+    assert len(ids) == 1 + len(others)
 
 
 def _shared(setting):

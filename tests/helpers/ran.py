@@ -1,0 +1,31 @@
+"""Commands run in this process, and what they leave."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.cli import main
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a command has printed and written."""
+
+    folder: Path
+    summary: dict[str, Any]
+    manifest: dict[str, Any]
+    printed: str
+
+
+def ran(folder: Path, *arguments: str) -> Result:
+    """Run a command into a folder; raises SystemExit if it fails."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        main([*arguments, "--out", str(folder)])
+    summary, manifest = (json.loads((folder / f"{name}.json").read_text()) for name in ("summary", "manifest"))
+    return Result(folder, summary, manifest, printed.getvalue())
