@@ -39,8 +39,8 @@ from .planning.information import PoseQuality as PoseQuality
 from .planning.limits import DriveLimits as DriveLimits
 from .planning.plan import DrivePlan as DrivePlan
 from .planning.plan import plan_drive as plan_drive
-from .ros.any_log import load as load
 from .ros.choice import BagChoice as BagChoice
+from .ros.drive_log import load as load
 from .ros.writer import write_bag as write_bag
 from .se2 import Mounting as Mounting
 from .slip.base import SlipLaw as SlipLaw

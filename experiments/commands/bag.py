@@ -61,8 +61,8 @@ def _print_topics(bag: "RosBag", choice: BagChoice) -> None:
     """Print the topics and their uses."""
     from experiments.report.formats import MISSING, number
     from experiments.report.table import Table
-    from trackslip.ros.overview import overview
     from trackslip.ros.readers import short_type
+    from trackslip.ros.sources import overview
 
     found = overview(bag, choice)
     rows = [

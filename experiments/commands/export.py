@@ -60,7 +60,7 @@ def run(config: Config) -> None:
     from experiments.storage.results import write_output
     from trackslip.errors import OutputError
     from trackslip.logs.logfile import write_csv
-    from trackslip.ros.any_log import read_runs_of
+    from trackslip.ros.drive_log import read_runs_of
 
     read = read_runs_of(config.path)
     for line in read.warnings:

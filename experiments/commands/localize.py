@@ -48,9 +48,8 @@ def run(config: Config) -> None:
 
     with Run(config) as run:
         with run.busy("localization"):
-            found = read_scanned(config.path, config.choice())
-        drives = found.drives
-        warnings = (*found.notes, *map(str, found.refused))
+            drives, refused, notes = read_scanned(config.path, config.choice())
+        warnings = (*notes, *map(str, refused))
         run.write({"drives": [described(drive) for drive in drives], "warnings": warnings}, [one.log for one in drives])
         figures = run.folder / FIGURES_FOLDER
         figures.mkdir()

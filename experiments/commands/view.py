@@ -51,7 +51,7 @@ def run(config: Config) -> None:
     """Read, choose, show."""
     from experiments.recording import record, title, viewer
     from experiments.storage.results import file_names, write_output
-    from trackslip.ros.any_log import read_runs_of
+    from trackslip.ros.drive_log import read_runs_of
 
     if (kept := viewer.drive_recording(config.path)) is not None:
         if config.run:

@@ -89,7 +89,7 @@ def read_source(
     Given the folder, `chosen` returns the names of the runs to use; None for all of them. Raises LogError if nothing in
     the log can be read or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
     """
-    from trackslip.ros.any_log import holds_bags, refuse_choice  # late: runs in memory need no bags
+    from trackslip.ros.drive_log import holds_bags, refuse_choice  # late: runs in memory need no bags
 
     if holds_bags(path):
         return _of_bags(path, reading, chosen)

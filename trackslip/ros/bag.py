@@ -11,20 +11,22 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from trackslip.errors import LogError
+from trackslip.logs.runlog import Refused, none_usable
 from trackslip.ros import files
 from trackslip.ros.decode import Decoder, require_rosbags
 from trackslip.ros.readers import Channel, read_file
 
+T = TypeVar("T")
 _SPLIT = re.compile(r"(.*?)(?:_\d{4}(?:-\d\d){5})?_(\d+)")  # name and number of a part, perhaps with a date
 _MAX_PAUSE = 2.0  # time between the parts of a bag [s]
 _SHOWN = 12  # names in a message
@@ -199,6 +201,30 @@ def open_bags(path: str | Path) -> list[Bag]:
     bags = _joined(bags)
     bags[0] = replace(bags[0], notes=(*bags[0].notes, *refused))
     return bags
+
+
+def read_each(
+    path: Path, read: Callable[[Bag, str, list[str]], Sequence[T]]
+) -> tuple[list[T], tuple[Refused, ...], tuple[str, ...]]:
+    """All that `read` makes of the bags in a folder, the bags that it refuses, and what was left out, a line each.
+
+    `read` takes a bag, its name and a list for lines. Raises LogError if it refuses all bags.
+    """
+    bags = open_bags(path)
+    found: list[T] = []
+    refused: list[Refused] = []
+    notes: list[str] = []
+    for bag in bags:
+        name = bag.name if sum(other.name == bag.name for other in bags) == 1 else str(bag.files[0])
+        said: list[str] = []
+        try:
+            found += read(bag, name, said)
+        except LogError as error:
+            refused.append(Refused.of(name, error))
+        notes += [*bag.notes, *(said if len(bags) == 1 else (f"{name}: {line}" for line in said))]
+    if not found:
+        raise LogError(refused[0].reason if len(bags) == 1 else none_usable(refused))
+    return found, tuple(refused), tuple(notes)
 
 
 def _opened(parts: tuple[Path, ...], path: Path) -> Bag:

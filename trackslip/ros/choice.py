@@ -58,14 +58,6 @@ class BagChoice:
             parts = self.poses.split(":")
             require(len(parts) == 3 and all(parts) and parts[1] != parts[2], "poses", self.poses, _TF)
 
-    @property
-    def frames(self) -> tuple[str, str] | None:
-        """The frames of tf:PARENT:CHILD; None for a topic."""
-        if self.poses is None or not self.poses.startswith("tf:"):
-            return None
-        _, parent, child = self.poses.split(":")
-        return parent, child
-
 
 AUTOMATIC = BagChoice()
 """Whatever the bag leaves no doubt about."""

@@ -1,27 +1,69 @@
-"""The logs of drives in bags: encoders and poses, each with a row of its own."""
+"""The logs of drives in bags, and in files of any kind."""
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from trackslip.errors import LogError
-from trackslip.logs.runlog import Refused, RunLog, none_usable
+from trackslip.errors import InvalidValueError, LogError, LogWarning
+from trackslip.logs.logfile import RUNS, read_log, runs_file
+from trackslip.logs.runlog import RunLog
 from trackslip.logs.table_reader import ReadRuns
-from trackslip.ros.bag import Bag, open_bags
-from trackslip.ros.checks import DOUBTS, Doubt, Repeated, repeated, sign_doubt, strides
-from trackslip.ros.choice import AUTOMATIC, BagChoice
-from trackslip.ros.encoders import Encoders, read_encoders
-from trackslip.ros.pose_sources import RANKS, PoseSource, Rank, chosen_source
+from trackslip.ros.bag import Bag, read_each
+from trackslip.ros.checks import DOUBTS, REPEATED_POSES, repeated, sign_doubt, strides
+from trackslip.ros.choice import AUTOMATIC, SIDES, BagChoice
+from trackslip.ros.encoders import Encoders, by_drive, read_encoders
+from trackslip.ros.files import is_bag
 from trackslip.ros.poses import Poses, read_poses
 from trackslip.ros.scanned import scanned_drives
-from trackslip.ros.stamps import require_overlap, seconds
+from trackslip.ros.sources import Kind, pose_source
+from trackslip.ros.stamps import seconds
 
 _MANY = 0.05  # share of poses without encoders that is worth a line
 _APART = 1.0  # difference of clocks that is worth a line [s]
-_PERHAPS_WHEELS = (Rank.TRANSFORMS, Rank.FUSED, Rank.WHEELS)
+_PERHAPS_WHEELS = (Kind.TRANSFORMS, Kind.FUSED, Kind.WHEELS)
+
+
+def load(path: str | Path, bag: BagChoice | None = None) -> list[RunLog]:
+    """The runs in a folder of results, in a `.parquet` or `.csv` file, or in bags of ROS 1 and ROS 2.
+
+    Rows and runs that cannot be read are left out, each with a LogWarning that says why. `bag` says what to take from
+    a bag that leaves a doubt.
+
+    Raises:
+        LogError: if no run can be read, or the file is damaged; the message is one line.
+        TrackslipError: for a bag, without the package rosbags.
+    """
+    read = read_runs_of(Path(path), bag or AUTOMATIC)
+    for line in read.warnings:
+        warnings.warn(f"{path}: {line}", LogWarning, stacklevel=2)
+    return list(read.runs)
+
+
+def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns:
+    """The runs in a log of any kind, and what was left out of it; raises LogError if no run can be read."""
+    if holds_bags(path):
+        return read_bags(path, bag)
+    refuse_choice(path, bag)
+    return read_log(runs_file(path))
+
+
+def holds_bags(path: Path) -> bool:
+    """Whether a path is a bag, or a folder that holds some and is no folder of results."""
+    try:
+        return is_bag(path) and not (path / RUNS).is_file()
+    except OSError:
+        return False
+
+
+def refuse_choice(path: Path, bag: BagChoice) -> None:
+    """Raise InvalidValueError for choices that a log which is no bag leaves without effect."""
+    for name, value in vars(bag).items():
+        if value is not None:
+            raise InvalidValueError(name, value, f"left out: {path} is no bag")
 
 
 def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
@@ -29,64 +71,31 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
 
     Raises LogError if nothing can be read, TrackslipError without the package rosbags.
     """
-    bags = open_bags(path)
-    names = [bag.name for bag in bags]
-    runs: list[RunLog] = []
-    refused: list[Refused] = []
-    notes: list[str] = []
-    taken: dict[str, None] = {}
-    for bag in bags:
-        name = bag.name if names.count(bag.name) == 1 else str(bag.files[0])
-        notes += bag.notes
-        said: list[str] = []
-        try:
-            found, what = drive_logs(bag, choice, said, name)
-        except LogError as error:
-            refused.append(Refused.of(name, error))
-            continue
-        runs += found
-        taken[what] = None
-        notes += said if len(bags) == 1 else [f"{name}: {line}" for line in said]
-    if not runs:
-        raise LogError(refused[0].reason if len(bags) == 1 else none_usable(refused))
-    return ReadRuns(tuple(runs), tuple(refused), tuple(notes), tuple(taken))
+    found, refused, notes = read_each(path, lambda bag, name, said: _drives(bag, choice, name, said))
+    taken = dict.fromkeys(what for _, what in found)
+    return ReadRuns(tuple(log for log, _ in found), refused, notes, tuple(taken))
 
 
-def drive_logs(bag: Bag, choice: BagChoice, notes: list[str], name: str | None = None) -> tuple[list[RunLog], str]:
-    """The drives in a bag, one unless its clock restarts, and a line that says what was taken.
+def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tuple[RunLog, str]]:
+    """The drives in a bag, one unless its clock restarts, each with a line that says what was taken.
 
     `notes` gets a line for what is left out, and for what is doubtful. Raises LogError, naming topic and cause.
     """
     if choice.plate is not None:
-        drives = scanned_drives(bag, choice, notes, name)
-        return [drive.log for drive in drives], drives[0].taken
-    name = name or bag.name
+        return [(drive.log, drive.taken) for drive in scanned_drives(bag, choice, notes, name)]
     encoders = read_encoders(bag, choice, notes)
-    source = chosen_source(bag) if choice.poses is None else PoseSource(choice.poses, Rank.CHOSEN)
+    source = pose_source(bag, choice)
     poses = read_poses(bag, source.name, notes)
-    if len(encoders) != len(poses):
-        raise LogError(
-            f"{bag.path}: time goes back {len(encoders) - 1} time(s) in topic {encoders[0].topic} "
-            f"and {len(poses) - 1} time(s) in {poses[0].source}"
-        )
-    several = len(encoders) > 1
-    logs = []
-    for k, (turned, seen) in enumerate(zip(encoders, poses, strict=True), start=1):
-        require_overlap((turned.topic, turned.stamp), (seen.source, seen.stamp))
+    found = []
+    for part, turned, seen in by_drive(bag, name, encoders, poses):
         outside = int(((seen.stamp < turned.stamp[0]) | (seen.stamp > turned.stamp[-1])).sum())
         if outside > _MANY * len(seen.stamp):
             notes.append(
                 f"{seen.source}: {outside} of {len(seen.stamp)} poses left out: {turned.topic} doesn't cover them"
             )
-        log = _log(f"{name}, part {k}" if several else name, turned, seen)
-        logs.append(_checked(log, turned, seen, source.rank, choice.reversed, notes))
-    return logs, _taken(encoders[0], source)
-
-
-def _taken(encoders: Encoders, poses: PoseSource) -> str:
-    """What was taken as encoders and as poses."""
-    left, right = (", ".join(side) for side in encoders.joints)
-    return f"encoders: {encoders.topic}, left {left}, right {right}; poses: {poses.name} ({RANKS[poses.rank]})"
+        log = _checked(_log(part, turned, seen), turned, seen, source.kind, choice, notes)
+        found.append((log, f"{turned.taken}; poses: {source.name} ({source.kind.value})"))
+    return found
 
 
 def _log(name: str, encoders: Encoders, poses: Poses) -> RunLog:
@@ -105,13 +114,7 @@ def _log(name: str, encoders: Encoders, poses: Poses) -> RunLog:
         covariance[seen] = poses.covariance[within]
     headed = np.isfinite(pose[:, 2])
     pose[headed, 2] = np.unwrap(pose[headed, 2])
-    about = {
-        "encoders": encoders.topic,
-        "left": list(encoders.joints[0]),
-        "right": list(encoders.joints[1]),
-        "poses": poses.source,
-        "start": int(stamp[0]) / 1e9,
-    }
+    about = {**encoders.about, "poses": poses.source, "start": int(stamp[0]) / 1e9}
     return RunLog(
         run=name,
         time=seconds(stamp, int(stamp[0])),
@@ -123,15 +126,12 @@ def _log(name: str, encoders: Encoders, poses: Poses) -> RunLog:
     )
 
 
-def _checked(
-    log: RunLog, encoders: Encoders, poses: Poses, rank: Rank, turned_round: str | None, notes: list[str]
-) -> RunLog:
+def _checked(log: RunLog, encoders: Encoders, poses: Poses, kind: Kind, choice: BagChoice, notes: list[str]) -> RunLog:
     """The log, with notes of what looks wrong; an encoder that counts backwards beyond doubt is turned round.
 
     Raises LogError if poses that nobody asked for repeat the wheels.
     """
-    apart = encoders.delay - poses.delay
-    if abs(apart) > _APART:
+    if abs(encoders.delay - poses.delay) > _APART:
         notes.append(
             f"topic {encoders.topic} was recorded {encoders.delay:.3g} s after its stamps, {poses.source} "
             f"{poses.delay:.3g} s after its own: do their clocks differ?"
@@ -140,17 +140,16 @@ def _checked(
     if motions is None:
         return log
     from_wheels = repeated(motions)
+    if from_wheels == REPEATED_POSES and kind in _PERHAPS_WHEELS:
+        raise LogError(f"{poses.source}: {from_wheels}; --poses chooses others, or these if they were measured")
     if from_wheels is not None:
-        if from_wheels is Repeated.ALL and rank in _PERHAPS_WHEELS:
-            raise LogError(
-                f"{poses.source}: {from_wheels.value}; --poses chooses others, or these if they were measured"
-            )
-        notes.append(f"{poses.source}: {from_wheels.value}")
+        notes.append(f"{poses.source}: {from_wheels}")
     doubt = sign_doubt(motions)
     if doubt is None:
         return log
-    if doubt in (Doubt.LEFT, Doubt.RIGHT) and turned_round is None:
-        notes.append(f"topic {encoders.topic}: {DOUBTS[doubt]}: turned round, as with --reversed {doubt.value}")
-        return replace(log, omega=log.omega * (1 - 2 * np.array([doubt is Doubt.LEFT, doubt is Doubt.RIGHT])))
-    notes.append(f"topic {encoders.topic}: {DOUBTS[doubt]}")
-    return log
+    line = f"topic {encoders.topic}: {DOUBTS[doubt]}"
+    if doubt not in SIDES or choice.reversed is not None:
+        notes.append(line)
+        return log
+    notes.append(f"{line}: turned round, as with --reversed {doubt}")
+    return replace(log, omega=log.omega * [-1.0 if side == doubt else 1.0 for side in SIDES])

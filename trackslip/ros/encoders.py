@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from trackslip.ros import joint_angles
 from trackslip.ros.bag import Bag, listed
 from trackslip.ros.choice import AUTOMATIC, SIDES, BagChoice
 from trackslip.ros.joints import Sides, encoder_topic
-from trackslip.ros.stamps import ascending, clock_parts, seconds
+from trackslip.ros.stamps import ascending, clock_parts, require_overlap, seconds
 
 _MAX_ANGLE = 1e9  # larger ones aren't measured [rad]
 
@@ -31,10 +33,45 @@ class Encoders:
     """(T, 2): sprocket speeds, mean since the previous reading, the first as the second [rad/s]."""
 
     @property
+    def about(self) -> dict[str, Any]:
+        """What was taken of the bag, for the metadata of a run."""
+        return {"encoders": self.topic, "left": list(self.joints[0]), "right": list(self.joints[1])}
+
+    @property
     def taken(self) -> str:
         """What was taken of the bag, for a message."""
         left, right = (", ".join(side) for side in self.joints)
         return f"encoders: {self.topic}, left {left}, right {right}"
+
+
+class _Stamped(Protocol):
+    """Poses or scans, all by one clock."""
+
+    @property
+    def source(self) -> str: ...
+    @property
+    def stamp(self) -> np.ndarray: ...
+
+
+_Other = TypeVar("_Other", bound=_Stamped)
+
+
+def by_drive(
+    bag: Bag, name: str, encoders: Sequence[Encoders], others: Sequence[_Other]
+) -> Iterator[tuple[str, Encoders, _Other]]:
+    """Encoders and poses or scans of each drive in a bag called `name`, one unless its clock restarts.
+
+    Raises LogError if they don't belong together.
+    """
+    topic, other = encoders[0].topic, others[0].source
+    if len(encoders) != len(others):
+        raise LogError(
+            f"{bag.path}: time goes back {len(encoders) - 1} time(s) in topic {topic} "
+            f"and {len(others) - 1} time(s) in {other}"
+        )
+    for k, (turned, seen) in enumerate(zip(encoders, others, strict=True), start=1):
+        require_overlap(topic, turned.stamp, other, seen.stamp)
+        yield f"{name}, part {k}" if len(encoders) > 1 else name, turned, seen
 
 
 def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | None = None) -> list[Encoders]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,30 +9,21 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.ros import covariance as covariances
-from trackslip.ros import rotation
+from trackslip.ros import planar
 from trackslip.ros.bag import Bag, Topic
 from trackslip.ros.geodesy import to_plane
 from trackslip.ros.stamps import stretches
-from trackslip.ros.transforms import read_chain
+from trackslip.ros.transforms import SpacePoses, place_and_turn, read_chain
 
 FIX = "sensor_msgs/msg/NavSatFix"
 ODOMETRY = "nav_msgs/msg/Odometry"
-_POINTS: dict[str, Callable[[Any], tuple[Any, Any, Any]]] = {  # position, orientation, covariance of a message
-    ODOMETRY: lambda content: (content.pose.pose.position, content.pose.pose.orientation, content.pose.covariance),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda content: (
-        content.pose.pose.position,
-        content.pose.pose.orientation,
-        content.pose.covariance,
-    ),
-    "geometry_msgs/msg/PoseStamped": lambda content: (content.pose.position, content.pose.orientation, None),
-    "geometry_msgs/msg/TransformStamped": lambda content: (
-        content.transform.translation,
-        content.transform.rotation,
-        None,
-    ),
-}
-POSE_TYPES = (*_POINTS, FIX)
+POSE_TYPES = (
+    ODOMETRY,
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/TransformStamped",
+    FIX,
+)
 """Types of messages that poses are read from, besides transforms."""
 _NO_FIX = 0  # status below which a fix is none
 _MAX_PLACE = 1e9  # farther ones aren't measured [m]
@@ -43,7 +33,7 @@ _MIN_WAY = 0.1  # way that a heading which never changes makes doubtful [m]
 
 @dataclass(frozen=True)
 class Poses:
-    """Measured poses, all by one clock."""
+    """Measured poses in the plane, all by one clock."""
 
     source: str
     """The topic, or tf:PARENT:CHILD."""
@@ -57,60 +47,62 @@ class Poses:
     """Median time from the stamps to the recording [s]."""
 
 
-@dataclass(frozen=True)
-class _Raw:
-    """What the messages state, a row for each."""
-
-    stamp: np.ndarray  # (N,) [ns]
-    arrival: np.ndarray  # (N,) [ns]
-    place: Array  # (N, 3)
-    turn: Array | None  # (N, 4) quaternions; None if the messages have none
-    covariance: Array | None  # (N, 3, 3)
-
-
 def read_poses(bag: Bag, source: str, notes: list[str]) -> list[Poses]:
     """The poses of a topic or of tf:PARENT:CHILD, one for each stretch between restarts of their clock.
 
     `notes` gets a line for what is left out, and for what is doubtful. Raises LogError if there are none.
     """
     if source.startswith("tf:"):
+        name = source
         _, parent, child = source.split(":")
-        parts = [
-            _of_rows(source, _Raw(stamp, arrival, place, turn, None), notes)
-            for stamp, arrival, place, turn in read_chain(bag, parent, child, notes)
-        ]
+        parts = read_chain(bag, parent, child, notes)
     else:
         topic = bag.topic(source)
-        raw = _fixes(bag, topic, notes) if topic.type == FIX else _points(bag, topic, notes)
-        raw = _taken(raw, _usable(raw, topic.name, notes))
-        rows = stretches(topic.name, raw.stamp, raw.arrival, notes)
-        parts = [_of_rows(topic.name, _taken(raw, part), notes) for part in rows]
-    found = [part for part in parts if len(part.stamp)]
+        source, name = topic.name, f"topic {topic.name}"
+        poses = _fixes(bag, topic, notes) if topic.type == FIX else _points(bag, topic, notes)
+        parts = [poses.take(rows) for rows in stretches(source, poses.stamp, poses.arrival, notes)]
+    found = [_in_plane(source, name, part, notes) for part in parts if len(part.stamp)]
     if not found:
         raise LogError(f"{bag.path}: {source}: no pose can be read")
     return found
 
 
-def _points(bag: Bag, topic: Topic, notes: list[str]) -> _Raw:
-    """The poses that messages state in metres."""
-    if topic.type not in _POINTS:
+def _points(bag: Bag, topic: Topic, notes: list[str]) -> SpacePoses:
+    """The poses that messages state in metres, as far as they mean something."""
+    if topic.type not in POSE_TYPES:
         raise LogError(
             f"{bag.path}: topic {topic.name} has messages of {topic.type}; poses are read from {', '.join(POSE_TYPES)}"
         )
-    parts = _POINTS[topic.type]
-    stamps, values, stated = [], [], []
+    stamps, stated, variances = [], [], []
     for message in bag.messages(topic.name, notes=notes):
-        place, turn, covariance = parts(message.content)
+        place, turn, covariance = _parts(message.content)
         stamps.append((message.stamp, message.arrival))
-        values.append((place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w))
-        if covariance is not None:
-            stated.append(covariance)
-    table, at = np.array(values, float), np.array(stamps, np.int64)
-    known = covariances.planar(np.array(stated, float)) if stated else None
-    return _Raw(at[:, 0], at[:, 1], table[:, :3], table[:, 3:], known)
+        stated.append((place, turn))
+        variances += [] if covariance is None else [covariance]
+    stamp, arrival = np.array(stamps, np.int64).T
+    place, turn = place_and_turn(stated)
+    known = planar.planar_covariances(np.array(variances, float)) if variances else None
+    good = np.asarray((np.abs(place[:, :2]) <= _MAX_PLACE).all(axis=1))
+    if not good.any():
+        raise LogError(f"topic {topic.name}: no position is finite")
+    if not good.all():
+        notes.append(f"topic {topic.name}: {(~good).sum()} of {len(good)} poses left out: x or y is not finite")
+    if turn[good].any():
+        good[good] = planar.unit_quaternions(turn[good], f"topic {topic.name}", notes)
+    return SpacePoses(stamp, arrival, place, turn, known).take(np.flatnonzero(good))
 
 
-def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> _Raw:
+def _parts(content: Any) -> tuple[Any, Any, Any]:
+    """Position, orientation and covariance, if it is stated, of a message that is none of a fix."""
+    if hasattr(content, "transform"):
+        return content.transform.translation, content.transform.rotation, None
+    pose = content.pose
+    if hasattr(pose, "covariance"):
+        return pose.pose.position, pose.pose.orientation, pose.covariance
+    return pose.position, pose.orientation, None
+
+
+def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> SpacePoses:
     """The positions of fixes, east and north of the first one."""
     stamps, values, stated = [], [], []
     for message in bag.messages(topic.name, notes=notes):
@@ -118,65 +110,46 @@ def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> _Raw:
         stamps.append((message.stamp, message.arrival))
         values.append((fix.latitude, fix.longitude, fix.altitude, fix.status.status, fix.position_covariance_type))
         stated.append(fix.position_covariance)
-    table, at = np.array(values, float), np.array(stamps, np.int64)
+    table = np.array(values, float)
     there = (np.abs(table[:, :2]) <= [90, 360]).all(axis=1) & table[:, :2].any(axis=1)  # receivers start with zeros
     fixed = np.asarray((table[:, 3] >= _NO_FIX) & there)
     if not fixed.any():
         raise LogError(f"{bag.path}: topic {topic.name}: none of its {len(fixed)} messages has a fix")
     if not fixed.all():
-        notes.append(f"topic {topic.name}: {int((~fixed).sum())} of {len(fixed)} messages left out: they have no fix")
-    table, at = table[fixed], at[fixed]
-    plane = np.array(stated, float)[fixed].reshape(-1, 3, 3)
-    known = np.zeros((len(table), 3, 3))
-    known[:, :2, :2] = np.where(table[:, 4, None, None] > 0, plane[:, :2, :2], 0.0)
+        notes.append(f"topic {topic.name}: {(~fixed).sum()} of {len(fixed)} messages left out: they have no fix")
+    table, (stamp, arrival) = table[fixed], np.array(stamps, np.int64)[fixed].T
     altitude = np.where(np.abs(table[:, 2]) <= _MAX_ALTITUDE, table[:, 2], 0.0)
     geodetic = np.column_stack([table[:, :2], altitude])
-    east_north = to_plane(geodetic, geodetic[0])
-    return _Raw(at[:, 0], at[:, 1], np.column_stack([east_north, altitude]), None, known)
+    place = np.column_stack([to_plane(geodetic, geodetic[0]), altitude])
+    known = np.zeros((len(table), 3, 3))
+    horizontal = np.array(stated, float)[fixed].reshape(-1, 3, 3)[:, :2, :2]
+    known[:, :2, :2] = np.where(table[:, 4, None, None] > 0, horizontal, 0.0)
+    return SpacePoses(stamp, arrival, place, np.full((len(table), 4), np.nan), known)
 
 
-def _usable(raw: _Raw, topic: str, notes: list[str]) -> np.ndarray:
-    """The rows whose position and orientation mean something."""
-    good = np.asarray((np.abs(raw.place[:, :2]) <= _MAX_PLACE).all(axis=1))
-    if not good.all():
-        if not good.any():
-            raise LogError(f"topic {topic}: no position is finite")
-        notes.append(f"topic {topic}: {int((~good).sum())} of {len(good)} poses left out: x or y is not finite")
-    if raw.turn is not None and raw.turn[good].any():
-        good[good] = rotation.usable(raw.turn[good], f"topic {topic}", notes)
-    return np.flatnonzero(good)
+def _in_plane(source: str, name: str, poses: SpacePoses, notes: list[str]) -> Poses:
+    """Poses seen from above; `name` is that of the source for messages."""
+    heading = _headings(name, poses, notes)
+    known = poses.covariance
+    if known is not None:
+        known = planar.meaningful_covariances(known, bool(np.isfinite(heading).any()))
+    delay = float(np.median(poses.arrival - poses.stamp)) / 1e9
+    return Poses(source, poses.stamp, np.column_stack([poses.place[:, :2], heading]), known, delay)
 
 
-def _taken(raw: _Raw, rows: np.ndarray) -> _Raw:
-    """Some rows."""
-    turn = None if raw.turn is None else raw.turn[rows]
-    covariance = None if raw.covariance is None else raw.covariance[rows]
-    return _Raw(raw.stamp[rows], raw.arrival[rows], raw.place[rows], turn, covariance)
-
-
-def _of_rows(source: str, raw: _Raw, notes: list[str]) -> Poses:
-    """The poses of a stretch of messages in order."""
-    name = source if source.startswith("tf:") else f"topic {source}"
-    heading = _headings(name, raw, notes)
-    known = None if raw.covariance is None else covariances.meaningful(raw.covariance, bool(np.isfinite(heading).any()))
-    pose = np.column_stack([raw.place[:, :2], heading])
-    delay = float(np.median(raw.arrival - raw.stamp)) / 1e9 if len(raw.stamp) else 0.0
-    return Poses(source, raw.stamp, pose, known, delay)
-
-
-def _headings(name: str, raw: _Raw, notes: list[str]) -> Array:
+def _headings(name: str, poses: SpacePoses, notes: list[str]) -> Array:
     """Headings (N,), NaN if they were not measured."""
-    none = np.full(len(raw.stamp), np.nan)
-    if raw.turn is None or not len(raw.stamp):
+    none = np.full(len(poses.stamp), np.nan)
+    if np.isnan(poses.turn).all():
         return none
-    if not raw.turn.any():
+    if not poses.turn.any():
         notes.append(f"{name}: it states no orientation (all quaternions are 0): read without headings")
         return none
-    if raw.covariance is not None and not covariances.knows_heading(raw.covariance).any():
+    if poses.covariance is not None and not planar.knows_heading(poses.covariance):
         notes.append(f"{name}: its covariances call the heading unknown: read without headings")
         return none
-    heading = rotation.headings(raw.turn, name, notes)
-    if (heading == heading[0]).all() and np.ptp(raw.place[:, :2], axis=0).max() > _MIN_WAY:
+    heading = planar.headings(poses.turn, name, notes)
+    if (heading == heading[0]).all() and np.ptp(poses.place[:, :2], axis=0).max() > _MIN_WAY:
         notes.append(f"{name}: its heading never changes although it moves: read without headings")
         return none
     return heading

@@ -16,13 +16,15 @@ from trackslip.ros.stamps import seconds, stretches
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 _ANGLE = 1e-4  # difference of the first angles of equal scanners [rad]
 _STEP = 1e-7  # difference of their angles between beams [rad]
+_LIMITS = ("angle_min", "angle_increment", "range_min", "range_max", "time_increment")
 
 
 @dataclass(frozen=True)
 class Scans:
     """Scans by one clock, all with the same beams."""
 
-    topic: str
+    source: str
+    """The topic."""
     frame: str
     """The scanner's frame, as the headers name it."""
     stamp: np.ndarray
@@ -33,20 +35,11 @@ class Scans:
 
     def series(self, run: str, origin: int) -> ScanSeries:
         """The scans, their times since `origin` [ns]; raises LogError for scans that can't be used."""
-        one = self.about
+        limits = [float(getattr(self.about, name)) for name in _LIMITS]
         try:
-            return ScanSeries.measured(
-                run,
-                seconds(self.stamp, origin),
-                self.ranges,
-                float(one.angle_min),
-                float(one.angle_increment),
-                float(one.range_min),
-                float(one.range_max),
-                float(one.time_increment),
-            )
+            return ScanSeries.measured(run, seconds(self.stamp, origin), self.ranges, *limits)
         except LogError as error:
-            raise LogError(f"topic {self.topic}: {error}") from error
+            raise LogError(f"topic {self.source}: {error}") from error
 
 
 def scan_topic(bag: Bag, name: str | None = None) -> Topic:
@@ -55,16 +48,15 @@ def scan_topic(bag: Bag, name: str | None = None) -> Topic:
         return bag.topic(name, LASER_SCAN)
     topics = bag.of_type(LASER_SCAN)
     if not topics:
-        raise LogError(f"{bag.name}: no topic of {LASER_SCAN}; its topics are {bag.listed()}")
+        raise LogError(f"{bag.path}: no topic of {LASER_SCAN}; its topics are {bag.listed()}")
     return bag.topic(bag.only([topic.name for topic in topics], "scans", "--scan TOPIC"))
 
 
-def read_scans(bag: Bag, name: str | None = None, notes: list[str] | None = None) -> list[Scans]:
+def read_scans(bag: Bag, name: str | None, notes: list[str]) -> list[Scans]:
     """The scans of a topic, one for each stretch between restarts of their clock: nearly always one.
 
     Scans with other beams than most are left out; `notes` gets a line for that. Raises LogError if there are none.
     """
-    notes = [] if notes is None else notes
     topic = scan_topic(bag, name)
     found: dict[Any, list[Any]] = defaultdict(list)
     frames: Counter[str] = Counter()
@@ -73,13 +65,11 @@ def read_scans(bag: Bag, name: str | None = None, notes: list[str] | None = None
         key = len(scan.ranges), round(scan.angle_min / _ANGLE), round(scan.angle_increment / _STEP)
         found[key].append((message.stamp, message.arrival, np.array(scan.ranges, np.float32), scan))
         frames[scan.header.frame_id] += 1
-    if not found:
-        raise LogError(f"{bag.name}: topic {topic.name}: no scans")
     usual = max(found.values(), key=len)
     others = sum(map(len, found.values())) - len(usual)
     if others:
         notes.append(f"topic {topic.name}: {others} scans with other beams than most are left out")
-    stamp, arrival = (np.array([one[k] for one in usual], np.int64) for k in (0, 1))
-    ranges, frame = np.stack([one[2] for one in usual]), frames.most_common(1)[0][0]
-    rows = stretches(topic.name, stamp, arrival, notes)
-    return [Scans(topic.name, frame, stamp[part], ranges[part], usual[0][3]) for part in rows]
+    stamps, arrivals, ranges, about = zip(*usual, strict=True)
+    stamp, values, frame = np.array(stamps, np.int64), np.stack(ranges), frames.most_common(1)[0][0]
+    rows = stretches(topic.name, stamp, np.array(arrivals, np.int64), notes)
+    return [Scans(topic.name, frame, stamp[part], values[part], about[0]) for part in rows]

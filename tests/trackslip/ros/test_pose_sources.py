@@ -18,8 +18,9 @@ from wandered import wandered
 
 from trackslip.errors import LogError
 from trackslip.ros.bag import open_bag
-from trackslip.ros.pose_sources import chosen_source, pose_sources
+from trackslip.ros.choice import AUTOMATIC
 from trackslip.ros.poses import read_poses
+from trackslip.ros.sources import pose_source, pose_sources
 
 LOG = wandered(duration=8.0)
 
@@ -68,7 +69,7 @@ def test_sources_by_how_independent_of_the_wheels_they_are(tmp_path):
         "/odom",
     ]
     assert names == order
-    assert chosen_source(bag).name == "/vrpn/robot/pose"
+    assert pose_source(bag, AUTOMATIC).name == "/vrpn/robot/pose"
 
 
 def test_odometry_in_a_fixed_frame_is_no_wheel_odometry(tmp_path):
@@ -76,13 +77,13 @@ def test_odometry_in_a_fixed_frame_is_no_wheel_odometry(tmp_path):
         tmp_path, poses_of(LOG, odometry), poses_of(LOG, odometry, topic="/odometry/filtered/global", frame="map")
     )
     assert names == ["/odometry/filtered/global", "/odom"]
-    assert chosen_source(bag).name == names[0]
+    assert pose_source(bag, AUTOMATIC).name == names[0]
 
 
 def test_two_sources_alike_are_for_the_user_to_choose(tmp_path):
     bag, _ = sources(tmp_path, poses_of(LOG), poses_of(LOG, pose_with_covariance))
     with pytest.raises(LogError, match="poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"):
-        chosen_source(bag)
+        pose_source(bag, AUTOMATIC)
 
 
 def test_transforms_that_repeat_a_topic_are_no_doubt(tmp_path):
@@ -90,7 +91,7 @@ def test_transforms_that_repeat_a_topic_are_no_doubt(tmp_path):
         tmp_path, poses_of(LOG, odometry), poses_of(LOG, lambda at, p: transform(at, "odom", "base", p))
     )
     assert names == ["/odom", "tf:odom:base"]
-    assert chosen_source(bag).name == "/odom"
+    assert pose_source(bag, AUTOMATIC).name == "/odom"
 
 
 def test_transforms_of_two_robots_are_for_the_user_to_choose(tmp_path):
@@ -99,11 +100,11 @@ def test_transforms_of_two_robots_are_for_the_user_to_choose(tmp_path):
     ]
     bag, _ = sources(tmp_path, *robots)
     with pytest.raises(LogError, match="poses may be tf:map:a/base_link, tf:map:b/base_link: choose with --poses"):
-        chosen_source(bag)
+        pose_source(bag, AUTOMATIC)
 
 
 def test_no_source_at_all(tmp_path):
     bag, _ = sources(tmp_path, poses_of(LOG, topic="/goal_pose"))
     with pytest.raises(LogError, match=r"no poses: no topic of .*; its topics are /goal_pose"):
-        chosen_source(bag)
+        pose_source(bag, AUTOMATIC)
     assert header(START, "a")["frame_id"] == "a"

@@ -23,11 +23,10 @@ from scipy.spatial.transform import Rotation
 from wandered import wandered
 
 from trackslip.errors import LogError
-from trackslip.ros import covariance
 from trackslip.ros.bag import open_bag
 from trackslip.ros.geodesy import FIELD, from_plane, to_plane
+from trackslip.ros.planar import headings, meaningful_covariances, planar_covariances
 from trackslip.ros.poses import read_poses
-from trackslip.ros.rotation import headings
 
 LOG = wandered(duration=8.0)
 
@@ -75,15 +74,15 @@ def test_stated_covariances_come_along(tmp_path):
 )
 def test_covariances_that_are_zero_or_absurd_are_none(stated):
     good = np.diag([1e-4, 1e-4, 1e-4])
-    assert covariance.meaningful(np.stack([stated, stated]), heading=True) is None
-    found = covariance.meaningful(np.stack([stated, good]), heading=True)
+    assert meaningful_covariances(np.stack([stated, stated]), heading=True) is None
+    found = meaningful_covariances(np.stack([stated, good]), heading=True)
     assert np.isnan(found[0]).all()
     np.testing.assert_array_equal(found[1], good)
 
 
 def test_the_plane_of_a_covariance_in_space():
     full = np.arange(36.0)
-    np.testing.assert_array_equal(covariance.planar(full[None]), [[[0, 1, 5], [6, 7, 11], [30, 31, 35]]])
+    np.testing.assert_array_equal(planar_covariances(full[None]), [[[0, 1, 5], [6, 7, 11], [30, 31, 35]]])
 
 
 @given(st.floats(-3.1, 3.1), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from trackslip.errors import LogError
 from trackslip.identification.drive_law import fit_drives
 from trackslip.localization.scan import Plate
-from trackslip.ros.any_log import load
 from trackslip.ros.bag import open_bag
 from trackslip.ros.choice import BagChoice
+from trackslip.ros.drive_log import load
 from trackslip.ros.scanned import scanned_drives
 from trackslip.se2 import Mounting
 

@@ -1,0 +1,141 @@
+"""What a bag offers as encoders, poses and scans, and which of it is taken."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+
+from trackslip.errors import LogError
+from trackslip.ros.bag import Bag, Topic
+from trackslip.ros.choice import BagChoice
+from trackslip.ros.joints import encoder_topic
+from trackslip.ros.poses import FIX, ODOMETRY, POSE_TYPES
+from trackslip.ros.scans import LASER_SCAN, scan_topic
+from trackslip.ros.transforms import frames_of
+
+_LOOKED_AT = 5000  # messages with transforms that are looked at for frames
+_FIXED_FRAMES = ("map", "world", "earth", "mocap", "vicon", "utm", "ned", "enu", "field")
+_BODIES = ("base_link", "base_footprint", "base", "chassis", "robot")
+
+
+class Kind(Enum):
+    """What poses are taken for: the more independent of the wheels, the earlier in this list."""
+
+    CHOSEN = "as asked for"
+    MOCAP = "motion capture"
+    MATCHED = "measured poses"
+    TRANSFORMS = "transforms from a fixed frame"
+    FIX = "satellite positions"
+    TRUTH = "a simulator's truth"
+    FUSED = "fused odometry, perhaps with the wheels"
+    WHEELS = "odometry, perhaps from the wheels"
+
+
+_MARKS = {
+    Kind.MOCAP: r"vicon|optitrack|mocap|motion_capture|qualisys|vrpn|natnet|total_?station|leica",
+    Kind.TRUTH: r"ground_?truth|\btruth|gazebo|p3d|perfect",
+    Kind.FUSED: r"filtered|fused|ekf|ukf|kalman|imu",
+    Kind.MATCHED: r"slam|amcl|locali[sz]|lio|loam|icp|ndt|kiss|hdl|cartographer|rtabmap|vins|vio\b|visual|lidar|laser"
+    r"|\bzed|scan|t265",
+}
+_WANTED = r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|waypoint|plan\b"
+
+
+@dataclass(frozen=True)
+class PoseSource:
+    """Something in a bag that states poses."""
+
+    name: str
+    """The topic, or tf:PARENT:CHILD."""
+    kind: Kind
+
+
+def pose_sources(bag: Bag) -> list[PoseSource]:
+    """All sources of poses, the best first."""
+    topics = [topic for topic in bag.of_type(*POSE_TYPES) if not re.search(_WANTED, topic.name, re.IGNORECASE)]
+    found = [*(PoseSource(topic.name, _kind(bag, topic)) for topic in topics), *_in_transforms(bag)]
+    return sorted(found, key=lambda source: list(Kind).index(source.kind))
+
+
+def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
+    """The source chosen, or the best; raises LogError if there is none, or several are equally good."""
+    if choice.poses is not None:
+        name = choice.poses if choice.poses.startswith("tf:") else bag.topic(choice.poses).name
+        return PoseSource(name, Kind.CHOSEN)
+    sources = pose_sources(bag)
+    if not sources:
+        needed = f"no topic of {', '.join(POSE_TYPES)}, and no transforms of a robot in a fixed frame"
+        raise LogError(f"{bag.path}: no poses: {needed}; its topics are {bag.listed()}")
+    best = [source for source in sources if source.kind is sources[0].kind]
+    best = [source for source in best if source.name in bag.topics] or best  # transforms repeat what topics state
+    bag.only([source.name for source in best], "poses", "--poses TOPIC")
+    return best[0]
+
+
+def _kind(bag: Bag, topic: Topic) -> Kind:
+    """What the name, the type and the frame of a topic tell."""
+    usual = Kind.FIX if topic.type == FIX else Kind.WHEELS if topic.type == ODOMETRY else Kind.MATCHED
+    kind = next((kind for kind, marks in _MARKS.items() if re.search(marks, topic.name, re.IGNORECASE)), usual)
+    if kind in (Kind.FUSED, Kind.WHEELS) and topic.type == ODOMETRY:
+        first = bag.first(topic.name, 1)
+        if first and _last(first[0].content.header.frame_id) in _FIXED_FRAMES:
+            return Kind.MATCHED
+    return kind
+
+
+def _in_transforms(bag: Bag) -> list[PoseSource]:
+    """The poses of robots' bodies in the frames at the roots of their transforms, if they have such frames."""
+    parents = {child: parent for parent, child in frames_of(bag, _LOOKED_AT)}
+    bodies = next((some for name in _BODIES if (some := [one for one in parents if _last(one) == name])), [])
+    found = []
+    for body in sorted(bodies):
+        root, seen = body, {body}
+        while root in parents and parents[root] not in seen:
+            root = parents[root]
+            seen.add(root)
+        kind = Kind.TRANSFORMS if _last(root) in _FIXED_FRAMES else Kind.WHEELS
+        found.append(PoseSource(f"tf:{root}:{body}", kind))
+    return found
+
+
+def _last(frame: str) -> str:
+    """The last part of a frame's name, in lower case."""
+    return frame.strip("/").rpartition("/")[2].lower()
+
+
+@dataclass(frozen=True)
+class Overview:
+    """Uses of the topics of a bag."""
+
+    uses: dict[str, str]
+    """By topic or tf:PARENT:CHILD: what it could be used as; with a star in front, what it is taken as."""
+    taken: tuple[str, ...]
+    """What is taken, one line each."""
+    doubts: tuple[str, ...]
+    """Why something isn't taken, one line each."""
+
+
+def overview(bag: Bag, choice: BagChoice) -> Overview:
+    """What could be taken, and what is."""
+    uses: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
+    uses |= {source.name: f"poses: {source.kind.value}" for source in pose_sources(bag)}
+    taken, doubts = [], []
+    try:
+        topic, (left, right) = encoder_topic(bag, choice)
+        uses[topic.name] = "* encoders"
+        taken.append(f"encoders: {topic.name}, left {', '.join(left)}, right {', '.join(right)}")
+    except LogError as error:
+        doubts.append(str(error))
+    try:
+        if choice.plate is not None:
+            name = scan_topic(bag, choice.scan).name
+            uses[name] = "* scans of the plate"
+            taken.append(f"poses: the plate's in {name}")
+        else:
+            name = pose_source(bag, choice).name
+            uses[name] = f"* {uses.get(name, 'poses')}"
+            taken.append(f"poses: {name}")
+    except LogError as error:
+        doubts.append(str(error))
+    return Overview(uses, tuple(taken), tuple(doubts))
