@@ -58,18 +58,6 @@ def refused(failing):
 
 
 @pytest.fixture
-def rejected(failing):
-    """Runs a command that tyro must reject; returns its explanation as a line."""
-
-    def run(*arguments: str) -> str:
-        text = failing(*arguments)
-        assert not text.startswith("trackslip: ")
-        return " ".join(text.replace("│", " ").split())
-
-    return run
-
-
-@pytest.fixture
 def short(tmp_path, monkeypatch):
     """Options of a benchmark that lasts seconds, in a folder of its own."""
     monkeypatch.chdir(tmp_path)

@@ -19,13 +19,6 @@ def grid(tmp_path_factory):
     return folder
 
 
-def test_the_runs_are_listed(grid, capsys):
-    main(["export", str(grid)])
-    printed = capsys.readouterr().out
-    assert all(log.run in printed for log in package.load(grid))
-    assert not grid.with_suffix(".csv").exists()
-
-
 def test_csv_holds_every_digit_and_the_units_are_beside_it(grid, tmp_path, capsys):
     file = tmp_path / "new" / "all.csv"
     main(["export", str(grid), "--csv", "--out", str(file)])
@@ -54,11 +47,13 @@ def test_identify_reads_it_with_the_options_that_are_printed(grid, tmp_path, cap
     np.testing.assert_allclose(from_csv.slip, from_parquet.slip, rtol=1e-12)
 
 
-def test_chosen_runs_of_a_file_go_beside_it(grid, tmp_path):
+def test_runs_are_listed_and_chosen_ones_go_beside_their_file(grid, tmp_path, capsys):
+    main(["export", str(grid)])
+    printed, names = capsys.readouterr().out, [log.run for log in package.load(grid)]
+    assert all(name in printed for name in names)
     (tmp_path / RUNS).write_bytes((grid / RUNS).read_bytes())
-    name = package.load(grid)[1].run
-    main(["export", str(tmp_path / RUNS), "--csv", "--run", name])
-    assert [log.run for log in package.load(tmp_path / "runs.csv")] == [name]
+    main(["export", str(tmp_path / RUNS), "--csv", "--run", names[1]])
+    assert [log.run for log in package.load(tmp_path / "runs.csv")] == names[1:2]
 
 
 def test_a_file_is_replaced_only_when_asked_and_never_the_one_that_is_read(grid, tmp_path, refused, capsys):
