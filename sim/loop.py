@@ -19,8 +19,7 @@ from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization.base import Locator
 from trackslip.logs.runlog import RunLog
-from trackslip.trajectory.base import Reference
-from trackslip.trajectory.tabulated import Tabulated
+from trackslip.trajectory.base import Reference, Tabulated
 
 Progress = Callable[[float], None]
 """Called with the seconds simulated since the last call."""

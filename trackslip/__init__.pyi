@@ -2,15 +2,15 @@
 
 from .controllers.base import Controller as Controller
 from .controllers.dynamic_feedback import DynamicFeedback as DynamicFeedback
-from .controllers.feedforward import Feedforward as Feedforward
-from .controllers.kanayama import Kanayama as Kanayama
-from .controllers.linear import LinearTimeVarying as LinearTimeVarying
+from .controllers.error_feedback import Feedforward as Feedforward
+from .controllers.error_feedback import Kanayama as Kanayama
+from .controllers.error_feedback import LinearTimeVarying as LinearTimeVarying
+from .controllers.error_feedback import OffsetPoint as OffsetPoint
+from .controllers.error_feedback import Samson as Samson
 from .controllers.lqr import Lqr as Lqr
 from .controllers.mpc import ModelPredictive as ModelPredictive
-from .controllers.offset_point import OffsetPoint as OffsetPoint
-from .controllers.pure_pursuit import PurePursuit as PurePursuit
-from .controllers.samson import Samson as Samson
-from .controllers.stanley import Stanley as Stanley
+from .controllers.steering import PurePursuit as PurePursuit
+from .controllers.steering import Stanley as Stanley
 from .deploy.deploy import deploy_law as deploy_law
 from .errors import InvalidValueError as InvalidValueError
 from .errors import LogError as LogError

@@ -13,9 +13,8 @@ from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
 from trackslip.slip.exponential import PUBLISHED
-from trackslip.trajectory.base import Reference
+from trackslip.trajectory.base import Reference, Tabulated
 from trackslip.trajectory.segmented import paper_reference
-from trackslip.trajectory.tabulated import Tabulated
 
 PERIOD = 0.05
 """Time between two commands [s]."""

@@ -8,7 +8,7 @@ from experiments.speed import FLEET, LOCALIZATION, LOOPS, REPRODUCE, SCANNER, TR
 from sim.fleet import Fleet
 from sim.loop import closed_loop
 from sim.pilot import Pilot
-from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.trajectory.segmented import circle
 
 COSTS = {LOOPS: 2.0, LOCALIZATION: 0.5, REPRODUCE: 5.0}

@@ -5,8 +5,7 @@ from sim.fleet import Fleet
 from sim.pilot import Pilot
 from sim.run_recorder import RunRecorder
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
-from trackslip.controllers.feedforward import Feedforward
-from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.error_feedback import Feedforward, LinearTimeVarying
 from trackslip.kinematics import advance
 from trackslip.slip.compensation import FixedLaw, OnlineIcr
 from trackslip.slip.icr import ConstantIcr

@@ -10,8 +10,7 @@ from sim.robot.robot import load_robot
 from sim.run_recorder import Description
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from trackslip.controllers.feedforward import Feedforward
-from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.error_feedback import Feedforward, LinearTimeVarying
 from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import tracking_errors

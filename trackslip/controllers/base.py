@@ -1,13 +1,19 @@
-"""The protocol of path-tracking controllers."""
+"""The protocol of path-tracking controllers, and what the control laws share."""
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip.errors import require_positive
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import Reference
+
+T = TypeVar("T")
 
 
 class Controller(Protocol):
@@ -29,3 +35,38 @@ class SensesSprockets(Protocol):
 
     def sense(self, omega: Array) -> None:
         """Take the sprocket speeds (N, 2) [rad/s] measured over the last period; called before `twist`."""
+
+
+@dataclass(frozen=True)
+class ControlLaw:
+    """Base of the controllers: its numbers are positive and, unless overridden, there is nothing to reset."""
+
+    def __post_init__(self) -> None:
+        for parameter in fields(self):
+            if parameter.type in (float, "float"):
+                require_positive(parameter.name, getattr(self, parameter.name))
+
+    def reset(self) -> None:
+        """Nothing to reset."""
+
+
+class OncePerReference(Generic[T]):
+    """Keeps what was built for the last reference, compared by identity."""
+
+    _kept: tuple[Reference, T] | None = None
+
+    def __call__(self, build: Callable[[Reference], T], reference: Reference) -> T:
+        """`build(reference)`, called unless `reference` is that of the last call."""
+        if self._kept is None or self._kept[0] is not reference:
+            self._kept = (reference, build(reference))
+        return self._kept[1]
+
+
+def natural_frequency(twist: ArrayLike, stiffness: float) -> Array:
+    """a = sqrt(w_d^2 + g v_d^2) [rad/s] (...) of reference twists (..., 2), g in [1/m^2]; Eqs. 28-30.
+
+    Gains proportional to it make errors decay over a distance instead of over a time; they vanish at standstill.
+    """
+    twist = np.asarray(twist, float)
+    v, w = twist[..., 0], twist[..., 1]
+    return np.sqrt(w**2 + stiffness * v**2)

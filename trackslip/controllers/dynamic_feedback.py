@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.control_law import ControlLaw
-from trackslip.controllers.samson import Samson
+from trackslip.controllers.base import ControlLaw
+from trackslip.controllers.error_feedback import Samson
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors

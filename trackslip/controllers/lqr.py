@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.control_law import ControlLaw, OncePerReference
+from trackslip.controllers.base import ControlLaw, OncePerReference
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference

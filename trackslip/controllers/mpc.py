@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.control_law import ControlLaw
+from trackslip.controllers.base import ControlLaw
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, advance, track_speeds, twist_of_tracks
 from trackslip.trajectory.base import Reference

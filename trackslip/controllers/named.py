@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from trackslip.controllers.base import Controller
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
-from trackslip.controllers.feedforward import Feedforward
-from trackslip.controllers.kanayama import Kanayama
-from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.error_feedback import Feedforward, Kanayama, LinearTimeVarying, OffsetPoint, Samson
 from trackslip.controllers.lqr import Lqr
 from trackslip.controllers.mpc import ModelPredictive
-from trackslip.controllers.offset_point import OffsetPoint
-from trackslip.controllers.pure_pursuit import PurePursuit
-from trackslip.controllers.samson import Samson
-from trackslip.controllers.stanley import Stanley
+from trackslip.controllers.steering import PurePursuit, Stanley
 
 CONTROLLERS: dict[str, type[Controller]] = {
     "feedforward": Feedforward,

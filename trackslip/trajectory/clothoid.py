@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError, require_finite, require_positive
+from trackslip.errors import require, require_finite, require_positive
 from trackslip.kinematics import Array
-from trackslip.trajectory.path import STEP, Complex, cell, require_length
+from trackslip.trajectory.base import cell
+from trackslip.trajectory.path import STEP, Complex, require_length
 from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -39,8 +40,7 @@ class ClothoidPath:
 
     def __init__(self, start: ArrayLike, pieces: Sequence[Piece]) -> None:
         """`start` is the first pose (3,); raises InvalidValueError without pieces or above MAX_LENGTH."""
-        if not pieces:
-            raise InvalidValueError("pieces", pieces, "at least one piece")
+        require(pieces, "pieces", pieces, "at least one piece")
         require_length(sum(piece.length for piece in pieces))
         counts = [max(int(np.ceil(piece.length / STEP)), 2) for piece in pieces]
         steps = np.repeat([piece.length / n for piece, n in zip(pieces, counts, strict=True)], counts)
@@ -121,8 +121,7 @@ def rounded_square(
         radius: of the corners [m], less than half a side.
     """
     require_positive("side", side)
-    if not 0 < radius < side / 2:
-        raise InvalidValueError("radius", radius, f"greater than 0, less than half of side = {side:g} m")
+    require(0 < radius < side / 2, "radius", radius, f"greater than 0, less than half of side = {side:g} m")
     straight, corner = Piece(side - 2 * radius), Piece(np.pi / 2 * radius, 1 / radius, 1 / radius)
     half = Piece(straight.length / 2)
     return ProfiledReference(ClothoidPath(start, [half, *[corner, straight] * 3, corner, half]), limits)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError, require_positive
+from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 from trackslip.trajectory.path import Complex, ParametricPath, require_length
 from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
@@ -23,11 +23,8 @@ def figure_eight(start: ArrayLike, half_width: float = 1.5, limits: Limits = LIM
     def lemniscate(u: Array, nu: int) -> Complex:
         sine, cosine = np.sin(u), np.cos(u)
         away = 1 - 1j * sine
-        if nu == 0:
-            return half_width * cosine / away
-        if nu == 1:
-            return half_width * 1j * (1 + 1j * sine) / away**2
-        return -half_width * cosine * (3 + 1j * sine) / away**3
+        factor = (cosine / away, 1j * (1 + 1j * sine) / away**2, -cosine * (3 + 1j * sine) / away**3)[nu]
+        return half_width * factor
 
     return ProfiledReference(ParametricPath(lemniscate, [-np.pi / 2, np.pi / 2, 3 * np.pi / 2], start), limits)
 
@@ -45,19 +42,16 @@ def slalom(
     """
     require_positive("amplitude", amplitude)
     require_positive("wavelength", wavelength)
-    if periods < 1:
-        raise InvalidValueError("periods", periods, "at least 1")
+    require(periods >= 1, "periods", periods, "at least 1")
     require_length(periods * wavelength)
     wave = 2 * np.pi / wavelength
 
-    def sine(x: Array, nu: int) -> Complex:
-        if nu == 0:
-            return x + 1j * amplitude * (1 - np.cos(wave * x))
-        if nu == 1:
-            return 1 + 1j * amplitude * wave * np.sin(wave * x)
-        return 1j * amplitude * wave**2 * np.cos(wave * x)
+    def wave_line(x: Array, nu: int) -> Complex:
+        sine, cosine = np.sin(wave * x), np.cos(wave * x)
+        rise = (1 - cosine, wave * sine, wave**2 * cosine)[nu]
+        return (x, 1.0, 0.0)[nu] + 1j * amplitude * rise
 
-    return ProfiledReference(ParametricPath(sine, wavelength * np.arange(periods + 1), start), limits)
+    return ProfiledReference(ParametricPath(wave_line, wavelength * np.arange(periods + 1), start), limits)
 
 
 def spiral(
@@ -72,19 +66,14 @@ def spiral(
         turns: number of turns about the centre, at most 50.
     """
     require_positive("inner_radius", inner_radius)
-    if not inner_radius < outer_radius < np.inf:
-        raise InvalidValueError("outer_radius", outer_radius, f"greater than inner_radius = {inner_radius:g} m")
-    if not 0 < turns <= 50:
-        raise InvalidValueError("turns", turns, "greater than 0, at most 50")
+    wider = inner_radius < outer_radius < np.inf
+    require(wider, "outer_radius", outer_radius, f"greater than inner_radius = {inner_radius:g} m")
+    require(0 < turns <= 50, "turns", turns, "greater than 0, at most 50")
     end = 2 * np.pi * turns
     shrinkage = (outer_radius - inner_radius) / end
 
     def archimedes(u: Array, nu: int) -> Complex:
-        radius, direction = outer_radius - shrinkage * u, np.exp(1j * u)
-        if nu == 0:
-            return radius * direction
-        if nu == 1:
-            return (1j * radius - shrinkage) * direction
-        return -(radius + 2j * shrinkage) * direction
+        radius = outer_radius - shrinkage * u
+        return (radius, 1j * radius - shrinkage, -radius - 2j * shrinkage)[nu] * np.exp(1j * u)
 
     return ProfiledReference(ParametricPath(archimedes, np.linspace(0, end, int(4 * turns) + 2), start), limits)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError
+from trackslip.errors import require
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.clothoid import clothoid, rounded_square
 from trackslip.trajectory.curves import figure_eight, slalom, spiral
@@ -37,8 +37,7 @@ def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
     Raises:
         InvalidValueError: if there is no such reference.
     """
-    if name not in REFERENCES:
-        raise InvalidValueError("reference", name, f"one of {', '.join(REFERENCES)}")
+    require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}")
     return REFERENCES[name]() if start is None else REFERENCES[name](start=start)
 
 
@@ -52,6 +51,5 @@ def load_reference(name_or_path: str | Path) -> Reference:
     name = str(name_or_path)
     if Path(name).suffix.lower() == ".csv":
         return read_waypoints(Path(name))
-    if name not in REFERENCES:
-        raise InvalidValueError("reference", name, f"one of {', '.join(REFERENCES)}, or a .csv file of way points")
+    require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}, or a .csv file of way points")
     return REFERENCES[name]()

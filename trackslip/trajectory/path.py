@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import InvalidValueError, require_at_most
 from trackslip.kinematics import Array
+from trackslip.trajectory.base import cell
 
 Complex = NDArray[np.complexfloating[Any, Any]]
 
@@ -112,12 +113,6 @@ class ParametricPath:
         way = s - self._s[k]
         c0, c1, c2, c3 = self._inverse[:, k]
         return k, c0 + way * (c1 + way * (c2 + way * c3))
-
-
-def cell(knots: Array, at: Array) -> NDArray[np.intp]:
-    """Index (...) of the last of the knots (K,) below `at` (...), at most K - 2: the start of its cell."""
-    k = np.searchsorted(knots, at, side="right") - 1
-    return np.minimum(np.maximum(k, 0), len(knots) - 2)
 
 
 def require_length(length: float) -> None:

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import InvalidValueError, require_non_negative, require_positive
 from trackslip.kinematics import Array
-from trackslip.trajectory.path import PlanarPath, cell
+from trackslip.trajectory.base import PiecewiseReference
+from trackslip.trajectory.path import PlanarPath
 
 MIN_SPEED = 1e-3
 """Minimum speed that the tightest bend of a path must allow [m/s]."""
@@ -57,50 +58,20 @@ LIMITS = Limits()
 """Limits that the drives of the default robot can follow, slip included."""
 
 
-class ProfiledReference:
+class ProfiledReference(PiecewiseReference):
     """A path driven as fast as the limits allow, from rest to rest, at constant acceleration between its knots."""
 
     def __init__(self, path: PlanarPath, limits: Limits = LIMITS) -> None:
         """Raises InvalidValueError for a path too tight to be driven at MIN_SPEED."""
         self._path = path
-        self._speeds = _speeds(path, limits)  # (K,)
-        steps = np.diff(path.knots)
-        durations = 2 * steps / (self._speeds[:-1] + self._speeds[1:])
-        self._accelerations = np.diff(self._speeds) / durations  # (K - 1,)
-        self._times = np.concatenate([[0.0], np.cumsum(durations)])  # (K,)
+        speeds = _speeds(path, limits)  # (K,)
+        super().__init__(2 * np.diff(path.knots) / (speeds[:-1] + speeds[1:]), speeds[:-1], speeds[1:])
 
-    @property
-    def duration(self) -> float:
-        """Time at which the reference ends [s]."""
-        return float(self._times[-1])
+    def _pose(self, k: NDArray[np.intp], way: Array) -> Array:
+        return self._path.pose(self._path.knots[k] + way)
 
-    @property
-    def knots(self) -> Array:
-        """Times (K,) between which the twist is smooth [s]."""
-        return self._times
-
-    def pose(self, time: ArrayLike) -> Array:
-        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
-        k, t = self._locate(time)
-        return self._path.pose(self._way(k, t))
-
-    def twist(self, time: ArrayLike) -> Array:
-        """Twists (..., 2) at times (...) [s]."""
-        time = np.asarray(time, float)
-        k, t = self._locate(time)
-        speed = np.where(time < self.duration, np.maximum(self._speeds[k] + self._accelerations[k] * t, 0.0), 0.0)
-        return np.stack([speed, speed * self._path.curvature(self._way(k, t))], axis=-1)
-
-    def _way(self, k: NDArray[np.intp], t: Array) -> Array:
-        """Arc lengths (...) in cells k (...) at times (...) since their starts."""
-        way: Array = self._path.knots[k] + t * (self._speeds[k] + self._accelerations[k] * t / 2)
-        return way
-
-    def _locate(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array]:
-        """Index of the cell and time since its start, each (...)."""
-        clipped = np.minimum(np.maximum(np.asarray(time, float), 0.0), self.duration)
-        k = cell(self._times, clipped)
-        return k, clipped - self._times[k]
+    def _curvature(self, k: NDArray[np.intp], way: Array) -> Array:
+        return self._path.curvature(self._path.knots[k] + way)
 
 
 def _speeds(path: PlanarPath, limits: Limits) -> Array:

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trackslip.errors import InvalidValueError, require_positive
+from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array, advance
-from trackslip.trajectory.path import cell
+from trackslip.trajectory.base import PiecewiseReference
 from trackslip.trajectory.profile import LIMITS, Limits
 
 
@@ -37,52 +37,23 @@ class Segment:
         return (self.start_speed + self.end_speed) / 2 * self.duration
 
 
-class SegmentedReference:
+class SegmentedReference(PiecewiseReference):
     """Straight lines and arcs in sequence, with pose and twist in closed form."""
 
     def __init__(self, start: ArrayLike, segments: Sequence[Segment]) -> None:
         """`start` is the first pose (3,); raises InvalidValueError without segments."""
-        if not segments:
-            raise InvalidValueError("segments", segments, "at least one segment")
+        require(segments, "segments", segments, "at least one segment")
         poses = [np.asarray(start, float)]
         for s in segments:
             poses.append(advance(poses[-1], [s.length, s.length * s.curvature], 1.0))
-        self._start_poses = np.array(poses[:-1])  # (S, 3)
-        self._start_times = np.concatenate([[0.0], np.cumsum([s.duration for s in segments])])  # (S + 1,)
-        self._start_speeds = np.array([s.start_speed for s in segments])
-        self._accelerations = np.array([(s.end_speed - s.start_speed) / s.duration for s in segments])
-        self._curvatures = np.array([s.curvature for s in segments])
+        self._start_poses, self._curvatures = np.array(poses[:-1]), np.array([s.curvature for s in segments])
+        super().__init__(*np.array([(s.duration, s.start_speed, s.end_speed) for s in segments]).T)
 
-    @property
-    def duration(self) -> float:
-        """Time at which the reference ends [s]."""
-        return float(self._start_times[-1])
+    def _pose(self, k: NDArray[np.intp], way: Array) -> Array:
+        return advance(self._start_poses[k], np.stack([way, way * self._curvatures[k]], axis=-1), 1.0)
 
-    @property
-    def knots(self) -> Array:
-        """Times (S + 1,) between which the twist is smooth [s]."""
-        return self._start_times
-
-    def pose(self, time: ArrayLike) -> Array:
-        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
-        k, t = self._locate(time)
-        distance = self._start_speeds[k] * t + self._accelerations[k] * t**2 / 2
-        motion = np.stack([distance, distance * self._curvatures[k]], axis=-1)
-        return advance(self._start_poses[k], motion, 1.0)
-
-    def twist(self, time: ArrayLike) -> Array:
-        """Twists (..., 2) at times (...) [s]."""
-        k, t = self._locate(time)
-        time = np.asarray(time, float)
-        speed = self._start_speeds[k] + self._accelerations[k] * t
-        speed = np.where((time < 0) | (time >= self.duration), 0.0, speed)
-        return np.stack([speed, speed * self._curvatures[k]], axis=-1)
-
-    def _locate(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array]:
-        """Index of the segment and time since its start, each (...)."""
-        clipped: Array = np.clip(np.asarray(time, float), 0.0, self.duration)
-        k = cell(self._start_times, clipped)
-        return k, clipped - self._start_times[k]
+    def _curvature(self, k: NDArray[np.intp], way: Array) -> Array:
+        return self._curvatures[k]
 
 
 PAPER_START = (0.0, 0.0, np.pi / 2)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError, ReferenceFileError, first_line
+from trackslip.errors import InvalidValueError, ReferenceFileError, first_line, require
 from trackslip.kinematics import Array
 from trackslip.trajectory.path import MAX_LENGTH, ParametricPath
 from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
@@ -37,8 +36,8 @@ def waypoints(points: ArrayLike, limits: Limits = LIMITS) -> ProfiledReference:
         InvalidValueError: if there are too few points, points too far away or too close, or bends too tight to drive.
     """
     points = np.asarray(points, float)
-    if points.ndim != 2 or points.shape[1] != 2:
-        raise InvalidValueError("shape of the way points", points.shape, "(N, 2): columns x and y")
+    table = points.ndim == 2 and points.shape[1] == 2
+    require(table, "shape of the way points", points.shape, "(N, 2): columns x and y")
     return _through(points, "point", limits)
 
 
@@ -50,45 +49,33 @@ def read_waypoints(path: Path, limits: Limits = LIMITS) -> ProfiledReference:
             the column.
     """
     try:
-        if not path.is_file():
-            raise ReferenceFileError(f"{path}: no such file")
         with path.open(encoding="utf-8-sig", newline="") as file:
-            points = np.array(list(_parse(file, path)), float).reshape(-1, 2)
+            rows = [row for row in csv.reader(file) if any(text.strip() for text in row)]
+        if rows and tuple(text.strip().lower() for text in rows[0]) == COLUMNS:
+            rows = rows[1:]
+        points = np.array([_point(row, f"row {k}") for k, row in enumerate(rows, 1)], float).reshape(-1, 2)
         return _through(points, "row", limits)
-    except InvalidValueError as error:
-        raise ReferenceFileError(f"{path}: {error}") from error
-    except (OSError, csv.Error, UnicodeError) as error:
+    except FileNotFoundError:
+        raise ReferenceFileError(f"{path}: no such file") from None
+    except (InvalidValueError, OSError, csv.Error, UnicodeError) as error:
         raise ReferenceFileError(f"{path}: {first_line(error)}") from error
 
 
-def _parse(lines: Iterator[str], path: Path) -> Iterator[list[float]]:
-    rows = ([text.strip() for text in row] for row in csv.reader(lines) if any(text.strip() for text in row))
-    number = 0
-    for row in rows:
-        if number == 0 and tuple(text.lower() for text in row) == COLUMNS:
-            continue
-        number += 1
-        if number > MAX_POINTS:
-            raise ReferenceFileError(f"{path}: more than {MAX_POINTS} rows")
-        if len(row) != len(COLUMNS):
-            raise ReferenceFileError(f"{path}: row {number}: has {len(row)} columns, must have x and y")
-        yield [_number(text, f"{path}: row {number}, column {name}") for name, text in zip(COLUMNS, row, strict=True)]
-
-
-def _number(text: str, place: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise ReferenceFileError(f"{place}: {text!r} is not a number") from None
-    if not np.isfinite(value):
-        raise ReferenceFileError(f"{place}: {text!r} is not a finite number")
-    return value
+def _point(row: list[str], label: str) -> list[float]:
+    require(len(row) == len(COLUMNS), f"{label}, number of columns", len(row), "2: x and y")
+    point = []
+    for name, text in zip(COLUMNS, row, strict=True):
+        try:
+            point.append(float(text))
+        except ValueError:
+            raise InvalidValueError(f"{label}, column {name}", text, "a number") from None
+    return point
 
 
 def _through(points: Array, label: str, limits: Limits) -> ProfiledReference:
     """The reference; errors call the points `label`."""
-    if not MIN_POINTS <= len(points) <= MAX_POINTS:
-        raise InvalidValueError("number of way points", len(points), f"from {MIN_POINTS} to {MAX_POINTS}")
+    count = len(points)
+    require(MIN_POINTS <= count <= MAX_POINTS, "number of way points", count, f"from {MIN_POINTS} to {MAX_POINTS}")
     far = np.argwhere(~(np.abs(points) <= MAX_COORDINATE))  # NaN is too
     if far.size:
         row, column = far[0]

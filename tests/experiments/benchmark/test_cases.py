@@ -60,7 +60,7 @@ def test_starts_are_the_papers_or_random_and_the_same_for_all_controllers():
 
 def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
     (tmp_path / "gains_of_mine.py").write_text("K = 1.0")
-    source = "import gains_of_mine\nfrom trackslip.controllers.linear import LinearTimeVarying as Mine"
+    source = "import gains_of_mine\nfrom trackslip.controllers.error_feedback import LinearTimeVarying as Mine"
     (tmp_path / "imports_gains.py").write_text(source)
     loops = ClosedLoops(Config(localization="truth"))
     cases = (Case("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)

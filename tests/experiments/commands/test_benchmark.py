@@ -13,7 +13,7 @@ from trackslip.trajectory.named import load_reference
 
 MODULE = '''
 import numpy as np
-from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.error_feedback import LinearTimeVarying
 
 class Late(LinearTimeVarying):
     """Falls silent after 2 s, for the robot that is farthest to the right."""

@@ -10,7 +10,7 @@ from pages import ROOT, missing_line, shown
 from ran import ran
 
 from experiments.cli import main
-from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.identification.source import origin, read_source
 from trackslip.logs.logfile import read_runs

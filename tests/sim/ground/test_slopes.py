@@ -15,7 +15,7 @@ from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.localization.plate import PlateLocator
 from trackslip.skid_theory import line_contact, steady_twist
 from trackslip.slip.compensation import FixedLaw, LoadedLaw

@@ -14,7 +14,7 @@ from sim.robot.parameters import RobotParameters
 from sim.run_recorder import Description
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import wrap_angle
 from trackslip.metrics import tracking_errors

@@ -6,12 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from linearised import closed_loop, error_gains, pose_with_error
 
-from trackslip.controllers.kanayama import Kanayama
-from trackslip.controllers.linear import LinearTimeVarying
-from trackslip.controllers.offset_point import OffsetPoint
-from trackslip.controllers.pure_pursuit import PathAhead, PurePursuit
-from trackslip.controllers.samson import Samson
-from trackslip.controllers.stanley import Stanley
+from trackslip.controllers.error_feedback import Kanayama, LinearTimeVarying, OffsetPoint, Samson
+from trackslip.controllers.steering import PathAhead, PurePursuit, Stanley
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
 from trackslip.metrics import body_errors

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from linearised import pose_with_error
 
-from trackslip.controllers.feedforward import Feedforward
+from trackslip.controllers.error_feedback import Feedforward
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance

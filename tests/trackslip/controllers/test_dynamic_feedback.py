@@ -3,7 +3,7 @@ import pytest
 from linearised import pose_with_error
 
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
-from trackslip.controllers.samson import Samson
+from trackslip.controllers.error_feedback import Samson
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle

@@ -3,12 +3,12 @@ import pytest
 from quadrature import integral_miss, times
 
 from trackslip.errors import InvalidValueError
+from trackslip.trajectory.base import Tabulated
 from trackslip.trajectory.clothoid import clothoid, rounded_square
 from trackslip.trajectory.curves import figure_eight, slalom, spiral
 from trackslip.trajectory.named import REFERENCES, load_reference
 from trackslip.trajectory.profile import LIMITS, Limits
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference, stop_and_go
-from trackslip.trajectory.tabulated import Tabulated
 from trackslip.trajectory.waypoints import waypoints
 
 START = (0.7, -0.4, 2.5)

@@ -1,6 +1,8 @@
-"""Pure pursuit of a reference in time.
+"""Laws that steer towards a point ahead: pure pursuit of a reference in time, and the law of the robot Stanley.
 
-R. C. Coulter, "Implementation of the pure pursuit path tracking algorithm", CMU-RI-TR-92-01, 1992.
+R. C. Coulter, "Implementation of the pure pursuit path tracking algorithm", CMU-RI-TR-92-01, 1992; G. M. Hoffmann,
+C. J. Tomlin, M. Montemerlo and S. Thrun, "Autonomous automobile trajectory tracking for off-road driving: controller
+design, experimental validation and racing", ACC 2007.
 """
 
 from __future__ import annotations
@@ -10,8 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.control_law import ControlLaw, OncePerReference, natural_frequency, speed_to_keep_up
-from trackslip.kinematics import Array, advance
+from trackslip.controllers.base import ControlLaw, OncePerReference, natural_frequency
+from trackslip.controllers.error_feedback import ErrorFeedback, Errors
+from trackslip.errors import require
+from trackslip.kinematics import Array, advance, wrap_angle
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
@@ -74,3 +78,57 @@ class PathAhead:
         then = max(now, np.interp(distance, way, self._times[cell : cut + 1])) if direction else now
         missing = direction * max(0.0, distance - way[-1])
         return advance(self._reference.pose(then), [missing, 0.0], 1.0)
+
+
+@dataclass(frozen=True)
+class Stanley(ErrorFeedback):
+    """Steers a virtual axle, `wheelbase` ahead of the robot (behind it in reverse), onto the path of that axle.
+
+    The steering angle is delta = psi + atan(k e / (k_s + |v|)): psi is the direction of the path of the axle relative
+    to the robot, which for a reference of curvature kappa_d is e_phi + atan(wheelbase kappa_d), and e its distance to
+    the left of the axle. There is thus no steady-state error on arcs. Then w = |v| tan(delta) / wheelbase. A steered
+    axle has no effect at standstill and cannot back up to a reference that drives forwards, so the robot waits there.
+    """
+
+    wheelbase: float = 0.2
+    """Distance of the virtual axle from the centre of the robot [m]."""
+    gain: float = 1.0
+    """k [1/s]."""
+    softening: float = 0.1
+    """k_s, which limits the angle at low speed [m/s]."""
+    steering_limit: float = np.pi / 3
+    """Maximum |delta| [rad]."""
+    damping: float = 0.7
+    """xi of the speed law, of gain 2 xi sqrt(w_d^2 + g v_d^2) [-]."""
+    stiffness: float = 10.0
+    """g of the speed law [1/m^2]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self.steering_limit < np.pi / 2, "steering_limit", self.steering_limit, "less than pi/2 rad")
+
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
+        (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
+        direction = -1.0 if v_d < 0 else 1.0
+        gain = 2 * self.damping * natural_frequency(desired, self.stiffness)
+        v = speed_to_keep_up(desired, errors, gain)
+        axle_x = direction * e_x + self.wheelbase * (np.cos(e_phi) - 1)
+        axle_y = direction * e_y + self.wheelbase * np.sin(e_phi)
+        psi = wrap_angle(e_phi + np.arctan2(self.wheelbase * w_d, np.abs(v_d)))
+        crosstrack = np.cos(psi) * axle_y - np.sin(psi) * axle_x
+        delta = psi + np.arctan(self.gain * crosstrack / (self.softening + np.abs(v)))
+        delta = np.clip(delta, -self.steering_limit, self.steering_limit)
+        return v, np.abs(v) * np.tan(delta) / self.wheelbase
+
+
+def speed_to_keep_up(desired: Array, errors: Errors, gain: Array) -> Array:
+    """v_d plus k [1/s] times the error along the path [m/s] (...), or 0 if that is opposite to v_d.
+
+    Takes the twist (2,) of the reference and the errors, (...) each. For laws that steer towards a point ahead. They
+    are unstable when driven away from that point, so the robot waits for a reference behind it; and they have to keep
+    driving to turn around, so the speed must not depend on the heading of the robot. To first order this equals
+    v_d cos(e_phi) + k e_x.
+    """
+    e_x, e_y, e_phi = errors
+    direction = np.sign(desired[0])
+    return direction * np.maximum(direction * (desired[0] + gain * (np.cos(e_phi) * e_x + np.sin(e_phi) * e_y)), 0.0)
