@@ -9,10 +9,9 @@ for message in bag.messages("/scan"):
 
 from __future__ import annotations
 
-import re
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -22,13 +21,11 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.logs.runlog import Refused, none_usable
-from trackslip.ros import files
 from trackslip.ros.decode import Decoder, require_rosbags
-from trackslip.ros.readers import Channel, read_file
+from trackslip.ros.files import Parts, read_parts
+from trackslip.ros.readers import read_file
 
 T = TypeVar("T")
-_SPLIT = re.compile(r"(.*?)(?:_\d{4}(?:-\d\d){5})?_(\d+)")  # name and number of a part, perhaps with a date
-_MAX_PAUSE = 2.0  # time between the parts of a bag [s]
 _SHOWN = 12  # names in a message
 
 
@@ -90,17 +87,13 @@ class Bag:
     """By name, in alphabetical order; only those with messages."""
     notes: tuple[str, ...]
     """What could not be read, one line each."""
+    span: tuple[int, int]
+    """When the first and the last message were recorded [ns]."""
 
     @property
     def path(self) -> Path:
         """Its file, or the folder of its files."""
         return self.files[0] if len(self.files) == 1 else self.files[0].parent
-
-    @property
-    def span(self) -> tuple[int, int]:
-        """When the first and the last message were recorded [ns]."""
-        arrivals = [topic.arrival for topic in self.topics.values()]
-        return min(int(one[0]) for one in arrivals), max(int(one[-1]) for one in arrivals)
 
     def topic(self, name: str, kind: str | None = None) -> Topic:
         """A topic; raises LogError if there is none of the name, with a list, or its messages aren't of the type."""
@@ -180,27 +173,8 @@ def open_bag(path: str | Path) -> Bag:
 
 def open_bags(path: str | Path) -> list[Bag]:
     """The bags in a folder, like `open_bag`; bags that can't be read are left out if others can be."""
-    path = Path(path)
     require_rosbags()
-    try:
-        if not path.exists():
-            raise LogError(f"{path}: no such file or folder")
-        found = files.bags_in(path)
-    except OSError as error:
-        raise LogError(f"path = {str(path)[:80]!r}: {error.strerror}") from error
-    if not found or not all(map(files.is_bag_file, found[0])):
-        raise LogError(f"{path}: holds no bag (.bag, .mcap or .db3)" if path.is_dir() else f"{path}: is no bag")
-    bags, refused = [], []
-    for parts in found:
-        try:
-            bags.append(_opened(parts, path))
-        except LogError as error:
-            refused.append(str(error))
-    if not bags:
-        raise LogError(refused[0])
-    bags = _joined(bags)
-    bags[0] = replace(bags[0], notes=(*bags[0].notes, *refused))
-    return bags
+    return [_bag(parts) for parts in read_parts(Path(path))]
 
 
 def read_each(
@@ -227,78 +201,13 @@ def read_each(
     return found, tuple(refused), tuple(notes)
 
 
-def _opened(parts: tuple[Path, ...], path: Path) -> Bag:
-    """The bag of some files, found in a folder or file."""
-    folder = parts[0].parent
-    notes: list[str] = []
-    single = len(parts) == 1 and not (path.is_dir() and (folder / files.METADATA).is_file())
-    name = files.stem(parts[0]) if single else folder.resolve().name
-    if not single:
-        try:
-            notes += [f"{name}: its file {file} is missing" for file in files.missing_files(folder)]
-        except LogError as error:
-            notes.append(f"{name}: {error}")
-    arrivals: dict[Channel, list[int]] = defaultdict(list)
-    complaints: list[str] = []
-    for file in parts:
-        said: list[str] = []
-        try:
-            for record in read_file(file, lambda topic: False, said):
-                arrivals[record.channel].append(record.arrival)
-        except LogError as error:
-            complaints.append(str(error))
-        notes += [f"{file}: {line}{_times(count)}" for line, count in Counter(said).items()]
-    if complaints and len(complaints) == len(parts):
-        raise LogError(complaints[0])
-    if not arrivals:
-        raise LogError(f"{parts[0]}: no message can be read" + (f" ({notes[-1].partition(': ')[2]})" if notes else ""))
-    return Bag(name, parts, _topics(arrivals, notes), (*complaints, *notes))
-
-
-def _times(count: int) -> str:
-    return f" ({count} times)" if count > 1 else ""
-
-
-def _topics(arrivals: dict[Channel, list[int]], notes: list[str]) -> dict[str, Topic]:
-    """The topics by name; if one has messages of several types, those of the type with most messages."""
-    found: dict[str, Topic] = {}
-    types: dict[tuple[str, str], list[int]] = defaultdict(list)
-    for channel, times in arrivals.items():
-        types[channel.topic, channel.type] += times
-    for (name, kind), times in sorted(types.items(), key=lambda item: (item[0][0], -len(item[1]))):
-        if name in found:
+def _bag(parts: Parts) -> Bag:
+    """The bag; if a topic has messages of several types, those of the type with most messages."""
+    topics: dict[str, Topic] = {}
+    notes = [*parts.notes]
+    for (name, kind), times in sorted(parts.arrivals.items(), key=lambda item: (item[0][0], -len(item[1]))):
+        if name in topics:
             notes.append(f"topic {name}: {len(times)} messages of another type, {kind}, left out")
         else:
-            found[name] = Topic(name, kind, np.sort(np.array(times, np.int64)))
-    return found
-
-
-def _joined(bags: list[Bag]) -> list[Bag]:
-    """The bags, those joined that are successive parts of one: numbered files, each following the one before."""
-    joined: list[Bag] = []
-    last: tuple[str, Path, int] | None = None
-    for bag in sorted(bags, key=_place):
-        here = _place(bag)
-        follows = last is not None and last[0] and here[:2] == last[:2] and here[2] == last[2] + 1
-        if follows and 0 <= (bag.span[0] - joined[-1].span[1]) / 1e9 < _MAX_PAUSE:
-            joined[-1] = _together(joined[-1], bag, here[0])
-        else:
-            joined.append(bag)
-        last = here
-    return joined
-
-
-def _place(bag: Bag) -> tuple[str, Path, int]:
-    """Name, folder and number of a part; the name is empty for a bag that isn't one."""
-    match = _SPLIT.fullmatch(bag.name) if len(bag.files) == 1 else None
-    return (match[1], bag.files[0].parent, int(match[2])) if match else ("", bag.files[0], 0)
-
-
-def _together(first: Bag, second: Bag, name: str) -> Bag:
-    """Two parts of a bag as one."""
-    topics = dict(first.topics)
-    for topic in second.topics.values():
-        before = topics.get(topic.name)
-        arrival = topic.arrival if before is None else np.concatenate([before.arrival, topic.arrival])
-        topics[topic.name] = Topic(topic.name, topic.type, arrival)
-    return Bag(name, (*first.files, *second.files), dict(sorted(topics.items())), (*first.notes, *second.notes))
+            topics[name] = Topic(name, kind, np.sort(np.array(times, np.int64)))
+    return Bag(parts.name, parts.files, topics, tuple(notes), parts.span)

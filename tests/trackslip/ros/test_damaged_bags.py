@@ -151,10 +151,10 @@ def damaged(tmp_path_factory):
     ("name", "content", "message"),
     [
         ("none.mcap", None, "none.mcap: no such file or folder"),
-        ("empty.mcap", b"", "empty.mcap: is no bag"),
-        ("empty.bag", b"", "empty.bag: is no bag of ROS 1"),
-        ("old.bag", b"#ROSBAG V1.2\n", "old.bag: is no bag of ROS 1 .version 2.0."),
-        ("empty.db3", b"", "empty.db3: is no bag"),
+        ("empty.mcap", b"", r"empty.mcap: no message can be read \(is no bag"),
+        ("empty.bag", b"", r"empty.bag: no message can be read \(is no bag"),
+        ("old.bag", b"#ROSBAG V1.2\n", r"old.bag: no message can be read \(is no bag of ROS 1 .version 2.0."),
+        ("empty.db3", b"", r"empty.db3: no message can be read \(is no bag"),
         ("text.txt", b"hello", "text.txt: is no bag"),
         ("head.mcap", b"\x89MCAP0\r\n", r"head.mcap: no message can be read \(its end is missing"),
     ],
@@ -169,7 +169,7 @@ def test_what_is_no_bag_is_refused(tmp_path, name, content, message):
 def test_a_database_of_something_else_and_a_folder_without_bags(tmp_path):
     with sqlite3.connect(tmp_path / "other.db3") as database:
         database.execute("CREATE TABLE a (b)")
-    with pytest.raises(LogError, match=r"other\.db3: is no ROS 2 bag, or damaged"):
+    with pytest.raises(LogError, match=r"other\.db3: no message can be read .is no ROS 2 bag, or damaged"):
         open_bag(tmp_path / "other.db3")
     (tmp_path / "folder").mkdir()
     with pytest.raises(LogError, match=r"folder: holds no bag"):
@@ -190,4 +190,5 @@ def test_bags_in_a_folder_that_cannot_be_read_are_named(tmp_path):
     (tmp_path / "bad.mcap").write_bytes(b"nothing")
     (opened,) = open_bags(tmp_path)
     assert opened.name == "good"
-    assert opened.notes == (f"{tmp_path / 'bad.mcap'}: is no bag of ROS 1 (version 2.0) or ROS 2 (MCAP or SQLite)",)
+    (note,) = opened.notes
+    assert "bad.mcap: no message can be read (is no bag" in note
