@@ -30,7 +30,7 @@ def site(tmp_path_factory):
 
 
 class References(HTMLParser):
-    """What a page loads, what it links to, and what can be linked to on it."""
+    """The resources, links and anchors of a page."""
 
     def __init__(self, page):
         super().__init__()

@@ -2,14 +2,14 @@ import re
 from pathlib import Path
 
 import pytest
-from ran import Result, ran
+from command_runs import Result, ran
 
 from experiments.cli import main
 
 
 @pytest.fixture
 def trackslip(tmp_path):
-    """Runs a command into a folder, by default one of its own, and reads back what it wrote."""
+    """A function that runs a command, by default into a folder of its own, and returns its Result."""
 
     def run(*arguments: str) -> Result:
         given = list(arguments)
@@ -25,7 +25,7 @@ def trackslip(tmp_path):
 
 @pytest.fixture
 def failing(capsys, tmp_path, monkeypatch):
-    """Runs a command that must fail: exit code 2, nothing printed but an error, nothing written; returns the error."""
+    """A function that runs a command and returns its error: exit code 2, no output, no files."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> str:
@@ -46,7 +46,7 @@ _PROGRESS = re.compile(r"[^:]+: [\d.]+(/[\d.]+)? \w+.*")
 
 @pytest.fixture
 def refused(failing):
-    """Runs a command that must fail with one line of ours; returns the line."""
+    """A function that runs a command and returns its one-line refusal."""
 
     def run(*arguments: str) -> str:
         *progress, line = failing(*arguments).strip().splitlines()
@@ -59,7 +59,7 @@ def refused(failing):
 
 @pytest.fixture
 def short(tmp_path, monkeypatch):
-    """Options of a benchmark that lasts seconds, in a folder of its own."""
+    """Options of a benchmark that takes seconds, run in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")

@@ -1,4 +1,4 @@
-"""The command line: help, examples, completion, what it imports, and how it ends when it can't write or is stopped."""
+"""The command line: help, examples, completion, lazy imports, unwritable folders and interrupts."""
 
 import contextlib
 import re
@@ -82,7 +82,7 @@ def test_an_output_path_that_is_a_file(refused, tmp_path):
 
 
 def test_an_interrupt_prints_one_line_while_modules_are_imported():
-    """Interrupted in the middle of the imports, wherever these are then: they are made to wait for it."""
+    """A module finder holds the import until the interrupt arrives."""
     code = (
         "import importlib, sys, time\nimport experiments.__main__ as start\n"
         "class Finder:\n    def find_spec(self, name, *_):\n"

@@ -1,4 +1,4 @@
-"""Drives over courses: pilots, and what is recorded."""
+"""Drives over courses: pilots and recorded quantities."""
 
 import numpy as np
 import pytest

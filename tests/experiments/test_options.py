@@ -90,7 +90,7 @@ def another(default, hint):
 
 @pytest.mark.parametrize(("name", "exclusion", "option"), EXCLUDED)
 def test_an_option_without_effect_is_refused(name, exclusion, option):
-    """Where only bounds or other exclusions are in the way of the example, they refuse it as well."""
+    """A bound or another exclusion may refuse the combination first."""
     config = CONFIGS[name]
     base = example(name)
     hints = typing.get_type_hints(config)

@@ -1,4 +1,4 @@
-"""Workers, and what is left of them and of commands that die or are interrupted."""
+"""Worker processes that fail, die or are killed, and interrupted commands."""
 
 import contextlib
 import multiprocessing
@@ -45,7 +45,7 @@ def stubborn(_task):
 
 
 def gone():
-    """Whether no process is left, once the pool's thread has noted it."""
+    """Whether all children have ended, once the pool's thread has noticed."""
     deadline = time.monotonic() + 2
     while multiprocessing.active_children() and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -85,7 +85,7 @@ def test_failures_in_a_cluster(error, message):
 
 @pytest.mark.parametrize(("do", "tasks"), [(time.sleep, [60] * 4), (large, [20] * 20), (stubborn, [0] * 4)])
 def test_an_error_leaves_no_process(do, tasks):
-    """While workers are at work, while they return results, and when their tasks don't end."""
+    """While workers compute, return results, or ignore interrupts."""
 
     def fail():
         with workers("processes", 2) as pool:
@@ -128,7 +128,7 @@ _OF_DASK = (
 
 @contextlib.contextmanager
 def started(module, *arguments):
-    """What a process of Dask's says, which can't import the modules of this checkout."""
+    """Standard error of a Dask process that cannot import this checkout."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     command = [sys.executable, "-c", _OF_DASK.format(module=module), *arguments]
     with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, cwd="/") as process:
@@ -140,7 +140,7 @@ def started(module, *arguments):
 
 @pytest.mark.slow
 def test_a_dask_worker_without_trackslip_is_refused(monkeypatch):
-    """A real cluster: a worker that can't load a task never does it."""
+    """On a real cluster, such a worker would never run its tasks."""
     pytest.importorskip("distributed")
     monkeypatch.setattr(parallel, "_IMPORT_TIMEOUT", 5)
     with started("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard") as said:

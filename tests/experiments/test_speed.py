@@ -1,4 +1,4 @@
-"""The bench: the bare engine does what the simulator did, and bounds can be missed."""
+"""`trackslip bench`: the bare engine repeats the simulator's motion, and slow cases miss their bounds."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Write the API pages: one for each package, with every name in its `__all__`, grouped by the room that defines it.
+"""Write the API pages: every public name of each package, grouped by subpackage.
 
 Run `python tests/helpers/api_pages.py` after a public name has come, moved or gone; a test says when.
 """

@@ -1,4 +1,4 @@
-"""A robot with a plate before a scanner that stands beside the field, cast by formulas of its own."""
+"""An independent simulation of a robot with a plate in front of a scanner beside the field."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pages looked at in headless Chromium."""
+"""Pages rendered by headless Chromium."""
 
 from __future__ import annotations
 
@@ -48,16 +48,16 @@ window.onload = () => {{
 
 @dataclass(frozen=True)
 class Look:
-    """What a browser makes of a page."""
+    """A page as rendered by a browser."""
 
     frames: list[dict[str, Any]]
-    """For each width what the host page's script found."""
+    """Measurements at each width."""
     console: list[str]
     """Lines on the browser's console."""
 
 
 def look_at(page: str, widths: tuple[int, ...] = (400, 1400)) -> Look:
-    """The page in frames of such widths [px]; skips the test where there is no Chromium."""
+    """Render the page in frames of the given widths [px]; skips the test without Chromium."""
     browser = next(filter(None, map(shutil.which, _NAMES)), None)
     if browser is None:
         pytest.skip(f"none of {', '.join(_NAMES)} is installed")
@@ -74,7 +74,7 @@ def look_at(page: str, widths: tuple[int, ...] = (400, 1400)) -> Look:
 
 
 def assert_fits(page: str) -> Look:
-    """Nothing on the console, nothing loaded from elsewhere, nothing that overflows on a phone or a desk."""
+    """Assert an empty console, no loaded resources, and no overflow on a phone or a desktop."""
     seen = look_at(page)
     assert seen.console == []
     assert [frame["width"] for frame in seen.frames] == [400, 1400]

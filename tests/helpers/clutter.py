@@ -1,4 +1,4 @@
-"""Things that stand and walk in the field, in the scans of a scanner."""
+"""Posts, walls and walkers in scans."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _ranges(scan: Scan, thing: beside.Thing) -> Array:
 
 
 def among(scan: Scan, things: list[Array], rng: np.random.Generator) -> Scan:
-    """The scan with `things`, ranges (S, B) or (B,), in front of, behind and beside what it has seen."""
+    """The scan with `things`, ranges (S, B) or (B,), merged into its nearest returns."""
     nearest = np.minimum.reduce([np.broadcast_to(t, scan.ranges.shape) for t in things])
     seen = np.where(np.isfinite(scan.ranges), scan.ranges, np.inf)
     noisy = nearest + rng.normal(0.0, scan.noise, nearest.shape)

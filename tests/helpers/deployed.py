@@ -1,4 +1,4 @@
-"""Laws of every family, stored as identifications store them, and points to compare them at."""
+"""Stored laws of every family, and twists to compare them at."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ros2_control's diff_drive_controller, as far as its parameters matter: commands and odometry."""
+"""A model of ros2_control's diff_drive_controller: commands and odometry."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class DiffDrive:
 
     @classmethod
     def of(cls, parameters: Mapping[str, Any]) -> Self:
-        """With multipliers of 1 where none are given."""
+        """Multipliers default to 1."""
         radius = parameters["wheel_radius"]
         return cls(
             parameters["wheel_separation"] * parameters.get("wheel_separation_multiplier", 1.0),
@@ -41,19 +41,19 @@ class DiffDrive:
         )
 
     def wheel_speeds(self, twist: Array) -> Array:
-        """Speeds of the (left, right) wheel (..., 2) that it commands for twists (..., 2)."""
+        """Commanded speeds of the (left, right) wheel (..., 2) for twists (..., 2)."""
         v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
         across = w * self.separation / 2
         return np.stack([(v - across) / self.left_radius, (v + across) / self.right_radius], axis=-1)
 
     def twist(self, omega: Array) -> Array:
-        """Twists (..., 2) that its odometry computes from wheel speeds (..., 2)."""
+        """Twists (..., 2) by odometry from wheel speeds (..., 2)."""
         left, right = np.moveaxis(np.asarray(omega, float), -1, 0)
         left, right = left * self.left_radius, right * self.right_radius
         return np.stack([(right + left) / 2, (right - left) / self.separation], axis=-1)
 
     def odometry(self, time: Array, omega: Array) -> Array:
-        """Poses (T, 3) that it integrates, by exact arcs, from mean wheel speeds (T, 2) since the time (T,) before."""
+        """Poses (T, 3) by exact arcs from times (T,) and mean wheel speeds (T, 2) since the previous time."""
         v, w = self.twist(omega[1:]).T
         turned = w * np.diff(time)
         heading = np.append(0.0, np.cumsum(turned))
@@ -63,7 +63,7 @@ class DiffDrive:
 
 
 def read_yaml(text: str, version: tuple[int, int] = (1, 2)) -> Any:
-    """YAML read by the rules of a version."""
+    """Parse YAML by the rules of a version."""
     reader = YAML(typ="safe", pure=True)
     reader.version = version  # type: ignore[assignment]
     return reader.load(io.StringIO(text))

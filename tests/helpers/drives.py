@@ -1,4 +1,4 @@
-"""Logs of robots that are driven about, with known laws and errors, for tests."""
+"""Simulated logs of drives with known laws and errors."""
 
 from __future__ import annotations
 

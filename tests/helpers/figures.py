@@ -1,4 +1,4 @@
-"""What every figure of a report must satisfy."""
+"""Readability of the figures in reports."""
 
 import itertools
 
@@ -6,7 +6,7 @@ _TOUCHING = 1.0  # overlap that can't be seen [pixels]
 
 
 def assert_readable(figure):
-    """Nothing lies beyond the edges; panels, legends and ticks don't overlap; labels of axes name a unit."""
+    """Assert that nothing is cut off, panels, legends and ticks don't overlap, and axis labels name a unit."""
     figure.draw_without_rendering()
     around = figure.get_tightbbox()  # [in]
     width, height = figure.get_size_inches()
@@ -28,7 +28,7 @@ def _collide(*boxes):
 
 
 def _ticks(axes):
-    """The labels that are shown along the horizontal axis."""
+    """Visible tick labels of the horizontal axis."""
     low, high = sorted(axes.get_xlim())
     texts = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
     return [text for text in texts if text.get_visible() and text.get_text() and low <= text.get_position()[0] <= high]

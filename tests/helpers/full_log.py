@@ -1,4 +1,4 @@
-"""A log with everything that a log may have."""
+"""A log with every optional field."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOUNT = np.array([-1.0, 2.0, 0.3])
 
 
 def full_log():
-    """A log with everything, at uneven times, of numbers that use all their bits."""
+    """A log with every optional field, uneven times and full-precision numbers."""
     rng = np.random.default_rng(0)
     time = np.cumsum(rng.uniform(0.02, 0.08, ROWS))
     root = rng.normal(0, 0.1, (ROWS, 3, 3))

@@ -1,4 +1,4 @@
-"""Controllers seen through the body-frame error."""
+"""Controllers linearised about the body-frame error."""
 
 from __future__ import annotations
 

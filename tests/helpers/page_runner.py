@@ -96,7 +96,7 @@ def refreshed(page: str, runner: PageRunner) -> str:
 
 
 def _as_printed(line: str, printed: list[str]) -> str:
-    """The first printed line with the shown line's words, else the most similar one; printed loses what is used up."""
+    """The first printed line with the same words, else the most similar one; consumed lines leave `printed`."""
     words = line.removesuffix("…").split()
     cut = len(words) if line.endswith("…") else None
 

@@ -1,4 +1,4 @@
-"""The Markdown pages of the documentation and their code blocks.
+"""Markdown pages of the documentation and their code blocks.
 
 A block is a fence with a language. A comment on the line above it may say what is special about it:
 
@@ -99,7 +99,7 @@ def commands(text: str) -> list[str]:
 
 
 def arguments(command: str) -> list[str]:
-    """What follows `trackslip` in a command; raises ValueError for any other program."""
+    """The arguments of a `trackslip` command; raises ValueError for any other program."""
     name, *rest = shlex.split(command, comments=True)
     if name != "trackslip":
         raise ValueError(f"{command!r}: not a trackslip command")

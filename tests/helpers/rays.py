@@ -1,4 +1,4 @@
-"""What is below a point of a compiled model, by MuJoCo's rays."""
+"""Heights and normals of compiled models by MuJoCo's rays."""
 
 import mujoco
 import numpy as np
@@ -7,7 +7,7 @@ _HIGH = 30.0  # above everything [m]
 
 
 def compiled(course, **placed):
-    """Model and data of a course alone."""
+    """Model and data of a course without robots."""
     spec = mujoco.MjSpec()
     course.add_to(spec, **placed)
     model = spec.compile()
@@ -17,7 +17,7 @@ def compiled(course, **placed):
 
 
 def look_down(model, data, points):
-    """Heights (P,) and normals (P, 3) of what rays hit that look down at `points` (P, 2)."""
+    """Heights (P,) and normals (P, 3) where vertical rays at `points` (P, 2) hit."""
     heights, normals = np.empty(len(points)), np.empty((len(points), 3))
     down, geom = np.array([0.0, 0.0, -1.0]), np.zeros(1, np.int32)
     for k, (x, y) in enumerate(points):

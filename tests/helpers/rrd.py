@@ -1,4 +1,4 @@
-"""Recordings read back, and a run worth recording."""
+"""Reading recordings, and options of a run to record."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CIRCLE = (
 
 
 def component(file: Path, entity: str, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Times (T,) [s] and values (T, n) of a component of an entity that has as many in each row."""
+    """Times (T,) [s] and values (T, n) of an entity's component, with n values in every row."""
     times, values = [], []
     for chunk in RrdReader(file).stream().filter(content=entity):
         batch = chunk.to_record_batch()

@@ -1,4 +1,4 @@
-"""Drives by a law, small enough to be identified in a test."""
+"""Short drives by a known law, and identifications from them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LAW = ConstantIcr(0.045, GEOMETRY.half_gauge, 0.006)
 
 
 def wandered(*, name="drive", duration=30.0, noise=0.005, headings=True, outliers=0, straight=False, seed=0):
-    """A log at 20 Hz of a robot that wanders; poses at 10 Hz have noise [m], and thrice it in heading [rad]."""
+    """A log at 20 Hz with poses at 10 Hz, whose noise is `noise` [m] and three times as much in heading [rad]."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, duration, 0.05)
     at = time[:, None] + rng.uniform(0, 10, 2)
@@ -40,6 +40,6 @@ def compared(*logs, names=LAWS) -> DriveComparison:
 
 
 def identified_from(*logs, names=LAWS) -> Identification:
-    """The same as an identification."""
+    """An identification of laws fitted to drives."""
     found = compared(*logs, names=names)
     return Identification(GEOMETRY, "drive", None, found, (), found.warnings, logs)

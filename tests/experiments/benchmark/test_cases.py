@@ -1,4 +1,4 @@
-"""Benchmarks: runs that are the same in any company, means over seeds, and the leaderboard made of them."""
+"""Benchmarks: runs independent of their fleet, means over seeds, and the leaderboard."""
 
 import numpy as np
 import pytest

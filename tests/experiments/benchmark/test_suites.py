@@ -1,4 +1,4 @@
-"""The claims that the benchmark is there to test: Sec. IV of the paper, and what adapting online is good for."""
+"""The claims under test: Sec. IV of the paper, and the gain from online adaptation."""
 
 import numpy as np
 import pytest

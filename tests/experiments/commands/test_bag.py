@@ -222,7 +222,7 @@ GAIN = 5.0  # least factor by which heading errors get smaller
 
 
 def heading_errors(controller, log):
-    """Rms error of the heading per metre [rad/m] over pieces of LENGTHS of a drive, by the controller's odometry."""
+    """RMS heading error of the controller's odometry per metre [rad/m], over stretches of LENGTHS."""
     heading, true = controller.odometry(log.time, log.omega)[:, 2], log.truth.pose
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T))])
     errors = []

@@ -1,4 +1,4 @@
-"""`trackslip benchmark`: rows are what the stored runs say, and controllers that misbehave fail alone."""
+"""`trackslip benchmark`: rows match the stored runs, and faulty controllers fail alone."""
 
 import re
 
@@ -85,7 +85,7 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
 
 
 def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):
-    """The others of their fleet are as they would be without them; what they do to their poses is their own affair."""
+    """Other runs of the fleet are unaffected, even by a controller that overwrites the poses it is given."""
     (tmp_path / "mine.py").write_text(MODULE.format(robots=0, robot=0))
     broken = {
         "mine:Broken": "its controller fails at 0 s (RuntimeError: out of order), mine.py line 15",

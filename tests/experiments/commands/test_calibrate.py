@@ -1,7 +1,7 @@
 """`trackslip calibrate`: published numbers, and scans of a known robot."""
 
 import pytest
-from ran import ran
+from command_runs import ran
 
 from sim.drive.drive import RADIUS_ERROR
 from sim.ground.ground import Ground
@@ -12,7 +12,7 @@ ROBOT = "half_gauge = 0.19\ncontact_length = 0.36\nradius_error = 0.02\n[ground]
 
 @pytest.fixture(scope="module")
 def centred(tmp_path_factory):
-    """With the centre of mass left in the middle, so that right turns mirror left ones."""
+    """Calibrated with the centre of mass in the middle, so that right turns mirror left ones."""
     options = ("calibrate", "--starts", "0", "--free", "friction_ratio", "radius_error")
     return ran(tmp_path_factory.mktemp("centred") / "out", *options).summary
 
@@ -31,7 +31,7 @@ def test_the_shipped_robot_is_the_calibrations_result(centred):
 
 @pytest.mark.slow
 def test_published_numbers(trackslip, centred):
-    """With the centre of mass to one side; the default tests have that on scans, below."""
+    """With a free lateral centre of mass, which the test on scans below covers by default."""
     result = trackslip("calibrate", "--starts", "0")
     found = result.summary
     assert set(found["parameters"]) == {"friction_ratio", "radius_error", "com_y"}

@@ -1,4 +1,4 @@
-"""`trackslip deploy`: what it prints and writes, and what it refuses."""
+"""`trackslip deploy`: output, files and refusals."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""`trackslip drive`: what it stores and prints, and what it refuses."""
+"""`trackslip drive`: stored runs, recordings, videos, and driving by keyboard."""
 
 import json
 import shutil
@@ -24,7 +24,7 @@ SHORT = ("--course", "step10", "--preset", "fast", "--speed", "0.5", "--duration
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory):
-    """A drive of the rescue robot over a step, made once."""
+    """A drive of the rescue robot over a step."""
     out = tmp_path_factory.mktemp("drive")
     main(["drive", *SHORT, "--out", str(out)])
     return out

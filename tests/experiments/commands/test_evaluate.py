@@ -1,4 +1,4 @@
-"""`trackslip evaluate`: what it prints and stores, and what it refuses."""
+"""`trackslip evaluate`: errors of odometry, the sensor's place, and refusals."""
 
 import json
 from dataclasses import replace
@@ -27,7 +27,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """Laws that are true, and logs of two drives that follow them exactly."""
+    """The true law, and logs of drives that follow it exactly."""
     out = tmp_path_factory.mktemp("logs")
     save_laws(out / "true.json", {"icr_radius": ICR}, GEOMETRY)
     logs = [drive_log(seed, duration, EXACT, STILL) for seed, duration in ((0, 90.0), (1, 20.0))]

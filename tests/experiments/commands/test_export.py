@@ -1,4 +1,4 @@
-"""`trackslip export`: runs as CSV, and what it refuses."""
+"""`trackslip export`: runs as CSV."""
 
 import csv
 

@@ -1,4 +1,4 @@
-"""`trackslip grid`: what it stores and repeats, and the options that describe the world."""
+"""`trackslip grid`: stored files, repeatability, and the options of the world."""
 
 import numpy as np
 import pytest
@@ -116,7 +116,7 @@ def test_a_robot_file_and_a_ground_that_overrides_its_own(trackslip, tmp_path):
 
 
 def test_a_robot_too_heavy_for_its_motors_is_told_so(trackslip, tmp_path):
-    """It drives, but not as it should: the summary says which run, and for how long."""
+    """The summary names the run whose motors saturate, and for how long."""
     (tmp_path / "heavy.toml").write_text("mass = 100\n")
     result = trackslip("grid", *SHORT, "--robot", str(tmp_path / "heavy.toml"))
     (warning,) = result.summary["warnings"]

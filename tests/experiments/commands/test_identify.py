@@ -1,4 +1,4 @@
-"""`trackslip identify` on logs as real robots make them: steady samples, runs, whole drives, and what goes wrong."""
+"""`trackslip identify` on logs of real robots: steady samples, runs, whole drives, and typical mistakes."""
 
 import numpy as np
 import pyarrow as pa
@@ -20,7 +20,7 @@ TWISTS = tuple((v, v / r) for r in (0.8, 1.5, 3.0, -1.0, -2.0) for v in (0.3, 0.
 
 
 def rows_of(law=ICR, geometry=ROBOT, twists=TWISTS, duration=20.0, noise=0.003):
-    """Rows of COLUMNS of a run for each twist, by a law."""
+    """Rows of COLUMNS for a run of each twist, driven by a law."""
     rng = np.random.default_rng(0)
     time, runs = np.arange(0, duration, 0.1), []
     for k, twist in enumerate(twists):
@@ -38,7 +38,7 @@ def written(runs, path, columns=COLUMNS):
 
 
 def written_drive(log, path, columns=COLUMNS):
-    """A CSV file with empty cells where nothing was measured."""
+    """Write a CSV file with empty cells where no pose was measured."""
     count, rows = len(columns) - 4, []
     for k, valid in enumerate(log.is_valid):
         rows.append([log.run, log.time[k], *log.omega[k], *(log.pose[k, :count] if valid else [""] * count)])
@@ -108,7 +108,7 @@ def test_a_gear_that_is_a_little_wrong_is_doubted(tmp_path):
 
 
 def test_what_is_odd_is_listed_and_the_rest_is_used(tmp_path):
-    """A clock with a gap, poses that teleport, degrees in one run, and a run on other ground."""
+    """A gap in the clock, a jump of the pose, degrees in one run, and a run on other ground."""
     runs = [*rows_of(), rows_of(ConstantIcr(0.2, 0.3, 0.015), twists=((0.5, 0.4),))[0]]
     for row in runs[0][50:]:
         row[1] += 30.0

@@ -1,4 +1,4 @@
-"""`trackslip localize`, and a plate in scans as poses of other commands."""
+"""`trackslip localize`, and poses of a scanned plate in other commands."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""`trackslip plan`: what it writes and prints, that it can be driven and identified from, and what it refuses."""
+"""`trackslip plan`: a plan that can be driven and identified from, and a second round."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from trackslip.slip.law_file import load_laws
 
 
 def test_the_default_is_the_simulated_robot(robot, trackslip):
-    """Same geometry and friction as the model's, and the offset that the simulator shows and scans identify."""
+    """Same geometry and friction as the model, and the offset identified from simulated scans."""
     parameters, ground, load = predicted_world(Config())
     assert parameters.half_gauge == robot.geometry.half_gauge
     assert parameters.contact_length == 2 * robot.contact_half_length

@@ -1,4 +1,4 @@
-"""`trackslip reproduce`, whole, against the numbers it must reach, and when a closed loop fails."""
+"""`trackslip reproduce` in full against the numbers it must reach, and with a failing closed loop."""
 
 import json
 import re
@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 from browser import assert_fits
+from command_runs import ran
 from pages import ROOT, missing_line, shown
-from ran import ran
 
 from experiments.cli import main
 from trackslip.controllers.error_feedback import LinearTimeVarying
@@ -68,7 +68,7 @@ def test_errors_are_those_of_the_stored_poses(reproduced, summary):
 
 
 def test_whole_circles_with_edge_on_views(reproduced):
-    """Runs that went all the way round, edge-on views and bridged gaps included."""
+    """Full turns, including edge-on views and bridged gaps."""
     whole = [log for log in grid_of(reproduced.folder) if np.ptp(log.truth.pose[:, 2]) > 2 * np.pi]
     assert len(whole) >= 3
     for log in whole:
@@ -115,7 +115,7 @@ def test_what_is_left_behind(reproduced, summary):
 
 
 def test_the_pages_show_what_is_printed(reproduced):
-    """Every line, to the digit."""
+    """Line by line, to the digit."""
     page = ROOT / "docs" / "reproduction.md"
     for text in (shown(ROOT / "README.md", "slip law"), shown(page, "slip law"), shown(page, "Tracking errors")):
         assert missing_line(text, reproduced.printed) is None
@@ -124,7 +124,7 @@ def test_the_pages_show_what_is_printed(reproduced):
 @pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--random-phase",), ("--random-phase", "--scanner.noise", "0.01")])
 def test_slip_error_over_seeds(tmp_path, options):
-    """125 runs, from where they are nearest to the scanner and from anywhere."""
+    """125 runs, starting nearest to the scanner or at random phases."""
     bounds = {"bundle": 0.0003, "arc": 0.0004}
     if "0.01" in options:
         bounds = {"bundle": 0.0005}

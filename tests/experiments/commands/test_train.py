@@ -1,4 +1,4 @@
-"""`trackslip train`: policies that track paths and cross courses learn, resume and take part in comparisons."""
+"""`trackslip train`: policies learn to track paths and cross courses, resume, and enter benchmarks."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def test_a_policy_is_trained_and_takes_part_in_the_benchmark(trackslip):
 
 
 def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
-    """The curve and the policy; the checkpoint keeps its network and nothing else of the options.
+    """The checkpoint fixes the network; every other option may change.
 
     Untrained, the mean reward falls from 0.2 to 0.1 as the robots leave the path; with any of four seeds, training ends
     above 0.5.

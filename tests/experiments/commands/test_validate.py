@@ -1,10 +1,10 @@
-"""`trackslip validate`: the bounds that the simulator and tracks on terrain must keep, the reports, and its trials."""
+"""`trackslip validate`: bounds of the simulator and of tracks on terrain, reports, and the search for limits."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from ran import ran
+from command_runs import ran
 
 import models
 from experiments.report.formats import significant
@@ -42,12 +42,12 @@ PARTS = (
     *("stairs, 99th", "stairs down, largest", "rough ground, largest", "warnings", "fastest", "ten steps"),
     *("batch", "belts"),
 )
-"""Of the names of the checks on terrain."""
+"""Fragments of the names of the checks on terrain."""
 BOX = Path(models.__file__).parent / "box_robot.toml"
 
 
 def validated(out, *options, smaller=()):
-    """A validation with the constants of modules in `smaller`."""
+    """Validate with module constants replaced by those in `smaller`."""
     with pytest.MonkeyPatch.context() as patch:
         for module, constants in dict(smaller).items():
             for name, value in constants.items():
@@ -72,7 +72,7 @@ def failed(found):
 
 
 def assert_within_bounds(found):
-    """What holds of any robot that stands evenly on its tracks."""
+    """Assert what holds for any robot that stands evenly on its tracks."""
     assert failed(found) == []
     assert len(found["checks"]) == 12
     assert all(check["source"] for check in found["checks"])
@@ -128,7 +128,7 @@ def test_every_bound_on_terrain_is_a_check(terrain):
 
 
 def test_turns_and_the_engine_hold_their_bounds_even_in_a_glance(terrain):
-    """The others need the whole time."""
+    """The other checks need the full duration."""
     at_once = ("ICRs", "D alone", "warnings", "numbers", "sliding")
     assert not [name for name in failed(terrain.summary) if name.partition(": ")[2].startswith(at_once)]
 

@@ -1,4 +1,4 @@
-"""`trackslip wander`: what it stores, and what a drive is made of."""
+"""`trackslip wander`: stored drives and their summaries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's robot by its own equations."""
+"""The paper's robot, simulated by its own equations."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def distances(log):
 
 
 def radius_driven(commanded, geometry):
-    """Where Eq. 5 with the published slips and the sprocket speeds without slip gives the radius itself."""
+    """The fixed point of Eq. 5 under the published slips, for sprocket speeds commanded without compensation."""
     outer, inner = commanded + geometry.half_gauge, commanded - geometry.half_gauge
 
     def missed(radius):

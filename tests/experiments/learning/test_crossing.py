@@ -1,4 +1,4 @@
-"""Shares of courses crossed, and how sure they are."""
+"""Shares of courses crossed, and their confidence intervals."""
 
 import numpy as np
 import pytest

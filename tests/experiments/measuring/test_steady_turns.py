@@ -1,8 +1,8 @@
-"""Inner and outer track, errors propagated to slip and radius, groups of runs."""
+"""Slip of the inner and outer track, with errors propagated to slip and radius."""
 
 import numpy as np
 import pytest
-from identified import GEOMETRY, driven, grid
+from identifications import GEOMETRY, driven, grid
 
 from experiments.measuring.steady_turns import InnerOuterSamples, slip_at
 from trackslip.slip.exponential import PUBLISHED

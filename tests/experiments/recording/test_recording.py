@@ -1,4 +1,4 @@
-"""Recordings, read back and compared with the logs that they were made of; what is plotted; `trackslip view`."""
+"""Recordings read back and compared with their logs, plotted series, and `trackslip view`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +24,7 @@ from trackslip.slip.exponential import ExponentialSpeed
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory) -> tuple[Path, list[RunLog]]:
-    """Two runs on a circle among posts, whose folders hold a recording each."""
+    """Two recorded runs on a circle among posts."""
     logs, folder = [], tmp_path_factory.mktemp("recording")
     for compensation in ("none", "icr_radius"):
         out = folder / compensation
@@ -66,7 +66,7 @@ def test_recording_holds_the_run(driven):
 
 
 def test_shoes_run_with_the_belt(driven):
-    """Backwards below the robot, forwards above, by the way that the sprocket drives the belt."""
+    """Backwards below the robot and forwards above, as far as the sprocket drives the belt."""
     log = driven[1][1]
     _, place = component(driven[0] / FILES["icr_radius"], "/run/robot/chassis/left_track/moving_boxes", "centers")
     place = place.reshape(len(log.time), -1, 3)
@@ -110,7 +110,7 @@ def test_nothing_is_the_plates_where_it_was_not_found(driven, tmp_path):
 
 
 def test_scan_points_lie_on_the_plate(driven):
-    """In the world, though the scanner stands elsewhere, looking another way."""
+    """In the world's frame, not the scanner's."""
     log, plate = driven[1][0], Plate()
     rows = rows_of(driven[0] / FILES["none"], "/run/scan/plate", "positions")
     points = np.array([point for row in rows for point in row])
@@ -153,7 +153,7 @@ def test_slips_agree_in_steady_turns(driven):
 
 
 def test_the_law_shown_is_the_one_that_compensated(driven):
-    """Also one from a file of the user's, and one that depends on speed."""
+    """Including a user's law that depends on speed."""
     log = driven[1][0]
     geometry = RobotGeometry(**log.metadata["geometry"])
     law = ExponentialSpeed(0.12, -0.9, -0.3, -1.1, gamma_outer=0.2, gamma_inner=-0.3)

@@ -1,4 +1,4 @@
-"""Laws identified from whole drives: their tables, and figures that show what was found."""
+"""Laws identified from whole drives: tables and figures against the fits."""
 
 import re
 

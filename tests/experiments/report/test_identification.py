@@ -1,4 +1,4 @@
-"""The page of an identification, and its figures: whatever there is data for, with errors where they are known."""
+"""The page of an identification and its figures, for every kind of data."""
 
 import html
 import re
@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from figures import assert_readable, legend_texts
-from identified import GEOMETRY, driven, grid, identified
+from identifications import GEOMETRY, driven, grid, identified
 from matplotlib.container import ErrorbarContainer
-from spin import spun_before_the_scanner
+from spinning_robot import spun_before_the_scanner
 
 from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.sightings import sightings

@@ -1,4 +1,4 @@
-"""The page of odometry's errors: what its figures show is what was found."""
+"""The page of odometry errors: figures and tables against the evaluation."""
 
 import numpy as np
 import pytest

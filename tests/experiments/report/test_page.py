@@ -1,4 +1,4 @@
-"""A page's figures as files, its tables, numbers as printed, and what captions say of how it was made."""
+"""Pages: figures as files, tables, captions and the format of numbers."""
 
 import math
 import re
@@ -61,7 +61,7 @@ LAWS = Table(
 
 
 def elements(text):
-    """A page as a tree, which it is only if all its elements are closed."""
+    """Parse a page as XML, which asserts that all its elements are closed."""
     page = text.partition("<body>")[2].partition("</body>")[0]
     return ET.fromstring(re.sub(r"<svg.*?</svg>", "", f"<body>{page}</body>", flags=re.DOTALL))
 

@@ -1,4 +1,4 @@
-"""Folders of results under bad circumstances, and what reproduces a result, without the machine's folders."""
+"""Folders of results when disks are full, commands collide or versions differ; manifests without local paths."""
 
 import errno
 import json
@@ -36,7 +36,7 @@ def contents(folder):
 
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory):
-    """A folder with results that no test changes."""
+    """A folder with results; tests work on copies."""
     folder = tmp_path_factory.mktemp("tracked") / "track"
     main([*TRACK, "--out", str(folder)])
     return folder
@@ -50,7 +50,7 @@ def old(tracked, tmp_path):
 
 @pytest.mark.parametrize("size", [500, 20_000])  # too little for the summary; for the runs
 def test_a_full_disk_costs_a_line_and_nothing_old(old, refused, size):
-    """Files may not grow: another of the system's errors, but in the midst of writing, as with a disk that is full."""
+    """A limit on file sizes fails in the midst of writing, as a full disk does."""
     before, limits = contents(old), resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
     try:
@@ -128,7 +128,7 @@ def test_results_of_a_newer_version_are_told_from_this_ones(refused, old, tmp_pa
 
 
 def test_results_say_nothing_about_the_machines_folders(trackslip, tmp_path, monkeypatch):
-    """Neither of where they are nor of where files are that were given by absolute paths."""
+    """Neither the output folder nor files given by absolute paths."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")
     (tmp_path / "ground.toml").write_text("along = 0.5\nacross = 0.6\n")

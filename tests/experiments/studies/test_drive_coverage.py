@@ -1,4 +1,4 @@
-"""The checks of the estimator of laws from drives can fail, and its trials are drives whose law is known."""
+"""Coverage of laws identified from drives: checks that can fail, and trials with a known law."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FIRST = next(iter(CASES))
 CASE = Case(
     "a case", CASES[FIRST].source, rms={"offset": 0.00112}, covered=("offset",), over_model=1.5, standard_errors=5.0
 )
-"""Errors of 1 mm are allowed 12 % of room, five standard errors of the rms of 1000 repeats."""
+"""Errors of 1 mm may exceed their bound by 12 %, five standard errors of the RMS of 1000 repeats."""
 EXACT = Estimate(TRUE_LAW["radius_error"], 0.001, 0.0, 1.0)
 FAILED = Outcome(notes=("why",))
 

@@ -1,4 +1,4 @@
-"""Sensitivity: disturbances against closed forms on runs exactly along a circle, and the command's table."""
+"""Sensitivity: disturbances of exact circles against closed forms, and the command's table."""
 
 import numpy as np
 import pytest

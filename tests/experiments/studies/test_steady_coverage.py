@@ -1,4 +1,4 @@
-"""Coverage of grids: runs scanned again and again by the scanner of the options, and the command."""
+"""Coverage of grids: errors of repeated scans, and the command."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from trackslip.slip.families import FAMILIES
 
 @pytest.fixture(scope="module")
 def grid():
-    """Logs of a grid that is scanned without errors, and the robot's geometry."""
+    """Logs of a grid without scanner errors, and the robot's geometry."""
     options = Config(radii=(0.8, 1.5), speeds=(0.1, 0.2), duration=8.0).grid(0)
     world = World.of(options)
     return drive_grid(options, world, kept=True), world.robot.geometry

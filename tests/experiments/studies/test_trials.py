@@ -1,4 +1,4 @@
-"""The engine of studies: trials are the same for any number of processes, killed ones resume, and checks can fail."""
+"""Monte-Carlo studies: repeatable trials, resumption, intervals that cover, and checks that can fail."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def outcomes(config, do=normal, trials=TRIALS, about=None):
 
 
 class Counted:
-    """Trials in this process, interrupted before one of them."""
+    """Counts trials, and interrupts before number `stop`."""
 
     def __init__(self, stop=None):
         self.done, self.stop = [], stop
@@ -104,7 +104,7 @@ def test_other_options_start_again(killed, change):
 
 
 def test_intervals_of_shares_cover():
-    """Clopper and Pearson's cover at least as often as they say, whatever the probability."""
+    """Clopper-Pearson intervals have at least their nominal coverage for any probability."""
     for share in (0.5, 0.9, 0.95, 0.99):
         drawn = np.random.default_rng(0).binomial(200, share, 2000)
         ends = {k: share_interval(k, 200) for k in set(drawn.tolist())}
@@ -126,7 +126,7 @@ TRUTH = np.array([0.045, 0.0066])
 
 @pytest.fixture(scope="module")
 def plan():
-    """A plan for a robot of twice the gauge, whose errors are said to be PREDICTED."""
+    """A plan for a robot of twice the gauge, with expected errors PREDICTED."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(planning, "_EVALUATIONS", 30)
         patch.setattr(planning, "_FEWEST", 30)

@@ -1,4 +1,4 @@
-"""What a sweep is made of: axes, names, ids, fleets, and the table of its runs."""
+"""Sweeps: axes, names and ids of runs, fleets, and the table of runs."""
 
 import pyarrow.parquet
 import pytest

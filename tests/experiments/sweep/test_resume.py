@@ -1,4 +1,4 @@
-"""Grids that were stopped, finished or damaged, and runs that fail: what is kept, and what is driven again."""
+"""Resuming grids that were interrupted, damaged or changed, and runs that fail."""
 
 import json
 import shutil
@@ -19,7 +19,7 @@ from trackslip.logs.logfile import read_runs
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
-    """A folder with the parts of a grid that was stopped when all was driven."""
+    """A folder with the parts of a grid, interrupted after its last run."""
     folder = tmp_path_factory.mktemp("driven") / "stopped"
 
     def stop(*_):
@@ -136,7 +136,7 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
     ],
 )
 def test_damaged_parts_are_driven_again(stopped, kind, spoil):
-    """Half of the rows, or something else in their place; logs that are cut short, or have one bit that is wrong."""
+    """Truncated or foreign rows, truncated logs, and a single flipped bit."""
     (file,) = (stopped / PARTS).glob("*.json")
     ids = {row["id"] for row in json.loads(file.read_text())["runs"]}
     file = file.with_suffix(f".{kind}")
@@ -162,7 +162,7 @@ def test_a_grid_that_fails_or_ends_leaves_the_parts_of_another(stopped, refused,
 
 
 def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
-    """A robot that stands still, nearly, gives no sample."""
+    """A robot that barely moves gives no sample."""
     slow = ("grid", "--radii", "1.5", "--speeds", "0.001", *SHORT[-4:])
     first = trackslip(*slow, "--ground.slope", "0.05").summary
     again = trackslip(*slow, "--vary", "slope=0.05").summary

@@ -1,4 +1,4 @@
-"""`trackslip grid` over axes: rows, ids, scans, choosing runs, and the same wherever it is driven."""
+"""`trackslip grid` over axes: rows, ids, common scans, chosen runs, and equal results on every executor."""
 
 import json
 import subprocess
@@ -56,7 +56,7 @@ def test_runs_keep_their_ids_and_bits_when_others_come(trackslip, tmp_path):
 
 @pytest.mark.parametrize("world", [(), ("--ground", "ice", "--scanner.noise", "0.01")])
 def test_methods_are_compared_on_the_same_scans(trackslip, tmp_path, world):
-    """Whatever evaluates them, the ranges are the same to the bit; another world has noise of its own."""
+    """Ranges are identical for every method; another seed draws other noise."""
     found = []
     for k, options in enumerate(((), ("--motion", "arc"), ("--localization", "line"), ("--seed", "1"))):
         folder = trackslip("grid", *ONE, *world, *options, "--out", str(tmp_path / str(k))).folder

@@ -1,4 +1,4 @@
-"""Whether figures can be seen: contrast on the light page and the dark one, and without colour."""
+"""Legibility of figures: contrast on the light and dark page, and without colour."""
 
 import re
 from pathlib import Path
@@ -20,7 +20,7 @@ HUE_ROTATE = np.array([[0.213, 0.715, 0.072]] * 3) - (np.eye(3) - np.array([[0.2
 
 
 def in_the_dark(colour):
-    """What the style sheet makes of a figure's colour on the dark page."""
+    """A figure's colour after the style sheet's filter for the dark page."""
     amount = float(re.search(r"filter: invert\(([\d.]+)\) hue-rotate\(180deg\)", TEMPLATE)[1])
     inverted = amount - (2 * amount - 1) * np.array(to_rgb(colour))
     return np.clip(HUE_ROTATE @ inverted, 0, 1)

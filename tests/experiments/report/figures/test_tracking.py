@@ -1,11 +1,11 @@
-"""Figures of tracking, after Figs. 7-12 of the paper, of plans, of predictions and of trainings."""
+"""Figures of tracking, after Figs. 7-12 of the paper, and of predictions."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from figures import assert_readable, legend_texts
-from identified import GEOMETRY, driven, grid, identified
+from identifications import GEOMETRY, driven, grid, identified
 
 from experiments.driving.paper_model import published_runs
 from experiments.report.figures import tracking as figures

@@ -1,4 +1,4 @@
-"""Commands run in this process, and what they leave."""
+"""Commands run in this process, and their results."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from experiments.cli import main
 
 @dataclass(frozen=True)
 class Result:
-    """What a command has printed and written."""
+    """Output and results of a command."""
 
     folder: Path
     summary: dict[str, Any]
@@ -23,7 +23,7 @@ class Result:
 
 
 def ran(folder: Path, *arguments: str) -> Result:
-    """Run a command into a folder; raises SystemExit if it fails."""
+    """Run a command into a folder and read its results; raises SystemExit if it fails."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         main([*arguments, "--out", str(folder)])

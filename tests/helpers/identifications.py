@@ -1,4 +1,4 @@
-"""Identifications small enough to be made in a test: a few runs, a few laws, no bootstrap."""
+"""Small identifications: a few runs, a few laws, no bootstrap."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def grid(*, side=1):
 
 
 def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determined=True):
-    """Laws fitted to samples; not `determined` stands for samples too few to compare them."""
+    """Laws fitted to samples; `determined=False` imitates samples too few for a comparison."""
     laws = {name: fit_law(name, samples, GEOMETRY, bootstraps=0) for name in names}
     aicc = {name: law.aicc(len(samples)) if determined else None for name, law in laws.items()}
     unknown = CrossValidation(None, None, None, None, None)

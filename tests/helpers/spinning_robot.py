@@ -1,4 +1,4 @@
-"""A robot that turns on the spot before the scanner."""
+"""A robot that turns on the spot in front of the scanner."""
 
 from __future__ import annotations
 
