@@ -32,26 +32,13 @@ def rising(x=0.0, z=0.13):
 def test_the_step_that_tips_over_is_the_maximum_of_the_formula(ahead, height, radius):
     theta = np.linspace(0, 1.57, 400_001)
     formula = radius * (1 - np.cos(theta)) + (ahead - height * np.tan(theta)) * np.sin(theta)
-    assert tip_over_step(ahead, height, radius) == pytest.approx(formula.max(), abs=1e-9)
-
-
-def test_the_step_that_tips_over_takes_any_leading_shape():
-    ahead, height = np.meshgrid([0.1, 0.2, 0.3], [0.1, 0.2])
-    found = tip_over_step(ahead, height, 0.07)
-    assert found.shape == (2, 3)
-    assert found[1, 2] == tip_over_step(0.3, 0.2, 0.07)
-    assert (np.diff(found, axis=1) > 0).all()
-    assert (np.diff(found, axis=0) < 0).all()
+    found = tip_over_step([[ahead], [ahead / 2]], [height, 2 * height], radius)
+    assert found.shape == (2, 2)
+    assert found[0, 0] == pytest.approx(formula.max(), abs=1e-9)
 
 
 def test_with_much_friction_tipping_over_limits_the_step():
     assert highest_step(two_wheels(), 5.0) == pytest.approx(float(tip_over_step(A, C, R)), abs=1e-5)
-
-
-def test_less_friction_never_climbs_higher():
-    steps = [highest_step(rising(), mu) for mu in (0.2, 0.4, 0.6, 0.8, 1.0, 1.5)]
-    assert (np.diff(steps) >= 0).all()
-    assert steps[-1] > 2 * steps[0]
 
 
 def test_the_robots_frame_does_not_matter():

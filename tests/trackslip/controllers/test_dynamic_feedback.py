@@ -4,7 +4,6 @@ from linearised import pose_with_error
 
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.error_feedback import Samson
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle
 
@@ -56,13 +55,3 @@ def test_the_speed_never_jumps():
     jumps = np.abs(np.diff(twists, axis=0))
     assert jumps[..., 0].max() < 0.5 * step  # 0.5 m/s^2
     assert np.abs(twists).max() < 1.5
-
-
-def test_another_number_of_robots_needs_a_reset():
-    controller = DynamicFeedback()
-    reference = circle(1.0, 0.15, 20.0)
-    controller.twist(0.0, np.zeros((3, 3)), reference)
-    with pytest.raises(InvalidValueError, match="until reset"):
-        controller.twist(0.05, np.zeros((2, 3)), reference)
-    controller.reset()
-    controller.twist(0.0, np.zeros((2, 3)), reference)

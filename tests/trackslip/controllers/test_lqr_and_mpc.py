@@ -9,7 +9,7 @@ from scipy.linalg import solve_discrete_are
 
 from trackslip.controllers.lqr import Lqr, error_dynamics, riccati_step
 from trackslip.controllers.mpc import ModelPredictive
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import TrackslipError
 from trackslip.kinematics import advance, track_speeds
 from trackslip.metrics import body_errors
 from trackslip.trajectory.segmented import circle, paper_reference
@@ -131,10 +131,3 @@ class TestWithCasadi:
         for time in (0.0, 10.0, 60.0):
             controller.twist(time, rng.uniform(-100, 100, (20, 3)), reference)
         assert capfd.readouterr() == ("", "")
-
-    def test_another_number_of_robots_needs_a_reset(self):
-        controller = ModelPredictive(intervals=3)
-        reference = circle(1.0, 0.15, 20.0)
-        controller.twist(0.0, np.zeros((3, 3)), reference)
-        with pytest.raises(InvalidValueError, match="until reset"):
-            controller.twist(0.05, np.zeros((2, 3)), reference)

@@ -9,7 +9,6 @@ import pytest
 from deployed import GEOMETRY, VALUES, stored
 from diff_drive import parameters_in
 from slip_data import grid
-from wandered import identified_from, wandered
 
 import trackslip
 from trackslip.deploy.deploy import TARGETS, deploy_law
@@ -17,7 +16,6 @@ from trackslip.deploy.facts import fact_lines
 from trackslip.deploy.programs import c_text
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.identify import identify_samples
-from trackslip.identification.result import Identification
 from trackslip.identification.samples import Sampling
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.law_file import load_laws, read_stored
@@ -111,13 +109,6 @@ def test_a_steady_identification_in_memory():
     assert f"at left-out radii: yaw rate {before} -> {after}" in text
 
 
-def test_a_drive_in_memory():
-    found: Identification = identified_from(wandered())
-    text = trackslip.deploy_law(found)
-    assert "Identified from 1 drive(s): drive" in text
-    assert "s ahead: heading" in text
-
-
 @pytest.mark.parametrize("name", VALUES)
 def test_json_is_a_file_of_laws_to_the_last_bit(name, tmp_path):
     file = tmp_path / "law.json"
@@ -140,11 +131,6 @@ def test_the_best_law_is_the_default():
         stored().law_named("online")
 
 
-def write(folder, text):
-    (folder / "laws.json").write_text(text)
-    return folder / "laws.json"
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -157,17 +143,14 @@ def write(folder, text):
         ({"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.0}}, "sprocket_radius = 0.0: must be a finite number"),
         ({"geometry": {"half_gauge": float("nan"), "sprocket_radius": 0.06}}, "half_gauge = nan"),
         ({"format": 99}, "reads formats up to"),
+        *((text, "laws.json: no") for text in ("", "{", "[]", "3", "\x00", '{"a": ' * 100_000)),
     ],
 )
 def test_files_that_are_refused(change, message, tmp_path):
+    file = tmp_path / "laws.json"
+    file.write_text(change if isinstance(change, str) else json.dumps(dict(stored().content) | change))
     with pytest.raises(LogError, match=message):
-        deploy_law(write(tmp_path, json.dumps(dict(stored().content) | change)))
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", "3", "\x00", '{"a": ' * 100_000])
-def test_files_that_are_no_laws(text, tmp_path):
-    with pytest.raises(LogError, match=r"laws.json: no"):
-        deploy_law(write(tmp_path, text))
+        deploy_law(file)
 
 
 @pytest.mark.parametrize("key", ["drive", "prediction", "laws", "warnings", "method", "best", "made_by", "samples"])

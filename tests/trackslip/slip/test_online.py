@@ -47,23 +47,8 @@ class Drive:
         return PoseEstimate(self.pose + noise, np.tile(NOISE, (n, 1, 1)), np.ones(n, bool))
 
 
-@pytest.mark.parametrize("turn", [0.0, 1e-5, 0.03, -0.8])
-def test_derivatives_by_finite_differences(turn):
-    pose, motion, h = np.array([[0.3, -0.2, 0.7]]), np.array([[0.02, -0.003, turn]]), 1e-6
-    after, by_pose, by_motion = se2.drive(pose, motion)
-    fine = pose
-    for _ in range(2000):
-        fine = se2.drive(fine, motion / 2000)[0]
-    np.testing.assert_allclose(after, fine, atol=1e-12)
-    straight = motion * [1, 0, 1]
-    np.testing.assert_allclose(se2.drive(pose, straight)[0], advance(pose, straight[:, [0, 2]], 1.0), atol=1e-15)
-    for k, step in enumerate(h * np.eye(3)):
-        difference = (se2.drive(pose + step, motion)[0] - se2.drive(pose - step, motion)[0]) / (2 * h)
-        np.testing.assert_allclose(by_pose[0, :, k], difference[0], atol=1e-8)
-        difference = (se2.drive(pose, motion + step)[0] - se2.drive(pose, motion - step)[0]) / (2 * h)
-        np.testing.assert_allclose(by_motion[0, :, k], difference[0], atol=1e-8)
-
-    law, omega = np.array([[GAIN, TRUE.radius_error, 0.02]]), np.array([[1.0, 1.0 + turn]])
+def test_motion_and_its_derivatives_by_finite_differences():
+    law, omega, h = np.array([[GAIN, TRUE.radius_error, 0.02]]), np.array([[1.0, 1.7]]), 1e-6
     velocity, by_law = icr_motion(law, omega, GEOMETRY)
     np.testing.assert_allclose(velocity[:, [0, 2]], TRUE.twist(omega, GEOMETRY), atol=1e-15)
     np.testing.assert_allclose(velocity[:, 1], -0.02 * velocity[:, 2], atol=1e-15)

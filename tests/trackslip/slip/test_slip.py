@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, body_twist, track_speeds
-from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
@@ -62,14 +61,6 @@ def test_sprocket_speeds_undo_the_slip(law, v, kappa):
     np.testing.assert_allclose(body_twist(omega, law(kappa), GEOMETRY), twist, atol=1e-9)
 
 
-def test_icr_sprocket_speeds_are_regular_where_the_slip_has_a_pole():
-    law = ConstantIcr(0.045, 0.168, 0.0067)
-    radius = 0.168 + 0.045
-    np.testing.assert_allclose(law.sprocket_speeds([radius * 0.5, 0.5], GEOMETRY)[0], 0.0, atol=1e-12)
-    in_place = law.sprocket_speeds([0.0, 0.5], GEOMETRY)
-    np.testing.assert_allclose(in_place, np.array([-1, 1]) * 0.213 * 0.5 / (0.06 * 1.0067))
-
-
 @pytest.mark.parametrize("law", [*LAWS, SPEED, SIDES, Constant(0.03, -0.05)])
 @given(v=st.floats(0.05, 0.3), radius=st.floats(0.5, 1000.0), left=st.booleans(), backwards=st.booleans())
 def test_a_twist_is_found_from_its_sprocket_speeds(law, v, radius, left, backwards):
@@ -96,21 +87,6 @@ def test_the_belts_of_a_robot_that_loses_speed_in_turns(v, w, loss):
     assert (right - left) / 2 == pytest.approx(d, abs=1e-14)
     roots = np.roots([1, -v, (1 - loss) * d**2, -v * d**2])
     assert np.abs(roots - (right + left) / 2).min() == pytest.approx(0, abs=1e-4)  # of a triple root, as with w = 0
-
-
-@pytest.mark.parametrize("loss", [None, np.array([[0.5], [-0.5]])])
-def test_sprocket_speeds_of_many_laws_at_once(loss):
-    def law(offset, loss):
-        return ConstantIcr(offset, 0.168) if loss is None else TurnLoss(offset, 0.168, 0.0, loss)
-
-    offsets = np.array([[0.02], [0.1]])
-    together = law(offsets, loss)
-    twist = np.array([[0.2, 0.5], [0.0, 0.5], [-1e-9, 0.5], [0.0, 0.0], [3.0, 1e-12]])
-    omega = together.sprocket_speeds(twist, GEOMETRY)
-    np.testing.assert_allclose(together.twist(omega, GEOMETRY), np.tile(twist, (2, 1, 1)), rtol=1e-12, atol=1e-15)
-    for k in range(2):
-        alone = law(offsets[k, 0], None if loss is None else loss[k, 0])
-        np.testing.assert_allclose(omega[k], alone.sprocket_speeds(twist, GEOMETRY), rtol=1e-14, atol=1e-15)
 
 
 def test_special_cases_agree():
@@ -157,15 +133,6 @@ def test_constant_slip_lies_between_those_of_both_turns_where_it_jumps(left, rig
     assert (slip < 0.03 + 1e-9).all()
 
 
-@pytest.mark.parametrize("law", [*LAWS, SPEED, SIDES, Constant(0.03, -0.05)])
-def test_twists_do_not_depend_on_the_other_rows(law):
-    """Nor does a turn in place, next to where a law jumps, that is found while other rows are not."""
-    twist = np.stack([np.array([0.0, 0.0, 0.1, 0.02, 1e-3]), np.array([0.5, -0.5, 0.3, 0.8, 0.7])], axis=-1)
-    omega = np.concatenate([law.sprocket_speeds(twist, GEOMETRY), [[-3.0, 3.0], [2.9, -3.0], [1.3, 7.6]]])
-    together = law.twist(omega, GEOMETRY)
-    np.testing.assert_allclose(together, [law.twist(one, GEOMETRY) for one in omega], rtol=1e-12, atol=1e-15)
-
-
 @pytest.mark.parametrize("law", [PUBLISHED, SPEED])
 @given(w=st.floats(0.01, 3.0), left=st.booleans(), share=st.floats(0, 1))
 def test_slips_between_those_of_left_and_right_turns_in_place_turn_in_place(law, w, left, share):
@@ -175,29 +142,24 @@ def test_slips_between_those_of_left_and_right_turns_in_place_turn_in_place(law,
     np.testing.assert_allclose(law.twist(omega, GEOMETRY), twist, rtol=1e-12, atol=0)
 
 
-class Shared(SlipLaw):
-    """Many laws inside of another, which knows nothing of their parameters."""
-
-    def __init__(self, inner):
-        self.inner = inner
-
-    def __call__(self, kappa):
-        return self.inner(kappa)
-
-
-def test_laws_within_a_law():
-    omega = np.random.default_rng(0).uniform(1, 5, (40, 2))
-    inner = Exponential(*(np.full((3, 1), value) for value in (0.07, -0.68, -0.15, -0.63)))
-    np.testing.assert_allclose(Shared(inner).twist(omega, GEOMETRY), inner.twist(omega, GEOMETRY), rtol=1e-12)
-
-
-def test_many_laws_at_once_give_the_twists_of_each():
-    """Motions that are found early are set aside: neither they nor the rest may change by that."""
+@pytest.mark.parametrize(
+    ("kind", "ends"),
+    [
+        (Exponential, [(0, 0.3), (-2, -0.1), (-0.5, 0), (-2, -0.1)]),
+        (lambda d, e: ConstantIcr(d, 0.168, e), [(0, 0.1), (-0.1, 0.1)]),
+        (lambda d, g: TurnLoss(d, 0.168, 0.0, g), [(0, 0.1), (-0.5, 0.5)]),
+    ],
+)
+def test_many_laws_at_once_are_each_of_them(kind, ends):
+    """Turns in place, which are found at once, and motions that take many iterations."""
     rng = np.random.default_rng(0)
-    parameters = [rng.uniform(*ends, 12) for ends in ((0, 0.3), (-2, -0.1), (-0.5, 0), (-2, -0.1))]
+    parameters = [rng.uniform(low, high, 12) for low, high in ends]
     omega = rng.uniform(-5, 5, (40, 2))
     omega[:5, 1] = -omega[:5, 0]
-    together = Exponential(*(values[:, None] for values in parameters)).twist(omega, GEOMETRY)
+    many = kind(*(values[:, None] for values in parameters))
+    together = many.twist(omega, GEOMETRY)
     for k, one in enumerate(zip(*parameters, strict=True)):
-        alone = [Exponential(*one).twist(each, GEOMETRY) for each in omega]
+        alone = [kind(*one).twist(each, GEOMETRY) for each in omega]
         np.testing.assert_allclose(together[k], alone, rtol=1e-11, atol=1e-14)
+    if kind is not Exponential:
+        np.testing.assert_allclose(many.sprocket_speeds(together, GEOMETRY), np.tile(omega, (12, 1, 1)), rtol=1e-9)

@@ -11,7 +11,7 @@ from trackslip.trajectory.clothoid import ClothoidPath, Piece, clothoid, rounded
 from trackslip.trajectory.curves import figure_eight, slalom, spiral
 from trackslip.trajectory.path import ParametricPath
 from trackslip.trajectory.profile import Limits, ProfiledReference
-from trackslip.trajectory.segmented import stop_and_go
+from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, stop_and_go
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -124,27 +124,28 @@ def test_refused_shapes_name_the_field_the_value_and_what_is_allowed():
         (lambda: clothoid(ORIGIN, straight=-1.0), "length", "-1.0", "> 0"),
         (lambda: ClothoidPath(ORIGIN, []), "pieces", "[]", "at least one"),
         (lambda: stop_and_go(ORIGIN, dwell=0.0), "dwell", "0.0", "> 0"),
+        (lambda: Segment(0.0, 0.1, 0.1), "duration", "0.0", "> 0"),
+        (lambda: SegmentedReference(ORIGIN, []), "segments", "[]", "at least one"),
+        (lambda: circle(0.0, 0.1, 10.0), "abs(radius)", "0.0", "> 0"),
         (lambda: Limits(speed=0.0), "speed", "0.0", "> 0"),
         (lambda: Limits(track_speed=1e-4), "track_speed", "0.0001", "at least 0.001 m/s"),
         (lambda: Limits(acceleration=1e-9), "acceleration", "1e-09", "at least 0.0001 m/s^2"),
         (lambda: Limits(half_gauge=-0.1), "half_gauge", "-0.1", ">= 0"),
     ):
-        with pytest.raises(InvalidValueError, match=f"^{field}.* = {re.escape(value)}.*{re.escape(allowed)}") as caught:
+        with pytest.raises(
+            InvalidValueError, match=f"^{re.escape(field)}.* = {re.escape(value)}.*{re.escape(allowed)}"
+        ) as caught:
             make()
         assert "\n" not in str(caught.value)
 
 
-def test_a_straight_takes_as_long_as_a_trapezium_of_speed():
-    limits = Limits(speed=0.2, acceleration=0.05)
-    reference = ProfiledReference(ClothoidPath(ORIGIN, [Piece(3.0)]), limits)
-    assert reference.duration == pytest.approx(3.0 / 0.2 + 0.2 / 0.05, rel=1e-3)
-    np.testing.assert_allclose(reference.twist(2.0), [0.1, 0.0], atol=1e-12)
-
-
-@pytest.mark.parametrize("length", [0.01, 0.3])
-def test_a_short_straight_as_long_as_a_triangle(length):
-    reference = ProfiledReference(ClothoidPath(ORIGIN, [Piece(length)]), Limits(acceleration=0.05))
-    assert reference.duration == pytest.approx(2 * np.sqrt(length / 0.05), rel=1e-9)
+@pytest.mark.parametrize(
+    ("length", "duration"), [(3.0, 3.0 / 0.2 + 0.2 / 0.05), *((way, 2 * np.sqrt(way / 0.05)) for way in (0.01, 0.3))]
+)
+def test_a_straight_takes_as_long_as_a_trapezium_or_triangle_of_speed(length, duration):
+    reference = ProfiledReference(ClothoidPath(ORIGIN, [Piece(length)]), Limits(speed=0.2, acceleration=0.05))
+    assert reference.duration == pytest.approx(duration, rel=1e-3)
+    np.testing.assert_allclose(reference.twist(duration / 9), [0.05 * duration / 9, 0.0], rtol=1e-6)
 
 
 def test_speed_limits_by_cause():
