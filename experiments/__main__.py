@@ -1,4 +1,4 @@
-"""Where `trackslip` starts: runs the command line; an interrupt prints one line, whenever it comes."""
+"""The entry point of `trackslip`: runs the command line and ends an interrupt with one line, whenever it comes."""
 
 import contextlib
 import io

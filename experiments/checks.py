@@ -7,10 +7,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Check:
-    """A measured number that has to lie near what is expected, or within a range."""
+    """A measured number that must lie near an expected one, or within a range."""
 
     case: str
-    """What was measured, such as a robot."""
+    """Subject of the measurement, such as a robot."""
     what: str
     """The quantity."""
     measured: float
@@ -20,7 +20,7 @@ class Check:
     """SI, or for speeds "x", "steps/s" or "%"; 1 for a pure number."""
     expected: float = 0.0
     source: str = ""
-    """Where `expected` and `tolerance` come from."""
+    """Source of `expected` and `tolerance`."""
 
     @property
     def name(self) -> str:
@@ -36,7 +36,7 @@ class Check:
 
     @property
     def bound(self) -> float | tuple[float, float]:
-        """What the value has to keep: a tolerance around 0 as one number, anything else as a range."""
+        """The bound as shown: one number for a tolerance around 0, else a range."""
         return self.ends if self.expected else self.tolerance
 
     @property

@@ -88,7 +88,7 @@ def parse(arguments: Sequence[str]) -> Any:
 
 
 def examples_text(command: str) -> str:
-    """The end of a command's help; that of trackslip itself for an empty name."""
+    """The end of a command's help, or of trackslip's own for an empty name."""
     examples = command_modules()[command].EXAMPLES if command else EXAMPLES
     return "\n".join(["examples:", *(f"  {line}\n      {what}" for what, line in examples)])
 

@@ -1,4 +1,4 @@
-"""Drives that a laser range finder beside the field has seen: as results, and on the terminal."""
+"""Drives seen by a stationary laser range finder: results and terminal output."""
 
 from collections.abc import Sequence
 from math import degrees
@@ -31,7 +31,7 @@ def drives_table(title: str, drives: Sequence[ScannedDrive]) -> Table:
 
 
 def stand_line(stand: Stand) -> str:
-    """Where the scanner stands."""
+    """A text on the scanner's place."""
     x, y, yaw = stand.mount
     if stand.aligned is None:
         return f"scanner: x = {x:.3f} m, y = {y:.3f} m, yaw = {degrees(yaw):.2f}°, {stand.source}"
@@ -41,7 +41,7 @@ def stand_line(stand: Stand) -> str:
 
 
 def place_lines(place: PlatePlace | None) -> list[str]:
-    """Where the plate sits on the robot."""
+    """A text on the plate's place on the robot."""
     if place is None:
         return ["plate: its place on the robot does not show in this driving"]
     parts = []
@@ -57,7 +57,7 @@ def place_lines(place: PlatePlace | None) -> list[str]:
 
 
 def described(drive: ScannedDrive) -> dict[str, Any]:
-    """What the summary says of a drive, in SI units."""
+    """The summary of a drive, in SI units."""
     seen, stand, place = drive.seen, drive.stand, drive.place
     aligned = stand.aligned
     return {

@@ -74,7 +74,7 @@ class Workers:
 
 @contextlib.contextmanager
 def _worker_failures() -> Iterator[None]:
-    """Turn failures of workers, as opposed to those of their tasks, into WorkersFailedErrors."""
+    """Turn failures of workers, but not of their tasks, into WorkersFailedErrors."""
     try:
         yield
     except (futures.BrokenExecutor, futures.CancelledError) as error:

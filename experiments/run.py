@@ -32,7 +32,7 @@ class Run:
         self.config = config
         self.command = type(config).__module__.rpartition(".")[2]
         self.folder = Path(config.out)
-        """Where to write results: a folder whose files replace those of `config.out` when the block ends."""
+        """Folder to write results to; its files replace those of `config.out` when the block ends."""
         self.watch = Stopwatch()
         """Times of the command's stages."""
         self._began = time.perf_counter()
@@ -52,7 +52,7 @@ class Run:
         return progress(stage, total, unit, done)
 
     def manifest(self, **about: Any) -> dict[str, Any]:
-        """What is needed to reproduce the results: options, versions, git state, and what is in `about`."""
+        """Everything needed to reproduce the results: options, versions, git state, and `about`."""
         return make_manifest(self.command, self.config, self.wall, **about)
 
     def write(
@@ -66,7 +66,7 @@ class Run:
         """Write the summary with the times, the manifest and, if there are any, logs.
 
         Args:
-            summary: what is written to summary.json; its times, under "timing", come before those of the run.
+            summary: content of summary.json; its times, under "timing", come before those of the run.
             logs: what is written to runs.parquet.
             simulated: how long all robots drove together [s].
             manifest: the manifest if there is one already, as in a report.

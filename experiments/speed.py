@@ -70,7 +70,7 @@ class Speed:
     steps_per_s: float
     """Physics steps per second, all robots together [1/s]."""
     over_bare: float
-    """Speed over that of the bare engine in the same motion [-]."""
+    """Speed relative to the bare engine in the same motion [-]."""
 
 
 def measure(config: Config, robot: Robot, turn: Turn) -> tuple[list[Speed], dict[str, float]]:
@@ -113,13 +113,13 @@ def _speeds(config: Config, robot: Robot, size: int, turn: Turn) -> Iterator[Spe
 
 @dataclass(frozen=True)
 class _Case:
-    """Robots that drive, and the bare engine beside them."""
+    """Robots that drive, and the bare engine for comparison."""
 
     robots: int
     period: float  # [s]
     steps: int  # of the engine in a period
     take_turn: Callable[[int], tuple[float, float]]
-    """Drives for some periods; returns the time that this took, and that of the bare engine in the same motion [s]."""
+    """Drive for some periods; returns the times of the simulator and of the bare engine in the same motion [s]."""
 
 
 def _measured(name: str, case: _Case, periods: int, repeats: int, turn: Turn) -> Speed:
@@ -231,7 +231,7 @@ def _traverse(size: int, threads: int, seed: int) -> _Case:
 
 
 def bare_copy(source: batch.Batch, threads: int = 0) -> batch.Batch:
-    """The same simulations in the same state, stepped by MuJoCo alone, on as many threads or on another number."""
+    """The same simulations in the same state, stepped by MuJoCo alone, on as many threads or a given number."""
     copy = batch.Batch(source.model, source.nsim, nthread=threads or source.nthread)
     for name in batch.MODEL_FIELDS:
         if source.expanded(name) is not None:
@@ -278,7 +278,7 @@ class SameMotion:
 
 
 def _localization(config: Config) -> float:
-    """Time of localizing the paper's 25 runs over that of their physics [-]."""
+    """Time of localizing the paper's 25 runs relative to their physics [-]."""
     grid, watch = GridConfig(seed=config.seed, threads=config.threads), Stopwatch()
     world = World.of(grid)
     drive_grid(grid, world, watch=watch)
@@ -297,7 +297,7 @@ def _grid_physics(world: World, grid: GridConfig, threads: int) -> float:
 
 
 def _reproduction(config: Config, robot: Robot) -> float:
-    """Time of `trackslip reproduce`, start of Python included, over that of its physics on as many processors [-]."""
+    """Time of `trackslip reproduce`, start of Python included, relative to its physics on as many processors [-]."""
     threads = min(2, os.cpu_count() or 1)
     grid, path, laws = GridConfig(threads=threads), paper_reference(), {**KNOWN_LAWS, **load_laws()}
     runs = [(name, laws[law]) for name in ("feedforward", "linear") for law in (*KNOWN_LAWS, *IDENTIFIED)]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from experiments.commands.benchmark import Config
 
 FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
-"""What the runs of a benchmark differ in: the fields of a Case."""
+"""Axes along which the runs of a benchmark differ: the fields of a Case."""
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
 _SUITES: Mapping[str, Sequence[Sequence[tuple[Any, ...]]]] = {
@@ -78,7 +78,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What random numbers depend on besides the seed: the reference's name, without the folder of its file."""
+        """Key of the random numbers besides the seed: the reference's name, without the folder of its file."""
         return Path(self.reference).stem
 
     def start_pose(self) -> Array:

@@ -119,7 +119,7 @@ class ClosedLoops:
         return row
 
     def _step_times(self, case: Case, log: RunLog) -> list[float]:
-        """Times [s] from pose to set points, at the poses of a run, measured with a controller of its own."""
+        """Times [s] from pose to set points, at the poses of a run, measured with a separate controller."""
         pilot, law = self.controller(case.controller), self.compensation(case.compensation)
         path, geometry, top_speed = reference(case.reference), self.world.robot.geometry, self.top_speed
         covariance = np.zeros((len(log.time), 3, 3)) if log.covariance is None else log.covariance

@@ -24,7 +24,7 @@ def _mm(name: str) -> Callable[[Row], str]:
 
 
 def _with_interval(name: str) -> Callable[[Row], Cell]:
-    """A length in mm, with the interval beside it or, on a page, below."""
+    """A length in mm, followed by its interval, which a page shows below it."""
 
     def cell(row: Row) -> Cell:
         mean, ends = _mm(name)(row), row[f"{name}_ci95"]

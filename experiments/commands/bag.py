@@ -31,7 +31,7 @@ class Config(Options):
     path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="BAG")]
     """A .bag, .mcap or .db3 file, or a folder of bags."""
     bag: Bag = field(default_factory=BagOptions)
-    """What to take from it."""
+    """Topics to read."""
     export: Annotated[Path | None, default_is("none", "FILE")] = None
     """A .parquet or .csv file to write the log to, with units."""
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

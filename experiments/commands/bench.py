@@ -1,4 +1,4 @@
-"""`trackslip bench`: the speed of the simulator over that of the bare engine."""
+"""`trackslip bench`: the speed of the simulator relative to the bare engine."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ MAX_ROBOTS = 10_000
 
 @dataclass(frozen=True)
 class Config(Repeatable):
-    """Measure how fast the simulator is beside the bare engine, which makes the same steps in turns with it."""
+    """Compare the simulator's speed with the bare engine's, both making the same steps in turns."""
 
     sizes: Annotated[tuple[int, ...], Distinct("number"), Whole(1, MAX_ROBOTS)] = (1, 25, 256)
     """Numbers of robots."""

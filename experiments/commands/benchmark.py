@@ -45,7 +45,7 @@ class Config(Equipment):
     seeds: Annotated[tuple[int, ...] | None, Distinct(), Whole(), default_is("the suite's", "INT ...")] = None
     """Seeds of the scanner's noise and of random starts, the same for all controllers and compensations."""
     localization: Literal["plate", "line", "truth"] = "plate"
-    """How the controllers learn their pose: from scans by the plate or the line method, or the true pose."""
+    """Source of the controllers' poses: scans by the plate or the line method, or the true pose."""
     preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0
     """Time by which the controllers look ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None

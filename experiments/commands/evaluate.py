@@ -39,7 +39,7 @@ class Config(Options):
     ] = ()
     """A law to reckon with: none, an identification's folder (its best law), a file of laws, or either with :NAME."""
     where: Annotated[tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")] = None
-    """Which runs of a sweep to use: ground=ice friction_ratio=1.2."""
+    """Runs of a sweep to use: ground=ice friction_ratio=1.2."""
     half_gauge: Annotated[float | None, Positive(100.0, "m"), _LOGS] = None
     """Half the distance between the tracks [m]."""
     sprocket_radius: Annotated[float | None, Positive(100.0, "m"), _LOGS] = None
@@ -51,9 +51,9 @@ class Config(Options):
     clock_offset: Annotated[float | None, Within(-_MAX_OFFSET, _MAX_OFFSET, "s"), default_is(_LAWS, "FLOAT")] = None
     """Encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
-    """What to take from a bag."""
+    """Topics to read from a bag."""
     tum: bool = True
-    """Whether to write measured and estimated trajectories to OUT/trajectories, in the TUM format that evo reads."""
+    """Write measured and estimated trajectories to OUT/trajectories, in the TUM format that evo reads."""
     out: Path = Path("out/evaluate")
     """Folder for the results."""
     pdf: bool = False

@@ -29,7 +29,7 @@ class Config(Options):
     path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUNS")]
     """Folder of results with runs.parquet, or a .parquet or .csv file of runs."""
     csv: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Write a CSV file, and beside it NAME.columns.csv with the unit and meaning of each column."""
+    """Write a CSV file, and NAME.columns.csv with the unit and meaning of each column."""
     run: Annotated[tuple[str, ...] | None, Distinct(), default_is("all", "NAME ...")] = None
     """Names of the runs to list or write."""
     out: Annotated[Path | None, default_is("the name of RUNS with the suffix .csv, beside it", "FILE")] = None

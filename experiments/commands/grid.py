@@ -39,7 +39,7 @@ class Config(GridConfig):
     sweep: Annotated[Path | None, default_is("none", "FILE")] = None
     """A .toml file of lists of values by name: radius, speed, ground, seed, or as for --vary."""
     executor: Annotated[str, default_is("processes", "{processes,inline,dask://HOST:PORT}")] = "processes"
-    """Where the runs are driven: in worker processes, in this process, or on a Dask cluster."""
+    """Executor of the runs: worker processes, this process, or a Dask cluster."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
     """Number of processes, 0 for one per processor."""
     bag: bool = False

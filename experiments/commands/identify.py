@@ -40,7 +40,7 @@ class Config(Options):
     path: tyro.conf.Positional[Path]
     """Folder of a stored grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or a folder of them)."""
     where: Annotated[tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")] = None
-    """Which runs of a sweep to use: ground=ice friction_ratio=1.2."""
+    """Runs of a sweep to use: ground=ice friction_ratio=1.2."""
     half_gauge: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
     """Half the distance between the tracks [m]."""
     sprocket_radius: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
@@ -50,17 +50,17 @@ class Config(Options):
     method: Annotated[
         Literal["steady", "drive"] | None, default_is("steady where most of the driving is", "{steady,drive}")
     ] = None
-    """What the laws are fitted to: stretches of constant sprocket speeds, or whole drives."""
+    """Data to fit: stretches of constant sprocket speeds, or whole drives."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("estimated", "X Y YAW")] = None
     """Place of the poses' sensor, ahead of and left of the middle of the tracks, and its heading there [m, m, rad]."""
     estimate_sensor: Annotated[bool | None, _SHOWN] = None
-    """Whether steady stretches tell where the sensor sits; whole drives always do unless --sensor is given."""
+    """Estimate the sensor's place from steady stretches; whole drives always do unless --sensor is given."""
     motion: Method = None
-    """How a twist is estimated from a run; bundle needs ranges (see grid)."""
+    """Method that estimates the twist of a run; bundle needs ranges (see grid)."""
     settle: Annotated[float, NonNegative()] = SETTLE
     """Time left out of each run after the sprockets have become steady [s]."""
     bag: Bag = field(default_factory=BagOptions)
-    """What to take from a bag."""
+    """Topics to read from a bag."""
     out: Path = Path("out/identify")
     """Folder for the results."""
     pdf: bool = False

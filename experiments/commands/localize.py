@@ -1,4 +1,4 @@
-"""`trackslip localize`: poses of a robot's plate from the scans of a laser range finder beside the field."""
+"""`trackslip localize`: poses of the plate on a robot from the scans of a stationary laser range finder."""
 
 import shlex
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ EXAMPLES = (
 
 @dataclass(frozen=True, kw_only=True)
 class Config(BagOptions, Options):
-    """Find the plate on a robot in the scans of a laser range finder beside the field, and write its poses as a log."""
+    """Find the plate on a robot in the scans of a stationary laser range finder, and write its poses as a log."""
 
     path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="BAG")]
     """A .bag, .mcap or .db3 file, or a folder of bags."""

@@ -45,9 +45,9 @@ class Config(Repeatable):
     duration: float = 60.0
     """Length of the drive [s]."""
     poses: Literal["slam", "mocap", "gnss", "scanner"] = "slam"
-    """Where the poses will come from: SLAM, motion capture, GNSS (no headings), or a scanner beside the field."""
+    """Source of the poses: SLAM, motion capture, GNSS (no headings), or a stationary scanner."""
     law: Literal["icr", "icr_radius", "icr_sides", "turn_loss", "exponential"] = "icr_radius"
-    """Slip law that is to be identified."""
+    """Slip law to identify."""
     offset: Annotated[float | None, default_is("that of --after, else 0.3 half gauges", "FLOAT")] = None
     """D that is expected: distance of the ICRs outside the tracks [m]."""
     doubt: Annotated[float | None, Within(0, 0.9), default_is("that of --after, else 0.15", "FLOAT")] = None
@@ -59,7 +59,7 @@ class Config(Repeatable):
     repeats: Annotated[int, Whole(1, 10_000)] = 1
     """Number of times, with different random numbers; with --motion mujoco, of measurements of the same drives."""
     motion: Literal["law", "mujoco"] = "law"
-    """What moves the robot then: a law with random slip, or the simulated ground."""
+    """Model that moves the robot with --drive: a law with random slip, or the simulated ground."""
     bag: bool = True
     """Also write the commands as a ROS 2 bag to OUT/bags, if the package rosbags is installed."""
     pdf: bool = False

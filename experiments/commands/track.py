@@ -31,7 +31,7 @@ class Config(Simulation):
     preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0
     """Time by which the controller looks ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
     localization: Literal["plate", "line", "truth"] = "plate"
-    """How the controller learns its pose: from scans by the plate or the line method, or the true pose."""
+    """Source of the controller's poses: scans by the plate or the line method, or the true pose."""
     reference: Annotated[str, tyro.conf.arg(metavar=REFERENCES)] = "paper"
     """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has way points x, y [m]."""
     circle_radius: Annotated[float, Within(0.1, MAX_RADIUS, "m")] = 1.25

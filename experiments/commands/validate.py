@@ -43,7 +43,7 @@ class Config(Repeatable):
 
 
 def run(config: Config) -> None:
-    """Measure robots, tracks on terrain, or ground that shears; store and print what was found and what has to hold."""
+    """Measure robots, tracks on terrain, or ground that shears, and check the results against theory."""
     from experiments.driving.grid_runs import sample_runs
     from experiments.recording import record_all
     from experiments.run import Run

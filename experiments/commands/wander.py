@@ -63,7 +63,7 @@ class SourceOptions:
     heading_noise: Annotated[float | None, _FLOAT] = None
     """Standard deviation of the heading [rad]."""
     heading: Annotated[bool | None, default_is("the source's", "{True,False}")] = None
-    """Whether the heading is measured."""
+    """Measure headings, too."""
     delay: Annotated[float | None, _FLOAT] = None
     """Time stamp of a pose minus the encoders' of the same moment [s]."""
     jitter: Annotated[float | None, _FLOAT] = None
@@ -128,7 +128,7 @@ class LawOptions(Options):
 
 @dataclass(frozen=True)
 class Config(Repeatable):
-    """Drive as people do, teleoperated, and store logs as labs have them: encoders and poses, each on its own clock."""
+    """Simulate teleoperated drives and log encoders and poses on separate clocks, as real robots do."""
 
     driving: Literal["random", "eights", "stop_and_go", "loop"] = "random"
     """Commands: both hands at random, figure eights, constant speeds with stops, or rounds of a square."""
@@ -145,7 +145,7 @@ class Config(Repeatable):
     source: SourceOptions = field(default_factory=SourceOptions)
     """The source of the poses, and properties that differ from the named one's."""
     motion: Literal["mujoco", "law"] = "mujoco"
-    """What moves the robot: the simulated ground, or a slip law exactly."""
+    """Model that moves the robot: the simulated ground, or exactly a slip law."""
     law: LawOptions = field(default_factory=LawOptions)
     """Motion by a law of constant ICRs instead of MuJoCo's; needs --motion law."""
     robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
@@ -157,7 +157,7 @@ class Config(Repeatable):
     ground: GroundOptions = field(default_factory=GroundOptions)
     """The ground, and properties that differ from the named one's."""
     pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
-    """What the robot tows."""
+    """Load that the robot tows."""
     rrd: bool = False
     """Also write recordings for the rerun viewer to OUT/recordings."""
     bag: bool = False

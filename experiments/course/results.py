@@ -31,7 +31,7 @@ _LOG = ("t", "omega_l", "omega_r", "x", "y", "phi")
 
 
 def drive_summary(run: CourseRun, course: Course) -> dict[str, Any]:
-    """How a drive went: its outcome, lengths [m], angles [rad], penetration [m], energy [J], and each of its tracks."""
+    """Summary of a drive: outcome, lengths [m], angles [rad], penetration [m], energy [J], and each track."""
     state, moving = run.state, run.depth[1:]
     position = state.position
     deepest = moving.max(axis=1) if len(moving) else np.zeros(1)

@@ -91,7 +91,7 @@ class CourseRun:
     work: Array  # (R, T) of the belts against the ground [J]
     slope: Array  # (R,) of the ground under the tracks, along the robot, uphill is positive [rad]
     outcome: str
-    """How it ended: reached, tipped, stuck, fell, exploded, time, or stopped."""
+    """Outcome: reached, tipped, stuck, fell, exploded, time, or stopped."""
     tracks: tuple[str, ...]  # names (T,)
     flippers: tuple[str, ...]  # names (F,)
 
@@ -160,7 +160,7 @@ def ground_slope(course: Course, state: States, robot: TrackedRobot) -> Array:
 
 
 def _row(world: Traverse, speeds: Array, angles: Array) -> dict[str, Array]:
-    """What is recorded of the first robot at the end of a control period."""
+    """Record of the first robot at the end of a control period."""
     return {
         "time": world.time[0].copy(),
         "qpos": world.state.qpos[0].copy(),

@@ -69,14 +69,14 @@ class CourseWorld:
         return np.array(given)
 
     def flippers(self) -> Callable[[Traverse], Array]:
-        """What gives the flippers their angles."""
+        """Source of the flippers' angles."""
         if self.config.flipper_angles() is None:
             return reflexes
         angles = self.set_angles
         return lambda _: angles
 
     def pilot(self) -> Pilot:
-        """Who drives, unless it is somebody at the keyboard: along the path, or at the same speeds all the time."""
+        """The driver without a keyboard: along the path, or at constant speeds."""
         config = self.config
         if config.path is not None:
             return PathPilot.of(config.path, config.speed, self.robot.half_gauge)
@@ -89,7 +89,7 @@ class CourseWorld:
         return self.traverse.servos.top_speed
 
     def with_looks(self) -> TrackedModel:
-        """The same model with all that is only looked at."""
+        """The same model with everything that is only for looks."""
         return build_tracked(self.robot, self.course, preset=self.config.preset, looks=True)
 
     @property

@@ -60,9 +60,9 @@ def drive_closed_loops(
 
     Args:
         runs: the N runs.
-        world: robot, scanner, drives; and the ground of all runs that have none of their own.
+        world: robot, scanner, drives, and the ground of runs without their own.
         path: the reference.
-        localization: how the controllers learn their pose: plate, line or truth.
+        localization: source of the controllers' poses: plate, line or truth.
         compensation: makes a compensation from its name.
         preview: how far ahead of the present the controllers are evaluated [s].
         progress: called with the simulated seconds since the last call, counted once for the whole fleet.
@@ -102,7 +102,7 @@ def _unseen(seconds: float) -> None:
 
 
 def start_pose(controller: str, reference: str, path: Reference) -> Array:
-    """The default start (3,) [m, m, rad] of a run on the reference called `reference`: where that begins.
+    """The default start (3,) [m, m, rad] of a run on the reference called `reference`: its beginning.
 
     The linear controller starts beside the paper's path, as in the paper (Sec. IV-C).
     """

@@ -93,7 +93,7 @@ def true_pose(log: RunLog) -> Array:
 
 
 def _start(config: Config, world: World) -> Array:
-    """Where drives start (3,): at the origin, or in front of the scanner if that is the source of the poses."""
+    """Start (3,) of drives: the origin, or a pose in front of the scanner if it is the source of the poses."""
     if config.source.source != "scanner":
         return np.zeros(3)
     return np.array([*se2.to_world(world.robot.lrf_mount, [_IN_FRONT, 0.0]), 0.0])

@@ -74,7 +74,7 @@ class World(Specification):
         return cls(**vars(given), config=config, robot=robot)
 
     def fleet(self, start: Array, grounds: Sequence[Ground] | None = None) -> Fleet:
-        """Robots at the poses `start` (N, 3) [m, m, rad], each on the world's ground or on its own of `grounds`."""
+        """Robots at the poses `start` (N, 3) [m, m, rad], all on the world's ground, or each on one of `grounds`."""
         config, ground = self.config, grounds or self.ground
         return Fleet(self.robot, start, ground, self.radius_error, config.drive, config.threads, self.pull)
 

@@ -1,1 +1,1 @@
-"""What `trackslip train` trains: the environments, the policies, and what is shown of them afterwards."""
+"""Training of policies: environments, tasks, and evaluation."""

@@ -1,4 +1,4 @@
-"""What a training shows: its curve, and courses that a policy and the scripted controller cross, new to both."""
+"""Evaluation of a training: its curve, and unseen courses that the policy and the scripted controller cross."""
 
 from __future__ import annotations
 

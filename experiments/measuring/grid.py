@@ -62,7 +62,7 @@ class Radii:
 
 @dataclass(frozen=True)
 class RadiusSummary(Radii):
-    """The same compared with the paper; NaN where one of the runs gave no sample."""
+    """Radii compared with the paper; NaN where one of the runs gave no sample."""
 
     rms_vs_published: float | None
     """Root mean square of observed / published - 1 [-]; None without a published radius."""
@@ -102,7 +102,7 @@ class PoseErrors:
 
 @dataclass(frozen=True)
 class LocalizationErrors(PoseErrors):
-    """The same, and how often a pose was found."""
+    """Pose errors, and the rate of valid poses."""
 
     rate_hz: float
     """Valid poses per second [1/s]."""

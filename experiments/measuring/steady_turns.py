@@ -20,7 +20,7 @@ _GAP = 0.08  # relative gap between neighbouring values that starts another grou
 
 @dataclass(frozen=True)
 class StandardErrors:
-    """Standard errors of measurement, propagated linearly from those of the twists."""
+    """Standard errors of measurement, propagated linearly from the twists' errors."""
 
     speed: Array  # (n,) [m/s]
     radius: Array  # (n,) [m]
@@ -73,7 +73,7 @@ class InnerOuterSamples:
 
 
 def inner_outer(values: Array, left: np.ndarray) -> Array:
-    """Values (n, 2) of the left and right track as those of the inner and outer one, (n, 2); `left` is (n,) bool."""
+    """Values (n, 2) of the inner and outer track from those of the left and right one; `left` is (n,) bool."""
     return np.where(left[:, None], values, values[:, ::-1])
 
 

@@ -24,13 +24,13 @@ class BagOptions:
     right: Annotated[str | None, default_is("by their names", "NAMES")] = None
     """The same on the right."""
     reversed: Annotated[Literal["left", "right", "both"] | None, default_is("none", "{left,right,both}")] = None
-    """Which encoders count backwards."""
+    """Encoders that count backwards."""
     poses: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
     """Topic of the poses, or tf:PARENT:CHILD for the pose of a frame, as in tf:map:base_link."""
     plate: Annotated[str | None, default_is("poses are read", "LENGTHxTHICKNESS")] = None
-    """Find a plate of this size on the robot, as in 0.5x0.02, in scans from beside the field [m]."""
+    """Find a plate of this size on the robot, such as 0.5x0.02, in the scans of a stationary scanner [m]."""
     scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
-    """Topic of sensor_msgs/LaserScan of the scanner beside the field; needs --plate."""
+    """Topic of sensor_msgs/LaserScan of the stationary scanner; needs --plate."""
     mount: Annotated[tuple[float, float, float] | None, default_is("by transforms, else 0 0 0", "X Y YAW")] = None
     """Pose of the scanner in the frame of the poses; with --plate and --poses, it is found by these [m, m, rad]."""
     noise: Annotated[float | None, default_is("found", "FLOAT")] = None
@@ -40,7 +40,7 @@ class BagOptions:
         self.choice()
 
     def choice(self) -> BagChoice:
-        """The same for the readers of bags."""
+        """The choice as the readers of bags take it."""
         return BagChoice(
             self.encoders,
             _names("left", self.left),

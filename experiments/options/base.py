@@ -123,7 +123,7 @@ class Exclusion:
         raise NotImplementedError
 
     def reason(self, options: "Options") -> str:
-        """Why, in the words of the command line."""
+        """The reason, in the words of the command line."""
         raise NotImplementedError
 
     def _on_command_line(self, value: Any = None) -> str:

@@ -26,7 +26,7 @@ class RunsConfig(Simulation):
     speeds: Annotated[tuple[float, ...], Distinct("number")] = SPEEDS
     """Commanded speeds, as if nothing slipped [m/s]."""
     localization: Localization = "plate"
-    """How a pose is estimated from a scan: maximum likelihood with the known plate, or the paper's line fit."""
+    """Pose estimation from a scan: maximum likelihood with the known plate, or the paper's line fit."""
     duration: Annotated[float, Within(MIN_DURATION, MAX_DURATION, "s")] = 30.0
     """Length of each run [s]."""
 
@@ -41,7 +41,7 @@ class GridConfig(RunsConfig):
     """A grid of runs that is also evaluated."""
 
     motion: Method = None
-    """How a run becomes a twist: the paper's filter, an arc through all poses, or all ranges."""
+    """Twist estimation from a run: the paper's filter, an arc through all poses, or all ranges."""
     random_phase: bool = False
     """Start each run at a random point of its circle instead of the point nearest to the scanner."""
     out: Path = Path("out/grid")

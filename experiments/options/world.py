@@ -31,7 +31,7 @@ MIN_FRICTION_RATIO = 0.01  # across the track over along it [-]
 MAX_COORDINATE = 100.0  # of a start [m]
 RADIUS_ERROR = Within(-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
 LINEAR_START = (0.3, -0.2, math.pi / 3)
-"""Where the paper starts its linear controller: (x, y, phi) (Sec. IV-C) [m, m, rad]."""
+"""Start of the paper's linear controller: (x, y, phi) (Sec. IV-C) [m, m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class GroundOptions:
 
 @dataclass(frozen=True)
 class PullOptions:
-    """What the robot tows."""
+    """Load that the robot tows."""
 
     force: Annotated[float, tyro.conf.arg(name="", metavar="FLOAT")] = 0.0
     """Drawbar force, backwards along the robot [N]."""
@@ -109,7 +109,7 @@ class Equipment(Options):
     obstacles: Annotated[str | None, default_is("nothing", "NAME|FILE")] = None
     """Objects that the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file."""
     pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
-    """What the robot tows."""
+    """Load that the robot tows."""
     rrd: bool = False
     """Also write recordings for the rerun viewer to OUT/recordings."""
 

@@ -14,7 +14,7 @@ from sim.tracks.looks import BOX, CYLINDER, Pieces, TrackLook
 from trackslip.kinematics import Array
 
 ROBOT = "robot"
-"""Entity of a robot's bodies, below that of its run."""
+"""Entity of a robot's bodies, below its run's entity."""
 GROUND = f"{FIELD}/ground"
 _UNSET = (0.5, 0.5, 0.5, 1.0)  # colour of a geom that is given none
 _STONE, _THICK = 0.5, 0.01  # side and half the thickness of a paving stone [m]

@@ -134,7 +134,7 @@ def series_of(traces: Traces) -> list[Series]:
 
 
 def compared_series(traces: Traces, colour: str) -> list[Series]:
-    """The lines of a run beside others, in its own colour, paler for the right track."""
+    """The lines of a run among others, in its own colour, paler for the right track."""
     kept, run = {entity for panel in COMPARED for entity in panel.entities}, traces.log.run
     pale = "#" + "".join(f"{(int(colour[k : k + 2], 16) + 255) // 2:02x}" for k in (1, 3, 5))
     sides = (f"{run}, left", f"{run}, right")
@@ -211,7 +211,7 @@ def _send_camera(stream: rr.RecordingStream, runs: Sequence[Traces]) -> None:
 
 
 def _send_contacts(stream: rr.RecordingStream, root: str, traces: Traces, model: mujoco.MjModel) -> None:
-    """Send forces as arrows beside the pads, and as a coloured line how far the ground has given way, where known."""
+    """Send forces as arrows at the pads, and the shear of the ground as a coloured line where it is known."""
     truth, time, chassis = traces.log.truth, traces.time, f"{root}/{ROBOT}/chassis"
     if truth is not None and truth.contact is not None:
         count = truth.contact.shape[1]
@@ -232,7 +232,7 @@ def _send_contacts(stream: rr.RecordingStream, root: str, traces: Traces, model:
 
 
 def _beside_pads(model: mujoco.MjModel, count: int) -> Array:
-    """Places (count, 3) beside the pads of a model, or beside their ends if there are twice as many [m]."""
+    """Places (count, 3) next to the pads of a model, or to their ends if there are twice as many [m]."""
     pads = [i for i in range(model.ngeom) if "_pad" in model.geom(i).name]
     places = model.geom_pos[pads]
     if count == 2 * len(pads):  # pads that touch the ground at one point each
@@ -243,7 +243,7 @@ def _beside_pads(model: mujoco.MjModel, count: int) -> Array:
 
 
 def _send_paths(stream: rr.RecordingStream, root: str, traces: Traces, colour: str, estimate: bool) -> None:
-    """Send the path, true or else measured, the measured one beside the true one, and the reference with its target."""
+    """Send the true path if it is known, the measured path, and the reference with its target."""
     send_line(stream, f"{root}/path/driven", at_height(traces.pose, 2 * _ABOVE), colour, 0.008)
     if estimate and traces.log.truth is not None:
         known = traces.estimate[np.isfinite(traces.estimate).all(axis=1)]

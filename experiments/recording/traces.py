@@ -117,7 +117,7 @@ def _smooth_twist(log: RunLog) -> Array | None:
 def _slip_by_law(
     log: RunLog, geometry: RobotGeometry, driven: Array | None, file: Path | None
 ) -> tuple[Array | None, str]:
-    """Slips (T, 2) that the run's compensation assumed, else those of the shown law as the robot drove; and its name.
+    """Slips (T, 2) that the run's compensation assumed, or the shown law's along the drive, and the law's name.
 
     Compensation's slips are those between commanded twists and set points that the top speed didn't limit.
     """

@@ -55,7 +55,7 @@ def _side_by_side(title: str, checks: Sequence[Check], cases: Sequence[str]) -> 
 
 
 def _agree(some: dict[str, Check], others: dict[str, Check]) -> bool:
-    """Whether checks of two cases have the same bounds where they have the same names."""
+    """True if checks of two cases with the same names have the same bounds."""
     return all(others[what].bound == check.bound for what, check in some.items() if what in others)
 
 

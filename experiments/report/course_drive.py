@@ -78,7 +78,7 @@ def page(
     command: str,
     pictures: Sequence[str],
 ) -> Page:
-    """The page of a drive; `pictures` are files beside it."""
+    """The page of a drive; `pictures` are files in its folder."""
     ended, *more = sentences(result)
     way = Plot(
         "drive_profile", profile(run, course), "Way of the chassis", "The ground along the middle of the course.", ""

@@ -89,7 +89,7 @@ def position_table(found: DriveComparison) -> Table:
 
 
 def heading_table(found: DriveComparison) -> Table | None:
-    """The same of heading; None if no headings were measured."""
+    """Errors of heading; None if no headings were measured."""
     if not _has_headings(found):
         return None
     rows = [_errors(found, name, "heading", degrees(1.0), 2) for name in found.ranking]
@@ -113,7 +113,7 @@ def _has_headings(found: DriveComparison) -> bool:
 
 
 def noise_text(found: DriveComparison) -> str:
-    """What scatters by the best law, and by how much."""
+    """A text on the scatter about the best law."""
     noise = found.laws[found.best].noise
     sizes = [
         f"{what} {significant(factor * noise[key], unit)}"
@@ -125,7 +125,7 @@ def noise_text(found: DriveComparison) -> str:
 
 
 def gain(found: DriveComparison) -> str:
-    """How much better the best law predicts than no compensation does, in words; empty if that isn't known."""
+    """A sentence on the gain of the best law over no compensation; empty if it isn't known."""
     ours, theirs = (found.errors.get(name, {}).get(_TOLD) for name in (found.best, "none"))
     if ours is None or theirs is None or found.best == "none":
         return ""
@@ -206,7 +206,7 @@ def whole_drives(found: Identification) -> Section | None:
 
 
 def _driven(drive: DriveComparison) -> str:
-    """What the laws were estimated from, and together with what."""
+    """A paragraph on the data that the laws were estimated from."""
     best = drive.laws[drive.best]
     duration = sum(float(one.time[-1] - one.time[0]) for one in drive.drives)
     blind = "" if _has_headings(drive) else " without headings"

@@ -48,5 +48,5 @@ def stages_text(stages: Mapping[str, float]) -> str:
 
 
 def counted(count: int, noun: str) -> str:
-    """A number of things: 1 drive, 2 drives."""
+    """A count with its noun: 1 drive, 2 drives."""
     return f"{count} {noun}{'s' * (count != 1)}"

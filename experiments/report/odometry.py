@@ -29,7 +29,7 @@ _RELATIVE = (
 
 
 def tables(found: Sequence[Evaluated]) -> list[Table]:
-    """The tables; those of headings are left out if none was measured."""
+    """The tables, without headings if none were measured."""
     absolute = []
     for one in found:
         kinds = [(errors, name) for errors in (one.errors.aligned, one.errors.from_first) for name in _FACTORS]
@@ -67,7 +67,7 @@ def _small(value: float) -> str:
 
 
 def gain(found: Sequence[Evaluated]) -> str:
-    """How much better the best law is than no slip compensation after the longest way that all have, in a line."""
+    """A line on the gain of the best law over no slip compensation, after the longest distance that all have."""
     without = next((one for one in found if one.used.name == NO_SLIP), None)
     others = [one for one in found if one is not without]
     lengths = set.intersection(*(set(one.errors.after_metres) for one in found))
@@ -84,7 +84,7 @@ def gain(found: Sequence[Evaluated]) -> str:
 
 
 def sensing_lines(found: Sequence[Evaluated], sensor_given: bool, clock_given: bool) -> list[str]:
-    """Where the sensor was taken to sit and how far the clocks are apart: a line, or one for each law that differs."""
+    """Lines on the sensor's place and the clock offset: one, or one for each law that differs."""
     known = any(one.used.mounting is not None for one in found)
     words = ["given" if given else "as identified" if known else "assumed" for given in (sensor_given, clock_given)]
     by_sensing: dict[tuple[Mounting, float], list[str]] = {}

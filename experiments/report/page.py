@@ -47,7 +47,7 @@ class Drawn:
 
     @property
     def is_narrow(self) -> bool:
-        """Whether it is one panel, which a page does not stretch to its width."""
+        """True for one panel, which a page does not stretch to its width."""
         return float(re.findall(r'width="([\d.]+)pt"', self.svg)[0]) < _NARROW
 
     def write(self, folder: Path) -> None:
@@ -122,7 +122,7 @@ class Bullets:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Files beside the page, as thumbnails."""
+    """Files in the page's folder, shown as thumbnails."""
 
     files: Sequence[str]
     description: str

@@ -1,4 +1,4 @@
-"""The table of the paper's results beside the simulation's."""
+"""The table that compares the paper's results with the simulation's."""
 
 from collections.abc import Mapping, Sequence
 from math import degrees

@@ -14,7 +14,7 @@ _EXPECTED = ("parameter", "expected value", "standard error", "relative to", "sh
 
 
 def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
-    """Print what a plan is expected to tell, and where the robot starts and stays."""
+    """Print the errors that a plan is expected to give, and the robot's start and extent."""
     limits = plan.limits
     rows = []
     for (name, size), value in zip(plan.sizes.items(), plan.values.tolist(), strict=True):

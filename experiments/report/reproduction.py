@@ -1,4 +1,4 @@
-"""The page of a reproduction of the paper: its results beside the simulation's, slip, laws, closed loops."""
+"""The page of a reproduction of the paper: comparison of results, slip, laws, closed loops."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -36,7 +36,7 @@ def page(
         command: the command line that made it.
         manifest: configuration, versions, seed: anything that fits into JSON.
         grid: the results of the grid, from `grid_results`.
-        comparison: the paper's results beside the simulation's.
+        comparison: the paper's results and the simulation's.
         loops: the closed loops, from `closed_loops`.
         found: the slip laws.
         warnings: other than those of the identification.
@@ -52,7 +52,7 @@ def page(
 
 
 def grid_results(found: Identification, logs: Sequence[RunLog], radius: RadiusSummary) -> list[Block | None]:
-    """The results of the grid beside the paper's, and the blocks of its slips and laws."""
+    """The results of the grid compared with the paper's, and the blocks of its slips and laws."""
     measured = measured_slip(found, logs)
     return [_published_and_simulated(found, radius), *(measured.blocks if measured else ())]
 

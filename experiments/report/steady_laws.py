@@ -1,4 +1,4 @@
-"""Laws identified from steady runs: tables, and sentences on the best law and on those of the wrong shape."""
+"""Laws identified from steady runs: tables, and sentences on the best law and on laws that lack fit."""
 
 import numpy as np
 from markupsafe import Markup
@@ -102,7 +102,7 @@ def lack_of_fit_text(comparison: SteadyComparison) -> str:
 
 
 def best_text(comparison: SteadyComparison) -> str:
-    """The best law and how well it predicts, beside the paper's exponential."""
+    """A sentence on the best law's predictions, compared with the paper's exponential."""
     parts = []
     for name in dict.fromkeys([comparison.best, "exponential"]):
         if name in comparison.laws:

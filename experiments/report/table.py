@@ -44,7 +44,7 @@ class Table:
     note: str = ""
     """Text below the table, on the page alone."""
     folded: bool = False
-    """Whether a page shows the table only when its title is clicked."""
+    """Collapse the table on a page until its title is clicked."""
 
     kind: ClassVar[str] = "table"
 
@@ -69,7 +69,7 @@ class Table:
 
     @property
     def texts(self) -> list[list[str]]:
-        """The rows as they are printed on the terminal."""
+        """The rows for the terminal."""
         return [[_printed(cell) for cell in row] for row in self.rows]
 
     @property
@@ -79,7 +79,7 @@ class Table:
 
     @property
     def dense(self) -> bool:
-        """Whether the table has so many columns that it is set smaller."""
+        """True if the table has so many columns that a page sets it smaller."""
         return len(self.header) > _DENSE
 
     @property

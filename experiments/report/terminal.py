@@ -40,7 +40,7 @@ def progress(stage: str, total: float, unit: str = "s", done: float = 0.0) -> Ab
 
 
 def busy(stage: str) -> AbstractContextManager[Advance]:
-    """The same for a stage of unknown progress."""
+    """A spinner for a stage of unknown progress."""
     return _shown(stage, None, 0.0, (TimeElapsedColumn(),), lambda _, elapsed: f"{elapsed:.0f} s")
 
 

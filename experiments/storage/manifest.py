@@ -1,4 +1,4 @@
-"""What is needed to reproduce a result: options, code, models, versions of the libraries, git state."""
+"""Manifests: everything needed to reproduce a result, from options and versions to the git state."""
 
 import contextlib
 import functools
@@ -29,7 +29,7 @@ _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "
 
 
 def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict[str, Any]:
-    """What is needed to reproduce a result: resolved options, versions, git state, and what is in `more`.
+    """Everything needed to reproduce a result: resolved options, versions, git state, and `more`.
 
     Paths are relative to the current folder, so that a manifest says nothing about the machine's folders.
     """
@@ -107,7 +107,7 @@ def content(path: Path) -> str | None:
 
 
 def changes(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """What differs between two of `made_by`, in words."""
+    """A text on the difference between two entries of `made_by`."""
     found = [f"trackslip's {name}" for name in ("code", "models") if before.get(name) != now[name]]
     old = before.get("versions", {})
     return found + [f"{name} ({old.get(name)}, now {v})" for name, v in now["versions"].items() if old.get(name) != v]

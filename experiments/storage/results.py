@@ -177,7 +177,7 @@ def _restore(left: Path, out: Path) -> None:
 
 
 def write_whole(file: Path, write: Callable[[Path], object]) -> None:
-    """Have `write` fill a draft beside the file, and put that in its place; where it fails, nothing is left behind."""
+    """Have `write` fill a draft in the file's folder, and move it into place; a failure leaves nothing behind."""
     draft = file.with_name(f".{file.name}-{os.getpid()}")
     with _folders(file.parent):
         try:
@@ -188,7 +188,7 @@ def write_whole(file: Path, write: Callable[[Path], object]) -> None:
 
 
 def write_output(file: Path, write: Callable[[Path], object]) -> None:
-    """The same for a file that the user has named: raises OutputError if it can't be written."""
+    """Replace a file that the user has named; raises OutputError if it can't be written."""
     with output_errors(str(file)):
         write_whole(file, write)
 

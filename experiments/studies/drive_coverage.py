@@ -1,4 +1,4 @@
-"""How well laws are estimated from whole drives: errors and intervals over drives whose law is known."""
+"""Coverage study of whole drives: errors and intervals of laws over drives whose law is known."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ LAW = "icr_radius"
 """The law that moves the robot and is fitted."""
 D, EPSILON = "offset", "radius_error"
 TRUE_LAW: Mapping[str, float] = {D: 0.045, EPSILON: 0.0066}
-"""Its parameters [m, -], like those of the shipped robot on stone."""
+"""Its parameters [m, -], similar to the shipped robot's on stone."""
 TRUTH = np.array([*TRUE_LAW.values()])
 MAX_SIMULATED = 40
 """Drives in MuJoCo; each is measured again and again."""
@@ -89,7 +89,7 @@ class Case:
     over_bound: float | None = None
     """Largest root mean square error over the Cramér-Rao bound, if that is checked [-]."""
     over_model: float | None = None
-    """Largest half width of an interval over that of the model of the noise, if that is checked [-]."""
+    """Largest half width of an interval relative to the noise model's, if it is checked [-]."""
     standard_errors: float | None = None
     """Largest error of any repeat, in its standard errors, if that is checked."""
 

@@ -270,7 +270,7 @@ def _ahead(outcomes: Sequence[Outcome]) -> tuple[float, ...] | None:
 
 
 def _checks(plan: DrivePlan, outcomes: Mapping[str, Sequence[Outcome]], summary: Mapping[str, Any]) -> Iterator[Check]:
-    """Fits, limits of the drive, and errors over those predicted and those of the paper's runs."""
+    """Fits, limits of the drive, and errors relative to the prediction and to the paper's runs."""
     case = f"{len(outcomes[PLAN])} drives of {plan.limits.duration:g} s"
     failed = sum(bool(one.notes) for ones in outcomes.values() for one in ones)
     reach, speed = (max(one.numbers[name] for one in outcomes[PLAN]) for name in ("reach", "speed"))

@@ -1,4 +1,4 @@
-"""How often intervals of laws cover the truth: for samples drawn from every law, and for grids scanned repeatedly."""
+"""Coverage study of steady samples: drawn from every law, and from grids scanned repeatedly."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def _scanned(
 
 
 def _repeats(config: Config, number: int) -> int:
-    """How often a grid is scanned."""
+    """Number of times that a grid is scanned."""
     return len(range(number, config.run_repeats, config.grids))
 
 

@@ -1,4 +1,4 @@
-"""The engine of Monte-Carlo studies: trials with random numbers of their own, stored as they finish, and statistics."""
+"""The engine of Monte-Carlo studies: independent trials, stored as they finish, and their statistics."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Trial:
     case: str
     number: int = 0
     given: Any = field(default=None, compare=False)
-    """What it starts from, such as a log, where that follows from the options."""
+    """Its input, such as a log, where it follows from the options."""
 
 
 class Estimate(NamedTuple):
@@ -65,7 +65,7 @@ class Outcome:
     numbers: Mapping[str, Any] = field(default_factory=dict)
     """Other numbers by name, or groups of them."""
     notes: tuple[str, ...] = ()
-    """Why something could not be estimated; without estimates, why the fit failed."""
+    """Reasons why a parameter was not estimated or, without estimates, why the fit failed."""
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Self:
@@ -149,9 +149,9 @@ class Study:
     """The results of a study."""
 
     summary: Mapping[str, Any]
-    """What is stored besides the checks; `failures` are the reasons why fits failed."""
+    """The summary besides the checks; `failures` are the reasons why fits failed."""
     shown: Sequence[Table | str]
-    """What is printed."""
+    """The tables to print."""
     checks: Sequence[Check] = ()
 
     def to_json(self) -> dict[str, Any]:
@@ -202,7 +202,7 @@ class Estimates:
 
 
 def failures_of(outcomes: Iterable[Outcome]) -> list[str]:
-    """Why fits failed, once each."""
+    """The reasons why fits failed, once each."""
     return sorted({note for one in outcomes for note in one.notes})
 
 

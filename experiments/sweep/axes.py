@@ -38,7 +38,7 @@ AXES = {
         Column("seed", NO_UNIT, "root of all random numbers"),
     )
 }
-"""Axes with a meaning of their own; the others are options, described by their help."""
+"""Axes that are not options; options are described by their help."""
 MAX_RUNS = 1_000_000
 _POSITIVE = ("radius", "speed", "friction_ratio")  # axes that are no options
 _NO_AXES = ("radii", "speeds", "threads", "rrd", "out", "robot", "robot.radius_error", *ALIASES.values())

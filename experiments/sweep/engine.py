@@ -22,7 +22,7 @@ Outcome = RunLog | BaseException
 _EACH = 4
 """Minimum number of fleets per worker, so that all end at about the same time, unless fleets would be too small."""
 _LONG = 2_000.0
-"""Time that a fleet drives, all robots together, from which on a worker of its own is worth its start [s]."""
+"""Simulated time of a fleet, all robots together, above which it is worth starting a worker for it [s]."""
 _AT_ONCE = 16_000.0  # longest time that a fleet drives, all robots together, for its logs to fit into memory [s]
 
 
@@ -43,7 +43,7 @@ class Planned(Protocol):
 
     @property
     def fleet(self) -> str:
-        """The same for runs that can be driven together; those last equally long."""
+        """A key shared by runs that can be driven together and last equally long."""
 
     @property
     def duration(self) -> float:
@@ -55,7 +55,7 @@ KindRunT = TypeVar("KindRunT", bound=Planned, contravariant=True)
 
 
 class Kind(Protocol[KindRunT]):
-    """What the runs of a sweep are; goes to the workers."""
+    """The kind of runs in a sweep; pickled for the workers."""
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -65,7 +65,7 @@ class Kind(Protocol[KindRunT]):
         """Drive runs as one fleet; `progress` is given in the command's own process, and takes seconds of the fleet."""
 
     def measure(self, run: KindRunT, log: RunLog) -> Row:
-        """What is measured of a run that didn't fail, by column."""
+        """Measurements of a run that didn't fail, by column."""
 
 
 Driven = tuple[Part, list[RunLog], dict[str, float]]
@@ -108,7 +108,7 @@ def _isolating(runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[
 
 
 def _reason(error: BaseException) -> str:
-    """Why a run failed, on one line."""
+    """The reason why a run failed, on one line."""
     said = str(error) if isinstance(error, TrackslipError) else f"{type(error).__name__}: {error}"
     return " ".join(said.split())
 

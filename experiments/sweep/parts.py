@@ -1,4 +1,4 @@
-"""Runs that have been driven: parts of an unfinished command, kept beside its results until those are complete.
+"""Driven runs of an unfinished command, kept in parts next to its results until these are complete.
 
 A part holds the runs of a fleet: their rows as JSON, their logs as Parquet. A run is identified by its id, a hash of
 everything its numbers depend on except code, models and libraries; those are recorded with its row.
@@ -173,12 +173,12 @@ def _rows(path: Path, logs: Path) -> list[Stored]:
 
 
 def _wanted(rows: Iterable[Stored], ids: Collection[str]) -> dict[str, Stored]:
-    """Those of the runs `ids` that did not fail, by id."""
+    """The runs `ids` that did not fail, by id."""
     return {one.row["id"]: one for one in rows if one.row["id"] in ids and one.row["error"] is None}
 
 
 def _is_whole(file: Path, runs: dict[str, Stored]) -> bool:
-    """Whether all of a file can be read, and it has these runs."""
+    """True if a whole file can be read and has these runs."""
     try:
         with pyarrow.parquet.ParquetFile(file, page_checksum_verification=True) as stored:
             for group in range(stored.num_row_groups):

@@ -28,13 +28,13 @@ _IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_
 
 @dataclass(frozen=True)
 class Setting:
-    """What runs that differ only in radius, speed and seed share."""
+    """Settings shared by runs that differ only in radius, speed and seed."""
 
     config: GridConfig
     """Its options, with all radii and speeds."""
     specification: Specification
     kept: bool
-    """Whether the logs have all ranges of the scans."""
+    """Keep all ranges of the scans in the logs."""
 
     @functools.cached_property
     def id(self) -> str:
@@ -43,7 +43,7 @@ class Setting:
 
     @functools.cached_property
     def world_key(self) -> str:
-        """What random numbers depend on in a world other than that of `reproduce`, whose scans a grid meets."""
+        """Key of the random numbers in worlds other than `reproduce`'s, whose scans a default grid repeats."""
         world = _world_digest(self.config, self.specification)
         return "" if world == _shipped_world_digest() else f" {world}"
 

@@ -1,4 +1,4 @@
-"""What a sweep says: numbers of each of its grids, of radius x speed, warnings and failures."""
+"""The summary of a sweep: numbers of each grid of radius x speed, warnings and failures."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -37,7 +37,7 @@ class Grid:
     """One grid of radius x speed; what no run gives is NaN."""
 
     axes: Mapping[str, Any]
-    """What else varies in the sweep, by name: this grid's values."""
+    """This grid's values of the other axes of the sweep, by name."""
     runs: int
     failed: int
     radius: Radii
@@ -130,7 +130,7 @@ def print_sweep(grids: Sequence[Grid], rows: Sequence[Row], duration: float) -> 
 
 
 def all_failed(rows: Sequence[Row]) -> str:
-    """Why a sweep has no run."""
+    """The reason why a sweep has no run."""
     first, *others = rows
     return f"all {len(rows)} runs fail, the first, {first['run']!r}: {first['error']}" if others else first["error"]
 

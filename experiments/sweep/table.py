@@ -91,7 +91,7 @@ def chosen(folder: Path, where: Sequence[str]) -> set[str]:
 
 
 def _is(value: Any, text: str) -> bool:
-    """Whether a value equals its text."""
+    """True if a value equals its text."""
     if str(value) == text or (isinstance(value, bool) and str(value).lower() == text):
         return True
     with contextlib.suppress(ValueError):

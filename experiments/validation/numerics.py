@@ -21,7 +21,7 @@ STEPS = (0.0005, 0.001, 0.002, 0.005, 0.01)
 REFERENCE_STEP = 0.00025
 """Physics step that serves as the reference [s]."""
 ENERGY_DURATION, ENERGY_ROBOTS = 10.0, 4
-"""The same for the balance of energy [s]."""
+"""Duration of the energy balance [s]."""
 _HOLD = 1.0  # time for which each random command is held [s]
 
 

@@ -160,7 +160,7 @@ def checks_of(name: str, found: Measured) -> list[Check]:
 
 
 def comparison(found: Measured) -> Table:
-    """The recipe beside MuJoCo's default contact."""
+    """The recipe compared with MuJoCo's default contact."""
     both, b = (found.turns, found.naive_turns), found.parameters.half_gauge
     loads_of = (found.loads.load - found.loads.expected, found.naive_loads.load - 1)
     sinks = (found.loads.sink, found.naive_loads.sink)

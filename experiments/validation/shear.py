@@ -160,7 +160,7 @@ def _turns(
 
 
 def checks_of(found: Measured) -> list[Check]:
-    """Everything that a robot has to reach."""
+    """All checks of a robot."""
     turns, checks = found.turns, []
 
     def check(what: str, value: float, bound: float, unit: str = "1", source: str = _THEORY) -> None:

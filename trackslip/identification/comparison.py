@@ -43,7 +43,7 @@ class Comparison:
     best: str
     """The law that predicts motion best; of laws that predict it equally well, the simplest."""
     warnings: tuple[str, ...]
-    """What a reader should know of the fits, one line each."""
+    """Doubts and remarks on the fits, one line each."""
 
     @property
     def ranking(self) -> tuple[str, ...]:
@@ -66,7 +66,7 @@ class SteadyComparison(Comparison):
     validation: Mapping[str, CrossValidation]
     """Cross-validation by name of the law."""
     criterion: str
-    """What the best law was chosen by: `left-out radii`, `left-out runs`, `AICc` or `scatter`, as the samples allow."""
+    """Criterion of the best law: `left-out radii`, `left-out runs`, `AICc` or `scatter`, as the samples allow."""
 
     @property
     def ranking(self) -> tuple[str, ...]:
@@ -105,7 +105,7 @@ class DriveComparison(Comparison):
 def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyComparison:
     """Fit all families that the samples determine, and the baselines in any case, and compare them.
 
-    Raises LogError if the samples determine no law that tells of turns.
+    Raises LogError if the samples determine no law of turning.
     """
     laws: dict[str, SteadyFit] = {}
     warnings: list[str] = []

@@ -54,7 +54,7 @@ def coverage(
 def noise_coverage(
     name: str, repeats: Sequence[tuple[SlipSamples, SlipSamples]], geometry: RobotGeometry
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """How often intervals from measured samples contain the values fitted to the true motions, given as pairs.
+    """Shares of the intervals from measured samples that contain the values fitted to the true motions, given as pairs.
 
     The true motion is fitted with the weights of each repeat, so that the two differ only by noise. The first shares
     are those of intervals from the noise part of the standard errors, which should be 95 %; the second those of the

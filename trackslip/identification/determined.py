@@ -29,7 +29,7 @@ _REASONS = {
 
 
 def undetermined_by_samples(name: str, fits: Fits, error: Array) -> tuple[str, ...]:
-    """Why the samples do not determine a parameter, with standard errors (p,); empty if they determine all of them."""
+    """Reasons why the samples do not determine a parameter, from standard errors (p,); empty if they determine all."""
     names, limits = fits.family.names, fits.family.limits(fits.runs.geometry.half_gauge)
     load = fits.runs.load
     if fits.family.loaded and (load is None or np.ptp(load) == 0):
@@ -69,9 +69,9 @@ def undetermined_by_drives(fit: TrajectoryFit) -> tuple[str, str] | None:
 
 
 def vaguest(names: Sequence[str], information: Array, scale: Array) -> tuple[str, list[str]] | None:
-    """The parameter to hold, and those that it can't be told from; None if all f are determined.
+    """The parameter to hold, and the ones that it is confused with; None if all f are determined.
 
-    `information` (f, f) is that of the data alone; it is scaled by the changes that matter, `scale` (f,). Of the
+    `information` (f, f) excludes the priors; `scale` (f,) are significant changes of the parameters. Of the
     vaguest combination it is the extra with the largest share, or a parameter of the law if no extra has a part in it.
     """
     size, direction = np.linalg.eigh(information * np.outer(scale, scale))

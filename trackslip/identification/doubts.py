@@ -1,4 +1,4 @@
-"""What a reader should doubt in identified laws, one line each."""
+"""Doubts about identified laws, one line each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trackslip.identification.sensor import offset_between_sides
 from trackslip.slip.families import FAMILIES
 
 WITHOUT_RADIUS = ("none", "constant")
-"""Laws that tell nothing of turns."""
+"""Laws that do not describe turning."""
 _CERTAIN = 3.0  # size of a value that is no chance [standard errors]
 _LARGE_RADIUS_ERROR = 0.1  # radius error above which a wrong gear or sprocket radius is more likely [-]
 _MANY = 0.1  # share of outlying poses worth a line
@@ -101,7 +101,7 @@ def _implausible_values(law: FittedLaw) -> list[str]:
 
 
 def _mounting(law: DriveFit) -> list[str]:
-    """What the drive tells of the sensor and its clock, where it is neither chance nor negligible."""
+    """Estimates of the sensor's mounting and clock that are neither chance nor negligible."""
     told = []
     for name, (unit, factor, least, positive, negative) in _SENSOR.items():
         value, error = factor * law.extras[name], factor * law.stderr.get(name, np.inf)
@@ -112,7 +112,7 @@ def _mounting(law: DriveFit) -> list[str]:
 
 
 def _left_out(law: DriveFit) -> list[str]:
-    """What was left out of the drives."""
+    """Poses and steps that were left out of the drives."""
     doubts = []
     if law.left_out > _MANY * (law.poses + law.left_out):
         doubts.append(f"{law.left_out} of {law.left_out + law.poses} poses are outlying and left out")

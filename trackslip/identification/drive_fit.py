@@ -85,8 +85,8 @@ def fit_trajectory(
 ) -> TrajectoryFit:
     """Fit the values `free` (f,) of (p,) and the states (K, 3), starting from those given.
 
-    `mean` (p,) is that of the priors. With `gated`, outlying poses and steps are left out, else the weights of `nodes`
-    stay. With `quiet`, the noise stays as given. At most `rounds` steps are made.
+    `mean` (p,) are the means of the priors. With `gated`, outlying poses and steps are left out, else the weights of
+    `nodes` stay. With `quiet`, the noise stays as given. At most `rounds` steps are made.
     """
     yaw, prior = model.index("sensor_yaw"), model.prior
     measured = Nodes.of(nodes.drives)

@@ -1,4 +1,4 @@
-"""A law fitted to drives: values, errors, intervals, and what the driving doesn't tell."""
+"""Laws fitted to drives: values, errors, intervals, and parameters that the driving does not determine."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def _without_lag(
 
 
 def _likelier_alike(found: TrajectoryFit) -> bool:
-    """Whether the poses of a fit that uses their covariances are clearly likelier if all are equally uncertain."""
+    """True if the poses of a fit that uses their covariances are clearly likelier with equal uncertainties."""
     if found.nodes.whitening is None:
         return False
     drives = tuple(replace(drive, whitening=None) for drive in found.nodes.drives)
@@ -158,7 +158,7 @@ def _lagged(found: TrajectoryFit) -> Array:
 
 
 def _may_lag(found: TrajectoryFit) -> bool:
-    """Whether a few steps with a lag, the noise as it is, make the poses likelier than a fit without it."""
+    """True if a few steps with a lag, at unchanged noise, make the poses likelier than a fit without it."""
     free = np.append(found.free, found.model.index("lag"))
     try:
         tried = fit_trajectory(

@@ -1,6 +1,6 @@
-"""The model of a drive: a law, and how the sensor, its clock and the robot's lag distort what is measured.
+"""The model of a drive: a law, and the effects of the sensor's mounting, its clock and the robot's lag on the poses.
 
-Parameters are those of the law, followed by EXTRAS:
+Its parameters are the law's, followed by EXTRAS:
 
 - sensor_x: how far ahead of the turning centre the sensor sits [m]. The centre may lie ahead of or behind the middle of
   the tracks; the two can't be told apart.

@@ -63,7 +63,7 @@ class Nodes:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals at a trajectory and parameters, and the derivatives of those of steps.
+    """Residuals at a trajectory and parameters, with the derivatives of the step residuals.
 
     In memory, nodes are the last axis of the derivatives.
     """

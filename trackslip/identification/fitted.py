@@ -55,7 +55,7 @@ class FittedLaw:
 class SteadyFit(FittedLaw):
     """A law fitted to steady samples.
 
-    Standard errors are inflated if the law lacks fit; the intervals are those of the profile likelihood.
+    Standard errors are inflated if the law lacks fit; intervals come from the profile likelihood.
     """
 
     bootstrap95: dict[str, tuple[float, float]]
@@ -71,7 +71,7 @@ class SteadyFit(FittedLaw):
     lack_of_fit: LackOfFit | None
     """Test for lack of fit; None without repeated runs and measurement errors."""
     notes: tuple[str, ...] = ()
-    """Why the samples do not determine the law, whose values then mean nothing; empty if they do."""
+    """Reasons why the samples do not determine the law, whose values then mean nothing; empty if they do."""
 
     @property
     def determined(self) -> bool:

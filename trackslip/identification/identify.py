@@ -118,7 +118,7 @@ def identify_samples(
 ) -> Identification:
     """Leave out outliers, fit and compare the laws; raises LogError if the samples determine no law.
 
-    `sensor` and `estimate_sensor` are those of `with_sensor`; by default the sensor is at the robot's centre.
+    For `sensor` and `estimate_sensor` see `with_sensor`; by default the sensor is at the robot's centre.
     """
     centred, _, notes = with_sensor(sampling.samples, geometry, sensor, estimate_sensor)
     samples, outliers = split_outliers(centred, geometry)
@@ -140,5 +140,5 @@ def _drive(
 
 
 def _mostly_steady(sampling: Sampling) -> bool:
-    """Whether steady stretches make up most of the driving."""
+    """True if steady stretches make up most of the driving."""
     return len(sampling.samples) >= _MIN_SAMPLES and sampling.steady_share >= _MIN_STEADY

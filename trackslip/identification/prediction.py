@@ -1,4 +1,4 @@
-"""How well laws predict motion that they were not fitted to: left-out steady runs, and driving some seconds ahead."""
+"""Predictions of motion that laws were not fitted to: left-out steady runs, and driving some seconds ahead."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _CHANCE = 1.0  # difference of squared errors that may be chance [standard error
 _ROUGHLY = 1e-8  # tolerance of the fits: errors of predictions depend on them but weakly
 _NEGLIGIBLE = 1e-3  # relative error of the track speeds that no ground and no encoder repeats, and no law need predict
 HORIZONS = (1.0, 2.0, 5.0, 10.0)
-"""How far ahead is predicted [s]."""
+"""Horizons of the predictions [s]."""
 _MAX_FOLDS = 5
 _TRAIL = 10.0  # time over which positions give the heading at the start, without headings [s]
 _MIN_TRAIL = 5  # number of those positions

@@ -1,4 +1,4 @@
-"""What an identification found: laws, their intervals, and which law is best; as tables and in a summary.json."""
+"""The result of an identification: laws, intervals and the best law, as tables and for a summary.json."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ class Identification:
     geometry: RobotGeometry
     """Nominal geometry of the robot."""
     method: Method
-    """What `best`, `laws` and `intervals` come from: steady stretches or whole drives."""
+    """Source of `best`, `laws` and `intervals`: steady stretches or whole drives."""
     steady: SteadyComparison | None
-    """What steady stretches give; None if there are too few."""
+    """Laws of steady stretches; None if there are too few."""
     drive: DriveComparison | None
-    """What whole drives give; None if they were not evaluated."""
+    """Laws of whole drives; None if they were not evaluated."""
     outliers: tuple[Refused, ...]
     """Runs that gave no sample or were left out of the fits."""
     warnings: tuple[str, ...]
-    """What a reader should know, one line each."""
+    """Doubts and remarks, one line each."""
     logs: tuple[RunLog, ...] = ()
     """The runs that the laws were identified from, if there were any."""
 

@@ -114,7 +114,7 @@ class Sampling:
     refused: tuple[Refused, ...]
     """Runs and steady stretches without a sample."""
     notes: tuple[str, ...]
-    """What was excluded from usable runs, one line each."""
+    """Parts that were excluded from usable runs, one line each."""
     steady_share: float = 1.0
     """Share of the time of driving that is in steady stretches, settling included [-]."""
 

@@ -1,4 +1,4 @@
-"""Where the sensor of the poses sits: twists at the robot's centre, and the sensor's place from the driving itself.
+"""The mounting of the poses' sensor: twists at the robot's centre, and estimates of the mounting from the driving.
 
 A sensor at (x, y), whose heading is turned by psi, moves in its own frame at
 
@@ -41,7 +41,7 @@ class SensorEstimate:
     stderr: Mapping[str, float] = field(default_factory=dict)
     """Standard errors of `x`, `y` [m] and `yaw` [rad], where they are determined."""
     reasons: Mapping[str, str] = field(default_factory=dict)
-    """Why the others are not."""
+    """Reasons why the others are not."""
 
 
 def corrected(samples: SlipSamples, sensor: Mounting, geometry: RobotGeometry) -> SlipSamples:
@@ -177,7 +177,7 @@ def _offset(samples: SlipSamples, geometry: RobotGeometry) -> tuple[float, float
 
 
 def _worth_correcting(name: str, found: SensorEstimate, geometry: RobotGeometry) -> bool:
-    """Whether an estimate is neither chance nor negligible; x alone changes no twist."""
+    """True if an estimate is neither chance nor negligible; x alone changes no twist."""
     if name not in _MATTERS:
         return False
     least = _MATTERS[name] * (1 if name == "yaw" else geometry.half_gauge)
@@ -185,7 +185,7 @@ def _worth_correcting(name: str, found: SensorEstimate, geometry: RobotGeometry)
 
 
 def _told(name: str, found: SensorEstimate) -> str:
-    """What was corrected, in words."""
+    """A line on a correction."""
     value, error = getattr(found.sensor, name), found.stderr[name]
     if name == "yaw":
         turned = f"{np.degrees(abs(value)):.2f} ± {np.degrees(error):.2g}° to the {'left' if value > 0 else 'right'}"

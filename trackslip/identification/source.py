@@ -27,7 +27,7 @@ _LOADING = ("slope", "uphill")  # of the ground: may differ between runs that te
 
 @dataclass(frozen=True)
 class Reading:
-    """How a log is read."""
+    """Options for reading a log."""
 
     half_gauge: float | None = None
     """Half the distance between the tracks [m]; None for the log's."""
@@ -40,7 +40,7 @@ class Reading:
     motion: str | None = None
     """Name of a motion method; None for the most accurate that each run allows."""
     bag: BagChoice = AUTOMATIC
-    """What to take from bags."""
+    """Topics to read from bags."""
 
     def __post_init__(self) -> None:
         require_positive("gear", self.gear)
@@ -48,10 +48,10 @@ class Reading:
 
 @dataclass(frozen=True)
 class Source:
-    """What was logged: runs, and their steady samples."""
+    """Logged runs and their steady samples."""
 
     name: str
-    """What messages call it."""
+    """Its name in messages."""
     geometry: RobotGeometry
     reading: Reading
     logs: tuple[RunLog, ...] = ()
@@ -61,9 +61,9 @@ class Source:
     refused: tuple[Refused, ...] = ()
     """Runs that cannot be read."""
     notes: tuple[str, ...] = ()
-    """What was left out of the runs when they were read, one line each."""
+    """Parts that were left out of the runs when they were read, one line each."""
     taken: tuple[str, ...] = ()
-    """What was taken from bags as encoders and poses, one line each."""
+    """Topics that were taken from bags as encoders and poses, one line each."""
 
     @cached_property
     def sampling(self) -> Sampling:

@@ -74,11 +74,11 @@ class WeightedRuns:
         return self.turn * (self.geometry.sprocket_radius * np.abs(self.omega).max(axis=1)[:, None, None])
 
     def weighted(self, weight: Array) -> WeightedRuns:
-        """The same with weights (M, n)."""
+        """A copy with weights (M, n)."""
         return replace(self, weight=weight)
 
     def measured(self, twist: Array) -> WeightedRuns:
-        """The same with other measured twists (M, n, 2)."""
+        """A copy with other measured twists (M, n, 2)."""
         return replace(self, speeds=track_speeds(twist, self.geometry.half_gauge))
 
     def deviation(self, law: SlipLaw, rows: np.ndarray | slice = slice(None)) -> Array:
@@ -86,7 +86,7 @@ class WeightedRuns:
         return self.missed(law.twist(self.omega, self.geometry), rows)
 
     def missed(self, twist: Array, rows: np.ndarray | slice = slice(None)) -> Array:
-        """The same for the twists (m, n, 2) that laws predict."""
+        """Residuals (m, n, 2) of predicted twists (m, n, 2), as `deviation` gives them."""
         predicted = track_speeds(twist, self.geometry.half_gauge)
         speeds = self.speeds if len(self.speeds) == 1 else self.speeds[rows]
         return np.einsum("nij,mnj->mni", self.turn, speeds - predicted)

@@ -27,7 +27,7 @@ class Edges(Rows):
 
 @dataclass(frozen=True)
 class Beams:
-    """What M scans tell about the plate: H returns, at least one of each scan, and two edges each."""
+    """The data of M scans: H returns from the plate, at least one per scan, and two edges each."""
 
     u: Array  # (2, H) directions of the beams that returned
     u_turned: Array  # (2, H) the same, turned by a right angle to the right
@@ -62,7 +62,7 @@ class Beams:
         return cls(u, u_turned, distance, count, first, edges, max(scan.noise, MIN_NOISE))
 
     def take(self, rows: np.ndarray) -> Beams:
-        """Those of the scans `rows` (R,), in that order, possibly repeated."""
+        """The beams of the scans `rows` (R,), in that order, possibly repeated."""
         count, kept = self.count[rows], self.places(rows)
         first = count.cumsum() - count
         u, u_turned = (part.take(kept, axis=1) for part in (self.u, self.u_turned))
@@ -84,7 +84,7 @@ class Beams:
         return replace(self, count=count, first=np.cumsum(count) - count, **few)
 
     def spread(self, of_scans: Array) -> Array:
-        """What belongs to the scans, (..., M), for each of their returns (..., H)."""
+        """Values (..., M) of the scans repeated for each of their returns, (..., H)."""
         return of_scans.repeat(self.count, axis=-1)
 
     def sums(self, of_returns: Array) -> Array:

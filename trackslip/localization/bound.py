@@ -1,4 +1,4 @@
-r"""How accurately one scan determines a pose: the Cramér-Rao bound of the ray model and the silhouette's edges.
+r"""Cramér-Rao bound of the pose from one scan, by the ray model and the silhouette's edges.
 
 A beam u from the LRF meets the face m.p = m.c - s of a plate centred on c, with outward normal -m and half size s, at
 
@@ -75,7 +75,7 @@ def ratio_to_bound(error: Array, bound: Array) -> Array:
     """Ratios (3,) of the root mean square errors of x, y and heading to the root of the mean bound.
 
     Args:
-        error: pose errors (S, 3), those of the heading without half turns.
+        error: pose errors (S, 3), without half turns of the heading.
         bound: covariances (S, 3, 3) in the same frame as the errors.
     """
     return np.sqrt(np.mean(error**2, axis=0) / np.mean(np.einsum("sii->si", bound), axis=0))
@@ -107,7 +107,7 @@ def beside_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan) -> tup
 
 
 def towards(pose: Array, plate: Plate, bearings: Array) -> np.ndarray:
-    """Which of the bearings (B,) can meet the plates at poses (S, 3), equally many for all of them: (S, W)."""
+    """Indices (S, W) of the bearings (B,) that can meet the plates at poses (S, 3), equally many for all."""
     distance, sight = np.hypot(pose[:, 0], pose[:, 1]), np.arctan2(pose[:, 1], pose[:, 0])
     radius = np.hypot(plate.length, plate.thickness) / 2
     spread = np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0))

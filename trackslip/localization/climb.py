@@ -55,7 +55,7 @@ class Evaluation(Rows):
         return _newton(self, _DAMPING)[1]
 
     def in_lrf_frame(self) -> Evaluation:
-        """The same with derivatives with respect to x, y and phi."""
+        """A copy with derivatives with respect to x, y and phi."""
         axes, terms = in_axes(self.pose[:, 2]), self.terms.copy()
         back = axes.swapaxes(1, 2)
         terms[:, 1:4] = (back @ self.gradient[..., None])[..., 0]
@@ -64,7 +64,7 @@ class Evaluation(Rows):
 
 
 class Surface(Protocol):
-    """What is climbed: costs of poses, given the beams of the scans."""
+    """The surface to climb: costs of poses, given the beams of the scans."""
 
     def evaluate(self, beams: Any, pose: Array) -> Evaluation:
         """Cost and derivatives at poses (M, 3), given what is known about M scans."""

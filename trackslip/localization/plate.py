@@ -51,7 +51,7 @@ class Solution(Rows):
         return cls(np.zeros((scans, 3)), unknown, unexplained, -unexplained, np.zeros(scans, bool))
 
     def improve(self, rows: np.ndarray, other: Solution) -> None:
-        """Overwrite those of the scans `rows` (R,) that the R solutions of `other` explain better."""
+        """Overwrite the solutions of the scans `rows` (R,) that the R solutions of `other` explain better."""
         better = other.score > self.score[rows]
         self.put(rows[better], other.take(better))
 
@@ -123,7 +123,7 @@ class PlateLocator:
         return found
 
     def _believed(self, found: Solution) -> np.ndarray:
-        """Which solutions (S,) are valid."""
+        """Mask (S,) of the valid solutions."""
         variance = np.einsum("sii->si", found.covariance)
         return (
             (found.misfit < self.max_misfit)
@@ -142,7 +142,7 @@ class PlateLocator:
         return found
 
     def _solved(self, scan: Scan, cluster: Cluster, near: Array | None) -> Solution:
-        """The same for clusters with MIN_RETURNS or more returns, all at once."""
+        """Solutions of clusters with MIN_RETURNS or more returns, all at once."""
         beams = Beams.of(scan, cluster)
         fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
@@ -189,5 +189,5 @@ def _misfit(fit: Evaluation, cluster: Cluster) -> Array:
 
 
 def _strained(misfit: Array, count: np.ndarray) -> np.ndarray:
-    """Whether `count` returns (S,) scatter about the plate by more than noise explains."""
+    """True where `count` returns (S,) scatter about the plate by more than noise explains."""
     return misfit - 1 > _STRAINED / np.sqrt(2 * count)

@@ -75,7 +75,7 @@ class Tracker:
         return unwrapped
 
     def _covariance(self) -> Array:
-        """Covariance (N, 3, 3) of the last valid pose, plus that of the distance driven since.
+        """Covariance (N, 3, 3) of the last valid pose, plus the growth over the distance driven since.
 
         Slip is not noise: its error grows with distance, and an error of the heading adds a lateral error.
         """

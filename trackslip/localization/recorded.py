@@ -1,6 +1,6 @@
-"""Tracks through scans that have all been recorded: a few are located on their own, the others between them.
+"""Tracks through recorded scans: a few are located independently, the others between them.
 
-Locating a scan on its own takes fits from several starts. Between two known poses the encoders tell where the robot was
+Locating a scan independently takes fits from several starts. Between two known poses the encoders place the robot
 so well that one start is enough.
 """
 
@@ -19,7 +19,7 @@ from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Scan
 
 EVERY = 8
-"""One scan of so many is located on its own."""
+"""Number of scans out of which one is located independently."""
 
 
 class Follower:
@@ -30,7 +30,7 @@ class Follower:
     """
 
     def __init__(self, locator: Locator, tracker: Tracker) -> None:
-        """`tracker` is that of the N robots, at their first scan."""
+        """`tracker` follows the N robots from their first scan."""
         self._locator, self._tracker = locator, tracker
         self._of_keys = copy.deepcopy(tracker)
         self._rows = 0  # scans so far

@@ -18,7 +18,7 @@ MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different objects [m]. It exceeds the length of the plate,
 whose returns can be that far apart when it is seen nearly edge-on."""
 FINER_GAPS = (0.25, 0.1)
-"""Tried where MAX_GAP does not separate the plate from something close to it [m]."""
+"""Smaller gaps, tried where MAX_GAP does not separate the plate from a close object [m]."""
 MIN_RETURNS = 3
 """Minimum number of returns for a pose."""
 MIN_NOISE = 0.5e-3
@@ -70,7 +70,7 @@ class Scan:
     max_range: float = np.inf
     """Nothing farther away gives a return [m]."""
     dropout: float = 0.0
-    """Probability that a beam that hits something gives no return, if known [-]."""
+    """Probability that a beam that hits an object gives no return, if known [-]."""
     background: Array | None = None
     """Ranges (B,), or several for each beam (L, B), of the field without the robot, NaN for no return [m]; None for an
     unknown field."""
@@ -227,7 +227,7 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
 
 
 def returns_of(scan: Scan) -> Returns:
-    """All returns except those of the background."""
+    """All returns that are not from the background."""
     kept = scan.ranges > _HOUSING  # false for NaN
     if scan.background is not None:
         tolerance = _STATIC * max(scan.noise, MIN_NOISE) if scan.tolerance is None else scan.tolerance
@@ -240,7 +240,7 @@ def returns_of(scan: Scan) -> Returns:
 
 
 def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> Array:
-    """Angles (C, 2) hidden by something closer, below the beams `low` (C,) of the scans `rows` and above `high` (C,).
+    """Angles (C, 2) hidden by closer objects, below the beams `low` (C,) of the scans `rows` and above `high` (C,).
 
     It is inf if the hidden part ends at the edge of the field of view or at a return that may be from the plate again,
     and also if nothing hides the plate but two returns follow that may be from it. (A single one may be a mixture of

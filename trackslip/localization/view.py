@@ -20,7 +20,7 @@ _TINY = 1e-12  # keeps a corner on the LRF from dividing by zero [m]
 
 @dataclass(frozen=True)
 class View:
-    """Where plates are along and across their own axes, seen from the LRF: one for each scan, or K, see `slid`."""
+    """Places of plates along and across their axes, seen from the LRF: one for each scan, or K (see `slid`)."""
 
     plate: Plate
     place: Points  # (M,) the centre, along + i across [m]
@@ -28,7 +28,7 @@ class View:
 
     @classmethod
     def of(cls, plate: Plate, pose: Array) -> View:
-        """Of plates at poses (M, 3) in the LRF's frame."""
+        """The view of plates at poses (M, 3) in the LRF's frame."""
         centre, axis = np.empty((2, len(pose)), complex)
         centre.real, centre.imag = pose[:, 0], pose[:, 1]
         np.cos(pose[:, 2], out=axis.real)
@@ -36,7 +36,7 @@ class View:
         return cls(plate, centre * axis.conj(), axis)
 
     def slid(self, offset: Array) -> View:
-        """Of plates slid along themselves by `offset` (M, K) [m]: arrays (M, K), or (M, 1) if equal."""
+        """The view of plates slid along themselves by `offset` (M, K) [m]: arrays (M, K), or (M, 1) if equal."""
         return View(self.plate, self.place[:, None] + offset, self.axis[:, None])
 
     def corners(self) -> Points:

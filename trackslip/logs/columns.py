@@ -68,7 +68,7 @@ class Columns:
         return np.stack([self.cells(name).values for name in names], axis=-1)
 
     def complaint(self, name: str, row: int) -> str:
-        """What is wrong with a cell."""
+        """A complaint about a cell."""
         value = self._table.column(name)[row].as_py()
         shown = repr(value) if len(repr(value)) <= 40 else repr(value)[:40] + "…"
         expected = "true or false" if name == "valid" else "a finite number"

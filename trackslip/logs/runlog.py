@@ -106,7 +106,7 @@ class Refused:
     run: str
     """Name of the run, or of its steady stretch."""
     reason: str
-    """Why it was excluded."""
+    """The reason for its exclusion."""
 
     @classmethod
     def of(cls, run: str, error: Exception) -> Refused:

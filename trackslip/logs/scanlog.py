@@ -37,7 +37,7 @@ class ScanLog:
     def ranges(self) -> tuple[Array, np.ndarray]:
         """Ranges [m] of all rows in sequence, each from its first beam, and their number in each row (T,).
 
-        NaN stands for no return, or one from something else.
+        NaN stands for no return, or one from another object.
         """
         cluster, width = self.cluster, self.cluster.width
         within = np.arange(cluster.hit.shape[1]) < width[:, None]

@@ -61,7 +61,7 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
 
 
 def to_rows(logs: Sequence[RunLog]) -> pa.Table:
-    """The same without the file's metadata."""
+    """Runs as one table, without the file's metadata."""
     names = [log.run for log in logs]
     if len(set(names)) < len(names):
         name = max(names, key=names.count)

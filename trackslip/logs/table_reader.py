@@ -30,9 +30,9 @@ class ReadRuns:
     refused: tuple[Refused, ...] = ()
     """Runs that cannot be read."""
     notes: tuple[str, ...] = ()
-    """What was left out of the others, one line each."""
+    """Parts that were left out of the others, one line each."""
     taken: tuple[str, ...] = ()
-    """What was taken as encoders and poses where the log leaves a choice, one line each."""
+    """Encoders and poses taken where the log leaves a choice, one line each."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -135,7 +135,7 @@ class _Reader:
         )
 
     def _left_out(self, name: str, rows: np.ndarray, unread: Mapping[str, np.ndarray], what: str) -> np.ndarray:
-        """Which of the rows (n,) are bad in any column, said in a note; raises LogError if most of them are."""
+        """Mask (n,) of the rows that are bad in any column, with a note; raises LogError if most of them are."""
         bad = np.any([marks[rows] for marks in unread.values()], axis=0)
         if bad.any():
             row = rows[np.argmax(bad)]

@@ -78,7 +78,7 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 def _slopes(fit: Evaluation, jacobian: Array) -> tuple[Array, Array]:
     """Derivatives of the costs of scans by the parameters of the arc, (T, 6), and the Hessian of their sum (6, 6).
 
-    `jacobian` (T, 3, 6) are those of the poses.
+    `jacobian` (T, 3, 6) are the derivatives of the poses.
     """
     fit = fit.in_lrf_frame()
     scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)

@@ -80,7 +80,7 @@ def _block_means(values: Array, size: int) -> Array:
 
 
 def _furthest(mean: Array, floor: float, noise: float) -> np.ndarray:
-    """The last block (n,) up to which neither column of `mean` (n, 2) varies too much, from each block on.
+    """For each block, the last block (n,) up to which neither column of `mean` (n, 2) varies too much.
 
     The variation allowed is a share of the faster sprocket's speed, at least `floor`, and that of the `noise`. Spans of
     2^k blocks are appended, from the longest to the shortest, while they fit.

@@ -50,7 +50,7 @@ class SteadyPart:
     window: tuple[float, float]
     """Start and end [s]."""
     notes: tuple[str, ...]
-    """What was excluded from the run besides settling, one line each; the same for all its stretches."""
+    """Parts excluded from the run besides settling, one line each; the same for all its stretches."""
 
     @cached_property
     def rows(self) -> np.ndarray:
@@ -68,7 +68,7 @@ class SteadyPart:
 
     @cached_property
     def load(self) -> Array | None:
-        """Mean tractions per unit load in the window (2,) [-]; None if the run doesn't tell them."""
+        """Mean tractions per unit load in the window (2,) [-]; None if the run lacks them."""
         if self.log.load is None:
             return None
         known = self.log.load[self.rows]
@@ -85,7 +85,7 @@ def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) ->
 def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
     """All steady stretches of a run in which its sprockets turn, each less `settle` [s] at its start.
 
-    The geometry tells wrong units of length. Raises LogError if the run is at rest, has no headings or no steady
+    The geometry reveals wrong units of length. Raises LogError if the run is at rest, has no headings or no steady
     stretch that is long enough.
     """
     _require_headings(log)
@@ -177,7 +177,7 @@ def _require_lengths(log: RunLog, geometry: RobotGeometry) -> None:
 
 
 def _turns(omega: Array, first: int, last: int) -> bool:
-    """Whether a sprocket turns in a stretch, and more than its encoder's noise."""
+    """True if a sprocket turns in a stretch by more than its encoder's noise."""
     of_stretch = omega[first : last + 1]
     rest = max(STANDING, _RESTING * float(np.abs(omega).max()), float(of_stretch.std(axis=0).max()))
     return float(np.abs(of_stretch.mean(axis=0)).max()) > rest

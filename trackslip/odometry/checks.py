@@ -62,7 +62,7 @@ def _squares(logs: Sequence[RunLog], odometry: SlipOdometry, mounting: Mounting,
 
 
 def _sizes(found: Stretches, half_gauge: float) -> Array:
-    """Sizes (n,) of errors [m], those of headings as they move the tracks."""
+    """Sizes (n,) of errors [m], with heading errors as the way by which they move the tracks."""
     return np.hypot(found.position, half_gauge * np.nan_to_num(found.heading))
 
 

@@ -1,4 +1,4 @@
-"""How far odometry by a law is off on logs of drives."""
+"""Errors of odometry by a law on logs of drives."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class PoseErrors:
     """Errors of poses."""
 
     position: Statistics | None
-    """Of positions [m]; None if there are none."""
+    """Errors of positions [m]; None if there are none."""
     heading: Statistics | None
-    """Absolute ones of headings [rad]; None if none were measured."""
+    """Absolute errors of headings [rad]; None if none were measured."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class RelativeErrors(PoseErrors):
     count: int
     """Number of stretches, which overlap."""
     position_per_way: float
-    """Sum of the errors of position over that of the ways driven; NaN at rest [-]."""
+    """Sum of the position errors over the distance driven; NaN at rest [-]."""
     heading_per_way: float
-    """Likewise of the headings; NaN if none were measured [rad/m]."""
+    """Sum of the heading errors over the distance driven; NaN if none were measured [rad/m]."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,9 @@ class OdometryErrors:
     drives: tuple[DriveErrors, ...]
     """Absolute ones by drive."""
     trajectories: tuple[Trajectory, ...]
-    """What was compared."""
+    """The compared trajectories."""
     notes: tuple[str, ...] = ()
-    """What could not be evaluated, a line each."""
+    """Parts that could not be evaluated, a line each."""
 
 
 def odometry_errors(
@@ -96,10 +96,10 @@ def odometry_errors(
 ) -> OdometryErrors:
     """Errors of odometry against the measured poses of drives.
 
-    Relative errors are those of the motion over stretches from every measured pose, after `lengths` of way and time:
-    way is that of the middle of the tracks by the encoders, without slip. Errors contain those of the measured poses,
-    at both ends of a stretch. Without measured headings, stretches start with the heading at which the odometry fits
-    the positions of the last 10 s.
+    Relative errors are errors of the motion over stretches from every measured pose, after `lengths` of way and time:
+    the way is the distance of the middle of the tracks by the encoders, without slip. They include the errors of the
+    measured poses at both ends of a stretch. Without measured headings, stretches start with the heading at which the
+    odometry fits the positions of the last 10 s.
 
     Args:
         logs: one or several drives.
@@ -143,7 +143,7 @@ def odometry_errors(
 
 
 def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock_offset: float) -> Trajectory:
-    """Measured poses of a log and those of the sensor by odometry; raises LogError if there are fewer than two."""
+    """Measured poses of a log, and the sensor's poses by odometry; raises LogError if there are fewer than two."""
     rows = np.flatnonzero(log.is_valid)
     at = log.time[rows] + clock_offset
     covered = (at >= log.time[0]) & (at <= log.time[-1])
@@ -194,7 +194,7 @@ def _of_drive(drive: Trajectory) -> DriveErrors:
 
 
 def _ratio(errors: Array, way: Array) -> float:
-    """Sum of errors (n,) over that of ways (n,); NaN where nothing was driven."""
+    """Sum of errors (n,) over the sum of ways (n,); NaN at rest."""
     return float(errors.sum() / way.sum()) if way.sum() > 0 else float("nan")
 
 

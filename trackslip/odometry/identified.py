@@ -1,4 +1,4 @@
-"""A law as identified, with all that odometry needs beside it: noise, errors of its parameters, sensor and clock."""
+"""Identified laws with everything else that odometry needs: noise, errors of the parameters, sensor and clock."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trackslip.slip.law_file import NO_SLIP, StoredLaws, read_stored, stored_law
 
 @dataclass(frozen=True)
 class LawInUse:
-    """A law to reckon with."""
+    """A law for odometry."""
 
     name: str
     """Name of its family."""
@@ -33,7 +33,7 @@ class LawInUse:
     drift: float = 0.0
     """c, for a lateral speed of -c v w in turns [s]."""
     mounting: Mounting | None = None
-    """Where the sensor of the poses sat in the driving that the law was identified from; None if not known."""
+    """Mounting of the poses' sensor when the law was identified; None if not known."""
     clock_offset: float | None = None
     """Encoder clock minus pose clock there, less the lag of the motion; None if not known [s]."""
 
@@ -43,7 +43,7 @@ class LawInUse:
 
 
 def no_slip(geometry: RobotGeometry) -> LawInUse:
-    """The law that controllers have which know of no slip."""
+    """The law without slip, as in controllers without compensation."""
     return LawInUse(NO_SLIP, NoSlip(), geometry)
 
 
@@ -75,7 +75,7 @@ def identified_law(
 
 
 def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
-    """What is known beside the law: by the fit to whole drives, else to steady stretches."""
+    """Noise, errors, sensor and clock, from the fit to whole drives, else to steady stretches."""
     found: dict[str, Any] = {}
     fit = stored.fit(name)
     if fit.get("values") and fit.get("stderr"):

@@ -51,7 +51,7 @@ class _State:
 class SlipOdometry:
     """Dead reckoning of one or many robots by a slip law, with the covariance of the pose.
 
-    The pose is that of the point which moves without lateral speed: near the middle of the tracks, or ahead of it or
+    The pose belongs to the point that moves without lateral speed: near the middle of the tracks, or ahead of it or
     behind it with the centre of turning. The covariance contains what it is at the start, slip that varies (`noise`)
     and the errors of the law's parameters (`errors`), which are the same along the whole way; it does not contain
     errors of the geometry, which the parameters take up, or slip by which the ground differs from the law's.
@@ -123,7 +123,7 @@ class SlipOdometry:
         self._state = _State(*(value[-1] for value in vars(after).values()))
 
     def path(self, time: ArrayLike, omega: ArrayLike) -> OdometryPath:
-        """Poses at all rows of a log, the first at the pose now; `update` goes on from there as if it had not been.
+        """Poses at all rows of a log, beginning with the present pose, which it does not change.
 
         Args:
             time: (T,) of the rows, ascending [s].

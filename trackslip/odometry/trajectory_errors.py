@@ -24,7 +24,7 @@ class Trajectory:
     """Measured and estimated poses of a sensor at the same moments of a drive."""
 
     name: str
-    """Of the drive."""
+    """Name of the drive."""
     time: Array
     """(K,) stamps of the measured poses [s]."""
     way: Array
@@ -52,7 +52,7 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is told of some errors."""
+    """Statistics of errors."""
 
     rms: float
     mean: float
@@ -61,7 +61,7 @@ class Statistics:
 
     @classmethod
     def of(cls, errors: Array) -> Statistics | None:
-        """That of errors (n,) >= 0; None if there are none."""
+        """Statistics of errors (n,) >= 0; None if there are none."""
         if not len(errors):
             return None
         return cls(rms(errors), float(errors.mean()), float(np.median(errors)), float(errors.max()))

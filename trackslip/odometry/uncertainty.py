@@ -1,4 +1,4 @@
-"""What odometry doesn't know: slip that varies, and errors of the law's parameters."""
+"""Uncertainty of odometry: slip that varies, and errors of the law's parameters."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class SlipNoise:
 
     @classmethod
     def of(cls, noise: Mapping[str, float]) -> Self:
-        """That of a law fitted to drives, `DriveFit.noise`; entries of the poses are ignored.
+        """Noise of a law fitted to drives, `DriveFit.noise`; entries of the poses are ignored.
 
         Raises:
             InvalidValueError: if an entry is missing or not a standard deviation.
@@ -70,9 +70,9 @@ class LawErrors:
 
     @classmethod
     def of(cls, values: Mapping[str, float], stderr: Mapping[str, float], correlation: Any) -> Self:
-        """Those of a fit's parameters, with the standard errors and the correlations (f, f) of everything fitted.
+        """Errors of a fit's parameters, from the standard errors and the correlations (f, f) of everything fitted.
 
-        Parameters without a standard error were held, and have none here.
+        Parameters without a standard error were held and are left out.
         """
         fitted = list(stderr)
         names = tuple(name for name in values if name in stderr)
@@ -83,7 +83,7 @@ class LawErrors:
 
     @classmethod
     def stored(cls, fit: Mapping[str, Any]) -> Self:
-        """Those of a fit as results hold it: `values`, `stderr`, and maybe `interval95` and `correlation`.
+        """Errors of a stored fit: `values`, `stderr`, and perhaps `interval95` and `correlation`.
 
         Errors are as wide as the 95 % intervals, which allow for slip that lasts. Parameters whose errors are not known
         have none here.

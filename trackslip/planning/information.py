@@ -46,7 +46,7 @@ class PoseQuality:
 
 @dataclass(frozen=True)
 class Expectation:
-    """What an identification is expected to find."""
+    """Standard errors expected of an identification."""
 
     stderr: Mapping[str, float]
     """Standard errors of the law's parameters and of the extras, in their units."""
@@ -77,10 +77,10 @@ def expected(
     Args:
         model: the law and the sensor.
         values: expected parameters (p,) of the model.
-        drives: what is driven, as by `drive_to_measure`.
+        drives: the drives, as by `drive_to_measure`.
         poses: quality of the poses.
         slip: white slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)].
-        known: what an identification before has told of the law.
+        known: errors of the law from an earlier identification.
     """
     held = {"lag"} if poses.heading is not None else {"lag", "sensor_yaw"}
     if "offset_left" in model.names:
@@ -124,7 +124,7 @@ def information(
 
 
 def with_extras(law: Array) -> Array:
-    """Parameters (p,) of a model: those of a law, and EXTRAS, which are 0."""
+    """Parameters (p,) of a model: the law's, followed by EXTRAS, which are 0."""
     return np.concatenate([law, np.zeros(len(EXTRAS))])
 
 

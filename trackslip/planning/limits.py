@@ -1,4 +1,4 @@
-"""What a planned drive has to keep to, and how much of the robot isn't known before it."""
+"""Limits of a planned drive, and prior knowledge of the robot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from trackslip.errors import InvalidValueError, require, require_at_most, requir
 from trackslip.kinematics import Array, RobotGeometry
 
 MIN_DURATION = 10.0
-"""Of a planned drive [s]."""
+"""Shortest duration of a planned drive [s]."""
 _MAX_DURATION = 3600.0  # [s]
 _MAX_SPEED = 10.0  # [m/s]
 _MAX_ACCELERATION = 100.0  # [m/s^2]
@@ -71,7 +71,7 @@ class DriveLimits:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known of the robot's motion before a drive."""
+    """Prior knowledge of the robot's motion."""
 
     geometry: RobotGeometry
     offset: float
@@ -119,7 +119,7 @@ WHITE_SLIP = (0.002, 0.002, 0.005)
 
 
 def first_knowledge(geometry: RobotGeometry) -> Knowledge:
-    """What is known of a robot that has never been identified: that of one on hard ground, with a margin."""
+    """Prior knowledge of a robot that was never identified: typical of hard ground, with a margin."""
     return Knowledge(
         geometry,
         offset=(_REACH - 1) * geometry.half_gauge,

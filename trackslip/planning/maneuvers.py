@@ -13,7 +13,7 @@ RATE = 50.0
 """Commands per second; maneuvers take multiples of its period [Hz]."""
 TURNING = 0.65
 """Largest yaw rate, as a share of the fastest spin's [-]: the ICRs of real tracks move outwards with the yaw rate, so
-that faster spins would tell the law of another kind of driving than usual."""
+that faster spins would identify a law of unusual driving."""
 _LEAST = 1e-9  # way of a maneuver that counts [m]
 
 

@@ -1,4 +1,4 @@
-"""The shortest experiment: a drive within limits that tells a slip law as well as possible."""
+"""The shortest experiment: a drive within limits that determines a slip law as precisely as possible."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from trackslip.slip.families import LawFamily, drive_laws, family
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names)
 """Laws that a drive can be planned for."""
 PAPER_DURATION = 30.0
-"""Of each of the paper's runs [s]."""
+"""Duration of each of the paper's runs [s]."""
 _EVALUATIONS = 1000  # of routes
 _FEWEST = 200
 _LONG = 120.0  # duration beyond which fewer routes are tried [s]
@@ -48,11 +48,11 @@ class DrivePlan:
     knowledge: Knowledge
     poses: PoseQuality
     known: LawErrors | None
-    """What an identification before has told of the law."""
+    """Errors of the law from an earlier identification."""
     maneuvers: Maneuvers
     start: Array  # (3,) where it begins, from the middle of the area [m, m, rad]
     places: Extent
-    """Where the middle of the robot may get to, from the middle of the area."""
+    """Extent of the motion of the robot's middle, relative to the middle of the area."""
     expectation: Expectation
     """Standard errors to expect, together with what is known."""
 
@@ -84,7 +84,7 @@ class DrivePlan:
 
     @property
     def sizes(self) -> dict[str, float]:
-        """What errors of the law's parameters are relative to, in their units."""
+        """Sizes that errors of the law's parameters are relative to, in their units."""
         return relative_to(family(self.law), self.values, self.knowledge.geometry)
 
 
@@ -99,16 +99,16 @@ def plan_drive(
     seed: int = 0,
     step: Callable[[float], None] = lambda _: None,
 ) -> DrivePlan:
-    """Plan a drive whose largest relative standard error of the law's parameters is as small as it gets.
+    """Plan the drive with the smallest largest relative standard error of the law's parameters.
 
     Args:
         geometry: of the robot.
         limits: that the drive keeps to.
         poses: that it will be measured with.
-        law: family that is to be identified, one of PLANNED_LAWS.
-        knowledge: what is known of the robot's motion; by default that of a robot on hard ground.
+        law: family to identify, one of PLANNED_LAWS.
+        knowledge: prior knowledge of the robot's motion; by default of a robot on hard ground.
         values: expected parameters of the law; by default those of such a robot.
-        known: what an identification before has told of the law.
+        known: errors of the law from an earlier identification.
         seed: of the search.
         step: called after each drive that is tried, with 1.0.
 
@@ -174,10 +174,10 @@ def largest(expectation: Expectation, sizes: dict[str, float]) -> float:
 
 
 def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict[str, float]:
-    """What errors of parameters are relative to.
+    """Sizes that errors of parameters are relative to.
 
-    Those of D are relative to b + D, by which the robot turns, those of epsilon to 1, as the belts run at 1 + epsilon,
-    and so are those of other pure numbers; those of decays and exponents are relative to the decay itself.
+    Errors of D are relative to b + D, by which the robot turns; errors of epsilon to 1, as the belts run at
+    1 + epsilon, and so are errors of other pure numbers; errors of decays are relative to the decay itself.
     """
     sizes = {}
     for (name, parameter), value in zip(laws.parameters.items(), values.tolist(), strict=True):
@@ -207,7 +207,7 @@ def paper_runs(geometry: RobotGeometry) -> list[Array]:
 
 
 def expected_of_paper(plan: DrivePlan) -> Expectation | None:
-    """What the paper's runs would tell, measured alike; None if the robot is too large for them, or they don't."""
+    """Errors to expect of the paper's runs; None if the robot is too large for them, or they determine nothing."""
     geometry, count = plan.knowledge.geometry, round(PAPER_DURATION * RATE)
     merge = rate_of(plan.poses)
     drives = [
@@ -222,7 +222,7 @@ def expected_of_paper(plan: DrivePlan) -> Expectation | None:
 
 
 def expected_alone(plan: DrivePlan) -> Expectation:
-    """What the planned drive tells without what is known before."""
+    """Errors to expect of the planned drive without prior knowledge."""
     geometry = plan.knowledge.geometry
     model = DriveModel(family(plan.law), geometry)
     drive = drive_to_measure(plan.maneuvers.speeds(plan.limits.duration), RATE, plan.poses, geometry.sprocket_radius)

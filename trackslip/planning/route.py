@@ -34,7 +34,7 @@ class Route:
     """Legs, repeated until the time is up, and spins."""
 
     start: int
-    """Where it begins, an index into WAYPOINTS."""
+    """Index of the first waypoint."""
     place: np.ndarray  # (n,) int, ends of the legs, indices into WAYPOINTS
     backwards: np.ndarray  # (n,) bool: whether a leg is driven backwards
     bow: np.ndarray  # (n,) int, indices into BOWS
@@ -43,11 +43,11 @@ class Route:
     pairs: int
     """Number of such pairs, spread over the route."""
     size: float = 1.0
-    """How far apart the places are, relative to the largest distances that matter [-]."""
+    """Distances of the waypoints, relative to the largest useful ones [-]."""
     ends: float = 0.5
     """Length of the first and the last pair over that of the others, which are measured for two legs [-]."""
     shrink: float = 0.0
-    """How much nearer to the middle each leg leads than the one before, as slip adds up [-]."""
+    """Relative reduction of the distance from the middle at each leg, as slip adds up [-]."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ class Extent:
 
 
 def extent(maneuvers: Maneuvers, heading: float, knowledge: Knowledge) -> Extent:
-    """Where the middle of the robot may get to from the origin, with `heading` [rad] at the start."""
+    """Extent of the motion of the robot's middle from the origin, with `heading` [rad] at the start."""
     x, y = path(maneuvers, heading, knowledge.extremes)
     spread = _DEVIATIONS * _slipped(maneuvers, x, y, knowledge)  # (2, L, K)
     both = np.stack([x, y])

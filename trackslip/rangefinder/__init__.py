@@ -1,1 +1,1 @@
-"""A laser range finder beside the field: from whole scans of any place to poses of the plate on the robot."""
+"""A stationary laser range finder: from whole scans of any place to poses of the plate on the robot."""

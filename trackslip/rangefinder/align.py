@@ -1,4 +1,4 @@
-"""The scanner's mounting from poses that something else measured at the same time, such as SLAM or motion capture.
+"""The scanner's mounting from poses measured at the same time by another sensor, such as SLAM or motion capture.
 
 With positions as complex numbers, q of the other sensor in its frame and p of the plate in the scanner's, the mounting
 m at the angle mu, and the other sensor at the place l on the plate,
@@ -28,7 +28,7 @@ _MIN_CONDITION = 1e-6  # of the normal equations, below which the lever is not d
 
 @dataclass(frozen=True)
 class Alignment:
-    """Where a scanner stands in another frame."""
+    """Mounting of a scanner in another frame."""
 
     mount: Array  # (3,) pose of the scanner [m, m, rad]
     stderr: Array  # (3,) its standard errors, which allow for errors that last

@@ -63,7 +63,7 @@ class Background:
 def background_of(ranges: np.ndarray, hidden: np.ndarray | None = None) -> Background:
     """The background in scans (S, B), NaN for no return.
 
-    What `hidden` (S, B) selects tells nothing of it, such as beams at and around a plate whose pose is known.
+    Beams selected by `hidden` (S, B) are ignored, such as beams at and around a plate whose pose is known.
     """
     scans, beams = ranges.shape
     values = np.array(ranges.T, np.float32)  # (B, S)

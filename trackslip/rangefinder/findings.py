@@ -1,4 +1,4 @@
-"""What a reader should know of a session: how much was located, what looks wrong, whether the plate has its size."""
+"""Findings on a session: the share of located scans, odd motion or scatter, and the size of the plate."""
 
 from __future__ import annotations
 

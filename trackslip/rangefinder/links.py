@@ -1,4 +1,4 @@
-"""Which poses of single scans belong to one plate that moves as the encoders say, and which of its ends leads."""
+"""Links between poses of single scans: the plate that moves as the encoders say, and its front."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def scanned_log(
 
 
 def _spread(cluster: Cluster, rows: np.ndarray, place: np.ndarray, count: int) -> Cluster:
-    """Clusters (count,): those of the scans `rows` in the rows `place`, and no returns in the others."""
+    """Clusters (count,): the scans `rows` in the rows `place`, and no returns in the others."""
     width = cluster.hit.shape[1]
     bearing, distance = np.zeros((count, width)), np.ones((count, width))
     whole = Cluster(bearing, distance, np.zeros((count, width), bool), *_empty(count))

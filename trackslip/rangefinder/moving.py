@@ -22,16 +22,16 @@ _WORTH = 0.1  # correction below which ranges are left as they are [standard dev
 
 @dataclass(frozen=True)
 class Moving:
-    """What the scanner sees besides the background."""
+    """Moving objects in the scans."""
 
     share: float
-    """Share of the scans in which something moves besides the plate [-]."""
+    """Share of the scans with another moving object than the plate [-]."""
     length: float
     """Length of the largest moving thing in a scan, exceeded in a tenth of the scans [m]; NaN if nothing moves."""
 
 
 def moving_things(scan: Scan, plate: Plate, pose: Array, valid: np.ndarray) -> Moving:
-    """What moves in scans with ranges (S, B) whose plates are at poses (S, 3), where `valid` (S,)."""
+    """Moving objects in scans with ranges (S, B) whose plates are at poses (S, 3), where `valid` (S,)."""
     returns = returns_of(scan)
     away = plate.outside(pose, returns.row, returns.x, returns.y) > _BESIDE
     others = np.bincount(returns.row[away], minlength=len(pose)) >= _MIN_RETURNS

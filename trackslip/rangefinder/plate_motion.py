@@ -1,4 +1,4 @@
-"""How the plate moves when the sprockets turn: three rows by two tracks, fitted to the plate's own poses.
+"""Motion of the plate per turn of the sprockets: three rows by two tracks, fitted to the plate's poses.
 
 The robot's geometry, its slip and the plate's place on it all enter linearly where the ICRs are constant, so none of
 them has to be known to predict where the plate will be in the next scans, and which of its ends is the front one.
@@ -120,7 +120,7 @@ def _fronts(chain: np.ndarray, agreement: Array) -> Array:
 
 
 def _leads(forward: Array, sideways: Array, rolled: Array) -> Array:
-    """How far (n,) the plate goes the way that the sprockets turn.
+    """Distances (n,) that the plate moves in the direction of the sprockets.
 
     The direction of motion, an axis in the plate, is the same for all pairs if the sprockets turn alike.
     """
@@ -177,7 +177,7 @@ class PlatePlace:
 def plate_place(time: Array, angle: Array, pose: Array) -> PlatePlace | None:
     """The place that follows from poses (n, 3) at times (n,), the sprockets turned by angles (n, 2) [rad].
 
-    Standard errors are the jackknife's: the session cut into blocks, each left out once. None if nothing is told.
+    Standard errors are the jackknife's: the session cut into blocks, each left out once. None if nothing is determined.
     """
     spans = np.linalg.svd(np.diff(angle, axis=0), compute_uv=False)
     motion = plate_motion(time, angle, pose, free=True) if spans[1] > _MIN_UNLIKE * spans[0] else None

@@ -12,7 +12,7 @@ from trackslip.kinematics import Array
 _FULL_TURN = 1.5  # beams that a full circle may lack
 _MIN_BEAMS = 8  # of a scan
 MIN_SCANS = 20
-"""Fewer scans tell neither background nor motion."""
+"""Smallest number of scans that shows background and motion."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class ScanSeries:
     max_range: float
     """Nothing farther away gives a return [m]."""
     notes: tuple[str, ...] = ()
-    """What was left out, one line each."""
+    """Parts that were left out, one line each."""
 
     @classmethod
     def measured(
@@ -72,7 +72,7 @@ class ScanSeries:
 
     @property
     def is_full_circle(self) -> bool:
-        """Whether the first beam follows the last."""
+        """True if the first beam follows the last."""
         return float(self.bearings[-1] - self.bearings[0]) > 2 * np.pi - _FULL_TURN * self.beam_step - 1e-6
 
     def take(self, rows: np.ndarray, note: str = "") -> ScanSeries:

@@ -46,13 +46,13 @@ class Sighting:
     """The scanner as it was found to be, without ranges."""
     background: Background
     motion: PlateMotion
-    """How the plate moves when the sprockets turn."""
+    """Motion of the plate per turn of the sprockets."""
     moving: Moving
-    """What moves besides the background."""
+    """Moving objects."""
     scatter: float
     """Standard deviation of the ranges on the plate about it [m]."""
     front: bool
-    """Whether it is known which end of the plate is the front one: not if the robot only turns on the spot."""
+    """True if the front end of the plate is known, which it is not if the robot only turns on the spot."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class _Track:
     near: np.ndarray  # (S,) bool: whether that is from a pose close in time
     motion: PlateMotion
     front: bool
-    """Whether it is known which end of the plate is the front one."""
+    """True if the front end of the plate is known."""
 
 
 def sight_plate(series: ScanSeries, turned: Turned, plate: Plate, noise: float | None = None) -> Sighting:
@@ -132,7 +132,7 @@ def _scanner(series: ScanSeries, background: Background, noise: float) -> Scan:
 
 
 def _track(scanner: Scan, series: ScanSeries, plate: Plate, angle: Array) -> _Track:
-    """The plate in all scans, each located on its own and, where that contradicts the encoders, where they lead."""
+    """The plate in all scans, located independently and, where that contradicts the encoders, near their prediction."""
     estimate = _located(scanner, series, plate)
     valid = np.flatnonzero(estimate.valid)
     motion = plate_motion(series.time[valid], angle[valid], estimate.pose[valid])
@@ -179,7 +179,7 @@ def _located(scanner: Scan, series: ScanSeries, plate: Plate, expected: Array | 
 
 
 def _relocated(scanner: Scan, series: ScanSeries, plate: Plate, track: _Track) -> PoseEstimate:
-    """Poses of corrected scans, near those of the scans as they were."""
+    """Poses of corrected scans, near the poses of the uncorrected ones."""
     rows = np.flatnonzero(track.estimate.valid)
     before = track.estimate.pose[rows]
     again = _located(scanner, series.take(rows), plate, before)
@@ -246,7 +246,7 @@ def _clusters(scan: Scan, plate: Plate, pose: Array, track: _Track) -> Cluster:
 
 
 def _no_plate(scanner: Scan, series: ScanSeries, plate: Plate, estimate: PoseEstimate) -> LogError:
-    """That there is no plate, and what moves instead."""
+    """The error for a missing plate, with the objects that move instead."""
     scan = replace(scanner, ranges=series.ranges[:_AT_ONCE].astype(float))
     length = moving_things(scan, plate, estimate.pose[:_AT_ONCE], estimate.valid[:_AT_ONCE]).length
     seen = f"what moves is {length:.2g} m long" if np.isfinite(length) else "nothing moves"

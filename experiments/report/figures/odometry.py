@@ -1,4 +1,4 @@
-"""Figures of odometry: paths beside the measured one, and errors over the way."""
+"""Figures of odometry: estimated and measured paths, and errors over distance."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -173,7 +173,7 @@ def _shade(radius: float, runs: InnerOuterSamples) -> tuple[float, float, float,
 
 
 def is_wide(runs: InnerOuterSamples) -> bool:
-    """Whether the radii need a logarithmic axis, which excludes turns on the spot, of radius zero."""
+    """True if the radii need a logarithmic axis, which excludes turns on the spot."""
     return bool(0 < float(runs.radius.min()) < float(runs.radius.max()) / _WIDE)
 
 

@@ -92,14 +92,14 @@ def panel(title: str, xlabel: str, ylabel: str, **more: Any) -> tuple[Figure, Ax
 
 
 def margin_for(labels: Sequence[str]) -> float:
-    """Width beside the axes that the labels of rows need [in]."""
+    """Width left of the axes that the labels of rows need [in]."""
     return 0.25 + _LETTER * max(map(len, labels), default=0)
 
 
 def legend_below(
     figure: Figure, *legends: Sequence[Artist], ncols: int = 3, titles: Sequence[str] = (), **look: Any
 ) -> None:
-    """Put a legend of these handles below the axes, or two beside each other; the figure grows, the axes don't."""
+    """Put one legend, or two side by side, below the axes; the figure grows, the axes don't."""
     rows = max(-(-len(handles) // ncols) for handles in legends) + bool(titles)
     height, extra = figure.get_figheight(), _LEGEND_ROW * rows + 0.1
     bottom, top = (edge * height + extra for edge in (figure.subplotpars.bottom, figure.subplotpars.top))

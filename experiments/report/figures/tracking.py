@@ -80,7 +80,7 @@ def planned_trajectory() -> Figure:
 
 
 def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[str, Any]]]) -> tuple[Figure, Axes, Axes]:
-    """Paths beside the reference, and distances from it over time; `runs` are logs with line keywords, by label."""
+    """Paths and their reference, and distances from it over time; `runs` are logs with line keywords, by label."""
     figure, (ground, distance) = style.subplots(4.2, 1, 2, width_ratios=(1.2, 1))
     desired = reference.pose(np.linspace(0, reference.duration, 600))
     ground.plot(*desired[:, :2].T, label="desired", **style.DESIRED)

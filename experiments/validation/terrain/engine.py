@@ -59,7 +59,7 @@ def belt_error(subject: Subject, preset: str, rng: np.random.Generator) -> float
 
 
 def _contact_error(stand: Stand, data: mujoco.MjData, speeds: Array) -> float:
-    """The same in one state."""
+    """The largest difference in one state."""
     model, worst = stand.model, float("nan")
     jacobian = np.zeros((3, model.nv))
     tracks = [(each.hull, names) for each in stand.tracks for names in each.geoms]
@@ -87,7 +87,7 @@ def _contact_error(stand: Stand, data: mujoco.MjData, speeds: Array) -> float:
 
 
 def differing_numbers(subject: Subject, preset: str, rng: np.random.Generator) -> int:
-    """How many numbers of the states of rows of a batch differ from those of robots that are simulated alone."""
+    """Count of state values in which rows of a batch differ from robots simulated alone."""
     speeds = rng.uniform(0.1, 0.3, (_ROWS, 2))
     trial = _on_course(climber(subject), stairs_course(), preset, _ROWS, 2)
     start = trial.batch.qpos.copy()

@@ -30,7 +30,7 @@ _SMALLEST = 0.01  # error that is drawn [%]
 
 @styled
 def turns(found: Sequence[Measured], naive: Sequence[ByDefault], bounds: Bounds) -> Figure:
-    """Errors of the ICRs' half width of every turn, beside those with MuJoCo's default contact; and their bounds."""
+    """Errors of the ICRs' half width in every turn, with MuJoCo's default contact for comparison, and their bounds."""
     figure, axes = panel("Half width of the ICRs", "", "size of the error [%]")
     shift = np.linspace(-0.3, 0.3, len(found) + len(naive))
     for offset, one, marker in zip(shift, found, _markers(found), strict=False):

@@ -56,7 +56,7 @@ def step(subject: Subject, preset: str, friction: float, threads: int) -> Step:
 
 
 def _climb(stand: Stand, heights: Array, threads: int) -> np.ndarray:
-    """Whether robots climb steps of heights (N,) [m] at the first attempt, (N,) bool."""
+    """(N,) bool: robots that climb steps of heights (N,) [m] at the first attempt."""
     trial = Trial(stand, len(heights), threads)
     set_heights(stand.model, trial.batch, heights)
     wheels = stand.view.wheels

@@ -20,7 +20,7 @@ Wheels = tuple[tuple[float, float, float], ...]
 UP = (np.pi / 2, np.pi / 2)
 """Angles of the front and the rear flippers when they are out of the way [rad]."""
 STAIRS = (0.3, 0.0)
-"""The same on stairs [rad]."""
+"""Angle of the flippers on stairs [rad]."""
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ _LIMITS = (
 
 @dataclass(frozen=True)
 class Measured:
-    """What was measured of one robot with one preset."""
+    """Measurements of one robot with one preset."""
 
     robot: str
     preset: str
@@ -81,7 +81,7 @@ class Measured:
     rough: Sinking
     speed: Speed
     differing: int
-    """Numbers of the states of a batch's rows that differ from those of robots alone."""
+    """Count of state values in which a batch's rows differ from robots simulated alone."""
     belt_error: float
     """Of the sliding velocity of belts on moving bodies [m/s]."""
 
@@ -150,7 +150,7 @@ def by_default(subject: Subject, threads: int) -> ByDefault:
 
 
 def checks_of(found: Measured) -> list[Check]:
-    """Everything that one robot with one preset has to reach."""
+    """All checks of one robot with one preset."""
     bounds = {name: both[PRESETS.index(found.preset)] for name, both in BOUNDS.items()}
     checks: list[Check] = []
 
@@ -193,7 +193,7 @@ def checks_of(found: Measured) -> list[Check]:
 
 
 def comparison(found: list[Measured], by_default: list[ByDefault]) -> Table:
-    """MuJoCo's default contact on the same robots, beside the accurate recipe."""
+    """MuJoCo's default contact on the same robots, compared with the accurate recipe."""
     rows: list[tuple[str, ...]] = []
     for naive in by_default:
         recipe = next(one for one in found if (one.robot, one.preset) == (naive.robot, "accurate"))

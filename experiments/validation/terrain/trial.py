@@ -14,7 +14,7 @@ from experiments.validation.terrain.subjects import Stand
 from trackslip.kinematics import Array
 
 FACE = 0.5
-"""Where the face of the step is, x [m]."""
+"""Place of the step's face, x [m]."""
 STEP = "step"
 """Name of the step's geom."""
 _SIZE = 50.0  # half of what isn't seen to end [m]
@@ -98,7 +98,7 @@ class Trial:
         return float(self.stand.model.opt.timestep)
 
     def drive(self, speeds: Array) -> None:
-        """Set the belts' speeds, (2,) or (N, 2), left and right [m/s]; flippers' belts run with those of their side."""
+        """Set the belts' speeds, (2,) or (N, 2), left and right [m/s]; flippers' belts follow their side."""
         each = np.broadcast_to(np.asarray(speeds, float), (self.size, 2))
         self.belts.set(each[:, self.stand.track_side])
 
