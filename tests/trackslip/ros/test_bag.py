@@ -5,18 +5,7 @@ import struct
 
 import numpy as np
 import pytest
-from bags import (
-    KINDS,
-    START,
-    contents,
-    expected,
-    in_order,
-    joint_states,
-    joints_of,
-    poses_of,
-    stamp,
-    write_bag,
-)
+from bags import KINDS, START, contents, expected, in_order, joint_states, joints_of, poses_of, stamp, write_bag
 from mcap.reader import make_reader
 from mcap.writer import Writer as PlainWriter
 from rosbags.highlevel import AnyReader
@@ -78,17 +67,14 @@ def test_rates_and_gaps(tmp_path):
     assert np.isnan(open_bag(single).topics["/joint_states"].rate)
 
 
-def test_types_that_nobody_knows_are_in_nobodys_way(tmp_path):
+@pytest.mark.parametrize("kind", KINDS)
+def test_types_that_nobody_knows_are_in_nobodys_way(tmp_path, kind):
     odd = [("/odd", "odd_msgs/msg/Odd", at, {"text": "x", "what": [1, 2]}) for *_, at, _ in MESSAGES[::7]]
-    for kind in KINDS:
-        path = write_bag(tmp_path / kind, kind, in_order(MESSAGES, odd))
-        opened = open_bag(path)
-        assert opened.topics["/odd"].type == "odd_msgs/msg/Odd"
-        assert contents(opened.messages("/joint_states")) == expected(MESSAGES)
-        with pytest.raises(
-            LogError, match=r"topic /odd: no message can be decoded: type odd_msgs/msg/Odd is no standard"
-        ):
-            list(opened.messages("/odd"))
+    opened = open_bag(write_bag(tmp_path / "run", kind, in_order(MESSAGES, odd)))
+    assert opened.topics["/odd"].type == "odd_msgs/msg/Odd"
+    assert contents(opened.messages("joint_states")) == expected(MESSAGES)
+    with pytest.raises(LogError, match="topic /odd: no message can be decoded: type odd_msgs/msg/Odd is no standard"):
+        list(opened.messages("/odd"))
 
 
 def test_channels_of_other_encodings_and_broken_definitions(tmp_path):

@@ -6,15 +6,7 @@ import struct
 
 import numpy as np
 import pytest
-from bags import (
-    KINDS,
-    contents,
-    expected,
-    in_order,
-    joints_of,
-    poses_of,
-    write_bag,
-)
+from bags import KINDS, contents, expected, in_order, joints_of, poses_of, write_bag
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from wandered import wandered
@@ -174,15 +166,6 @@ def test_a_database_of_something_else_and_a_folder_without_bags(tmp_path):
     (tmp_path / "folder").mkdir()
     with pytest.raises(LogError, match=r"folder: holds no bag"):
         open_bag(tmp_path / "folder")
-
-
-def test_an_unknown_topic_is_refused_with_the_known_ones(tmp_path):
-    opened = open_bag(write_bag(tmp_path / "run", "mcap", MESSAGES))
-    with pytest.raises(
-        LogError, match=r"it has no topic '/scan'; its topics are /joint_states \(sensor_msgs/.*, /slam/pose"
-    ):
-        opened.topic("/scan")
-    assert opened.topic("joint_states").name == "/joint_states"
 
 
 def test_bags_in_a_folder_that_cannot_be_read_are_named(tmp_path):

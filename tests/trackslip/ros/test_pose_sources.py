@@ -1,19 +1,7 @@
 """Which topic the poses are taken from."""
 
 import pytest
-from bags import (
-    START,
-    chain_of,
-    fix,
-    header,
-    in_order,
-    odometry,
-    pose_with_covariance,
-    poses_of,
-    stamp,
-    transform,
-    write_bag,
-)
+from bags import START, chain_of, fix, in_order, odometry, pose_with_covariance, poses_of, stamp, transform, write_bag
 from wandered import wandered
 
 from trackslip.errors import LogError
@@ -59,16 +47,8 @@ def test_sources_by_how_independent_of_the_wheels_they_are(tmp_path):
     mocap = poses_of(LOG, topic="/vrpn/robot/pose")
     gnss = [fix(stamp(t), 47.0, 8.0) for t in LOG.time]
     bag, names = sources(tmp_path, wheels, goal, fused, truth, mocap, gnss, chain_of(LOG), poses_of(LOG))
-    order = [
-        "/vrpn/robot/pose",
-        "/slam/pose",
-        "tf:map:base_link",
-        "/fix",
-        "/ground_truth",
-        "/odometry/filtered",
-        "/odom",
-    ]
-    assert names == order
+    topics = "/vrpn/robot/pose /slam/pose tf:map:base_link /fix /ground_truth /odometry/filtered /odom"
+    assert names == topics.split()
     assert pose_source(bag, AUTOMATIC).name == "/vrpn/robot/pose"
 
 
@@ -80,12 +60,6 @@ def test_odometry_in_a_fixed_frame_is_no_wheel_odometry(tmp_path):
     assert pose_source(bag, AUTOMATIC).name == names[0]
 
 
-def test_two_sources_alike_are_for_the_user_to_choose(tmp_path):
-    bag, _ = sources(tmp_path, poses_of(LOG), poses_of(LOG, pose_with_covariance))
-    with pytest.raises(LogError, match="poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"):
-        pose_source(bag, AUTOMATIC)
-
-
 def test_transforms_that_repeat_a_topic_are_no_doubt(tmp_path):
     bag, names = sources(
         tmp_path, poses_of(LOG, odometry), poses_of(LOG, lambda at, p: transform(at, "odom", "base", p))
@@ -94,17 +68,25 @@ def test_transforms_that_repeat_a_topic_are_no_doubt(tmp_path):
     assert pose_source(bag, AUTOMATIC).name == "/odom"
 
 
-def test_transforms_of_two_robots_are_for_the_user_to_choose(tmp_path):
-    robots = [
-        poses_of(LOG, lambda at, p, name=name: transform(at, "map", name, p)) for name in ("a/base_link", "b/base_link")
-    ]
-    bag, _ = sources(tmp_path, *robots)
-    with pytest.raises(LogError, match="poses may be tf:map:a/base_link, tf:map:b/base_link: choose with --poses"):
-        pose_source(bag, AUTOMATIC)
+ROBOTS = [
+    message
+    for name in ("a/base_link", "b/base_link")
+    for message in poses_of(LOG, lambda at, where, name=name: transform(at, "map", name, where))
+]
 
 
-def test_no_source_at_all(tmp_path):
-    bag, _ = sources(tmp_path, poses_of(LOG, topic="/goal_pose"))
-    with pytest.raises(LogError, match=r"no poses: no topic of .*; its topics are /goal_pose"):
+@pytest.mark.parametrize(
+    ("messages", "line"),
+    [
+        (
+            [poses_of(LOG), poses_of(LOG, pose_with_covariance)],
+            "poses may be /amcl_pose, /slam/pose: choose with --poses",
+        ),
+        ([ROBOTS], "poses may be tf:map:a/base_link, tf:map:b/base_link: choose with --poses"),
+        ([poses_of(LOG, topic="/goal_pose")], r"no poses: no topic of .*; its topics are /goal_pose"),
+    ],
+)
+def test_what_leaves_a_doubt_is_for_the_user_to_choose(tmp_path, messages, line):
+    bag, _ = sources(tmp_path, *messages)
+    with pytest.raises(LogError, match=line):
         pose_source(bag, AUTOMATIC)
-    assert header(START, "a")["frame_id"] == "a"
