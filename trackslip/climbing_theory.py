@@ -1,4 +1,4 @@
-"""How steep a slope and how high a step a tracked robot climbs, and where it tips over: statics with Coulomb friction.
+"""Climbing limits of tracked robots by statics with Coulomb friction: steepest slope, highest step, tipping over.
 
 Seen from its side, a track is the convex hull of its wheels. On a slope, friction holds up to tan(angle) = mu, and the
 robot tips over where its centre of mass is above the last point that touches.
@@ -26,9 +26,9 @@ from trackslip.kinematics import Array
 
 _NEWTON = 60
 PITCHES = np.radians(np.arange(0.0, 85.0, 0.2))
-"""Pitches of a robot on a step that are looked at, (P,) [rad]."""
+"""Pitches of a robot on a step that are examined, (P,) [rad]."""
 _HEIGHTS, _ROUNDS = 16, 5  # of the search for the highest step: each round divides the interval by the former
-_TOUCHES = 1e-6  # by which a wheel may miss what it touches [m]
+_TOUCHES = 1e-6  # tolerance of contact [m]
 
 
 @dataclass(frozen=True)
@@ -74,15 +74,13 @@ class SideView:
 
     @property
     def touching(self) -> tuple[float, float]:
-        """Where the first and the last wheel touch level ground, rear and front x in the robot's frame [m]."""
+        """Rear and front x of the contact with level ground in the robot's frame [m]."""
         x = self.wheels[self.wheels[:, 1] - self.wheels[:, 2] < self.ground + _TOUCHES, 0]
         return float(x.min()), float(x.max())
 
 
 def friction_angle(friction: ArrayLike) -> Array:
-    """Steepest slopes (...) that belts climb and hold on, at friction coefficients (...) [-], if the robot doesn't tip
-    over before [rad].
-    """
+    """Steepest slopes (...) [rad] that belts climb and hold on, at friction coefficients (...) [-]."""
     return np.arctan(np.asarray(friction, float))
 
 
@@ -92,14 +90,9 @@ def tips_backwards(view: SideView) -> float:
 
 
 def tips_sideways(half_gauge: float, height: ArrayLike) -> Array:
-    """The slopes (...) on which a robot across them tips over [rad].
+    """The slopes (...) [rad] on which a robot across them tips over.
 
-    Args:
-        half_gauge: half the distance between the tracks [m].
-        height: of the centre of mass above the ground, (...) [m].
-
-    Raises:
-        InvalidValueError: for a half gauge that isn't positive.
+    `half_gauge` is half the distance between the tracks, `height` (...) that of the centre of mass [m].
     """
     require_positive("half_gauge", half_gauge)
     return np.arctan2(half_gauge, np.asarray(height, float))
@@ -127,12 +120,7 @@ def tip_over_step(ahead: ArrayLike, height: ArrayLike, radius: ArrayLike) -> Arr
 def highest_step(view: SideView, friction: float) -> float:
     """The highest single step that the robot climbs slowly, limited by tipping over its edge or by friction [m].
 
-    Args:
-        view: the track and the centre of mass.
-        friction: coefficient between belt and ground, and belt and step [-].
-
-    Raises:
-        InvalidValueError: for friction that isn't positive.
+    `friction` is the coefficient between belt and ground, and belt and step [-].
     """
     require_positive("friction", friction)
     low, high = 0.0, float((view.wheels[:, 1] + view.wheels[:, 2]).max() - view.ground + view.ahead)
@@ -152,15 +140,15 @@ def climbs(view: SideView, friction: float, height: ArrayLike) -> np.ndarray:
 
 
 def push_on_step(view: SideView, friction: float, height: Array) -> tuple[Array, np.ndarray]:
-    """The push of belts that slip on both contacts and whether the centre of mass has passed the edge.
+    """Forward push over the weight (H, P) of belts that slip on both contacts, and whether the robot is over the edge.
 
-    Forwards and relative to the weight, (H, P) [-], and (H, P) bool, for steps of heights (H,) [m] and PITCHES (P,).
-    Where the push at the edge would lift the rear, the rear pushes nothing.
+    For steps of heights (H,) [m] and PITCHES (P,); (H, P) bool where the centre of mass has passed the edge. Where the
+    push at the edge would lift the rear, the rear pushes nothing.
     """
     sin, cos = np.sin(PITCHES), np.cos(PITCHES)
     wheels = _pitched(view.wheels[:, :2], sin, cos)  # (2, W, P)
     radius = view.wheels[:, 2, None]
-    rear = np.argmin(wheels[1] - radius, axis=0)[None]  # what stands on the ground
+    rear = np.argmin(wheels[1] - radius, axis=0)[None]  # the wheel that stands on the ground
     origin = np.stack([np.take_along_axis(wheels[0], rear, 0), np.take_along_axis(wheels[1] - radius, rear, 0)])
     ends, normal = _runs(view.wheels)
     first, second = (_pitched(end, sin, cos) - origin for end in ends.swapaxes(0, 1))

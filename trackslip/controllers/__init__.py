@@ -1,1 +1,1 @@
-"""Path-tracking controllers, one per file, that follow the protocol in `base`."""
+"""Path-tracking controllers that follow the protocol in `base`."""

@@ -1,4 +1,4 @@
-"""The protocol of path-tracking controllers, and what the control laws share."""
+"""Path-tracking controllers: their protocol, and the base and helpers of the control laws."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class SensesSprockets(Protocol):
 
 @dataclass(frozen=True)
 class ControlLaw:
-    """Base of the controllers: its numbers are positive and, unless overridden, there is nothing to reset."""
+    """Base of the controllers: all numbers must be positive; without state, there is nothing to reset."""
 
     def __post_init__(self) -> None:
         for parameter in fields(self):
@@ -51,7 +51,7 @@ class ControlLaw:
 
 
 class OncePerReference(Generic[T]):
-    """Keeps what was built for the last reference, compared by identity."""
+    """Caches a value that depends on the reference, for the last reference only, compared by identity."""
 
     _kept: tuple[Reference, T] | None = None
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from trackslip.controllers.base import ControlLaw, OncePerReference
@@ -76,24 +77,11 @@ def error_dynamics(twist: ArrayLike, period: float) -> tuple[Array, Array]:
     Exact for a reference of constant twist: the matrix exponential of the linearised Eq. 20 with inputs held.
     """
     v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-    turn = w * period
-    along = period * np.sinc(turn / np.pi)  # integral of cos(w t)
-    across = period * np.sinc(turn / (2 * np.pi)) * np.sin(turn / 2)  # integral of sin(w t)
-    a, b = np.zeros((*v.shape, 3, 3)), np.zeros((*v.shape, 3, 2))
-    a[..., 0, 0] = a[..., 1, 1] = np.cos(turn)
-    a[..., 0, 1], a[..., 1, 0] = np.sin(turn), -np.sin(turn)
-    a[..., 0, 2], a[..., 1, 2], a[..., 2, 2] = v * across, v * along, 1.0
-    b[..., 0, 0], b[..., 1, 0], b[..., 2, 1] = -along, across, -period
-    b[..., 0, 1] = -v * period**2 * _lag_of_sine(turn)
-    b[..., 1, 1] = -v * period**2 / 2 * np.sinc(turn / (2 * np.pi)) ** 2
-    return a, b
-
-
-def _lag_of_sine(angle: Array) -> Array:
-    """(angle - sin(angle)) / angle^2 (...), regular at 0."""
-    small = np.abs(angle) < 0.01
-    safe = np.where(small, 1.0, angle)
-    return np.where(small, angle / 6 - angle**3 / 120, (safe - np.sin(safe)) / safe**2)
+    rates = np.zeros((*v.shape, 5, 5))  # of the error and the inputs
+    rates[..., 0, 1], rates[..., 1, 0], rates[..., 1, 2] = w, -w, v
+    rates[..., 0, 3] = rates[..., 2, 4] = -1.0
+    after = scipy.linalg.expm(rates * period)
+    return after[..., :3, :3], after[..., :3, 3:]
 
 
 def riccati_step(a: Array, b: Array, q: Array, r: Array, cost: Array) -> tuple[Array, Array]:

@@ -13,23 +13,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.controllers.base import ControlLaw
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import TrackslipError, require
 from trackslip.kinematics import Array, advance, track_speeds, twist_of_tracks
 from trackslip.trajectory.base import Reference
 
 
 @dataclass
-class _Memory:
+class _State:
     """The state between calls."""
 
     program: _Program | None = None
     """Built in the first call, which needs CasADi."""
-    leading: tuple[int, ...] | None = None
-    """Leading shape of the poses; None before the first call."""
     time: float = 0.0
     """Time of the last call [s]."""
-    plans: list[Array] = field(default_factory=list)
-    """Planned track speeds (K, 2) [m/s] of each robot from that time on."""
+    plans: Array | None = None
+    """Track speeds (..., K, 2) [m/s] that each robot plans from that time on; None before the first call."""
 
 
 @dataclass(frozen=True)
@@ -62,56 +60,49 @@ class ModelPredictive(ControlLaw):
     """b + D, the effective half gauge with slip compensation; half the gauge without it [m]."""
     iterations: int = 3
     """Gauss-Newton steps per call [-]."""
-    _memory: _Memory = field(default_factory=_Memory, init=False, repr=False, compare=False)
+    _state: _State = field(default_factory=_State, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("intervals", "iterations"):
-            if not getattr(self, name) >= 1:
-                raise InvalidValueError(name, getattr(self, name), "at least 1")
+            require(getattr(self, name) >= 1, name, getattr(self, name), "at least 1")
 
     def reset(self) -> None:
         """Discard the plans; the next call may be for another number of robots."""
-        self._memory.leading = None
+        self._state.plans = None
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`.
 
         Raises TrackslipError if CasADi is not installed.
         """
-        memory = self._memory
-        if memory.program is None:
-            memory.program = _Program(self)
+        state = self._state
+        if state.program is None:
+            state.program = _Program(self)
         pose = np.asarray(pose, float)
-        leading = pose.shape[:-1]
-        wanted_poses, wanted_speeds = self._wanted(time, reference)
-        robots = pose.reshape(-1, 3)
-        if memory.leading is None:
-            limited = np.clip(wanted_speeds, -self.track_speed, self.track_speed)
-            memory.plans = [limited] * len(robots)
-        elif memory.leading != leading:
-            raise InvalidValueError("pose", pose.shape, f"of shape {(*memory.leading, 3)} until reset")
-        else:
-            memory.plans = [self._shifted(plan, time - memory.time) for plan in memory.plans]
-        memory.leading, memory.time = leading, time
-        memory.plans = [
-            self._improved(memory.program, plan, robot, wanted_poses, wanted_speeds)
-            for plan, robot in zip(memory.plans, robots, strict=True)
-        ]
-        first = np.array([plan[0] for plan in memory.plans]).reshape(*leading, 2)
-        return twist_of_tracks(first, self.half_gauge)
-
-    def _wanted(self, time: float, reference: Reference) -> tuple[Array, Array]:
-        """Poses (K + 1, 3) of the reference at the nodes, and its mean track speeds (K, 2) between them."""
         nodes = time + self.interval * np.arange(self.intervals + 1)
-        middles = (nodes[1:] + nodes[:-1]) / 2
-        return reference.pose(nodes), track_speeds(reference.twist(middles), self.half_gauge)
+        wanted_poses = reference.pose(nodes)  # (K + 1, 3)
+        wanted_speeds = track_speeds(reference.twist((nodes[1:] + nodes[:-1]) / 2), self.half_gauge)  # (K, 2), means
+        shape = (*pose.shape[:-1], self.intervals, 2)
+        if state.plans is None:
+            plans = np.broadcast_to(np.clip(wanted_speeds, -self.track_speed, self.track_speed), shape)
+        else:
+            allowed = f"of shape {(*state.plans.shape[:-2], 3)} until reset"
+            require(state.plans.shape == shape, "pose", pose.shape, allowed)
+            plans = self._shifted(state.plans, time - state.time)
+        improved = [
+            self._improved(state.program, plan, robot, wanted_poses, wanted_speeds)
+            for plan, robot in zip(plans.reshape(-1, *shape[-2:]), pose.reshape(-1, 3), strict=True)
+        ]
+        state.plans, state.time = np.reshape(improved, shape), time
+        return twist_of_tracks(state.plans[..., 0, :], self.half_gauge)
 
-    def _shifted(self, plan: Array, elapsed: float) -> Array:
-        """A plan (K, 2), shifted by `elapsed` [s]; its last speeds are held."""
-        nodes = np.arange(self.intervals)
-        later = nodes + max(elapsed, 0.0) / self.interval
-        return np.stack([np.interp(later, nodes, side) for side in plan.T], axis=-1)
+    def _shifted(self, plans: Array, elapsed: float) -> Array:
+        """Plans (..., K, 2), shifted by `elapsed` [s]; their last speeds are held."""
+        later = np.minimum(np.arange(self.intervals) + max(elapsed, 0.0) / self.interval, self.intervals - 1)
+        k = np.minimum(later.astype(int), self.intervals - 2)
+        share = (later - k)[:, None]
+        return (1 - share) * plans[..., k, :] + share * plans[..., k + 1, :]
 
     def _improved(
         self, program: _Program, plan: Array, pose: Array, wanted_poses: Array, wanted_speeds: Array

@@ -1,4 +1,4 @@
-"""What is known of a law: parameters, intervals, origin, gain and warnings, as comments and as JSON."""
+"""Facts about a deployed law, as comments and as JSON: parameters, intervals, origin, gain and warnings."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A law as a program: a C header that needs only <math.h>, or a Python module that needs only `math`.
 
-Their functions compute what `trackslip.slip` computes, by the same equations. They are in the folder
-`templates`; the law's numbers are written in front of them as constants.
+Their functions are the equations of `trackslip.slip`, from the folder `templates`; the law's numbers are written in
+front of them as constants.
 """
 
 from __future__ import annotations

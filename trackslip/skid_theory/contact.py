@@ -52,7 +52,7 @@ class Contact:
     across: float
     """Friction coefficient across the track [-]."""
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Position ahead and to the left of the middle between the tracks, and above the ground [m]."""
+    """Distance ahead and to the left of the middle between the tracks, and height above the ground [m]."""
 
     def __post_init__(self) -> None:
         require_positive("along", self.along)

@@ -68,17 +68,17 @@ class Turns:
 
     @property
     def icr(self) -> Array:
-        """Places (M, 2) of the ICRs of the (left, right) tracks, to the left of the robot's middle [m]."""
+        """Distances (M, 2) of the (left, right) tracks' ICRs to the left of the robot's middle [m]."""
         return self.radius[:, None] - self.belts
 
     @property
     def offset(self) -> Array:
-        """D (M,), by which the ICRs lie farther out than the tracks, the mean of both [m]."""
+        """D (M,): mean distance of the ICRs outside the tracks [m]."""
         return (self.belts[:, 1] - self.belts[:, 0]) / 2 - self.half_gauge
 
     @property
     def loss(self) -> Array:
-        """Part (M,) of the belts' mean speed that the robot lacks [-]."""
+        """Share (M,) of the belts' mean speed that the turn costs [-]."""
         return 1 - self.radius / self.belts.mean(axis=1)
 
 

@@ -19,7 +19,7 @@ from trackslip.slip.online import FilterTuning, IcrFilter
 MAX_CRAB_ANGLE = 0.3
 """Largest angle between the heading of a robot and its direction of motion [rad]."""
 _LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
-"""The law does not tell the centre of turns, which shifts along the robot as it turns towards the slope."""
+"""The law does not model the centre of turns, which shifts along the robot as it turns towards the slope."""
 
 
 class Compensation(Protocol):

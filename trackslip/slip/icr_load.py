@@ -74,7 +74,7 @@ class IcrLoad(IcrLaw):
         return np.stack(np.broadcast_arrays(slower, w), axis=-1)
 
     def unloaded(self, twist: ArrayLike) -> Array:
-        """The twist (..., 2) that the robot would have without load, for a twist (..., 2) that it has."""
+        """The twist (..., 2) without load at the sprocket speeds that produce a twist (..., 2) under load."""
         twist = np.asarray(twist, float)
         v, w = twist[..., 0], twist[..., 1]
         along = self._tractions[0]

@@ -44,7 +44,7 @@ class FilterTuning:
     centre_spread: float = 0.03
     """Standard deviation of c without prior knowledge [m]."""
     known: float = 0.15
-    """Factor on these at the start if a law is given [-]."""
+    """Factor on these spreads if the filter starts from a known law [-]."""
     least_turn: float = 0.015
     """Mean yaw rate above which g and c are updated [rad/s]."""
     gain_walk: float = 0.003
@@ -64,9 +64,9 @@ class FilterTuning:
     patience: int = 5
     """Number of poses rejected in a row after which the filter restarts [-]."""
     change: float = 60.0
-    """Normalised squared mean innovation above which the ground has changed (likewise) [-]."""
+    """Normalised squared mean innovation above which the ground has changed (chi-square likewise) [-]."""
     memory: float = 10.0
-    """Number of scans over which that mean is taken [-]."""
+    """Number of scans in that mean [-]."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

@@ -76,14 +76,14 @@ class Tabulated:
     """A reference whose poses and twists at certain times are computed in advance, all at once."""
 
     def __init__(self, reference: Reference, times: ArrayLike) -> None:
-        """Tabulate `reference` at `times` (T,) [s]; at any other time it is asked."""
+        """Tabulate `reference` at `times` (T,) [s]; at other times it is evaluated."""
         times = np.asarray(times, float)
         self._reference = reference
         self._poses = dict(zip(times.tolist(), reference.pose(times), strict=True))
         self._twists = dict(zip(times.tolist(), reference.twist(times), strict=True))
 
     def __getattr__(self, name: str) -> Any:
-        """Whatever else the reference offers."""
+        """Any other attribute of the reference."""
         return getattr(self._reference, name)
 
     @property

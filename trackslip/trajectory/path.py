@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import InvalidValueError, require_at_most
@@ -71,16 +72,7 @@ class ParametricPath:
         self._velocity = curve(self._u, 1)  # (K,)
         turns = np.angle(self._velocity[1:] / self._velocity[:-1])
         heading = np.angle(self._velocity[0]) + np.concatenate([[0.0], np.cumsum(turns)])
-        slope = 1 / np.abs(self._velocity)  # du/ds
-        mean = np.diff(self._u) / lengths
-        self._inverse = np.stack(  # (4, K - 1) coefficients of u by powers of the distance from the knot
-            [
-                self._u[:-1],
-                slope[:-1],
-                (3 * mean - 2 * slope[:-1] - slope[1:]) / lengths,
-                (slope[:-1] + slope[1:] - 2 * mean) / lengths**2,
-            ]
-        )
+        self._parameter = scipy.interpolate.CubicHermiteSpline(self._s, self._u, 1 / np.abs(self._velocity))
         self._rotation, self._shift = complex(1.0), complex(0.0)
         if start is not None:
             x, y, phi = np.asarray(start, float)
@@ -96,23 +88,16 @@ class ParametricPath:
 
     def pose(self, s: Array) -> Array:
         """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
-        k, u = self._parameter(s)
+        k, u = cell(self._s, s), self._parameter(s)
         point = self._rotation * self._curve(u, 0) + self._shift
         heading = self._heading[k] + np.angle(self._curve(u, 1) * np.conj(self._velocity[k]))
         return np.stack([point.real, point.imag, heading], axis=-1)
 
     def curvature(self, s: Array) -> Array:
         """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
-        _, u = self._parameter(s)
+        u = self._parameter(s)
         velocity = self._curve(u, 1)
         return (np.conj(velocity) * self._curve(u, 2)).imag / np.abs(velocity) ** 3
-
-    def _parameter(self, s: Array) -> tuple[NDArray[np.intp], Array]:
-        """Index of the cell and parameter of the curve, each (...)."""
-        k = cell(self._s, s)
-        way = s - self._s[k]
-        c0, c1, c2, c3 = self._inverse[:, k]
-        return k, c0 + way * (c1 + way * (c2 + way * c3))
 
 
 def require_length(length: float) -> None:
