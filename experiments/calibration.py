@@ -10,7 +10,7 @@ from experiments.report.table import Table
 from sim.calibration.calibration import Candidate, Fit, calibrate
 from sim.calibration.target import MeasuredTurns, Target, TurnTable
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.source import Reading, read_source
+from trackslip.identification.source import ReadOptions, read_source
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.logfile import read_table
 from trackslip.logs.table import read_columns
@@ -30,7 +30,7 @@ def read_target(name: str, geometry: RobotGeometry) -> Target:
     try:
         source = read_source(path)
     except InvalidValueError:  # the log contains no geometry
-        source = read_source(path, Reading(geometry.half_gauge, geometry.sprocket_radius))
+        source = read_source(path, ReadOptions(geometry.half_gauge, geometry.sprocket_radius))
     simulated = bool(source.logs) and all("plate" in log.metadata for log in source.logs)
     return MeasuredTurns(source.sampling.samples, source.geometry, of_plate=simulated)
 

@@ -15,7 +15,7 @@ import pyarrow.parquet
 from experiments.storage.manifest import relative
 from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE, file_names
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.source import Reading, Source, read_source
+from trackslip.identification.source import ReadOptions, Source, read_source
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import NO_UNIT, PURE, Column
@@ -154,7 +154,7 @@ def _law_file(spec: str) -> LawFile:
 
 def read_drives(config: Config, specs: Sequence[LawFile], select: Callable[[Path], Collection[str]] | None) -> Source:
     """The drives; for a robot of the size that the laws were identified for, if the log does not state it."""
-    reading = Reading(config.half_gauge, config.sprocket_radius, config.gear, bag=config.bag.choice())
+    reading = ReadOptions(config.half_gauge, config.sprocket_radius, config.gear, bag=config.bag.choice())
     known = next((identified_law(path, name).geometry for path, name in specs if path is not None), None)
     try:
         source = read_source(config.path, reading, select)

@@ -62,7 +62,7 @@ Turn = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Speed:
+class SpeedRatio:
     """Speed of a case."""
 
     case: str
@@ -73,7 +73,7 @@ class Speed:
     """Speed relative to the bare engine in the same motion [-]."""
 
 
-def measure(config: Config, robot: Robot, turn: Turn) -> tuple[list[Speed], dict[str, float]]:
+def measure(config: Config, robot: Robot, turn: Turn) -> tuple[list[SpeedRatio], dict[str, float]]:
     """Speeds of all cases, and costs over their physics of ten closed loops, localization and reproduce [-]."""
     speeds = [speed for size in config.sizes for speed in _speeds(config, robot, size, turn)]
     loops = _measured(LOOPS, _closed_loops(robot, _LOOPS, config.threads), 40, config.repeats, turn)
@@ -82,7 +82,7 @@ def measure(config: Config, robot: Robot, turn: Turn) -> tuple[list[Speed], dict
     return speeds, costs
 
 
-def checks_of(speeds: Sequence[Speed], costs: dict[str, float]) -> list[Check]:
+def checks_of(speeds: Sequence[SpeedRatio], costs: dict[str, float]) -> list[Check]:
     """The bounds that hold for a part of the cases: of lone robots, and of several."""
     lone, several = {FLEET: 0.9, TRACKING: 0.4}, {FLEET: 0.9, SCANNER: 0.7, TRACKING: 0.75, TRAVERSE: 0.75}
     checks = []
@@ -95,7 +95,7 @@ def checks_of(speeds: Sequence[Speed], costs: dict[str, float]) -> list[Check]:
     return checks
 
 
-def _speeds(config: Config, robot: Robot, size: int, turn: Turn) -> Iterator[Speed]:
+def _speeds(config: Config, robot: Robot, size: int, turn: Turn) -> Iterator[SpeedRatio]:
     """Every case with `size` robots."""
     cases: dict[str, Callable[[], _Case]] = {
         BARE: lambda: _fleet(robot, size, config.threads, BARE),
@@ -122,7 +122,7 @@ class _Case:
     """Drive for some periods; returns the times of the simulator and of the bare engine in the same motion [s]."""
 
 
-def _measured(name: str, case: _Case, periods: int, repeats: int, turn: Turn) -> Speed:
+def _measured(name: str, case: _Case, periods: int, repeats: int, turn: Turn) -> SpeedRatio:
     """The median speed over some turns, after one that warms up."""
     case.take_turn(_FEWEST)
     turn(1.0)
@@ -132,7 +132,7 @@ def _measured(name: str, case: _Case, periods: int, repeats: int, turn: Turn) ->
         turn(1.0)
     took, bare = np.transpose(turns)
     rate = case.robots * periods * case.steps / float(np.median(took))
-    return Speed(name, case.robots, rate, float(np.median(np.divide(bare, took))))
+    return SpeedRatio(name, case.robots, rate, float(np.median(np.divide(bare, took))))
 
 
 def _fleet(robot: Robot, size: int, threads: int, case: str) -> _Case:

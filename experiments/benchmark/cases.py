@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from experiments.commands.benchmark import Config
 
 FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
-"""Axes along which the runs of a benchmark differ: the fields of a Case."""
+"""Axes along which the runs of a benchmark differ: the fields of a BenchmarkCase."""
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
 _SUITES: Mapping[str, Sequence[Sequence[tuple[Any, ...]]]] = {
@@ -44,7 +44,7 @@ _MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
 
 
 @dataclass(frozen=True)
-class Case:
+class BenchmarkCase:
     """One run: the names of its controller, compensation, reference, ground and start, and its seed."""
 
     controller: str
@@ -94,23 +94,23 @@ class Case:
         return se2.compose(reference(self.reference).pose(0.0), offset)
 
 
-def cases_of(config: Config) -> tuple[list[Case], list[str]]:
+def cases_of(config: Config) -> tuple[list[BenchmarkCase], list[str]]:
     """Every run once, and a note on each of a suite's controllers that is left out because its library is missing.
 
     A controller that is named by an option is not left out; looking it up refuses it.
     """
     given = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
-    found: dict[Case, None] = {}
+    found: dict[BenchmarkCase, None] = {}
     for design in _SUITES[config.suite]:
         chosen = [own or suites for own, suites in zip(given, design, strict=True)]
-        found |= dict.fromkeys(Case(*values) for values in product(*chosen))
+        found |= dict.fromkeys(BenchmarkCase(*values) for values in product(*chosen))
     rest = [case for case in found if case.controller != "mpc"]
     if len(rest) == len(found) or "mpc" in (config.controllers or ()) or importlib.util.find_spec("casadi") is not None:
         return list(found), []
     return rest, ['mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"']
 
 
-def identified(cases: Sequence[Case], config: Config, world: World) -> list[Case]:
+def identified(cases: Sequence[BenchmarkCase], config: Config, world: World) -> list[BenchmarkCase]:
     """The cases with their ids; a user's controllers must have been imported."""
     laws = config.laws or SHIPPED
     specified = [world.parameters, world.ground, world.radius_error, world.obstacles, world.pull, world.robot.digest]
@@ -119,7 +119,7 @@ def identified(cases: Sequence[Case], config: Config, world: World) -> list[Case
     contents = functools.cache(lambda name: content(Path(name)))
     modules = set(user_modules())
 
-    def files(case: Case) -> dict[str, str]:
+    def files(case: BenchmarkCase) -> dict[str, str]:
         names = {case.reference, case.ground, str(policy_path(case.controller) or "")}
         names |= set() if case.controller in CONTROLLERS else modules
         return {name: found for name in sorted(names) if (found := contents(name)) is not None}

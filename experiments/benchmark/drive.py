@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from experiments.benchmark.cases import Case
+from experiments.benchmark.cases import BenchmarkCase
 from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops
 from experiments.driving.lookup import compensation, controller, reference
 from experiments.driving.world import World
@@ -69,7 +69,7 @@ class ClosedLoops:
         """A new compensation by name."""
         return compensation(name, self.world.robot.geometry, self.config.laws)
 
-    def check(self, cases: Sequence[Case]) -> None:
+    def check(self, cases: Sequence[BenchmarkCase]) -> None:
         """Raise TrackslipError for an unknown name, before anything is driven."""
         look_ups: dict[str, Callable[[str], object]] = {
             "controller": self.controller,
@@ -85,7 +85,7 @@ class ClosedLoops:
                     option = f"{factor}s" if error.field == factor else error.field
                     raise InvalidValueError(option, error.value, error.allowed) from error
 
-    def drive(self, runs: Sequence[Case], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
+    def drive(self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
         """Drive cases that share a reference, as one fleet."""
         loops = [
             ClosedLoopRun(
@@ -106,7 +106,7 @@ class ClosedLoops:
             loops, self.world, path, config.localization, self.compensation, config.preview, progress
         )
 
-    def measure(self, run: Case, log: RunLog) -> Row:
+    def measure(self, run: BenchmarkCase, log: RunLog) -> Row:
         """Errors, expense and, for the first seed, times of steps."""
         assert log.truth is not None
         errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
@@ -118,7 +118,7 @@ class ClosedLoops:
                 row["compute_ms"] = np.round(1e3 * np.array(self._step_times(run, log)), 4)
         return row
 
-    def _step_times(self, case: Case, log: RunLog) -> list[float]:
+    def _step_times(self, case: BenchmarkCase, log: RunLog) -> list[float]:
         """Times [s] from pose to set points, at the poses of a run, measured with a separate controller."""
         pilot, law = self.controller(case.controller), self.compensation(case.compensation)
         path, geometry, top_speed = reference(case.reference), self.world.robot.geometry, self.top_speed
@@ -147,7 +147,7 @@ def _world(config: Config) -> World:
     return World.of(Simulation(*equipment, threads=1))
 
 
-def record_comparisons(folder: Path, cases: Sequence[Case], unfinished: Sequence[RunLog]) -> None:
+def record_comparisons(folder: Path, cases: Sequence[BenchmarkCase], unfinished: Sequence[RunLog]) -> None:
     """For each reference, ground and start, compare all controllers and compensations with the first seed.
 
     Runs that failed are recorded one by one, as far as they went.

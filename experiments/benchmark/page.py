@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.benchmark.cases import Case
+from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.rows import settled_error
 from experiments.benchmark.table import board_table, whole_table
 from experiments.driving.lookup import reference
@@ -45,7 +45,7 @@ def page(
     entries: Sequence[Row],
     lost: Sequence[str],
     rows: Sequence[Row],
-    driven: Sequence[Case],
+    driven: Sequence[BenchmarkCase],
     manifest: Mapping[str, Any],
 ) -> Page:
     """The page, with figures of the cases `driven`, whose logs are in the Parquet file `runs_file`."""
@@ -64,7 +64,7 @@ def page(
     )
 
 
-def _path_plots(runs_file: Path, cases: Sequence[Case]) -> Iterator[Plot]:
+def _path_plots(runs_file: Path, cases: Sequence[BenchmarkCase]) -> Iterator[Plot]:
     """Per reference: controllers side by side, and one controller with each compensation; first ground and seed."""
     for name in dict.fromkeys(case.reference for case in cases):
         first = next(case for case in cases if case.reference == name)
@@ -88,7 +88,11 @@ def _path_plots(runs_file: Path, cases: Sequence[Case]) -> Iterator[Plot]:
 
 
 def _plot(
-    runs_file: Path, chosen: Mapping[str, Case], looks: Mapping[str, Mapping[str, Any]], heading: str, what: str
+    runs_file: Path,
+    chosen: Mapping[str, BenchmarkCase],
+    looks: Mapping[str, Mapping[str, Any]],
+    heading: str,
+    what: str,
 ) -> Plot:
     runs, one = StoredRuns(runs_file), next(iter(chosen.values()))
     lines = {compensation_name(key): (runs.log(case.name), dict(looks[key])) for key, case in chosen.items()}

@@ -75,14 +75,14 @@ def run(config: Config) -> None:
     from experiments.storage.plain_json import plain
     from experiments.storage.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE
     from experiments.sweep.engine import drive_missing, resumable
-    from experiments.sweep.parts import Parts
+    from experiments.sweep.parts import StoredParts
     from sim.stopwatch import Stopwatch
 
     loops = ClosedLoops(config)
     named, notes = cases_of(config)
     loops.check(named)
     cases = identified(named, config, loops.world)
-    parts = Parts(config.out, PARTS)
+    parts = StoredParts(config.out, PARTS)
     with resumable(config, cases, parts) as run:
         parts.take_current({case.id for case in cases})
         with run.watch.stage("driving"):

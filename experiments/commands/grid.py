@@ -68,7 +68,7 @@ def run(config: Config) -> None:
     from experiments.storage.results import RECORDINGS_FOLDER, RUNS_FILE, TABLE_FILE, bags_text, write_bags
     from experiments.sweep.drive import GridRuns
     from experiments.sweep.engine import drive_missing, resumable
-    from experiments.sweep.parts import Parts
+    from experiments.sweep.parts import StoredParts
     from experiments.sweep.plan import plan
     from experiments.sweep.summary import all_failed, grids_of, in_full, print_sweep, summary_of
     from experiments.sweep.table import renamed, write_table
@@ -81,7 +81,7 @@ def run(config: Config) -> None:
     runs = plan(config)
     world = World.of(config)  # before its files can change
     ids = {one.id for one in runs}
-    parts = Parts(config.out, PARTS)
+    parts = StoredParts(config.out, PARTS)
     with resumable(config, runs, parts, "the same command" + " without --no-resume" * (not config.resume)) as run:
         if config.resume:
             parts.take(ids, config.force)

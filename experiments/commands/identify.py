@@ -115,9 +115,9 @@ def run(config: Config) -> None:
 def source_of(config: Config) -> "Source":
     """The runs and samples that the options select; raises LogError or InvalidValueError if none can be used."""
     from experiments.sweep.table import chosen
-    from trackslip.identification.source import Reading, read_source
+    from trackslip.identification.source import ReadOptions, read_source
 
-    reading = Reading(
+    reading = ReadOptions(
         config.half_gauge, config.sprocket_radius, config.gear, config.settle, config.motion, config.bag.choice()
     )
     return read_source(config.path, reading, partial(chosen, where=config.where) if config.where else None)

@@ -94,12 +94,12 @@ class Config(Options):
 def run(config: Config) -> None:
     """Train, store the policy, draw its curve, and print the reward before and after."""
     from experiments.learning.crossing import crossing_table, gain_text, learning_curve
-    from experiments.learning.tasks import PathTracking, Traversing
+    from experiments.learning.tasks import PathTrackingTask, Traversing
     from experiments.learning.training import CHECKPOINT, POLICY, learn, model_of, network_of
     from experiments.run import Run
 
     with Run(config) as run:
-        task = PathTracking(config) if config.env == PATH_TRACKING else Traversing(config)
+        task = PathTrackingTask(config) if config.env == PATH_TRACKING else Traversing(config)
         model = model_of(config, task)
         before, policy = model.num_timesteps, run.folder / POLICY
         try:

@@ -31,7 +31,7 @@ _DRIVEN_OVER_COMMANDED = 1.3  # approximate ratio of the radius driven to the ra
 
 
 @dataclass(frozen=True)
-class Cell:
+class GridCell:
     """One run of a grid."""
 
     name: str
@@ -50,9 +50,9 @@ class Cell:
         return cls(name, name, radius, speed)
 
 
-def cells_of(config: RunsConfig) -> list[Cell]:
+def cells_of(config: RunsConfig) -> list[GridCell]:
     """One cell per radius and speed, radius by radius."""
-    return [Cell.at(radius, speed) for radius, speed in itertools.product(config.radii, config.speeds)]
+    return [GridCell.at(radius, speed) for radius, speed in itertools.product(config.radii, config.speeds)]
 
 
 def drive_grid(
@@ -68,7 +68,7 @@ def drive_grid(
 
 
 def drive_cells(
-    cells: Sequence[Cell],
+    cells: Sequence[GridCell],
     worlds: Sequence[World],
     progress: Progress = lambda seconds: None,
     watch: Stopwatch | None = None,

@@ -27,7 +27,7 @@ _LIMITS = Limits(time=20.0, stuck_time=3.0)
 """Of training, which should not spend its time on robots that are stuck."""
 
 
-class Task(Protocol):
+class LearningTask(Protocol):
     """An environment to learn in, and what becomes of the result."""
 
     initial_deviation: float
@@ -46,7 +46,7 @@ class Task(Protocol):
         """Entries of summary.json from a trial of the policy that was written."""
 
 
-class PathTracking:
+class PathTrackingTask:
     """Corrections of the reference's twist, in trackslip/PathTracking-v0; `benchmark` compares its policies."""
 
     initial_deviation = -1.2
@@ -55,7 +55,7 @@ class PathTracking:
         self._config = config
 
     def robots(self) -> Any:
-        """See Task."""
+        """See LearningTask."""
         from sim.sb3 import Corrections, PathTrackingVecEnv
 
         config = self._config
@@ -73,15 +73,15 @@ class PathTracking:
         return Corrections(robots, config.authority)
 
     def ended(self, infos: Sequence[dict[str, Any]]) -> dict[str, float]:
-        """See Task."""
+        """See LearningTask."""
         return {}
 
     def policy(self, network: Network) -> Policy:
-        """See Task."""
+        """See LearningTask."""
         return Policy(network, self._config.authority, {"action": "twist"})
 
     def tried(self, policy: Path) -> dict[str, Any]:
-        """See Task."""
+        """See LearningTask."""
         return {}
 
 
@@ -94,7 +94,7 @@ class Traversing:
         self._config = config
 
     def robots(self) -> Any:
-        """See Task."""
+        """See LearningTask."""
         from sim.sb3 import TraverseVecEnv
 
         courses = {"difficulty": self._config.difficulty, "kinds": _HARD, "obstacles": 1, "limits": _LIMITS}
@@ -102,15 +102,15 @@ class Traversing:
         return TraverseVecEnv(self._config.robots, self._config.threads, **options)
 
     def ended(self, infos: Sequence[dict[str, Any]]) -> dict[str, float]:
-        """See Task."""
+        """See LearningTask."""
         return {"crossed": float(np.mean([info["outcome"] == "reached" for info in infos]))} if infos else {}
 
     def policy(self, network: Network) -> CrossingPolicy:
-        """See Task."""
+        """See LearningTask."""
         return CrossingPolicy(network, {**OPTIONS, "robot": self._config.robot})
 
     def tried(self, policy: Path) -> dict[str, Any]:
-        """See Task: compared with the scripted controller, on courses that are new to both."""
+        """See LearningTask: compared with the scripted controller, on courses that are new to both."""
         config = self._config
         trained = CrossingPolicy.load(policy)
         rates, gain = compare(trained, config.difficulty, config.trials, config.seed, config.threads)

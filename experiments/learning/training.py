@@ -15,14 +15,14 @@ from trackslip.errors import InvalidValueError, LogError, TrackslipError
 
 if TYPE_CHECKING:
     from experiments.commands.train import Config
-    from experiments.learning.tasks import Task
+    from experiments.learning.tasks import LearningTask
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
 _MIN_RATE = 0.05  # final over initial learning rate
 _CHECKPOINT_EVERY = 20  # updates
 
 
-def model_of(config: Config, task: Task) -> Any:
+def model_of(config: Config, task: LearningTask) -> Any:
     """A new PPO model, or the one of the last checkpoint."""
     try:
         import torch
@@ -70,7 +70,7 @@ def model_of(config: Config, task: Task) -> Any:
     )
 
 
-def learn(model: Any, config: Config, task: Task, drafts: Path) -> list[dict[str, float]]:
+def learn(model: Any, config: Config, task: LearningTask, drafts: Path) -> list[dict[str, float]]:
     """Train until `config.steps`, with checkpoints, which are drafted in the folder `drafts` on the same disk.
 
     Returns for each update the steps of all robots so far, their mean reward since the one before [-], and what

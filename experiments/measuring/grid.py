@@ -78,7 +78,7 @@ class RatioToBound:
 
 
 @dataclass(frozen=True)
-class PoseErrors:
+class PoseAccuracy:
     """Root mean square errors of all poses, gaps bridged by odometry included."""
 
     rmse_x: float
@@ -101,7 +101,7 @@ class PoseErrors:
 
 
 @dataclass(frozen=True)
-class LocalizationErrors(PoseErrors):
+class LocalizationErrors(PoseAccuracy):
     """Pose errors, and the rate of valid poses."""
 
     rate_hz: float

@@ -21,9 +21,9 @@ from experiments.report.table import Table
 from experiments.studies.trials import (
     Estimate,
     Estimates,
-    Outcome,
     Study,
     Trial,
+    TrialOutcome,
     Values,
     failures_of,
     rms_interval,
@@ -73,7 +73,7 @@ _OUTER, _INNER = (0.1, 0.2, 0.3), (0.1, 0.4, 0.7)  # speeds of the tracks [m/s],
 
 
 @dataclass(frozen=True)
-class Case:
+class CoverageCase:
     """Repeated drives of one kind, and bounds on what is estimated from each."""
 
     name: str
@@ -125,20 +125,20 @@ SIMULATED = "20 mm, 1 deg, 10 Hz; MuJoCo's own motion"
 NOISE_FREE = "MuJoCo's own motion, exact poses"
 """Instead of the truth, which a drive in MuJoCo doesn't have."""
 _CASES = (
-    Case("20 mm, 1 deg, 10 Hz; white slip", _COARSE, over_bound=1.15, over_model=1.5),
-    Case("2 mm, 0.25 deg, 20 Hz; white slip", _FINE, rms={D: 0.0002, EPSILON: 0.0006}),
-    Case("2 mm, 0.25 deg, 20 Hz; slip that lasts", _FINE, LASTING, _LASTING_RMS),
-    Case("20 mm, 1 deg, 10 Hz; slip that lasts", _COARSE, LASTING, _LASTING_RMS),
-    Case(
+    CoverageCase("20 mm, 1 deg, 10 Hz; white slip", _COARSE, over_bound=1.15, over_model=1.5),
+    CoverageCase("2 mm, 0.25 deg, 20 Hz; white slip", _FINE, rms={D: 0.0002, EPSILON: 0.0006}),
+    CoverageCase("2 mm, 0.25 deg, 20 Hz; slip that lasts", _FINE, LASTING, _LASTING_RMS),
+    CoverageCase("20 mm, 1 deg, 10 Hz; slip that lasts", _COARSE, LASTING, _LASTING_RMS),
+    CoverageCase(
         "50 mm, no heading, 5 Hz; white slip",
         _GNSS,
         rms={D: 0.0006, EPSILON: 0.003},
         coverage=(0.93, 1.0),
         standard_errors=5.0,
     ),
-    Case("odometry that drifts 1 %; white slip", _ODOMETRY, rms={D: 0.002, EPSILON: 0.01}),
-    Case(SIMULATED, _COARSE, None, {D: 0.0005, EPSILON: 0.001}, coverage=(0.9, 1.0)),
-    Case(
+    CoverageCase("odometry that drifts 1 %; white slip", _ODOMETRY, rms={D: 0.002, EPSILON: 0.01}),
+    CoverageCase(SIMULATED, _COARSE, None, {D: 0.0005, EPSILON: 0.001}, coverage=(0.9, 1.0)),
+    CoverageCase(
         "20 mm with outliers, gaps, a jump, clock, mounting",
         _EVERYTHING,
         rms={D: 0.0006, EPSILON: 0.002},
@@ -146,7 +146,7 @@ _CASES = (
         covered=(D, EPSILON, *EXTRAS),
     ),
 )
-CASES: Mapping[str, Case] = {case.name: case for case in _CASES}
+CASES: Mapping[str, CoverageCase] = {case.name: case for case in _CASES}
 """All cases by name, in the order of the table."""
 
 
@@ -204,7 +204,7 @@ def drive_study(config: Config, world: World, run: Run) -> Study:
     return Study(summary, shown, checks)
 
 
-def _statistics(outcomes: Sequence[Outcome], name: str, aim: float, truth: Array | float) -> dict[str, Any]:
+def _statistics(outcomes: Sequence[TrialOutcome], name: str, aim: float, truth: Array | float) -> dict[str, Any]:
     """Errors of a parameter and coverage of its intervals."""
     estimates = Estimates.of(outcomes, name)
     errors, covered = estimates.errors(aim), estimates.cover(truth)
@@ -229,7 +229,7 @@ def _law_table(laws: Mapping[str, Values], drives: int) -> Table:
 
 
 def checks_of(
-    case: Case, outcomes: Sequence[Outcome], aim: Values, truths: Mapping[str, float | Array]
+    case: CoverageCase, outcomes: Sequence[TrialOutcome], aim: Values, truths: Mapping[str, float | Array]
 ) -> Iterator[Check]:
     """Fits, errors and intervals within the bounds of a case.
 
@@ -257,12 +257,12 @@ def checks_of(
             yield Check(case.name, f"largest error of {name} in standard errors", largest, case.standard_errors)
 
 
-def fitted_drive(trial: Trial, rng: np.random.Generator, geometry: RobotGeometry) -> Outcome:
+def fitted_drive(trial: Trial, rng: np.random.Generator, geometry: RobotGeometry) -> TrialOutcome:
     """Drive by the law unless the trial has a drive in MuJoCo, measure and fit.
 
     `numbers` are the Cramér-Rao bounds, if the case asks for them.
     """
-    case = CASES.get(trial.case, Case(NOISE_FREE, PoseSource(rate=20.0), None))
+    case = CASES.get(trial.case, CoverageCase(NOISE_FREE, PoseSource(rate=20.0), None))
     drive: KnownDrive = trial.given
     if case.slip is not None:
         law = LawMotion(FAMILIES[LAW].law(TRUTH, geometry), geometry, case.slip)
@@ -273,8 +273,8 @@ def fitted_drive(trial: Trial, rng: np.random.Generator, geometry: RobotGeometry
     try:
         estimates = Estimate.of(fit_drives(LAW, [log], geometry))
     except TrackslipError as error:
-        return Outcome(numbers=bound, notes=(str(error),))
-    return Outcome(estimates if TRUE_LAW.keys() <= estimates.keys() else {}, bound)
+        return TrialOutcome(numbers=bound, notes=(str(error),))
+    return TrialOutcome(estimates if TRUE_LAW.keys() <= estimates.keys() else {}, bound)
 
 
 def _commands(geometry: RobotGeometry, rng: np.random.Generator) -> Array:

@@ -21,9 +21,9 @@ from experiments.studies.drive_coverage import TRUE_LAW
 from experiments.studies.trials import (
     Estimate,
     Estimates,
-    Outcome,
     Study,
     Trial,
+    TrialOutcome,
     Values,
     failures_of,
     rms_interval,
@@ -110,7 +110,7 @@ def truth_of(plan: DrivePlan, rng: np.random.Generator) -> Array:
     return truth
 
 
-def tried(trial: Trial, rng: np.random.Generator, plan: DrivePlan, poses: PoseSource, truth: Array) -> Outcome:
+def tried(trial: Trial, rng: np.random.Generator, plan: DrivePlan, poses: PoseSource, truth: Array) -> TrialOutcome:
     """Drive, measure and identify.
 
     `numbers` are, for PLAN, how far the middle of the robot got from that of the area and the largest speed of a belt,
@@ -121,10 +121,10 @@ def tried(trial: Trial, rng: np.random.Generator, plan: DrivePlan, poses: PoseSo
     try:
         fit = fit_drives(plan.law, logs, plan.knowledge.geometry)
     except TrackslipError as error:
-        return Outcome(numbers=numbers, notes=(str(error),))
+        return TrialOutcome(numbers=numbers, notes=(str(error),))
     if trial.given is not None:
         numbers |= zip(_AHEAD, prediction_errors(fit, trial.given[_OTHERS]), strict=True)
-    return Outcome(Estimate.of(fit), numbers)
+    return TrialOutcome(Estimate.of(fit), numbers)
 
 
 def _measured(
@@ -204,7 +204,7 @@ def plan_study(
     paper: Expectation | None,
     truth: Values | None,
     repeats: int,
-    outcomes: Mapping[str, Sequence[Outcome]],
+    outcomes: Mapping[str, Sequence[TrialOutcome]],
 ) -> Study:
     """Compare the estimates with the truth and with what was predicted.
 
@@ -263,13 +263,15 @@ def plan_study(
     return Study(summary, [Table(title, header, rows), *shown, checks_table("Checks", checks)], checks)
 
 
-def _ahead(outcomes: Sequence[Outcome]) -> tuple[float, ...] | None:
+def _ahead(outcomes: Sequence[TrialOutcome]) -> tuple[float, ...] | None:
     """RMS errors of other drives predicted by the laws, position [m] and heading [rad]; None if there are none."""
     found = [one.numbers for one in outcomes if _AHEAD[0] in one.numbers]
     return tuple(rms([numbers[name] for numbers in found]) for name in _AHEAD) if found else None
 
 
-def _checks(plan: DrivePlan, outcomes: Mapping[str, Sequence[Outcome]], summary: Mapping[str, Any]) -> Iterator[Check]:
+def _checks(
+    plan: DrivePlan, outcomes: Mapping[str, Sequence[TrialOutcome]], summary: Mapping[str, Any]
+) -> Iterator[Check]:
     """Fits, limits of the drive, and errors relative to the prediction and to the paper's runs."""
     case = f"{len(outcomes[PLAN])} drives of {plan.limits.duration:g} s"
     failed = sum(bool(one.notes) for ones in outcomes.values() for one in ones)

@@ -17,7 +17,7 @@ from experiments.options.base import with_option
 from experiments.options.grid import GridConfig
 from experiments.report.formats import number
 from experiments.report.table import Table
-from experiments.studies.trials import Outcome, Study, Trial, run_trials
+from experiments.studies.trials import Study, Trial, TrialOutcome, run_trials
 from sim.scanner.scanner import MIRROR_PERIOD
 from trackslip.errors import LogError
 from trackslip.identification.samples import true_samples, usable_samples
@@ -90,7 +90,7 @@ def sensitivity(config: Config, run: Run) -> Study:
     return sensitivity_study(DISTURBANCES, [outcome for (outcome,) in outcomes.values()])
 
 
-def sensitivity_study(disturbances: Sequence[Disturbance], outcomes: Sequence[Outcome]) -> Study:
+def sensitivity_study(disturbances: Sequence[Disturbance], outcomes: Sequence[TrialOutcome]) -> Study:
     """A row of summary.json and a line of the table per disturbance and its outcome, as from `disturbed`."""
     rows = [
         {"effect": one.name, "settings": one.settings, **outcome.numbers, "warnings": list(outcome.notes)}
@@ -114,7 +114,7 @@ def _line(row: Mapping[str, Any]) -> tuple[str, ...]:
     return row["effect"], *cells, f"{runs['used']}/{runs['all']}"
 
 
-def disturbed(trial: Trial, _: np.random.Generator, config: Config) -> Outcome:
+def disturbed(trial: Trial, _: np.random.Generator, config: Config) -> TrialOutcome:
     """Drive a grid of left turns with a disturbance and evaluate it, by default with the most exact motion method.
 
     `slip_error` has bias, std and largest error [-] of the outer and the inner track over the runs, None if no run
@@ -136,7 +136,7 @@ def disturbed(trial: Trial, _: np.random.Generator, config: Config) -> Outcome:
         "localization": vars(LocalizationErrors.of(logs)),
         "runs": {"used": len(slip), "all": len(logs)},
     }
-    return Outcome(numbers=numbers, notes=warnings)
+    return TrialOutcome(numbers=numbers, notes=warnings)
 
 
 def examples(config: Config) -> list[RunLog]:

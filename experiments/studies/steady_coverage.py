@@ -14,7 +14,7 @@ from experiments.driving.grid_runs import cells_of, drive_grid
 from experiments.driving.world import World
 from experiments.report.laws import symbol
 from experiments.report.table import Table
-from experiments.studies.trials import Outcome, Study, Trial, Values, plausible_shares, run_trials, share_interval
+from experiments.studies.trials import Study, Trial, TrialOutcome, Values, plausible_shares, run_trials, share_interval
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.identification.comparison import SteadyComparison, compare_laws
@@ -122,15 +122,15 @@ def _drawn(
     design: SlipSamples,
     geometry: RobotGeometry,
     repeats: int,
-) -> Outcome:
+) -> TrialOutcome:
     """Shares of the repeats that cover each parameter of a law."""
     name, known = trial.given
-    return Outcome(numbers=coverage(name, values[name], design, geometry, repeats, rng, known))
+    return TrialOutcome(numbers=coverage(name, values[name], design, geometry, repeats, rng, known))
 
 
 def _scanned(
     trial: Trial, rng: np.random.Generator, config: Config, design: SlipSamples, geometry: RobotGeometry
-) -> Outcome:
+) -> TrialOutcome:
     """Drive a grid, scan it again and again, and compare the law with the one fitted to the true motion."""
     grid = replace(config.grid(trial.number), threads=1)
     logs = drive_grid(grid, World.of(grid), kept=True)
@@ -143,7 +143,7 @@ def _scanned(
         for true in (plate, robot)
     )
     lean = {name: of_plate[name] - of_robot[name] for name in of_plate}
-    return Outcome(numbers={"noise": noise, "interval95": whole, "lean": lean})
+    return TrialOutcome(numbers={"noise": noise, "interval95": whole, "lean": lean})
 
 
 def _repeats(config: Config, number: int) -> int:

@@ -58,7 +58,7 @@ class Estimate(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TrialOutcome:
     """The result of a trial."""
 
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
@@ -75,10 +75,10 @@ class Outcome:
 
 
 Values = Mapping[str, float]  # by parameter
-Do = Callable[[Trial, np.random.Generator], Outcome]
+Do = Callable[[Trial, np.random.Generator], TrialOutcome]
 
 
-def run_trials(run: Run, do: Do, trials: Sequence[Trial], key: str, about: Any = None) -> dict[str, list[Outcome]]:
+def run_trials(run: Run, do: Do, trials: Sequence[Trial], key: str, about: Any = None) -> dict[str, list[TrialOutcome]]:
     """The outcomes of trials by case, in order, each done in one of `config.threads` processes.
 
     The random numbers of a trial depend on the root seed and on `key`, with {case} and {number} filled in. Finished
@@ -109,7 +109,7 @@ def forget_trials(out: Path) -> None:
     (out / FILE).unlink(missing_ok=True)
 
 
-def _done(do: Do, seed: int, key: str, trial: Trial) -> tuple[Trial, Outcome]:
+def _done(do: Do, seed: int, key: str, trial: Trial) -> tuple[Trial, TrialOutcome]:
     rng = generator(seed, key.format(case=trial.case, number=trial.number))
     return Trial(trial.case, trial.number), do(trial, rng)
 
@@ -121,7 +121,7 @@ class _StoredTrials:
         options = {name: value for name, value in plain(config).items() if name not in _UNSAID}
         self._title = digest([type(config).__module__, options, about, made_by()])
         self._file = Path(config.out) / FILE
-        self.outcomes: dict[Trial, Outcome] = {}
+        self.outcomes: dict[Trial, TrialOutcome] = {}
         if self._file.exists():
             title, *lines = self._file.read_text(encoding="utf-8").split("\n")
             if title == self._title:
@@ -129,19 +129,19 @@ class _StoredTrials:
             else:
                 self._file.unlink()
 
-    def add(self, trial: Trial, outcome: Outcome) -> None:
+    def add(self, trial: Trial, outcome: TrialOutcome) -> None:
         """Store a trial; a line that was cut short before is left as it is."""
         line = json.dumps([trial.case, trial.number, asdict(outcome)])
         with self._file.open("a", encoding="utf-8") as stream:
             stream.write(f"\n{line}" if stream.tell() else f"{self._title}\n{line}")
 
 
-def _read(lines: Iterable[str]) -> Iterable[tuple[Trial, Outcome]]:
+def _read(lines: Iterable[str]) -> Iterable[tuple[Trial, TrialOutcome]]:
     """The trials in lines, without one that was cut short when the study was killed."""
     for line in lines:
         with contextlib.suppress(ValueError):
             case, number, outcome = json.loads(line)
-            yield Trial(case, number), Outcome.from_json(outcome)
+            yield Trial(case, number), TrialOutcome.from_json(outcome)
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ class Estimates:
     high: Array  # (n,)
 
     @classmethod
-    def of(cls, outcomes: Sequence[Outcome], name: str) -> Self:
+    def of(cls, outcomes: Sequence[TrialOutcome], name: str) -> Self:
         """Gather the estimates of the parameter called `name`."""
         missing = Estimate(*[np.nan] * 4)
         found = [one.estimates.get(name, missing) for one in outcomes]
@@ -201,7 +201,7 @@ class Estimates:
         return (self.low <= truth) & (truth <= self.high)
 
 
-def failures_of(outcomes: Iterable[Outcome]) -> list[str]:
+def failures_of(outcomes: Iterable[TrialOutcome]) -> list[str]:
     """The reasons why fits failed, once each."""
     return sorted({note for one in outcomes for note in one.notes})
 

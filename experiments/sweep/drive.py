@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from experiments.driving.grid_runs import drive_cells
-from experiments.measuring.grid import PoseErrors
+from experiments.measuring.grid import PoseAccuracy
 from experiments.sweep.parts import Row
 from experiments.sweep.plan import PlannedRun
 from sim.loop import Progress
@@ -49,4 +49,4 @@ class GridRuns:
             row = dict.fromkeys(_SAMPLED) | {"note": note}
         saturated = None if log.truth is None else log.truth.saturated
         share = 0.0 if saturated is None else float(saturated.mean(axis=0).max())
-        return row | vars(PoseErrors.of([log])) | {"saturated": share}
+        return row | vars(PoseAccuracy.of([log])) | {"saturated": share}

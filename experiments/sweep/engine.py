@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeVar
 from experiments.parallel import WorkersFailedError, processors, workers
 from experiments.report.terminal import progress
 from experiments.run import Run
-from experiments.sweep.parts import Part, Parts, Row
+from experiments.sweep.parts import Row, StoredPart, StoredParts
 from sim.loop import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.errors import OutputError, RunFailedError, TrackslipError
@@ -54,7 +54,7 @@ RunT = TypeVar("RunT", bound=Planned)
 KindRunT = TypeVar("KindRunT", bound=Planned, contravariant=True)
 
 
-class Kind(Protocol[KindRunT]):
+class RunKind(Protocol[KindRunT]):
     """The kind of runs in a sweep; pickled for the workers."""
 
     @property
@@ -68,12 +68,12 @@ class Kind(Protocol[KindRunT]):
         """Measurements of a run that didn't fail, by column."""
 
 
-Driven = tuple[Part, list[RunLog], dict[str, float]]
+Driven = tuple[StoredPart, list[RunLog], dict[str, float]]
 """Runs that were driven together, what was recorded of others until they failed, and work by stage [s]."""
 
 
 def drive_fleet(
-    kind: Kind[RunT], runs: Sequence[RunT], recorded: bool = False, report: Progress | None = None
+    kind: RunKind[RunT], runs: Sequence[RunT], recorded: bool = False, report: Progress | None = None
 ) -> Driven:
     """Drive and measure a fleet; runs that fail are isolated. `report` takes simulated seconds of single robots."""
     watch = Stopwatch()
@@ -91,7 +91,7 @@ def drive_fleet(
     with watch.stage("measuring"):
         rows = list(map(row, runs, outcomes))
     with watch.stage("storing"):
-        part = Part.of(rows, [one for one in outcomes if isinstance(one, RunLog)])
+        part = StoredPart.of(rows, [one for one in outcomes if isinstance(one, RunLog)])
     failed = [one for one in outcomes if isinstance(one, RunFailedError)] if recorded else []
     return part, [log for one in failed for log in one.logs], watch.stages
 
@@ -131,7 +131,12 @@ def fleets(runs: Sequence[RunT], workers: int, sizes: tuple[int, int]) -> list[t
 
 
 def drive_missing(
-    config: Any, runs: Sequence[RunT], parts: Parts, kind: Kind[RunT], watch: Stopwatch, executor: str = "processes"
+    config: Any,
+    runs: Sequence[RunT],
+    parts: StoredParts,
+    kind: RunKind[RunT],
+    watch: Stopwatch,
+    executor: str = "processes",
 ) -> list[RunLog]:
     """Drive the runs that `parts` lacks, and keep them there.
 
@@ -166,7 +171,9 @@ def drive_missing(
 
 
 @contextlib.contextmanager
-def resumable(config: Any, runs: Sequence[Planned], parts: Parts, again: str = "the same command") -> Iterator[Run]:
+def resumable(
+    config: Any, runs: Sequence[Planned], parts: StoredParts, again: str = "the same command"
+) -> Iterator[Run]:
     """The run of a command that sweeps; its parts are deleted when the results are complete.
 
     Of a sweep that is stopped, the message says what was kept, and that the command `again` resumes.

@@ -28,7 +28,7 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Part:
+class StoredPart:
     """Runs that were driven together."""
 
     rows: list[Row]
@@ -57,7 +57,7 @@ class Stored:
     """Code, models and libraries that drove it."""
 
 
-class Parts(dict[str, Stored]):
+class StoredParts(dict[str, Stored]):
     """The driven runs in a folder of results, by their ids."""
 
     def __init__(self, out: Path, name: str) -> None:
@@ -100,7 +100,7 @@ class Parts(dict[str, Stored]):
             if there and _is_whole(path.with_suffix(".parquet"), there):
                 self.update(there)
 
-    def keep(self, part: Part) -> None:
+    def keep(self, part: StoredPart) -> None:
         """Store a part: its logs first, its rows last, each whole or not at all. Failed runs alone aren't stored.
 
         Raises TrackslipError if other code, models or libraries than this process's drove it.

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from experiments.driving.grid_runs import Cell, require_radius
+from experiments.driving.grid_runs import GridCell, require_radius
 from experiments.driving.world import Specification, World, WorldFiles
 from experiments.options.base import Whole, option, with_option
 from experiments.options.grid import GridConfig
@@ -27,7 +27,7 @@ _IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_
 
 
 @dataclass(frozen=True)
-class Setting:
+class SweepSetting:
     """Settings shared by runs that differ only in radius, speed and seed."""
 
     config: GridConfig
@@ -73,7 +73,7 @@ def _shipped_world_digest() -> str:
 class PlannedRun:
     """One run of a grid."""
 
-    cell: Cell
+    cell: GridCell
     """Its command, and the key of its random numbers.
 
     They follow from what is measured (seed, radius, speed and world), not from how the measurements are evaluated: runs
@@ -82,7 +82,7 @@ class PlannedRun:
     axes: Mapping[str, Any]
     """Values of the axes, by name."""
     seed: int
-    setting: Setting
+    setting: SweepSetting
     id: str
     """Hash of what the run is and of how much of it is recorded, however it was requested."""
 
@@ -122,7 +122,7 @@ def plan(config: Config) -> list[PlannedRun]:
     files = WorldFiles()
     given = files.specification(base)
     usual = {name: _usual(base, given, name) for name in axes if name not in _DRIVEN}
-    settings: dict[tuple[Any, ...], Setting] = {}
+    settings: dict[tuple[Any, ...], SweepSetting] = {}
     runs = []
     for values in itertools.product(*axes.values()):
         taken = dict(zip(axes, values, strict=True))
@@ -136,16 +136,16 @@ def plan(config: Config) -> list[PlannedRun]:
     return runs
 
 
-def _run(taken: Mapping[str, Any], usual: Mapping[str, Any], setting: Setting) -> PlannedRun:
+def _run(taken: Mapping[str, Any], usual: Mapping[str, Any], setting: SweepSetting) -> PlannedRun:
     radius, speed, seed = taken["radius"], taken["speed"], taken.get("seed", setting.config.seed)
     unusual = [f"{name}={taken[name]}" for name, value in usual.items() if value != taken[name]]
     id = digest([setting.id, (radius,), (speed,), seed, (setting.config.rrd, setting.kept)])
-    plain = Cell.at(radius, speed)
+    plain = GridCell.at(radius, speed)
     name, key = " ".join([plain.name, *sorted(unusual)]), plain.key + setting.world_key
-    return PlannedRun(Cell(name, key, radius, speed, {"id": id}), taken, seed, setting, id)
+    return PlannedRun(GridCell(name, key, radius, speed, {"id": id}), taken, seed, setting, id)
 
 
-def _setting(base: GridConfig, taken: Mapping[str, Any], files: WorldFiles, kept: bool) -> Setting:
+def _setting(base: GridConfig, taken: Mapping[str, Any], files: WorldFiles, kept: bool) -> SweepSetting:
     """The options and the world of a run, with its own robot and ratio of friction."""
     config = base
     for name, value in taken.items():
@@ -160,7 +160,7 @@ def _setting(base: GridConfig, taken: Mapping[str, Any], files: WorldFiles, kept
     ground = given.ground
     if "friction_ratio" in taken:
         ground = replace(ground, across=taken["friction_ratio"] * ground.along)
-    return Setting(config, replace(given, parameters=parameters, ground=ground), kept)
+    return SweepSetting(config, replace(given, parameters=parameters, ground=ground), kept)
 
 
 def _usual(base: GridConfig, given: Specification, axis: str) -> Any:

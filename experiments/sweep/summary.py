@@ -11,7 +11,7 @@ from experiments.measuring.grid import (
     ErrorStatistics,
     GridSummary,
     OuterInner,
-    PoseErrors,
+    PoseAccuracy,
     Radii,
     grid_summary,
     published_radii,
@@ -33,7 +33,7 @@ _MAX_LINES = 40
 
 
 @dataclass(frozen=True)
-class Grid:
+class RunGrid:
     """One grid of radius x speed; what no run gives is NaN."""
 
     axes: Mapping[str, Any]
@@ -44,7 +44,7 @@ class Grid:
     slip_by_radius: OuterInner[Array]
     """Mean slip (R,) at each commanded radius [-]."""
     slip_error: OuterInner[ErrorStatistics]
-    localization: PoseErrors
+    localization: PoseAccuracy
 
     @classmethod
     def of(cls, axes: Mapping[str, Any], rows: Sequence[Row]) -> Self:
@@ -66,7 +66,7 @@ class Grid:
             radius=Radii(radii, 1 / curvature, published_radii(radii)),
             slip_by_radius=OuterInner.of(slip, means),
             slip_error=OuterInner.of(slip - _values(rows, "true_slip_l", "true_slip_r"), ErrorStatistics.of),
-            localization=PoseErrors(rms(_known(x)), rms(_known(y)), rms(_known(heading)), _mean(valid)),
+            localization=PoseAccuracy(rms(_known(x)), rms(_known(y)), rms(_known(heading)), _mean(valid)),
         )
 
     @property
@@ -84,12 +84,12 @@ class Grid:
         return (*map(str, self.axes.values()), str(self.runs), str(self.failed), *tightest, f"{error:.5f}")
 
 
-def grids_of(runs: Sequence[PlannedRun], rows: Sequence[Row]) -> list[Grid]:
+def grids_of(runs: Sequence[PlannedRun], rows: Sequence[Row]) -> list[RunGrid]:
     """The grids of a sweep, from the rows of its runs."""
     found: dict[tuple[tuple[str, Any], ...], list[Row]] = {}
     for run, row in zip(runs, rows, strict=True):
         found.setdefault(run.grid, []).append(row)
-    return [Grid.of(dict(axes), own) for axes, own in found.items()]
+    return [RunGrid.of(dict(axes), own) for axes, own in found.items()]
 
 
 def in_full(
@@ -107,14 +107,14 @@ def in_full(
         return grid_summary(config, [run.name for run in runs], logs(), samples, geometry, watch)
 
 
-def summary_of(grids: Sequence[Grid], whole: GridSummary | None, rows: Sequence[Row]) -> dict[str, Any]:
+def summary_of(grids: Sequence[RunGrid], whole: GridSummary | None, rows: Sequence[Row]) -> dict[str, Any]:
     """The content of summary.json; `whole` has all numbers of a single grid."""
     failures = [{"run": row["run"], "error": row["error"]} for row in _failed(rows)]
     content = {"grids": grids, "warnings": _warnings(rows), **({} if whole is None else whole.to_json())}
     return plain(content | {"runs": rows, "failures": failures})
 
 
-def print_sweep(grids: Sequence[Grid], rows: Sequence[Row], duration: float) -> None:
+def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) -> None:
     """Print a single grid radius by radius, or one line for each of several; then warnings and failures."""
     if len(grids) == 1:
         header: tuple[str, ...] = ("commanded radius [m]", "observed [m]", "outer slip", "inner slip")

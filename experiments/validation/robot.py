@@ -58,7 +58,7 @@ _THEORY = "quasi-static Coulomb theory (trackslip.skid_theory)"
 
 
 @dataclass(frozen=True)
-class Measured:
+class RobotMeasurements:
     """All measurements; "naive" is MuJoCo's default contact."""
 
     parameters: RobotParameters
@@ -110,7 +110,7 @@ def robot_suite(config: Config, run: Run) -> Findings:
     )
 
 
-def measure(parameters: RobotParameters, ground: Ground, config: Config, run: Run) -> Measured:
+def measure(parameters: RobotParameters, ground: Ground, config: Config, run: Run) -> RobotMeasurements:
     """Make all measurements, in stages that the run times and shows."""
 
     @contextmanager
@@ -131,10 +131,12 @@ def measure(parameters: RobotParameters, ground: Ground, config: Config, run: Ru
         convergence = converge(*world, generator(seed, "convergence"), config.threads, report)
     with stage("energy"):
         energy = account(*world, generator(seed, "energy"), config.threads)
-    return Measured(*world, turns, naive_turns, weights, naive_weights, creeping, sliding, drift, convergence, energy)
+    return RobotMeasurements(
+        *world, turns, naive_turns, weights, naive_weights, creeping, sliding, drift, convergence, energy
+    )
 
 
-def checks_of(name: str, found: Measured) -> list[Check]:
+def checks_of(name: str, found: RobotMeasurements) -> list[Check]:
     """The checks of any robot that stands evenly on its tracks."""
     turns, contact, slip = found.turns, found.loads, found.turns.slip_error
     worse = _worst(slip) / _worst(found.naive_turns.slip_error)
@@ -159,7 +161,7 @@ def checks_of(name: str, found: Measured) -> list[Check]:
     return [Check(name, *row) for row in rows]
 
 
-def comparison(found: Measured) -> Table:
+def comparison(found: RobotMeasurements) -> Table:
     """The recipe compared with MuJoCo's default contact."""
     both, b = (found.turns, found.naive_turns), found.parameters.half_gauge
     loads_of = (found.loads.load - found.loads.expected, found.naive_loads.load - 1)
@@ -183,7 +185,7 @@ def comparison(found: Measured) -> Table:
     return Table("The recipe and MuJoCo's default contact", ("quantity", "recipe", "default contact"), rows, note=note)
 
 
-def summary_of(found: Measured) -> dict[str, Any]:
+def summary_of(found: RobotMeasurements) -> dict[str, Any]:
     """The numbers of summary.json; "naive" is MuJoCo's default contact."""
     turns, naive, weights = found.turns, found.naive_turns, found.loads
     errors = {
@@ -214,7 +216,7 @@ def summary_of(found: Measured) -> dict[str, Any]:
     }
 
 
-def _sections(found: Measured) -> list[Section]:
+def _sections(found: RobotMeasurements) -> list[Section]:
     turns, naive, p = found.turns, found.naive_turns, found.parameters
     of_step = found.convergence.step_error.get(found.physics_step, np.nan)
     step = f"{1e3 * found.physics_step:g} ms, the error is {significant(1e3 * of_step, 'mm')}"
@@ -286,7 +288,7 @@ def _sections(found: Measured) -> list[Section]:
     return [Section("Turning", turning), Section("Standing and sliding", standing), Section("Numerics", numerics)]
 
 
-def _creep_angle(found: Measured) -> str:
+def _creep_angle(found: RobotMeasurements) -> str:
     """The slope whose creep the summary reports: the reference, or less where that does not hold a robot."""
     return span(np.degrees(found.creep.angle[:, _AT_REFERENCE]), "°")
 

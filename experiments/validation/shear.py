@@ -17,7 +17,7 @@ from experiments.validation.shear_loads import MODULI, Slips, StopAndGo, creep, 
 from experiments.validation.suite import Findings
 from experiments.validation.theory import (
     GRAVITY,
-    Turns,
+    MeasuredTurns,
     belt_speeds,
     contact,
     joined,
@@ -61,7 +61,7 @@ _STOPS = (0.1, 1.5e-3)  # part of the distance slipped, and [m]
 
 
 @dataclass(frozen=True)
-class ShearTurns(Turns):
+class ShearTurns(MeasuredTurns):
     """M turns on ground that shears."""
 
     shear: Array  # (M,) modulus [m]; 0 for Coulomb ground
@@ -74,7 +74,7 @@ class ShearTurns(Turns):
 
 
 @dataclass(frozen=True)
-class Measured:
+class ShearMeasurements:
     """Everything about one robot."""
 
     robot: str
@@ -117,7 +117,7 @@ def subjects(parameters: RobotParameters, given: bool) -> dict[str, RobotParamet
     return {"shipped": parameters, "larger": RobotParameters(half_gauge=0.25, contact_length=0.5)}
 
 
-def measure(name: str, parameters: RobotParameters, ground: Ground, config: Config, done: Any) -> Measured:
+def measure(name: str, parameters: RobotParameters, ground: Ground, config: Config, done: Any) -> ShearMeasurements:
     """Measure a robot; `done` is called with 1 after each stage."""
     world = parameters, ground, config.threads
     turns = turn(*world)
@@ -130,7 +130,7 @@ def measure(name: str, parameters: RobotParameters, ground: Ground, config: Conf
     done(1.0)
     cost = cost_ratio(load_robot(parameters=parameters))
     done(1.0)
-    return Measured(name, parameters, turns, climbing, pulling, parked, stops, bits, cost)
+    return ShearMeasurements(name, parameters, turns, climbing, pulling, parked, stops, bits, cost)
 
 
 def turn(parameters: RobotParameters, ground: Ground, threads: int) -> ShearTurns:
@@ -159,7 +159,7 @@ def _turns(
     return ShearTurns(**vars(turns), shear=shear, radius=np.tile(radius, len(moduli)))
 
 
-def checks_of(found: Measured) -> list[Check]:
+def checks_of(found: ShearMeasurements) -> list[Check]:
     """All checks of a robot."""
     turns, checks = found.turns, []
 
@@ -186,7 +186,7 @@ def checks_of(found: Measured) -> list[Check]:
     return checks
 
 
-def _summary_of(found: Measured) -> dict[str, Any]:
+def _summary_of(found: ShearMeasurements) -> dict[str, Any]:
     """The numbers behind the checks, and errors without a bound."""
     turns, pulled = found.turns, found.pulls
     names = ("shear", "radius", "half_width", "expected_half_width", "slip", "expected_slip")
@@ -199,7 +199,7 @@ def _summary_of(found: Measured) -> dict[str, Any]:
     }
 
 
-def _plots(found: Measured) -> tuple[Plot, ...]:
+def _plots(found: ShearMeasurements) -> tuple[Plot, ...]:
     return (
         Plot(
             f"{found.robot}_turns",

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from experiments.driving.grid_runs import before_scanner
-from experiments.speed import FLEET, LOCALIZATION, LOOPS, REPRODUCE, SCANNER, TRACKING, SameMotion, Speed, checks_of
+from experiments.speed import (
+    FLEET,
+    LOCALIZATION,
+    LOOPS,
+    REPRODUCE,
+    SCANNER,
+    TRACKING,
+    SameMotion,
+    SpeedRatio,
+    checks_of,
+)
 from sim.fleet import Fleet
 from sim.loop import closed_loop
 from sim.pilot import Pilot
@@ -28,7 +38,7 @@ def test_the_bare_engine_repeats_the_motion_of_a_closed_loop(robot):
     [(FLEET, 25, 0.91, True), (FLEET, 25, 0.89, False), (SCANNER, 25, 0.69, False), (TRACKING, 1, 0.41, True)],
 )
 def test_a_case_that_is_too_slow_misses_its_bound(case, robots, over_bare, holds):
-    first, *rest = checks_of([Speed(case, robots, 1e4, over_bare)], COSTS)
+    first, *rest = checks_of([SpeedRatio(case, robots, 1e4, over_bare)], COSTS)
     assert first.holds == holds
     assert all(check.holds for check in rest)
 

@@ -10,7 +10,7 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.identification.doubts import WITHOUT_RADIUS, doubts_of_drives, doubts_of_samples
 from trackslip.identification.drive_law import REFERENCE, ClockProfile, DriveFit, clock_profile, fit_drives
-from trackslip.identification.drives import Drive
+from trackslip.identification.drives import PreparedDrive
 from trackslip.identification.fitted import FittedLaw, SteadyFit, fit_law
 from trackslip.identification.prediction import (
     CrossValidation,
@@ -82,7 +82,7 @@ class DriveComparison(Comparison):
     Of the laws whose score is within 2 % of the smallest, the simplest of the likeliest is the best.
     """
 
-    drives: tuple[Drive, ...]
+    drives: tuple[PreparedDrive, ...]
     """The drives, as used."""
     laws: Mapping[str, DriveFit]
     """Fits by name of the law."""
@@ -142,7 +142,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
 
 
 def compare_drives(
-    drives: Sequence[Drive],
+    drives: Sequence[PreparedDrive],
     geometry: RobotGeometry,
     sensor: Mounting | None = None,
     names: Sequence[str] | None = None,

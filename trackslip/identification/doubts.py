@@ -8,7 +8,7 @@ import numpy as np
 
 from trackslip.identification.drive_fit import unlike_sprockets
 from trackslip.identification.drive_law import DriveFit
-from trackslip.identification.drives import Drive
+from trackslip.identification.drives import PreparedDrive
 from trackslip.identification.fitted import FittedLaw, SteadyFit
 from trackslip.identification.sensor import offset_between_sides
 from trackslip.slip.families import FAMILIES
@@ -69,7 +69,7 @@ def doubts_of_samples(laws: Mapping[str, SteadyFit], best: str) -> list[str]:
     return doubts
 
 
-def doubts_of_drives(drives: Sequence[Drive], laws: Mapping[str, DriveFit], best: str) -> list[str]:
+def doubts_of_drives(drives: Sequence[PreparedDrive], laws: Mapping[str, DriveFit], best: str) -> list[str]:
     """Warnings about laws fitted to drives."""
     doubts = [f"law {name}: the fit did not converge" for name, law in laws.items() if not law.converged]
     law = laws[best]

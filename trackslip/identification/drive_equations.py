@@ -20,7 +20,7 @@ _HOPELESS = "the poses can't be reconciled with the sprocket speeds: check units
 
 
 @dataclass(frozen=True)
-class Solution:
+class GaussNewtonStep:
     """A solved step of Gauss and Newton."""
 
     states: Array  # (K, 3) change of the states
@@ -43,7 +43,7 @@ class Solution:
         return (_states(self.factor, self.reduced, values) if held.any() else self.states), values
 
 
-def solve(found: Residuals, nodes: Nodes, noise: Noise, yaw: int, prior: Array, pull: Array) -> Solution:
+def solve(found: Residuals, nodes: Nodes, noise: Noise, yaw: int, prior: Array, pull: Array) -> GaussNewtonStep:
     """The step of Gauss and Newton for the states and the free parameters (f,) of `found`.
 
     `prior` (p,) are standard deviations, `pull` (p,) how far the values lie from the priors' means; `yaw` is the index
@@ -76,10 +76,10 @@ def solve(found: Residuals, nodes: Nodes, noise: Noise, yaw: int, prior: Array, 
     rest = score.sum(axis=1) - border.T @ last + pull[free] / prior[free] ** 2
     values = -_solved(information, rest)
     reduced = np.moveaxis(flat.T.reshape(right.shape), 0, -1)
-    return Solution(_states(factor, reduced, values), values, information, rest, score.T, factor, reduced)
+    return GaussNewtonStep(_states(factor, reduced, values), values, information, rest, score.T, factor, reduced)
 
 
-def used_up(found: Residuals, nodes: Nodes, noise: Noise, solution: Solution, yaw: int) -> Array:
+def used_up(found: Residuals, nodes: Nodes, noise: Noise, solution: GaussNewtonStep, yaw: int) -> Array:
     """Number (5,) of residuals of each kind of Noise that the unknowns use up; together, the number of unknowns.
 
     Each is the derivative of the Hessian's log determinant by the logarithm of the weights: of the trajectory's part by
@@ -107,7 +107,7 @@ def used_up(found: Residuals, nodes: Nodes, noise: Noise, solution: Solution, ya
     return np.concatenate([[poses.size + len(found.free) - used.sum()], used])
 
 
-def _following(solution: Solution) -> Array:
+def _following(solution: GaussNewtonStep) -> Array:
     """Derivatives (3, f, K) of the states by the parameters, along the solution, their sign reversed."""
     border = solution.reduced[..., :-1]
     count, _, f = border.shape

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
-from trackslip.identification.drive_equations import Solution, solve, used_up
+from trackslip.identification.drive_equations import GaussNewtonStep, solve, used_up
 from trackslip.identification.drive_model import DriveModel
 from trackslip.identification.drive_residuals import Nodes, Noise, Residuals, cost, pose_residuals, residuals, weights
 from trackslip.identification.outliers import outlying
@@ -50,7 +50,7 @@ class TrajectoryFit:
     free: np.ndarray  # (f,) indices of those that were fitted
     noise: Noise
     residuals: Residuals
-    solution: Solution  # the last step, for information and scores
+    solution: GaussNewtonStep  # the last step, for information and scores
     mean: Array  # (p,) of the priors
     converged: bool
 

@@ -14,7 +14,7 @@ from trackslip.identification.drive_fit import FIRST, TrajectoryFit, fit_traject
 from trackslip.identification.drive_model import EXTRAS, DriveModel
 from trackslip.identification.drive_residuals import Nodes, Noise, cost, residuals
 from trackslip.identification.drive_start import law_start, start, trajectory
-from trackslip.identification.drives import Drive, drives_of
+from trackslip.identification.drives import PreparedDrive, drives_of
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.intervals import half_widths, model_errors
 from trackslip.identification.plausibility import require_units
@@ -68,7 +68,7 @@ class DriveFit(FittedLaw):
 
 def fit_drives(
     name: str,
-    drives: Sequence[RunLog] | Sequence[Drive],
+    drives: Sequence[RunLog] | Sequence[PreparedDrive],
     geometry: RobotGeometry,
     sensor: Mounting | None = None,
     held: Mapping[str, float] | None = None,
@@ -100,14 +100,14 @@ def fit_drives(
     return _fitted(model, first.nodes, first.states, values, first.noise, sensor, held or {}, False, lagging)
 
 
-def prepare(drives: Sequence[RunLog] | Sequence[Drive]) -> list[Drive]:
+def prepare(drives: Sequence[RunLog] | Sequence[PreparedDrive]) -> list[PreparedDrive]:
     """Drives ready to be fitted; raises LogError if there is none."""
-    ready = [drive for drive in drives if isinstance(drive, Drive)]
+    ready = [drive for drive in drives if isinstance(drive, PreparedDrive)]
     return ready or drives_of([log for log in drives if isinstance(log, RunLog)])[0]
 
 
 def _reference(
-    drives: Sequence[Drive], geometry: RobotGeometry, sensor: Mounting | None, held: Mapping[str, float]
+    drives: Sequence[PreparedDrive], geometry: RobotGeometry, sensor: Mounting | None, held: Mapping[str, float]
 ) -> DriveFit:
     """The fit of REFERENCE, with the poses' covariances and with a lag if these make the poses likelier."""
     found = _without_lag(drives, geometry, sensor, held)
@@ -126,7 +126,7 @@ def _reference(
 
 
 def _without_lag(
-    drives: Sequence[Drive], geometry: RobotGeometry, sensor: Mounting | None, held: Mapping[str, float]
+    drives: Sequence[PreparedDrive], geometry: RobotGeometry, sensor: Mounting | None, held: Mapping[str, float]
 ) -> DriveFit:
     model = DriveModel(FAMILIES[REFERENCE], geometry)
     offset, clock_offset = start(drives, geometry)

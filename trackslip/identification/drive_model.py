@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 from trackslip import se2
-from trackslip.identification.drives import Drive, Timeline
+from trackslip.identification.drives import PreparedDrive, Timeline
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.se2 import arc_quotients
 from trackslip.slip.families import LawFamily
@@ -138,7 +138,7 @@ class DriveModel:
             np.column_stack([path.place.real, path.place.imag, path.heading]),
         )
 
-    def sensor_path(self, values: Array, drive: Drive) -> Array:
+    def sensor_path(self, values: Array, drive: PreparedDrive) -> Array:
         """Positions of the sensor and headings of the robot (K, 3) by dead reckoning, from anywhere."""
         return self.of_sensor(values, self.steps(values, Timeline.of([drive]), np.zeros(0, int)).path)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.identification.drive_model import DriveModel
-from trackslip.identification.drives import Drive, Timeline
+from trackslip.identification.drives import PreparedDrive, Timeline
 from trackslip.kinematics import Array, wrap_angle
 
 _MIN_DISTANCE = 1e-3  # of a step, so that a robot at rest isn't known to stay exactly [m]
@@ -31,7 +31,7 @@ class Noise:
 class Nodes:
     """Nodes of all drives in a row, and which of their measurements and steps count."""
 
-    drives: tuple[Drive, ...]
+    drives: tuple[PreparedDrive, ...]
     timeline: Timeline
     pose: Array  # (K, 3) measured, NaN where not
     weight: Array  # (K, 2) of positions and headings: 1, or 0 for what isn't measured or is left out
@@ -39,7 +39,7 @@ class Nodes:
     whitening: Array | None = None  # (K, 3, 3) of the residuals of poses; None for those that are white as they are
 
     @classmethod
-    def of(cls, drives: Sequence[Drive]) -> Nodes:
+    def of(cls, drives: Sequence[PreparedDrive]) -> Nodes:
         """All measurements of the drives."""
         pose = np.concatenate([drive.pose for drive in drives])
         weight = np.isfinite(pose[:, [0, 2]]).astype(float)

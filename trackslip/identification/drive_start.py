@@ -10,7 +10,7 @@ import numpy as np
 from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.identification.drive_fit import TrajectoryFit
-from trackslip.identification.drives import Drive, reckoned
+from trackslip.identification.drives import PreparedDrive, reckoned
 from trackslip.identification.solver import least_squares
 from trackslip.kinematics import Array, RobotGeometry, body_twist, track_speeds
 from trackslip.slip.families import FAMILIES
@@ -32,7 +32,7 @@ _PIECE = 0.5  # time over which motion is averaged [s]
 _MAX_PIECES = 600
 
 
-def start(drives: Sequence[Drive], geometry: RobotGeometry) -> tuple[float, float]:
+def start(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> tuple[float, float]:
     """Offset D of a constant ICR [m] and clock offset [s] that fit the drives best.
 
     Raises LogError if the robot clearly turns against its sprockets.
@@ -53,7 +53,7 @@ def start(drives: Sequence[Drive], geometry: RobotGeometry) -> tuple[float, floa
     return geometry.half_gauge * (1 / float(np.clip(ratio, *_RATIO_LIMITS)) - 1), offset
 
 
-def _require_both_forwards(drives: Sequence[Drive], geometry: RobotGeometry, cost: float) -> None:
+def _require_both_forwards(drives: Sequence[PreparedDrive], geometry: RobotGeometry, cost: float) -> None:
     """Raise LogError if turns are explained much better, than with `cost`, by an encoder that counts backwards."""
     mirrored = [replace(drive, omega=drive.omega * [-1, 1]) for drive in drives]
     least, ratio, _ = min(_turning_costs(mirrored, geometry, _OFFSETS[::2]), key=lambda one: one[0])
@@ -62,7 +62,7 @@ def _require_both_forwards(drives: Sequence[Drive], geometry: RobotGeometry, cos
         raise LogError(f"the robot turns as if the encoder of the {side} sprocket counted backwards: does it?")
 
 
-def trajectory(drive: Drive, geometry: RobotGeometry, offset: float, clock_offset: float) -> Array:
+def trajectory(drive: PreparedDrive, geometry: RobotGeometry, offset: float, clock_offset: float) -> Array:
     """States (K, 3) of a drive's nodes: measured, else dead reckoned with D = `offset` [m]."""
     ratio = geometry.half_gauge / (geometry.half_gauge + offset)
     place, heading = reckoned(drive, geometry, ratio, drive.time + clock_offset)
@@ -80,7 +80,7 @@ def trajectory(drive: Drive, geometry: RobotGeometry, offset: float, clock_offse
     return np.column_stack([at.real, at.imag, heading + turned])
 
 
-def _turning_costs(drives: Sequence[Drive], geometry: RobotGeometry, offsets: Array) -> list[_Tried]:
+def _turning_costs(drives: Sequence[PreparedDrive], geometry: RobotGeometry, offsets: Array) -> list[_Tried]:
     """At clock offsets (n,), the ratio of measured to commanded turns, and 0, with the costs that they leave."""
     parts = zip(*(_turns(drive, geometry, offsets) for drive in drives), strict=True)
     real, commanded = (np.concatenate(part, axis=-1) for part in parts)
@@ -99,7 +99,7 @@ def _turning_costs(drives: Sequence[Drive], geometry: RobotGeometry, offsets: Ar
     return list(zip(left.ravel().tolist(), ratios.ravel().tolist(), at.tolist(), strict=True))
 
 
-def _path_costs(drives: Sequence[Drive], geometry: RobotGeometry, offsets: Array) -> list[_Tried]:
+def _path_costs(drives: Sequence[PreparedDrive], geometry: RobotGeometry, offsets: Array) -> list[_Tried]:
     """Ratios of turns, to the commanded side and, negative, to the other one, with the costs that they leave."""
     found = []
     for offset in offsets.tolist():
@@ -109,7 +109,7 @@ def _path_costs(drives: Sequence[Drive], geometry: RobotGeometry, offsets: Array
     return found
 
 
-def _turns(drive: Drive, geometry: RobotGeometry, offsets: Array) -> tuple[Array, Array]:
+def _turns(drive: PreparedDrive, geometry: RobotGeometry, offsets: Array) -> tuple[Array, Array]:
     """Measured (K,) and commanded turns (n, K) between poses about _TURN_TIME apart, at n clock offsets [rad]."""
     known = np.flatnonzero(np.isfinite(drive.pose[:, 2]))
     time, phi = drive.time[known], drive.pose[known, 2]
@@ -121,7 +121,7 @@ def _turns(drive: Drive, geometry: RobotGeometry, offsets: Array) -> tuple[Array
     return (phi[stride:] - phi[:-stride])[near], (heading[:, stride:] - heading[:, :-stride])[:, near]
 
 
-def _misfits(drive: Drive, geometry: RobotGeometry, offset: float, ratio: float) -> tuple[float, float]:
+def _misfits(drive: PreparedDrive, geometry: RobotGeometry, offset: float, ratio: float) -> tuple[float, float]:
     """Median distances of windows of dead reckoning, and of their mirror images, laid over measured positions [m]."""
     measured = np.flatnonzero(np.isfinite(drive.pose[:, 0]))
     time = drive.time[measured]
@@ -190,7 +190,7 @@ def pieces(fit: TrajectoryFit) -> tuple[Array, Array]:
     return omega[whole], twist[whole]
 
 
-def _turned(drive: Drive, time: Array) -> Array:
+def _turned(drive: PreparedDrive, time: Array) -> Array:
     """Angles (K, 2) of the sprockets at encoder times [rad]."""
     angle = np.concatenate([np.zeros((1, 2)), np.cumsum(drive.omega * np.diff(drive.edges)[:, None], axis=0)])
     return np.column_stack([np.interp(time, drive.edges, angle[:, side]) for side in range(2)])

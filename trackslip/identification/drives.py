@@ -24,7 +24,7 @@ _MIN_STATED = 0.5  # share of the poses that must state a covariance
 
 
 @dataclass(frozen=True)
-class Drive:
+class PreparedDrive:
     """One drive: encoder intervals, and nodes of the trajectory, most of which have a measured pose."""
 
     name: str
@@ -46,13 +46,13 @@ class Drive:
         """(K, 3, 3) the whitening, or nothing to whiten."""
         return np.broadcast_to(np.eye(3), (len(self.time), 3, 3)) if self.whitening is None else self.whitening
 
-    def kept(self, nodes: np.ndarray) -> Drive:
+    def kept(self, nodes: np.ndarray) -> PreparedDrive:
         """The drive with the nodes of (K,) bool alone."""
         shape = None if self.whitening is None else self.whitening[nodes]
         return replace(self, time=self.time[nodes], pose=self.pose[nodes], rows=self.rows[nodes], whitening=shape)
 
 
-def drives_of(logs: Sequence[RunLog], max_poses: int = MAX_POSES) -> tuple[list[Drive], list[str]]:
+def drives_of(logs: Sequence[RunLog], max_poses: int = MAX_POSES) -> tuple[list[PreparedDrive], list[str]]:
     """The drives that can be used, and a line for each that cannot be; raises LogError if there is none.
 
     Of more than `max_poses` poses in all, a part is used.
@@ -71,7 +71,7 @@ def drives_of(logs: Sequence[RunLog], max_poses: int = MAX_POSES) -> tuple[list[
     return drives, refused
 
 
-def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) -> Drive:
+def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) -> PreparedDrive:
     """A drive prepared; raises LogError if it stands still or has too few poses."""
     rows = np.flatnonzero(log.is_valid)
     if len(rows) > 1:
@@ -96,10 +96,10 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
     usual = float(np.median(np.diff(time)))
     nodes = _filled(time, pose, rows, usual)
     stated = None if log.covariance is None else log.covariance[nodes[2]]
-    return Drive(log.run, edges, omega, *nodes, usual, whitening(nodes[1], stated))
+    return PreparedDrive(log.run, edges, omega, *nodes, usual, whitening(nodes[1], stated))
 
 
-def reckoned(drive: Drive, geometry: RobotGeometry, ratio: float, time: Array) -> tuple[np.ndarray, Array]:
+def reckoned(drive: PreparedDrive, geometry: RobotGeometry, ratio: float, time: Array) -> tuple[np.ndarray, Array]:
     """Complex places [m] and headings [rad] (K,) at encoder times, from sprocket speeds whose turns are scaled."""
     v, w = body_twist(drive.omega, 0.0, geometry).T
     step = np.diff(drive.edges)
@@ -161,7 +161,7 @@ class Timeline:
     between: np.ndarray  # (D - 1,) steps between nodes that lead from one drive to the next
 
     @classmethod
-    def of(cls, drives: Sequence[Drive]) -> Timeline:
+    def of(cls, drives: Sequence[PreparedDrive]) -> Timeline:
         """The drives in a row."""
         edges, omega, times, begins, ends = [], [], [], [], []
         clock, interval = 0.0, 0

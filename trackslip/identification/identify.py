@@ -13,7 +13,7 @@ from trackslip.identification.outliers import split_outliers
 from trackslip.identification.result import Identification, Method
 from trackslip.identification.samples import Sampling
 from trackslip.identification.sensor import with_sensor
-from trackslip.identification.source import Reading, Source, read_source, source_of_runs
+from trackslip.identification.source import ReadOptions, Source, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
@@ -59,7 +59,7 @@ def identify(
         InvalidValueError: for an invalid option, or if neither `geometry` nor the log states the geometry.
     """
     b, r = (geometry.half_gauge, geometry.sprocket_radius) if geometry else (None, None)
-    reading = Reading(b, r, gear, settle, motion, bag or AUTOMATIC)
+    reading = ReadOptions(b, r, gear, settle, motion, bag or AUTOMATIC)
     if isinstance(source, str | Path):
         found = read_source(Path(source), reading)
     else:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.drives import Drive, reckoned
+from trackslip.identification.drives import PreparedDrive, reckoned
 from trackslip.kinematics import Array, RobotGeometry, body_twist, track_speeds
 
 NEARLY_STANDING = 0.02
@@ -117,7 +117,7 @@ def unit_guess(ideal: Array, twist: Array) -> str:
     return f"; it looks like a gear of about {slowed:.3g} between encoder and sprocket" if 0 < v < 1 / 2 else ""
 
 
-def require_units(drives: Sequence[Drive], geometry: RobotGeometry) -> None:
+def require_units(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> None:
     """Raise LogError if the poses move or turn much farther or less far than the sprockets drive, or the other way."""
     parts = [_ways(drive, geometry) for drive in drives]
     real, commanded = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -147,7 +147,7 @@ def _slope(real: Array, commanded: Array) -> float:
     return float(real @ commanded) / power if power > 0 else 1.0
 
 
-def _ways(drive: Drive, geometry: RobotGeometry) -> tuple[Array, Array]:
+def _ways(drive: PreparedDrive, geometry: RobotGeometry) -> tuple[Array, Array]:
     """Measured and commanded ways [m] and turns [rad] (n, 2) in windows; without headings, sizes of ways and NaN."""
     v = body_twist(drive.omega, 0.0, geometry)[:, 0]
     driven = np.concatenate([[0.0], np.cumsum(v * np.diff(drive.edges))])

@@ -26,7 +26,7 @@ _LOADING = ("slope", "uphill")  # of the ground: may differ between runs that te
 
 
 @dataclass(frozen=True)
-class Reading:
+class ReadOptions:
     """Options for reading a log."""
 
     half_gauge: float | None = None
@@ -53,7 +53,7 @@ class Source:
     name: str
     """Its name in messages."""
     geometry: RobotGeometry
-    reading: Reading
+    reading: ReadOptions
     logs: tuple[RunLog, ...] = ()
     """Runs; empty if the log held samples instead of traces. Samples are taken from those that are not closed loops."""
     rows: Sampling | None = None
@@ -82,7 +82,7 @@ class Source:
 
 
 def read_source(
-    path: Path, reading: Reading = Reading(), chosen: Callable[[Path], Collection[str]] | None = None
+    path: Path, reading: ReadOptions = ReadOptions(), chosen: Callable[[Path], Collection[str]] | None = None
 ) -> Source:
     """Runs or samples from a folder of results, a `.parquet` or `.csv` file of traces or steady samples, or bags.
 
@@ -107,7 +107,10 @@ def _of(name: str, error: LogError) -> LogError:
 
 
 def source_of_runs(
-    runs: Sequence[RunLog], reading: Reading = Reading(), name: str = "the runs", left_out: ReadRuns | None = None
+    runs: Sequence[RunLog],
+    reading: ReadOptions = ReadOptions(),
+    name: str = "the runs",
+    left_out: ReadRuns | None = None,
 ) -> Source:
     """Runs in memory, called `name` in messages, and samples from those that are not closed loops.
 
@@ -142,7 +145,7 @@ def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
     }
 
 
-def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]] | None) -> Source:
+def _read(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
     table = read_table(file)
     columns = table.column_names
     if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
@@ -164,7 +167,7 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
     return source_of_runs(runs, reading, str(file), read)
 
 
-def _of_bags(path: Path, reading: Reading, chosen: Callable[[Path], Collection[str]] | None) -> Source:
+def _of_bags(path: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
     """The drives in bags."""
     from trackslip.ros.drive_log import read_bags  # late, too
 
@@ -206,7 +209,7 @@ def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]
     return ()
 
 
-def _geometry(reading: Reading, stored: Any, source: object) -> RobotGeometry:
+def _geometry(reading: ReadOptions, stored: Any, source: object) -> RobotGeometry:
     """The geometry given, else the one the log states."""
     values = {}
     for name in ("half_gauge", "sprocket_radius"):

@@ -26,7 +26,7 @@ class Edges(Rows):
 
 
 @dataclass(frozen=True)
-class Beams:
+class PlateBeams:
     """The data of M scans: H returns from the plate, at least one per scan, and two edges each."""
 
     u: Array  # (2, H) directions of the beams that returned
@@ -38,7 +38,7 @@ class Beams:
     noise: float  # of a range [m]
 
     @classmethod
-    def of(cls, scan: Scan, cluster: Cluster) -> Beams:
+    def of(cls, scan: Scan, cluster: Cluster) -> PlateBeams:
         """The beams of each cluster of a scan; each has a return."""
         step, count = scan.beam_step, cluster.count
         bearing, distance = cluster.bearing[cluster.hit], cluster.range[cluster.hit]
@@ -61,12 +61,12 @@ class Beams:
         np.negative(u_turned[1], out=u_turned[1])
         return cls(u, u_turned, distance, count, first, edges, max(scan.noise, MIN_NOISE))
 
-    def take(self, rows: np.ndarray) -> Beams:
+    def take(self, rows: np.ndarray) -> PlateBeams:
         """The beams of the scans `rows` (R,), in that order, possibly repeated."""
         count, kept = self.count[rows], self.places(rows)
         first = count.cumsum() - count
         u, u_turned = (part.take(kept, axis=1) for part in (self.u, self.u_turned))
-        return Beams(u, u_turned, self.range[kept], count, first, self.edges.take(rows), self.noise)
+        return PlateBeams(u, u_turned, self.range[kept], count, first, self.edges.take(rows), self.noise)
 
     def places(self, rows: np.ndarray) -> np.ndarray:
         """Places of the returns of the scans `rows` (R,)."""
@@ -74,7 +74,7 @@ class Beams:
         end = count.cumsum()
         return np.repeat(self.first[rows] - end + count, count) + np.arange(end[-1] if end.size else 0)
 
-    def thinned(self, most: int) -> Beams:
+    def thinned(self, most: int) -> PlateBeams:
         """Only every n-th return of each scan, so that at most about `most` are left; the edges are kept."""
         every = np.maximum(1, self.count // most)
         place = np.arange(len(self.range)) - np.repeat(self.first, self.count)

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.beams import Beams, Edges
+from trackslip.localization.beams import Edges, PlateBeams
 from trackslip.localization.climb import Evaluation, climb
 from trackslip.localization.scan import Plate
 from trackslip.localization.view import View
@@ -44,7 +44,7 @@ class PlateLikelihood:
     huber: float
     """Residual above which the loss of a range is linear [standard deviations]."""
 
-    def evaluate(self, beams: Beams, pose: Array) -> Evaluation:
+    def evaluate(self, beams: PlateBeams, pose: Array) -> Evaluation:
         """Cost, gradient and Gauss-Newton Hessian at poses (M, 3)."""
         view = View.of(self.plate, pose)
         residual, on_long, slope, lever = self._ranges(beams, view)
@@ -67,19 +67,19 @@ class PlateLikelihood:
         total[:9] += sums
         return Evaluation(pose, total.T, view.axis)
 
-    def misfit(self, beams: Beams, pose: Array) -> Array:
+    def misfit(self, beams: PlateBeams, pose: Array) -> Array:
         """Root mean square residuals (M,) of the ranges at poses (M, 3) [standard deviations]."""
         residual = self._ranges(beams, View.of(self.plate, pose))[0]
         return np.sqrt(beams.sums(residual * residual) / beams.count)
 
-    def cost_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
+    def cost_along(self, beams: PlateBeams, pose: Array, offset: Array) -> Array:
         """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan."""
         view = View.of(self.plate, pose)
         residual, weight = _missed(beams.edges, view.slid(offset).bearings(beams.edges.ahead))
         costs = (residual * weight) ** 2
         return self._ranges_along(beams, view, offset) + (costs[0] + costs[1]) / 2
 
-    def _ranges_along(self, beams: Beams, view: View, offset: Array) -> Array:
+    def _ranges_along(self, beams: PlateBeams, view: View, offset: Array) -> Array:
         """The part (M, K) of `cost_along` that is due to ranges. Only beams that may leave the long face matter."""
         half_length = self.plate.length / 2
         reach = math.hypot(self.plate.length, self.plate.thickness) / 2
@@ -123,7 +123,7 @@ class PlateLikelihood:
         moved[:, 2] += step[:, 2]
         return moved
 
-    def climb(self, beams: Beams, pose: Array, iterations: int) -> Evaluation:
+    def climb(self, beams: PlateBeams, pose: Array, iterations: int) -> Evaluation:
         """The maxima of the likelihood near poses (M, 3) in the LRF's frame."""
         return climb(self, beams, pose, iterations)
 
@@ -134,7 +134,7 @@ class PlateLikelihood:
         weighted = weight * size
         return weight, weighted * (size - weighted / 2)
 
-    def _ranges(self, beams: Beams, view: View) -> tuple[Array, Array, Array, Array]:
+    def _ranges(self, beams: PlateBeams, view: View) -> tuple[Array, Array, Array, Array]:
         """Residuals (H,) of the ranges [standard deviations], and what their derivatives are made of.
 
         That is whether they are on the long face (H,), their derivatives (H,) with respect to the place of the face

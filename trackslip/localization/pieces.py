@@ -18,7 +18,7 @@ class Returns:
     x: Array  # (H,) in the LRF's frame [m]
     y: Array  # (H,)
 
-    def split(self, gap: float) -> Pieces:
+    def split(self, gap: float) -> ReturnPieces:
         """Pieces, separated where neighbours lie more than `gap` [m] apart."""
         apart = (self.x[1:] - self.x[:-1]) ** 2 + (self.y[1:] - self.y[:-1]) ** 2 > gap**2
         apart |= self.row[1:] != self.row[:-1]
@@ -28,16 +28,16 @@ class Returns:
         label = np.cumsum(starts) - 1
         count = np.append(first[1:], len(starts)) - first
         spans = [np.maximum.reduceat(c, first) - np.minimum.reduceat(c, first) for c in (self.x, self.y)]
-        return Pieces(self.row[first], label, count[: len(first)], np.maximum(*spans))
+        return ReturnPieces(self.row[first], label, count[: len(first)], np.maximum(*spans))
 
-    def centres(self, pieces: Pieces) -> Array:
+    def centres(self, pieces: ReturnPieces) -> Array:
         """Mean points (P, 2) of pieces [m]."""
         sums = [np.bincount(pieces.label, c, len(pieces.count)) for c in (self.x, self.y)]
         return np.stack(sums, axis=-1) / pieces.count[:, None]
 
 
 @dataclass(frozen=True)
-class Pieces:
+class ReturnPieces:
     """Runs of neighbouring returns."""
 
     row: np.ndarray  # (P,) the scan

@@ -15,7 +15,7 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.beams import Beams
+from trackslip.localization.beams import PlateBeams
 from trackslip.localization.climb import UNKNOWN, Evaluation, covariances
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.pieces import best_of_each
@@ -35,7 +35,7 @@ _MIN_DROPOUT = 0.02  # probability that a beam passes a plate in its way
 
 
 @dataclass(frozen=True)
-class Solution(Rows):
+class PlateSolution(Rows):
     """The pose of each scan, assuming that its cluster is the plate."""
 
     pose: Array  # (S, 3) in the LRF's frame
@@ -45,12 +45,12 @@ class Solution(Rows):
     doubtful: np.ndarray  # (S,) bool: something else may be among the returns or in front of the plate
 
     @classmethod
-    def none(cls, scans: int) -> Solution:
+    def none(cls, scans: int) -> PlateSolution:
         """Placeholder for scans in which nothing was found."""
         unknown, unexplained = np.full((scans, 3, 3), UNKNOWN), np.full(scans, np.inf)
         return cls(np.zeros((scans, 3)), unknown, unexplained, -unexplained, np.zeros(scans, bool))
 
-    def improve(self, rows: np.ndarray, other: Solution) -> None:
+    def improve(self, rows: np.ndarray, other: PlateSolution) -> None:
         """Overwrite the solutions of the scans `rows` (R,) that the R solutions of `other` explain better."""
         better = other.score > self.score[rows]
         self.put(rows[better], other.take(better))
@@ -104,7 +104,7 @@ class PlateLocator:
             covariance[~valid] = np.nan
         return PoseEstimate(scan.to_world(found.pose), covariance, valid)
 
-    def _sort_out(self, scan: Scan, found: Solution, rows: np.ndarray, near: Array | None) -> None:
+    def _sort_out(self, scan: Scan, found: PlateSolution, rows: np.ndarray, near: Array | None) -> None:
         """Improve the solutions `found` for the scans `rows` where selecting the returns by the pose explains more."""
         part = replace(scan, ranges=scan.ranges[rows])
         for _ in range(_ROUNDS):
@@ -113,16 +113,16 @@ class PlateLocator:
                 pose = np.where((found.misfit[rows] < self.max_misfit)[:, None], pose, near[rows])
             found.improve(rows, self._solve(part, returns_at(part, self.plate, pose), pose))
 
-    def _best(self, scan: Scan, gap: float) -> Solution:
+    def _best(self, scan: Scan, gap: float) -> PlateSolution:
         """The solution of the best cluster of each scan, clusters being separated by more than `gap` [m]."""
         cluster, row = candidates(scan, self.plate, gap)
         tried = self._solve(scan, cluster, None)
         best = np.flatnonzero(best_of_each(row, tried.score))
-        found = Solution.none(len(scan.ranges))
+        found = PlateSolution.none(len(scan.ranges))
         found.put(row[best], tried.take(best))
         return found
 
-    def _believed(self, found: Solution) -> np.ndarray:
+    def _believed(self, found: PlateSolution) -> np.ndarray:
         """Mask (S,) of the valid solutions."""
         variance = np.einsum("sii->si", found.covariance)
         return (
@@ -131,19 +131,19 @@ class PlateLocator:
             & (variance[:, 2] < self.max_heading_error**2)
         )
 
-    def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> Solution:
+    def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
         """The pose that explains each cluster best."""
         parts = list(chunks(cluster, MAX_STARTS)) if near is None else portions(cluster)
         if len(parts) == 1 and len(parts[0]) == len(cluster.count):
             return self._solved(scan, cluster, near)
-        found = Solution.none(len(cluster.count))
+        found = PlateSolution.none(len(cluster.count))
         for rows in parts:
             found.put(rows, self._solved(scan, cluster.take(rows), None if near is None else near[rows]))
         return found
 
-    def _solved(self, scan: Scan, cluster: Cluster, near: Array | None) -> Solution:
+    def _solved(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
         """Solutions of clusters with MIN_RETURNS or more returns, all at once."""
-        beams = Beams.of(scan, cluster)
+        beams = PlateBeams.of(scan, cluster)
         fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
         covariance = axes.swapaxes(1, 2) @ covariances(fit) @ axes
@@ -156,9 +156,11 @@ class PlateLocator:
         cut = cluster.hidden.max(axis=1) > 0
         if np.count_nonzero(cut):
             covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
-        return Solution(fit.pose, covariance, misfit, score, strained | cut)
+        return PlateSolution(fit.pose, covariance, misfit, score, strained | cut)
 
-    def _fit(self, beams: Beams, cluster: Cluster, beam_step: float, near: Array | None) -> tuple[Evaluation, Array]:
+    def _fit(
+        self, beams: PlateBeams, cluster: Cluster, beam_step: float, near: Array | None
+    ) -> tuple[Evaluation, Array]:
         """The best fits and their misfits (S,), only from the expected poses if these explain the returns."""
         if near is None:
             fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
@@ -173,7 +175,7 @@ class PlateLocator:
             fit.put(rows, self._screened(beams.take(rows), first))
         return fit, _misfit(fit, cluster)
 
-    def _screened(self, beams: Beams, first: Array) -> Evaluation:
+    def _screened(self, beams: PlateBeams, first: Array) -> Evaluation:
         """The best fits (S,) reached from the poses `first` (S, K, 3)."""
         scans, k, _ = first.shape
         thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))

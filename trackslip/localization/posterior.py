@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.beams import Beams
+from trackslip.localization.beams import PlateBeams
 from trackslip.localization.bound import viewing_angle
 from trackslip.localization.climb import Evaluation, climb, covariances
 from trackslip.localization.likelihood import PlateLikelihood
@@ -48,7 +48,7 @@ def correct(
     likelihood: PlateLikelihood,
     scan: Scan,
     cluster: Cluster,
-    beams: Beams,
+    beams: PlateBeams,
     pose: Array,
     covariance: Array,
     fits: np.ndarray,
@@ -70,7 +70,7 @@ class FixedHeading:
 
     likelihood: PlateLikelihood
 
-    def evaluate(self, beams: Beams, pose: Array) -> Evaluation:
+    def evaluate(self, beams: PlateBeams, pose: Array) -> Evaluation:
         """Cost and derivatives at poses (M, 3), whose headings stay as they are."""
         here = self.likelihood.evaluate(beams, pose)
         here.gradient[:, 2] = 0.0
@@ -84,7 +84,7 @@ class FixedHeading:
 
 def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, grid: Array) -> tuple[Array, Array]:
     """Posterior means (S, 3) and covariances (S, 3, 3) for plates with headings in the range of `grid` (S, K)."""
-    beams = Beams.of(scan, cluster)
+    beams = PlateBeams.of(scan, cluster)
     coarse = _given(likelihood, cluster, beams, grid)
     fine = _given(likelihood, cluster, beams, _peaks(likelihood, beams, coarse, len(grid)))
     pose = np.concatenate([fit.pose.reshape(len(grid), -1, 3) for fit in (coarse, fine)], axis=1)
@@ -99,7 +99,7 @@ def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, gri
     return mean, np.sum(np.where(weight[..., None, None] > 1e-9, weight[..., None, None] * total, 0.0), axis=1)
 
 
-def _given(likelihood: PlateLikelihood, cluster: Cluster, beams: Beams, heading: Array) -> Evaluation:
+def _given(likelihood: PlateLikelihood, cluster: Cluster, beams: PlateBeams, heading: Array) -> Evaluation:
     """Fits (S * K,) of the position at headings (S, K); rough ones where the heading has no probability."""
     every, fixed = np.repeat(np.arange(len(heading)), heading.shape[1]), FixedHeading(likelihood)
     repeated, middle = beams.take(every), fit_line(cluster).middle[every]
@@ -111,7 +111,7 @@ def _given(likelihood: PlateLikelihood, cluster: Cluster, beams: Beams, heading:
     return fit
 
 
-def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation, scans: int) -> Array:
+def _peaks(likelihood: PlateLikelihood, beams: PlateBeams, coarse: Evaluation, scans: int) -> Array:
     """Headings (S, K) around the peaks of the posterior, within a few steps of the coarse grid."""
     cost = coarse.cost.reshape(scans, -1)
     beside = np.pad(cost, ((0, 0), (1, 1)), constant_values=np.inf)
@@ -124,7 +124,9 @@ def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation, scans:
     return (fit.pose[:, 2, None] + sigma[:, None] * _ABOUT_PEAK).reshape(len(cost), -1)
 
 
-def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covariance: Array, rows: np.ndarray) -> None:
+def _along_plate(
+    likelihood: PlateLikelihood, beams: PlateBeams, pose: Array, covariance: Array, rows: np.ndarray
+) -> None:
     """Correct poses (S, 3) and covariances (S, 3, 3) along the plate where the fit claims more than the edges.
 
     This is done in place, for the scans `rows` (R,) only.

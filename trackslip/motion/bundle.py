@@ -12,7 +12,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.localization.beams import Beams
+from trackslip.localization.beams import PlateBeams
 from trackslip.localization.climb import Evaluation
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.logs.runlog import RunLog
@@ -44,7 +44,7 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     parameters = fit_arc(log.time[valid] - centre, scans.scan.from_world(log.pose[valid]))[0]
     seen = np.flatnonzero(rows & (scans.cluster.count >= 3))
     time = log.time[seen] - centre
-    beams = Beams.of(scans.scan, scans.cluster.take(seen))
+    beams = PlateBeams.of(scans.scan, scans.cluster.take(seen))
     likelihood = PlateLikelihood(scans.plate, _HUBER)
     pose, jacobian = poses_on_arc(parameters, time)
     fit = likelihood.evaluate(beams, pose)

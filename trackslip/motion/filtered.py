@@ -11,7 +11,7 @@ from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.steady_twist import Motion, SteadyTwist, long_run_covariance, require_poses, within
+from trackslip.motion.steady_twist import SmoothedMotion, SteadyTwist, long_run_covariance, require_poses, within
 
 _GAIN = 1 / (2 + math.sqrt(2))
 _RECURSION = (2 - math.sqrt(2)) / (2 + math.sqrt(2))
@@ -22,7 +22,7 @@ _MAX_TURN_PER_ROW = 0.15  # turn per row at which the filter shrinks a circle by
 _MAX_GAP_TURN = 2.5  # turn in a gap that an arc can bridge [rad]
 
 
-def paper_motion(log: RunLog) -> Motion:
+def paper_motion(log: RunLog) -> SmoothedMotion:
     """The paper's smoothing (Sec. III-B), followed by differences; the speed is the length of the displacement.
 
     A second-order Butterworth filter is applied to the heading and, since the paper does not specify its low-pass, to
@@ -35,7 +35,7 @@ def paper_motion(log: RunLog) -> Motion:
     motion = difference(even, smooth)
     dx, dy, turn = np.diff(smooth, axis=0).T
     v = np.copysign(np.hypot(dx, dy), motion.twist[:, 0])
-    return Motion(motion.time, motion.pose, np.stack([v, turn], axis=-1) / np.diff(even)[:, None])
+    return SmoothedMotion(motion.time, motion.pose, np.stack([v, turn], axis=-1) / np.diff(even)[:, None])
 
 
 def low_pass(values: Array) -> Array:
@@ -51,7 +51,7 @@ def low_pass(values: Array) -> Array:
     return np.asarray(smooth + values[0])
 
 
-def mean_twist(motion: Motion, log: RunLog, window: tuple[float, float]) -> SteadyTwist:
+def mean_twist(motion: SmoothedMotion, log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     """The mean of the twists of a motion in a window; raises LogError if there are too few.
 
     Twists are differences of poses, so their noise cancels in the mean except at the ends, which takes a wide lag
@@ -101,8 +101,8 @@ def _along_arcs(time: Array, pose: Array, at: Array) -> Array:
     return arc + (elapsed / whole)[:, None] * missed
 
 
-def difference(time: Array, pose: Array) -> Motion:
+def difference(time: Array, pose: Array) -> SmoothedMotion:
     """Twists between neighbouring poses (T, 3), exact for arcs."""
     duration = np.diff(time)
     motion = se2.log(se2.steps(pose))
-    return Motion((time[1:] + time[:-1]) / 2, (pose[1:] + pose[:-1]) / 2, motion[:, ::2] / duration[:, None])
+    return SmoothedMotion((time[1:] + time[:-1]) / 2, (pose[1:] + pose[:-1]) / 2, motion[:, ::2] / duration[:, None])

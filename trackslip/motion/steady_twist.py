@@ -16,7 +16,7 @@ _TWIST, _LATERAL = np.array([3, 5]), 4  # indices of v and w, and of u, among th
 
 
 @dataclass(frozen=True)
-class Motion:
+class SmoothedMotion:
     """Smoothed motion of a robot."""
 
     time: Array  # (M,) [s]

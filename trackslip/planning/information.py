@@ -12,7 +12,7 @@ from trackslip.identification.determined import vaguest
 from trackslip.identification.drive_equations import solve
 from trackslip.identification.drive_model import EXTRAS, DriveModel
 from trackslip.identification.drive_residuals import Nodes, Noise, residuals
-from trackslip.identification.drives import Drive, merged
+from trackslip.identification.drives import PreparedDrive, merged
 from trackslip.kinematics import Array
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.maneuvers import RATE
@@ -54,20 +54,20 @@ class Expectation:
     """Parameters that the driving doesn't determine."""
 
 
-def drive_to_measure(speeds: Array, rate: float, poses: PoseQuality, radius: float, merge: int = 1) -> Drive:
+def drive_to_measure(speeds: Array, rate: float, poses: PoseQuality, radius: float, merge: int = 1) -> PreparedDrive:
     """A drive with belt speeds (T, 2) [m/s] in periods of 1 / `rate` [s], `merge` of them taken together."""
     edges, omega = merged(np.arange(len(speeds) + 1) / rate, speeds / radius, -(-len(speeds) // merge))
     time = np.arange(0.5 / poses.rate, edges[-1], 1 / poses.rate)
     pose = np.zeros((len(time), 3))
     if poses.heading is None:
         pose[:, 2] = np.nan
-    return Drive("plan", edges, omega, time, pose, np.arange(len(time)), 1 / poses.rate)
+    return PreparedDrive("plan", edges, omega, time, pose, np.arange(len(time)), 1 / poses.rate)
 
 
 def expected(
     model: DriveModel,
     values: Array,
-    drives: Sequence[Drive],
+    drives: Sequence[PreparedDrive],
     poses: PoseQuality,
     slip: Sequence[float],
     known: LawErrors | None = None,
@@ -108,7 +108,7 @@ def expected(
 def information(
     model: DriveModel,
     values: Array,
-    drives: Sequence[Drive],
+    drives: Sequence[PreparedDrive],
     poses: PoseQuality,
     slip: Sequence[float],
     names: Sequence[str],

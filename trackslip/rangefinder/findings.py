@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.beams import Beams
+from trackslip.localization.beams import PlateBeams
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.scan import Plate, Scan, extract_plate
 from trackslip.rangefinder.session import Sighting
@@ -68,7 +68,7 @@ def fitting_size(scan: Scan, plate: Plate, pose: Array) -> Plate | None:
     full = np.flatnonzero(cluster.count >= _MIN_RETURNS)
     if len(full) < _MIN_RETURNS:
         return None
-    beams, start = Beams.of(part, cluster.take(full)), pose[rows][full]
+    beams, start = PlateBeams.of(part, cluster.take(full)), pose[rows][full]
     sizes = [(plate.length * factor, plate.thickness) for factor in _LENGTHS]
     sizes += [(plate.length, plate.thickness * factor) for factor in _THICKNESSES]
     others = [Plate(*size) for size in sizes if size[1] < size[0]]

@@ -10,7 +10,7 @@ from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.beams import Beams
+from trackslip.localization.beams import PlateBeams
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
@@ -212,7 +212,7 @@ def _scatter(scanner: Scan, series: ScanSeries, plate: Plate, estimate: PoseEsti
     full = np.flatnonzero(cluster.count >= _MIN_RETURNS)
     if not full.size:
         return scanner.noise
-    beams = Beams.of(scan, cluster.take(full))
+    beams = PlateBeams.of(scan, cluster.take(full))
     misfit = PlateLikelihood(plate, _NO_OUTLIER).misfit(beams, estimate.pose[rows][full])
     count = cluster.count[full]
     return float(np.median(misfit * np.sqrt(count / (count - 2)))) * beams.noise

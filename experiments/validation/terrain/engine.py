@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from experiments.validation.terrain.obstacles import SPEED, climber, rough_course, stairs_course
-from experiments.validation.terrain.subjects import STAIRS, Stand, Subject
-from experiments.validation.terrain.trial import Level, Trial
+from experiments.validation.terrain.subjects import STAIRS, Subject, TerrainRobot
+from experiments.validation.terrain.trial import LevelGround, TerrainTrial
 from sim.robot.tracked_model import Terrain
 from sim.terrain import Course
 from trackslip.kinematics import Array
@@ -27,7 +27,7 @@ _FLAPPING = (0.3, -0.2)  # angles of flippers that reach the ground at random at
 
 
 @dataclass(frozen=True)
-class Speed:
+class EngineSpeed:
     """Simulated time over computing time of one core, one robot [-]."""
 
     flat: float
@@ -41,7 +41,7 @@ def belt_error(subject: Subject, preset: str, rng: np.random.Generator) -> float
 
     The velocity comes from the engine's constraints; the belt's from its body's motion, its wheels and its speed.
     """
-    stand = subject.stand(Level(), preset, flippers=_FLAPPING)
+    stand = subject.stand(LevelGround(), preset, flippers=_FLAPPING)
     model, data = stand.model, mujoco.MjData(stand.model)
     worst = 0.0
     for _ in range(_STATES):
@@ -58,7 +58,7 @@ def belt_error(subject: Subject, preset: str, rng: np.random.Generator) -> float
     return worst
 
 
-def _contact_error(stand: Stand, data: mujoco.MjData, speeds: Array) -> float:
+def _contact_error(stand: TerrainRobot, data: mujoco.MjData, speeds: Array) -> float:
     """The largest difference in one state."""
     model, worst = stand.model, float("nan")
     jacobian = np.zeros((3, model.nv))
@@ -105,17 +105,17 @@ def differing_numbers(subject: Subject, preset: str, rng: np.random.Generator) -
     return differing
 
 
-def speed(subject: Subject, preset: str) -> Speed:
+def speed(subject: Subject, preset: str) -> EngineSpeed:
     """Take the computing time of a robot that drives on level ground, ten steps and rough ground."""
     trials = (
         _on_course(subject, None, preset, 1, 1),
         _on_course(climber(subject), stairs_course(), preset, 1, 1),
         _on_course(subject, rough_course(8.0), preset, 1, 1),
     )
-    return Speed(*(_timed(trial) for trial in trials))
+    return EngineSpeed(*(_timed(trial) for trial in trials))
 
 
-def _timed(trial: Trial) -> float:
+def _timed(trial: TerrainTrial) -> float:
     trial.drive(np.array([SPEED, SPEED]))
     trial.advance(WARM)
     began = time.process_time()
@@ -123,9 +123,9 @@ def _timed(trial: Trial) -> float:
     return TIMED / (time.process_time() - began)
 
 
-def _on_course(subject: Subject, course: Course | None, preset: str, size: int, threads: int) -> Trial:
-    terrain: Terrain = Level() if course is None else course
-    trial = Trial(subject.stand(terrain, preset, flippers=STAIRS), size, threads)
+def _on_course(subject: Subject, course: Course | None, preset: str, size: int, threads: int) -> TerrainTrial:
+    terrain: Terrain = LevelGround() if course is None else course
+    trial = TerrainTrial(subject.stand(terrain, preset, flippers=STAIRS), size, threads)
     if course is not None:
         trial.position[:] += np.array(course.start[:3])
     return trial

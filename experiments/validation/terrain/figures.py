@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 
 from experiments.report.colours import BLUE, GREEN, ORANGE, RED
 from experiments.report.figures.style import THEORY, Panels, make_room, panel, styled
-from experiments.validation.terrain.turning import Turning, Turns
+from experiments.validation.terrain.turning import TrackTurns, Turning
 from trackslip.kinematics import Array
 
 if TYPE_CHECKING:
-    from experiments.validation.terrain.suite import ByDefault, Measured
+    from experiments.validation.terrain.suite import ByDefault, TerrainMeasurements
 
 Bounds = Mapping[str, tuple[float, float]]
 """Of both presets, by quantity."""
@@ -29,7 +29,7 @@ _SMALLEST = 0.01  # error that is drawn [%]
 
 
 @styled
-def turns(found: Sequence[Measured], naive: Sequence[ByDefault], bounds: Bounds) -> Figure:
+def turns(found: Sequence[TerrainMeasurements], naive: Sequence[ByDefault], bounds: Bounds) -> Figure:
     """Errors of the ICRs' half width in every turn, with MuJoCo's default contact for comparison, and their bounds."""
     figure, axes = panel("Half width of the ICRs", "", "size of the error [%]")
     shift = np.linspace(-0.3, 0.3, len(found) + len(naive))
@@ -59,14 +59,14 @@ def turns(found: Sequence[Measured], naive: Sequence[ByDefault], bounds: Bounds)
 
 def _errors(axes: Axes, offset: float, grounds: Sequence[Turning], name: str, style: dict[str, Any]) -> None:
     for k in range(len(_CASES)):
-        several: list[Turns] = [(one.slow, one.pivot, one.offset)[k] for one in grounds]
+        several: list[TrackTurns] = [(one.slow, one.pivot, one.offset)[k] for one in grounds]
         error = 100 * np.abs(np.concatenate([one.error for one in several]))
         label = name if k == 0 else None
         axes.plot(np.full(len(error), k + offset), np.maximum(error, _SMALLEST), **style, label=label)
 
 
 @styled
-def slopes(found: Sequence[Measured]) -> Figure:
+def slopes(found: Sequence[TerrainMeasurements]) -> Figure:
     """The steepest slopes that robots climb, and those on which they tip over, against theory."""
     figure, axes = panel("Steepest slope", "by theory [°]", "simulated [°]")
     for one, marker in zip(found, _markers(found), strict=True):
@@ -81,7 +81,7 @@ def slopes(found: Sequence[Measured]) -> Figure:
 
 
 @styled
-def steps(found: Sequence[Measured]) -> Figure:
+def steps(found: Sequence[TerrainMeasurements]) -> Figure:
     """The highest steps that robots climb, against statics; open symbols by tipping over alone."""
     figure, axes = panel("Highest step", "by statics [mm]", "simulated [mm]")
     for one, marker in zip(found, _markers(found), strict=True):
@@ -97,12 +97,12 @@ def steps(found: Sequence[Measured]) -> Figure:
 
 
 @styled
-def depths(found: Sequence[Measured], naive: Sequence[ByDefault], bounds: Bounds) -> Panels:
+def depths(found: Sequence[TerrainMeasurements], naive: Sequence[ByDefault], bounds: Bounds) -> Panels:
     """Share of the time with a deeper penetration, per preset, on stairs and rough ground."""
     return tuple(_depths(found, naive, bounds, preset) for preset in dict.fromkeys(one.preset for one in found))
 
 
-def _depths(found: Sequence[Measured], naive: Sequence[ByDefault], bounds: Bounds, preset: str) -> Figure:
+def _depths(found: Sequence[TerrainMeasurements], naive: Sequence[ByDefault], bounds: Bounds, preset: str) -> Figure:
     figure, axes = panel(f"Penetration, {preset}", "depth [mm]", "tracks that are deeper [%]")
     for one, colour in zip([one for one in found if one.preset == preset], _ROBOT_COLOURS, strict=False):
         for name, sinking, dash in (
@@ -138,7 +138,7 @@ def _one_to_one(axes: Axes) -> None:
     axes.legend(loc="upper left", ncols=2, fontsize=6.5)
 
 
-def _markers(found: Sequence[Measured]) -> list[str]:
+def _markers(found: Sequence[TerrainMeasurements]) -> list[str]:
     """A marker per robot."""
     robots = list(dict.fromkeys(one.robot for one in found))
     return [_MARKERS[robots.index(one.robot) % len(_MARKERS)] for one in found]

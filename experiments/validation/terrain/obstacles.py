@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.validation.terrain.subjects import STAIRS, Box, Subject
-from experiments.validation.terrain.trial import Trial
+from experiments.validation.terrain.subjects import STAIRS, BoxRobot, Subject
+from experiments.validation.terrain.trial import TerrainTrial
 from sim.instruments import use_default_contact
 from sim.terrain import Course, Rough, Stairs
 from trackslip.kinematics import Array
 
 FRICTION = 1.0
-CLIMBER = Box(hull=((-0.3, 0.08, 0.08), (0.25, 0.08, 0.08), (0.4, 0.2, 0.06)), centre_of_mass=(0.05, 0.12))
+CLIMBER = BoxRobot(hull=((-0.3, 0.08, 0.08), (0.25, 0.08, 0.08), (0.4, 0.2, 0.06)), centre_of_mass=(0.05, 0.12))
 """A box that can climb stairs."""
 STEPS = 10
 """Number of steps of the stairs."""
@@ -70,7 +70,7 @@ def rough_course(size: float) -> Course:
 
 def climber(subject: Subject) -> Subject:
     """The subject itself, or a box that can climb stairs."""
-    return CLIMBER if isinstance(subject, Box) else subject
+    return CLIMBER if isinstance(subject, BoxRobot) else subject
 
 
 def stairs(subject: Subject, preset: str, threads: int, by_default: bool = False, rise: float = RISE) -> Sinking:
@@ -79,7 +79,7 @@ def stairs(subject: Subject, preset: str, threads: int, by_default: bool = False
     stand = climber(subject).stand(course, preset, flippers=STAIRS)
     if by_default:
         use_default_contact(stand.model)
-    trial = Trial(stand, len(_YAW), threads)
+    trial = TerrainTrial(stand, len(_YAW), threads)
     trial.position[:] += np.array(course.start[:3])
     trial.turn_to(np.array(_YAW))
     trial.drive(np.array([SPEED, SPEED]))
@@ -94,7 +94,7 @@ def stairs(subject: Subject, preset: str, threads: int, by_default: bool = False
 def rough(subject: Subject, preset: str, rng: np.random.Generator, threads: int) -> Sinking:
     """Drive at random on rough ground."""
     course = rough_course(_FIELD)
-    trial = Trial(subject.stand(course, preset), ROBOTS, threads)
+    trial = TerrainTrial(subject.stand(course, preset), ROBOTS, threads)
     trial.position[:, 0] = _FIELD * (np.arange(ROBOTS) + 0.5) / ROBOTS
     trial.position[:, 2] += _DROP
     trial.turn_to(rng.uniform(-np.pi, np.pi, ROBOTS))
@@ -110,7 +110,7 @@ def rough(subject: Subject, preset: str, rng: np.random.Generator, threads: int)
 class _Watch:
     """Steps a trial and notes what happens."""
 
-    def __init__(self, trial: Trial) -> None:
+    def __init__(self, trial: TerrainTrial) -> None:
         self._trial = trial
         self._depth: list[Array] = []
         self._fastest = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from experiments.validation.terrain.subjects import Subject
-from experiments.validation.terrain.trial import Level, Limit, Trial, limit
+from experiments.validation.terrain.trial import LevelGround, Limit, TerrainTrial, limit
 from trackslip.climbing_theory import friction_angle, tips_backwards, tips_sideways
 from trackslip.kinematics import Array
 
@@ -32,14 +32,14 @@ ROUNDS = 2
 
 def climbing_limits(subject: Subject, preset: str, boxed: bool, threads: int) -> tuple[Limit, ...]:
     """The steepest slopes that robots climb from rest, at all FRICTIONS."""
-    return tuple(_climbing_limit(subject, preset, Level(friction, boxed), threads) for friction in FRICTIONS)
+    return tuple(_climbing_limit(subject, preset, LevelGround(friction, boxed), threads) for friction in FRICTIONS)
 
 
-def _climbing_limit(subject: Subject, preset: str, ground: Level, threads: int) -> Limit:
+def _climbing_limit(subject: Subject, preset: str, ground: LevelGround, threads: int) -> Limit:
     stand = subject.stand(ground, preset)
 
     def climbs(slopes: Array) -> np.ndarray:
-        trial = Trial(stand, len(slopes), threads)
+        trial = TerrainTrial(stand, len(slopes), threads)
         trial.tilt(slopes)
         trial.drive(np.array([_CLIMB, _CLIMB]))
         trial.advance(CLIMBING)
@@ -51,7 +51,7 @@ def _climbing_limit(subject: Subject, preset: str, ground: Level, threads: int) 
 
 def creep(subject: Subject, preset: str, boxed: bool, threads: int) -> Array:
     """Speeds (H,) at which robots with HEADINGS creep down a slope of CREEP_ANGLE [m/s]."""
-    trial = Trial(subject.stand(Level(_PARKED, boxed), preset), len(HEADINGS), threads)
+    trial = TerrainTrial(subject.stand(LevelGround(_PARKED, boxed), preset), len(HEADINGS), threads)
     trial.turn_to(np.array(HEADINGS))
     trial.tilt(np.full(len(HEADINGS), CREEP_ANGLE))
     trial.drive(np.zeros(2))
@@ -63,11 +63,11 @@ def creep(subject: Subject, preset: str, boxed: bool, threads: int) -> Array:
 
 def tipping(subject: Subject, preset: str, sideways: bool, threads: int) -> Limit:
     """The slope on which a parked robot tips over: one that stands across it, or points uphill."""
-    stand = subject.stand(Level(_STICKY), preset)
+    stand = subject.stand(LevelGround(_STICKY), preset)
     expected = float(tips_sideways(stand.half_gauge, stand.view.height)) if sideways else tips_backwards(stand.view)
 
     def stand_still(slopes: Array) -> np.ndarray:
-        trial = Trial(stand, len(slopes), threads)
+        trial = TerrainTrial(stand, len(slopes), threads)
         trial.turn_to(np.full(len(slopes), np.pi / 2 if sideways else 0.0))
         trial.drive(np.zeros(2))
         stays = np.ones(len(slopes), bool)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.validation.terrain.subjects import Box, Stand, Subject
-from experiments.validation.terrain.trial import FACE, Limit, SingleStep, Trial, limit, set_heights
+from experiments.validation.terrain.subjects import BoxRobot, Subject, TerrainRobot
+from experiments.validation.terrain.trial import FACE, Limit, SingleStep, TerrainTrial, limit, set_heights
 from trackslip.climbing_theory import highest_step, tip_over_step
 from trackslip.kinematics import Array
 
@@ -25,18 +25,18 @@ _SHORT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07))
 _LONG = ((-0.3, 0.08, 0.08), (0.3, 0.08, 0.08))
 _RISING = ((-0.25, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06))
 BOXES = (
-    (Box(_LONG, (0.0, 0.14)), 1.0),
-    (Box(_LONG, (0.06, 0.18)), 1.0),
-    (Box(_SHORT, (0.06, 0.10)), 1.0),
-    (Box(_RISING, (0.0, 0.15)), 0.9),
-    (Box(_RISING, (0.0, 0.12)), 0.7),
-    (Box(_RISING, (0.03, 0.10)), 0.65),
+    (BoxRobot(_LONG, (0.0, 0.14)), 1.0),
+    (BoxRobot(_LONG, (0.06, 0.18)), 1.0),
+    (BoxRobot(_SHORT, (0.06, 0.10)), 1.0),
+    (BoxRobot(_RISING, (0.0, 0.15)), 0.9),
+    (BoxRobot(_RISING, (0.0, 0.12)), 0.7),
+    (BoxRobot(_RISING, (0.03, 0.10)), 0.65),
 )
 """Boxes and their friction: tipping over the edge limits the first four, friction the last two."""
 
 
 @dataclass(frozen=True)
-class Step(Limit):
+class StepLimit(Limit):
     """A highest step [m]."""
 
     friction: float
@@ -45,19 +45,19 @@ class Step(Limit):
     """By the formula for tipping over, if friction were enough [m]."""
 
 
-def step(subject: Subject, preset: str, friction: float, threads: int) -> Step:
+def step(subject: Subject, preset: str, friction: float, threads: int) -> StepLimit:
     """Find the highest step that a robot climbs."""
     stand = subject.stand(SingleStep(friction), preset)
     expected = highest_step(stand.view, friction)
     ahead, height, (_, _, radius) = stand.view.ahead, stand.view.height, stand.view.rear
     low, high = max(1e-3, expected - _AROUND), expected + _AROUND
     found = limit(lambda heights: _climb(stand, heights, threads), low, high, ROWS, ROUNDS)
-    return Step(found, expected, friction, float(tip_over_step(ahead, height, radius)))
+    return StepLimit(found, expected, friction, float(tip_over_step(ahead, height, radius)))
 
 
-def _climb(stand: Stand, heights: Array, threads: int) -> np.ndarray:
+def _climb(stand: TerrainRobot, heights: Array, threads: int) -> np.ndarray:
     """(N,) bool: robots that climb steps of heights (N,) [m] at the first attempt."""
-    trial = Trial(stand, len(heights), threads)
+    trial = TerrainTrial(stand, len(heights), threads)
     set_heights(stand.model, trial.batch, heights)
     wheels = stand.view.wheels
     trial.position[:, 0] = FACE - _GAP - float((wheels[:, 0] + wheels[:, 2]).max())

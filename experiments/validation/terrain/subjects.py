@@ -24,7 +24,7 @@ STAIRS = (0.3, 0.0)
 
 
 @dataclass(frozen=True)
-class Stand:
+class TerrainRobot:
     """A compiled robot on its terrain, its flippers held, and its numbers for the theory."""
 
     model: mujoco.MjModel
@@ -60,12 +60,14 @@ class Subject(Protocol):
     def name(self) -> str:
         """Name in tables."""
 
-    def stand(self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP) -> Stand:
+    def stand(
+        self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP
+    ) -> TerrainRobot:
         """Put it on terrain, with its centre of mass `shift` further ahead [m]; a box has no `flippers`."""
 
 
 @dataclass(frozen=True)
-class Box:
+class BoxRobot:
     """A box with two tracks, in a few lines of `add_tracks`."""
 
     hull: Wheels = ((-0.25, 0.07, 0.07), (0.25, 0.07, 0.07))
@@ -78,7 +80,9 @@ class Box:
     """[kg]"""
     name: str = "box"
 
-    def stand(self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP) -> Stand:
+    def stand(
+        self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP
+    ) -> TerrainRobot:
         """See `Subject`."""
         x, z = self.centre_of_mass[0] + shift, self.centre_of_mass[1]
         spec = mujoco.MjSpec()
@@ -101,7 +105,7 @@ class Box:
         view = SideView(np.array(self.hull), (x, z))
         qpos = model.qpos0.copy()
         qpos[2] = -view.ground
-        return Stand(
+        return TerrainRobot(
             model, (tracks,), bind(model, tracks), np.arange(2), (0, 0), qpos, np.zeros(0), self.half_gauge, view
         )
 
@@ -123,7 +127,9 @@ class FromFile:
         """See `Subject`."""
         return self.robot.name
 
-    def stand(self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP) -> Stand:
+    def stand(
+        self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP
+    ) -> TerrainRobot:
         """See `Subject`."""
         robot = self.robot
         built = build_tracked(robot, _Shifted(terrain, robot, shift), preset=preset)
@@ -138,7 +144,7 @@ class FromFile:
         mujoco.mj_forward(model, data)
         x, _, z = data.subtree_com[model.body_rootid[built.body]] - data.xpos[built.body]
         view = SideView(np.array(robot.hull), (float(x), float(z)))
-        return Stand(
+        return TerrainRobot(
             model,
             built.tracks,
             bind(model, *built.tracks),
@@ -180,6 +186,6 @@ class _Shifted:
 def subjects(robot: Path | None) -> tuple[Subject, ...]:
     """The box and the rescue robot, or the robot of a file; raises SettingsFileError for one that can't be read."""
     if robot is None:
-        return Box(), FromFile("rescue")
+        return BoxRobot(), FromFile("rescue")
     load_tracked(robot)
     return (FromFile(str(robot)),)

@@ -16,11 +16,11 @@ from experiments.report.table import Table
 from experiments.run import Run
 from experiments.validation.suite import Findings
 from experiments.validation.terrain import figures
-from experiments.validation.terrain.engine import Speed, belt_error, differing_numbers, speed
+from experiments.validation.terrain.engine import EngineSpeed, belt_error, differing_numbers, speed
 from experiments.validation.terrain.obstacles import RISE, Sinking, rough, stairs
 from experiments.validation.terrain.slopes import climbing_limits, creep, tipping
-from experiments.validation.terrain.steps import BOXES, Step, step
-from experiments.validation.terrain.subjects import Box, Subject, subjects
+from experiments.validation.terrain.steps import BOXES, StepLimit, step
+from experiments.validation.terrain.subjects import BoxRobot, Subject, subjects
 from experiments.validation.terrain.trial import Limit
 from experiments.validation.terrain.turning import Turning, turning
 from sim.seeds import generator
@@ -62,7 +62,7 @@ _LIMITS = (
 
 
 @dataclass(frozen=True)
-class Measured:
+class TerrainMeasurements:
     """Measurements of one robot with one preset."""
 
     robot: str
@@ -72,14 +72,14 @@ class Measured:
     climb_on_plane: tuple[Limit, ...]
     climb_on_box: tuple[Limit, ...]
     creep: Array  # (H,) of parked robots in several directions [m/s]
-    steps: tuple[Step, ...]
+    steps: tuple[StepLimit, ...]
     tips_sideways: Limit
     tips_backwards: Limit
     stairs: Sinking
     descent: Sinking
     """Down the same stairs."""
     rough: Sinking
-    speed: Speed
+    speed: EngineSpeed
     differing: int
     """Count of state values in which a batch's rows differ from robots simulated alone."""
     belt_error: float
@@ -113,16 +113,16 @@ def terrain_suite(config: Config, run: Run) -> Findings:
     return Findings(TITLE, [_INTRO], checks, [comparison(found, naive)], _sections(found, naive), _LIMITS, summary)
 
 
-def measure(subject: Subject, preset: str, config: Config, done: Callable[[float], None]) -> Measured:
+def measure(subject: Subject, preset: str, config: Config, done: Callable[[float], None]) -> TerrainMeasurements:
     """Make all measurements; `done` is called after each of _STAGES with 1."""
     rng, threads = generator(config.seed, f"{subject.name} {preset}"), config.threads
-    cases = BOXES if isinstance(subject, Box) else ((subject, 0.8),)
+    cases = BOXES if isinstance(subject, BoxRobot) else ((subject, 0.8),)
 
     def stage(value: ValueT) -> ValueT:
         done(1.0)
         return value
 
-    return Measured(
+    return TerrainMeasurements(
         robot=subject.name,
         preset=preset,
         on_plane=turning(subject, preset, False, threads),
@@ -149,7 +149,7 @@ def by_default(subject: Subject, threads: int) -> ByDefault:
     return ByDefault(subject.name, turns, up, down)
 
 
-def checks_of(found: Measured) -> list[Check]:
+def checks_of(found: TerrainMeasurements) -> list[Check]:
     """All checks of one robot with one preset."""
     bounds = {name: both[PRESETS.index(found.preset)] for name, both in BOUNDS.items()}
     checks: list[Check] = []
@@ -192,7 +192,7 @@ def checks_of(found: Measured) -> list[Check]:
     return checks
 
 
-def comparison(found: list[Measured], by_default: list[ByDefault]) -> Table:
+def comparison(found: list[TerrainMeasurements], by_default: list[ByDefault]) -> Table:
     """MuJoCo's default contact on the same robots, compared with the accurate recipe."""
     rows: list[tuple[str, ...]] = []
     for naive in by_default:
@@ -214,7 +214,7 @@ def comparison(found: list[Measured], by_default: list[ByDefault]) -> Table:
     return Table("The same with MuJoCo's default contact", ("quantity", "recipe", "default contact"), rows)
 
 
-def _without_depths(one: Measured | ByDefault) -> dict[str, Any]:
+def _without_depths(one: TerrainMeasurements | ByDefault) -> dict[str, Any]:
     """Everything but every single depth."""
     return {
         name: {"p99_m": value.typical, "largest_m": value.largest}
@@ -225,7 +225,7 @@ def _without_depths(one: Measured | ByDefault) -> dict[str, Any]:
     }
 
 
-def _sections(found: list[Measured], naive: list[ByDefault]) -> list[Section]:
+def _sections(found: list[TerrainMeasurements], naive: list[ByDefault]) -> list[Section]:
     turns = Plot(
         "turns",
         figures.turns(found, naive, BOUNDS),

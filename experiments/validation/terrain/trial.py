@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from mujoco import batch
 
-from experiments.validation.terrain.subjects import Stand
+from experiments.validation.terrain.subjects import TerrainRobot
 from trackslip.kinematics import Array
 
 FACE = 0.5
@@ -22,7 +22,7 @@ _DEPTH = 0.5  # half of the height of boxes [m]
 
 
 @dataclass(frozen=True)
-class Level:
+class LevelGround:
     """Level ground at z = 0."""
 
     friction: float = 0.7
@@ -52,7 +52,7 @@ class SingleStep:
         """See `sim.robot.tracked_model.Terrain`."""
         size, pos = [_SIZE, _SIZE, _DEPTH], [FACE + _SIZE, 0, -_DEPTH]
         spec.worldbody.add_geom(name=STEP, type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=pos)
-        return [*Level().add_to(spec), STEP]
+        return [*LevelGround().add_to(spec), STEP]
 
 
 def set_heights(model: mujoco.MjModel, batch: Any, height: np.ndarray) -> None:
@@ -74,10 +74,10 @@ class Limit:
         return self.found - self.expected
 
 
-class Trial:
+class TerrainTrial:
     """N robots that start at rest at the origin."""
 
-    def __init__(self, stand: Stand, size: int, threads: int) -> None:
+    def __init__(self, stand: TerrainRobot, size: int, threads: int) -> None:
         """`size` robots on `threads` worker threads (0: one per processor)."""
         self.stand, self.size = stand, size
         self.batch = batch.Batch(stand.model, size, nthread=threads)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.validation.terrain.subjects import Stand, Subject
-from experiments.validation.terrain.trial import Level, Trial
+from experiments.validation.terrain.subjects import Subject, TerrainRobot
+from experiments.validation.terrain.trial import LevelGround, TerrainTrial
 from experiments.validation.theory import GRAVITY
 from sim.instruments import use_default_contact
 from trackslip.kinematics import Array
@@ -26,7 +26,7 @@ _PERIOD = 0.1  # between two looks at the heading [s]
 
 
 @dataclass(frozen=True)
-class Turns:
+class TrackTurns:
     """M steady turns."""
 
     belts: Array  # (M, 2) left and right [m/s]
@@ -56,27 +56,27 @@ class Turns:
 class Turning:
     """Turns of one robot and recipe on one ground."""
 
-    slow: Turns
-    pivot: Turns
-    offset: Turns
+    slow: TrackTurns
+    pivot: TrackTurns
+    offset: TrackTurns
     """Slow ones, with the centre of mass shifted forwards by OFFSET."""
 
 
 def turning(subject: Subject, preset: str, boxed: bool, threads: int, by_default: bool = False) -> Turning:
     """Turn on a plane or a box, with the recipe or with MuJoCo's default contact."""
 
-    def turned(belts: tuple[tuple[float, float], ...], shift: float) -> Turns:
-        stand = subject.stand(Level(FRICTION, boxed), preset, shift)
+    def turned(belts: tuple[tuple[float, float], ...], shift: float) -> TrackTurns:
+        stand = subject.stand(LevelGround(FRICTION, boxed), preset, shift)
         if by_default:
             use_default_contact(stand.model)
         return _turns(stand, np.array(belts), threads)
 
-    half_length = subject.stand(Level(FRICTION, boxed), preset).half_length
+    half_length = subject.stand(LevelGround(FRICTION, boxed), preset).half_length
     return Turning(turned(SLOW, 0.0), turned(PIVOT, 0.0), turned(SLOW, OFFSET * half_length))
 
 
-def _turns(stand: Stand, belts: Array, threads: int) -> Turns:
-    trial = Trial(stand, len(belts), threads)
+def _turns(stand: TerrainRobot, belts: Array, threads: int) -> TrackTurns:
+    trial = TerrainTrial(stand, len(belts), threads)
     trial.drive(belts)
     trial.advance(STEADY)
     turned, before = np.zeros(len(belts)), trial.heading()
@@ -87,4 +87,4 @@ def _turns(stand: Stand, belts: Array, threads: int) -> Turns:
         before = now
     spread = belts[:, 1] - belts[:, 0]
     expected = steady_twist(belts, stand.line_contact(FRICTION), GRAVITY)[:, 2]
-    return Turns(belts, spread * WATCH / (2 * turned), spread / (2 * expected), stand.half_gauge)
+    return TrackTurns(belts, spread * WATCH / (2 * turned), spread / (2 * expected), stand.half_gauge)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.benchmark.cases import Case, cases_of, identified
+from experiments.benchmark.cases import BenchmarkCase, cases_of, identified
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.rows import board, bootstrap95, losses, over_seeds
 from experiments.commands.benchmark import Config
@@ -35,7 +35,7 @@ def test_a_run_is_the_same_in_any_company(tmp_path):
     path.write_text("x,y\n-2,1\n-1.6,1.1\n-1.2,1.4\n")
     loops = ClosedLoops(Config())
     cases = [
-        Case(controller, compensation, str(path), ground, "random", seed)
+        BenchmarkCase(controller, compensation, str(path), ground, "random", seed)
         for controller in ("linear", "feedforward")
         for compensation in ("online", "icr_radius")
         for ground, seed in (("stone", 0), ("ice", 1))
@@ -51,9 +51,11 @@ def test_a_run_is_the_same_in_any_company(tmp_path):
 
 
 def test_starts_are_the_papers_or_random_and_the_same_for_all_controllers():
-    case = Case("linear", "none", "paper", "stone", "paper", 0)
+    case = BenchmarkCase("linear", "none", "paper", "stone", "paper", 0)
     np.testing.assert_allclose(case.start_pose(), [0.3, -0.2, np.pi / 3], atol=1e-12)
-    starts = [Case(c, "none", "paper", "stone", "random", n).start_pose() for c in ("linear", "lqr") for n in (0, 1)]
+    starts = [
+        BenchmarkCase(c, "none", "paper", "stone", "random", n).start_pose() for c in ("linear", "lqr") for n in (0, 1)
+    ]
     np.testing.assert_array_equal(starts[:2], starts[2:])
     assert np.hypot(*(starts[0] - starts[1])[:2]) > 0.01
 
@@ -63,7 +65,7 @@ def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
     source = "import gains_of_mine\nfrom trackslip.controllers.error_feedback import LinearTimeVarying as Mine"
     (tmp_path / "imports_gains.py").write_text(source)
     loops = ClosedLoops(Config(localization="truth"))
-    cases = (Case("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
+    cases = (BenchmarkCase("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
     loops.check(cases)
     before = identified(cases, loops.config, loops.world)
     (tmp_path / "gains_of_mine.py").write_text("K = 2.0")
@@ -71,7 +73,7 @@ def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
 
 
 def run(controller, rms, success=True, error=None, seed=0):
-    axes = Case(controller, "none", "paper", "stone", "zero", seed).axes
+    axes = BenchmarkCase(controller, "none", "paper", "stone", "zero", seed).axes
     if error:
         return axes | {"error": error}
     return axes | {"error": None, "rms_position": rms, "rms_position_after_12s": rms, "success": success}

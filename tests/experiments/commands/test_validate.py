@@ -12,8 +12,8 @@ from experiments.validation import numerics, theory, turning
 from experiments.validation.shear import subjects
 from experiments.validation.terrain import engine, obstacles, slopes, steps, suite
 from experiments.validation.terrain import turning as terrain_turning
-from experiments.validation.terrain.subjects import UP, Box, FromFile
-from experiments.validation.terrain.trial import Level, Trial, limit
+from experiments.validation.terrain.subjects import UP, BoxRobot, FromFile
+from experiments.validation.terrain.trial import LevelGround, TerrainTrial, limit
 from sim.robot.parameters import RobotParameters
 
 SMALLER = {
@@ -166,10 +166,10 @@ def test_a_limit_elsewhere_is_not_a_number(truth):
     assert np.isnan(limit(lambda values: values <= truth, 0.0, 1.0, 5, 3))
 
 
-@pytest.mark.parametrize("subject", [Box(), FromFile("rescue")], ids=lambda one: one.name)
+@pytest.mark.parametrize("subject", [BoxRobot(), FromFile("rescue")], ids=lambda one: one.name)
 def test_robots_stand_on_their_tracks_where_theory_has_them(subject):
-    stand = subject.stand(Level(), "fast", flippers=UP)
-    trial = Trial(stand, 1, 1)
+    stand = subject.stand(LevelGround(), "fast", flippers=UP)
+    trial = TerrainTrial(stand, 1, 1)
     trial.drive(np.zeros(2))
     start = trial.position[0].copy()
     trial.advance(2.0)

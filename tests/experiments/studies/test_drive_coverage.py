@@ -6,29 +6,31 @@ import numpy as np
 import pytest
 
 from experiments.checks import Check
-from experiments.studies.drive_coverage import CASES, TRUE_LAW, Case, checks_of, fitted_drive, steady_laws
-from experiments.studies.trials import Estimate, Outcome, Trial
+from experiments.studies.drive_coverage import CASES, TRUE_LAW, CoverageCase, checks_of, fitted_drive, steady_laws
+from experiments.studies.trials import Estimate, Trial, TrialOutcome
 from trackslip.kinematics import RobotGeometry
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 NORMAL = 1.959964
 FIRST = next(iter(CASES))
-CASE = Case(
+CASE = CoverageCase(
     "a case", CASES[FIRST].source, rms={"offset": 0.00112}, covered=("offset",), over_model=1.5, standard_errors=5.0
 )
 """Errors of 1 mm may exceed their bound by 12 %, five standard errors of the RMS of 1000 repeats."""
 EXACT = Estimate(TRUE_LAW["radius_error"], 0.001, 0.0, 1.0)
-FAILED = Outcome(notes=("why",))
+FAILED = TrialOutcome(notes=("why",))
 
 
-def estimated(bias: float = 0.0, stderr: float = 0.001, count: int = 1000) -> list[Outcome]:
+def estimated(bias: float = 0.0, stderr: float = 0.001, count: int = 1000) -> list[TrialOutcome]:
     """Estimates of D with errors of 1 mm."""
     values = TRUE_LAW["offset"] + np.random.default_rng(0).normal(bias, 0.001, count)
     estimates = [Estimate(x, stderr, x - NORMAL * stderr, x + NORMAL * stderr) for x in values.tolist()]
-    return [Outcome({"offset": one, "radius_error": EXACT}) for one in estimates]
+    return [TrialOutcome({"offset": one, "radius_error": EXACT}) for one in estimates]
 
 
-def checked(outcomes: list[Outcome], case: Case = CASE, aim: dict[str, float] | None = None) -> dict[str, Check]:
+def checked(
+    outcomes: list[TrialOutcome], case: CoverageCase = CASE, aim: dict[str, float] | None = None
+) -> dict[str, Check]:
     return {check.what: check for check in checks_of(case, outcomes, aim or TRUE_LAW, TRUE_LAW)}
 
 

@@ -14,8 +14,8 @@ from experiments.studies.plan_trials import MIN_REPEATS, PAPER, PLAN, plan_study
 from experiments.studies.trials import (
     FILE,
     Estimate,
-    Outcome,
     Trial,
+    TrialOutcome,
     forget_trials,
     rms_interval,
     run_trials,
@@ -42,7 +42,9 @@ class Config:
 
 def normal(trial, rng, size=1.0):
     value = size * float(rng.normal())
-    return Outcome({"mean": Estimate(value, size, value - 1.96 * size, np.inf)}, {"number": trial.number}, ("note",))
+    return TrialOutcome(
+        {"mean": Estimate(value, size, value - 1.96 * size, np.inf)}, {"number": trial.number}, ("note",)
+    )
 
 
 def outcomes(config, do=normal, trials=TRIALS, about=None):
@@ -141,7 +143,7 @@ def trials(plan, size=1.0, paper=1.0, reach=0.9, speed=1.0):
     outcomes = []
     for values in (TRUTH + errors).tolist():
         known = {name: Estimate(one, PREDICTED[name], 0.0, 1.0) for name, one in zip(PREDICTED, values, strict=True)}
-        outcomes.append(Outcome(known, {"reach": reach, "speed": speed}))
+        outcomes.append(TrialOutcome(known, {"reach": reach, "speed": speed}))
     expected = Expectation({name: paper * value for name, value in PREDICTED.items()}, ())
     truth = dict(zip(PREDICTED, TRUTH.tolist(), strict=True))
     return plan_study(plan, expected, truth, MIN_REPEATS, {PLAN: outcomes, PAPER: outcomes[:MIN_REPEATS]})

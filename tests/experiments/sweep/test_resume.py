@@ -12,7 +12,7 @@ from experiments.commands.grid import PARTS
 from experiments.driving.grid_runs import drive_cells
 from experiments.storage.manifest import made_by
 from experiments.sweep import engine
-from experiments.sweep.parts import Part, Parts
+from experiments.sweep.parts import StoredPart, StoredParts
 from trackslip.errors import RunFailedError, TrackslipError
 from trackslip.logs.logfile import read_runs
 
@@ -26,7 +26,7 @@ def driven(tmp_path_factory):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Parts, "gather", stop)
+        patch.setattr(StoredParts, "gather", stop)
         with pytest.raises(SystemExit):
             main(["grid", *SHORT, "--out", str(folder)])
     return folder
@@ -75,10 +75,10 @@ def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_pat
 
 
 def test_a_worker_with_other_code_is_refused(tmp_path, monkeypatch):
-    parts = Parts(tmp_path, PARTS)
+    parts = StoredParts(tmp_path, PARTS)
     with monkeypatch.context() as worker:
         worker.setattr("experiments.sweep.parts.made_by", lambda: {"code": "other"})
-        part = Part.of([{"run": "a run", "id": "its id", "error": None}], [])
+        part = StoredPart.of([{"run": "a run", "id": "its id", "error": None}], [])
     with pytest.raises(TrackslipError, match="a worker has other code"):
         parts.keep(part)
 
@@ -142,7 +142,7 @@ def test_damaged_parts_are_driven_again(stopped, kind, spoil):
     file = file.with_suffix(f".{kind}")
 
     def found():
-        parts = Parts(stopped, PARTS)
+        parts = StoredParts(stopped, PARTS)
         parts.take(ids, force=False)
         return {*parts}
 

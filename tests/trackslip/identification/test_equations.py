@@ -8,7 +8,7 @@ from drives import NOISE, drive_log, model
 from trackslip.identification.drive_equations import solve, used_up
 from trackslip.identification.drive_model import EXTRAS
 from trackslip.identification.drive_residuals import Nodes, Noise, cost, residuals, weights
-from trackslip.identification.drives import Drive, drive_of
+from trackslip.identification.drives import PreparedDrive, drive_of
 from trackslip.identification.intervals import innovation_scores
 
 LAWS = {"icr_radius": [0.045, 0.0066], "turn_loss": [0.045, 0.0066, 0.3], "icr_sides": [0.04, 0.05, 0.01, -0.01]}
@@ -23,7 +23,7 @@ def random_drive(seed=0, count=60):
     omega = 2 + np.cumsum(rng.normal(size=(len(edges) - 1, 2)) * 0.1, axis=0)
     time = 1 + np.arange(count) * 0.1
     pose = np.cumsum(rng.normal(size=(count, 3)) * 0.05, axis=0)
-    return Drive(f"random {seed}", edges, omega, time, pose, np.arange(count), 0.1)
+    return PreparedDrive(f"random {seed}", edges, omega, time, pose, np.arange(count), 0.1)
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.08])

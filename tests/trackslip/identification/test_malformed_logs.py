@@ -9,10 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.source import Reading, read_source
+from trackslip.identification.source import ReadOptions, read_source
 from trackslip.kinematics import advance
 
-READING = Reading(half_gauge=0.168, sprocket_radius=0.06)
+READING = ReadOptions(half_gauge=0.168, sprocket_radius=0.06)
 NUMBERS = ("t", "omega_l", "omega_r", "x", "y", "phi")
 ROWS = 150
 ODD = (None, float("nan"), float("inf"), -float("inf"), 0.0, -1.0, 1e300, -1e308, 1e-300, 1e9, "oops", "", " ", "1,5")

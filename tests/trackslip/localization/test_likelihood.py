@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trackslip.localization.beams import Beams
+from trackslip.localization.beams import PlateBeams
 from trackslip.localization.climb import climb, inverses, matrices
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.posterior import FixedHeading
@@ -17,7 +17,7 @@ def off_the_plate(scan_rectangle):
     heading = np.radians([20.0, 55.0, 90.0, 130.0, 170.0])
     poses = np.column_stack([rng.uniform(1.5, 3.0, 5), rng.uniform(-1.0, 1.0, 5), heading])
     scan = scan_rectangle(poses, rng)
-    beams = Beams.of(scan, extract_plate(scan, PLATE))
+    beams = PlateBeams.of(scan, extract_plate(scan, PLATE))
     return poses + rng.normal(size=poses.shape) * [0.004, 0.004, 0.01], beams
 
 
@@ -47,7 +47,7 @@ def test_hessian_is_the_information_of_the_gradient(scan_rectangle):
     rng = np.random.default_rng(1)
     pose = np.tile([2.0, 0.3, 1.2], (4000, 1))
     scan = scan_rectangle(pose, rng)
-    beams = Beams.of(scan, extract_plate(scan, PLATE))
+    beams = PlateBeams.of(scan, extract_plate(scan, PLATE))
     fit = PlateLikelihood(PLATE, huber=100.0).evaluate(beams, pose).in_lrf_frame()
     ranges_only = fit.gradient - fit.gradient.mean(axis=0)  # the edges are the same in every scan
     scatter = ranges_only.T @ ranges_only / len(pose)
