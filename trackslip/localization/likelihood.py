@@ -27,7 +27,7 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.beams import Edges, PlateBeams
-from trackslip.localization.climb import Evaluation, climb
+from trackslip.localization.gauss_newton import Evaluation, climb
 from trackslip.localization.scan import Plate
 from trackslip.localization.view import View
 

@@ -16,13 +16,13 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
 from trackslip.localization.beams import PlateBeams
-from trackslip.localization.climb import UNKNOWN, Evaluation, covariances
+from trackslip.localization.gauss_newton import UNKNOWN, Evaluation, covariances
+from trackslip.localization.initial_poses import MAX_STARTS, chunks, portions, starts
 from trackslip.localization.likelihood import PlateLikelihood
-from trackslip.localization.pieces import best_of_each
 from trackslip.localization.posterior import correct
+from trackslip.localization.returns import best_of_each
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
-from trackslip.localization.starts import MAX_STARTS, chunks, portions, starts
 from trackslip.localization.view import in_axes
 
 _STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else

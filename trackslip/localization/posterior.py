@@ -23,11 +23,11 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.localization.beams import PlateBeams
 from trackslip.localization.bound import viewing_angle
-from trackslip.localization.climb import Evaluation, climb, covariances
+from trackslip.localization.gauss_newton import Evaluation, climb, covariances
+from trackslip.localization.initial_poses import chunks, place
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
-from trackslip.localization.starts import chunks, place
 
 _EDGE_ON = np.radians(3.0)  # from the line of sight; at smaller angles the posterior is integrated over the heading
 _FEW, _EDGE_ON_BY_FEW = 5, np.radians(5.0)  # with at most so many returns, at these angles, too

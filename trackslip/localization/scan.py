@@ -11,7 +11,7 @@ import numpy as np
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
-from trackslip.localization.pieces import Returns, best_of_each
+from trackslip.localization.returns import Returns, best_of_each
 from trackslip.localization.rows import Rows
 
 MAX_GAP = 0.7

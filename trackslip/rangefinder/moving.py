@@ -8,7 +8,7 @@ import numpy as np
 
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.bound import directed, range_jacobian
-from trackslip.localization.pieces import Returns
+from trackslip.localization.returns import Returns
 from trackslip.localization.scan import MAX_GAP, Plate, Scan, returns_of
 from trackslip.rangefinder.background import Background
 from trackslip.rangefinder.series import ScanSeries

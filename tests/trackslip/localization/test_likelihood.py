@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 
 from trackslip.localization.beams import PlateBeams
-from trackslip.localization.climb import climb, inverses, matrices
+from trackslip.localization.gauss_newton import climb, inverses, matrices
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.posterior import FixedHeading
 from trackslip.localization.scan import Plate, extract_plate

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from trackslip.kinematics import RobotGeometry, advance, body_twist
+from trackslip.localization.follower import EVERY, Follower
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.recorded import EVERY, Follower
 from trackslip.localization.scan import Plate
 
 GEOMETRY = RobotGeometry(half_gauge=0.17, sprocket_radius=0.06)
