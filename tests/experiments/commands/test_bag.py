@@ -156,16 +156,10 @@ def test_a_closed_loops_bag_is_stamped_in_the_middle_of_its_scans(trackslip):
 
 
 @pytest.mark.parametrize(
-    ("motion", "source", "topic", "kind"),
-    [
-        ("mujoco", "slam", "/pose", "PoseWithCovarianceStamped"),
-        ("law", "scanner", "/pose", "PoseWithCovarianceStamped"),
-        ("law", "mocap", "/pose", "PoseStamped"),
-        ("law", "gnss", "/fix", "NavSatFix"),
-        ("law", "odometry", "/visual_odometry", "Odometry"),
-    ],
+    ("motion", "source", "topic"),
+    [("mujoco", "slam", "/pose"), ("law", "scanner", "/pose"), ("law", "gnss", "/fix")],
 )
-def test_a_drives_bag_has_poses_of_its_source(trackslip, motion, source, topic, kind):
+def test_a_drives_bag_has_poses_of_its_source(trackslip, motion, source, topic):
     result = trackslip("wander", "--motion", motion, "--source", source, "--duration", "4", "--bag")
     (log,) = read_runs(result.folder / "runs.parquet")
     bag = read(result.folder / "bags" / "random_1")
@@ -173,8 +167,7 @@ def test_a_drives_bag_has_poses_of_its_source(trackslip, motion, source, topic, 
     assert bag["/joint_states"][0] == [20_000_000 * k for k in range(201)]  # only its own readings
     stamps, poses = bag[topic]
     assert stamps == nanoseconds(log.time[log.valid])
-    assert type(poses[0]).__name__.endswith(kind)
-    if kind == "PoseWithCovarianceStamped":
+    if topic == "/pose":
         noise = {"slam": 0.02, "scanner": 0.002}[source]
         assert all(pose.pose.covariance[0] == noise**2 for pose in poses)
     if source == "scanner":

@@ -20,16 +20,12 @@ def test_each_driving_in_the_simulator(trackslip, driving):
     logs = read_runs(result.folder / "runs.parquet")
     assert [log.run for log in logs] == [f"{driving} 1", f"{driving} 2"]
     for log, contents in zip(logs, result.summary["drives"], strict=True):
-        assert log.valid.sum() == contents["poses"]
-        assert 55 <= contents["poses"] <= 60  # 10 Hz; the last come after the encoders' end
+        assert 55 <= log.valid.sum() == contents["poses"] <= 60  # 10 Hz; the last come after the encoders' end
         assert len(log.time) == contents["readings"] > 300
         assert 0.1 < contents["way"] < 6 * 0.3
-        measured = log.valid
-        late = np.hypot(*(log.pose - log.truth.pose)[measured, :2].T)
+        late = np.hypot(*(log.pose - log.truth.pose)[log.valid, :2].T)
         assert late.max() < 0.02 * 5 + 0.3 * 0.12  # noise, and the way in the clock's delay
         assert log.metadata["driving"] == driving
-        assert log.metadata["geometry"] == {"half_gauge": 0.168, "sprocket_radius": 0.06}
-        assert log.truth.traction is not None
         assert {"lrf", "scanner"}.isdisjoint(log.metadata)  # SLAM measured the poses
     assert f"trackslip identify {result.folder}" in result.printed
 
