@@ -58,7 +58,7 @@ def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_co
 
 
 def deployed(source: str | Path | Identification, to: str, law: str | None = None) -> Deployed:
-    """The same, with the law that was chosen."""
+    """A law for another program, chosen as by `deploy_law`."""
     if to not in TARGETS:
         raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
     if isinstance(source, str | Path):

@@ -1,4 +1,4 @@
-"""Constant ICRs as parameters of ros2_control's diff_drive_controller, and what to use instead of other laws."""
+"""Constant ICRs as parameters of ros2_control's diff_drive_controller, and substitutes for other laws."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ _NEGLIGIBLE = 1e-6  # distance between two points of the robot [m]
 
 
 def ros2_control_text(stored: StoredLaws, law: str) -> str:
-    """YAML with the parameters by which diff_drive_controller moves, and reckons, as the law says.
+    """YAML with the parameters under which diff_drive_controller drives, and computes odometry, by the law.
 
     Its wheels are at the ICRs: the separation is that of the ICRs, the radii are the effective ones. Where the D of the
-    tracks differ, the point midway between the ICRs moves so, and a comment says where it is.
+    tracks differ, its odometry is that of the point midway between the ICRs, and a comment says where it is.
 
     Raises TrackslipError for a law that isn't one of constant ICRs; the message names the nearest one that is.
     """

@@ -78,8 +78,8 @@ def ground_wrench(twist: Array, belt: Array, contact: Contact, load: Array, shea
 def least_power(belt: Array, contact: Contact, load: Array, required: Array) -> Array:
     """Twists (M, 3) at which Coulomb ground exerts `required` forces and moments (M, 3), over the weight.
 
-    They minimise the power that belts at speeds (M, K) of order one dissipate under loads (M, K), less the power of the
-    required forces. Newton's method with backtracking, for ever less smoothing where the sliding reverses.
+    They minimise the power that belts at speeds (M, K) of order one dissipate under loads (M, K), plus the power of the
+    required forces. Newton's method with backtracking, with less and less smoothing where the sliding reverses.
     """
     x, y = contact.x, contact.y
     # the sliding velocity, weighted by friction, is linear in the twist

@@ -1,4 +1,4 @@
-"""Slip that does not depend on the path, and no slip."""
+"""No slip, and slip that does not depend on the path."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import Array, RobotGeometry, body_twist, track_speeds, twist_of_tracks
+from trackslip.kinematics import Array, RobotGeometry, body_twist, twist_of_tracks
 from trackslip.slip.base import SlipLaw, by_side, require_slips
 
 
@@ -21,14 +21,6 @@ class NoSlip(SlipLaw):
     def __call__(self, kappa: ArrayLike) -> Array:
         """Zeros (..., 2)."""
         return np.zeros((*np.shape(kappa), 2))
-
-    def slip(self, twist: ArrayLike) -> Array:
-        """Zeros (..., 2)."""
-        return np.zeros(np.shape(twist))
-
-    def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2); Eq. 15."""
-        return track_speeds(twist, geometry.half_gauge) / geometry.sprocket_radius
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce; Eqs. 2 and 5."""
@@ -74,6 +66,6 @@ class Constant(SlipLaw):
 
 
 def _outwards(speeds: Array) -> Array:
-    """Positive (...) for track speeds (..., 2) of a left turn, negative for those of a right one."""
+    """Numbers (...) that are positive where track speeds (..., 2) turn to the left, negative where to the right."""
     turning = np.abs(speeds[..., 1]) - np.abs(speeds[..., 0])
     return np.where(speeds[..., 0] + speeds[..., 1] == 0, speeds[..., 1], turning)

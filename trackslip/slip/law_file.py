@@ -1,4 +1,4 @@
-"""Slip laws in JSON files, with the geometry that they were identified for and whatever else is known of them."""
+"""Slip laws in JSON files, with the robot's geometry and further results of their identification."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SHIPPED = Path(__file__).parent / "laws.json"
 
 @dataclass(frozen=True)
 class StoredLaws:
-    """The laws in a file, and everything else that the file says."""
+    """The laws in a file, with the rest of its content."""
 
     name: str
     """The file's name in messages and comments, without the folders that lead to it."""
@@ -137,7 +137,7 @@ def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry)
 
 
 def read_stored(path: Path, robot: RobotGeometry | None = None) -> StoredLaws:
-    """The laws in a JSON file, or in the summary.json of a folder of results, with all that the file says of them.
+    """The laws in a JSON file, or in the summary.json of a folder of results, with the rest of its content.
 
     Raises LogError as `load_laws` does.
     """

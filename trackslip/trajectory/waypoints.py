@@ -73,7 +73,7 @@ def _point(row: list[str], label: str) -> list[float]:
 
 
 def _through(points: Array, label: str, limits: Limits) -> ProfiledReference:
-    """The reference; errors call the points `label`."""
+    """The reference through points (N, 2), called `label` in errors."""
     count = len(points)
     require(MIN_POINTS <= count <= MAX_POINTS, "number of way points", count, f"from {MIN_POINTS} to {MAX_POINTS}")
     far = np.argwhere(~(np.abs(points) <= MAX_COORDINATE))  # NaN is too
