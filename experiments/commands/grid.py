@@ -74,7 +74,7 @@ def run(config: Config) -> None:
     from experiments.sweep.table import renamed, write_table
     from trackslip.errors import TrackslipError
     from trackslip.logs.logfile import StoredRuns, read_runs
-    from trackslip.ros.decode import require_rosbags
+    from trackslip.ros.messages import require_rosbags
 
     if config.bag:
         require_rosbags()

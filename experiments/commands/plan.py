@@ -98,7 +98,7 @@ def run(config: Config) -> None:
     from experiments.studies.plan_trials import try_plan
     from experiments.studies.trials import forget_trials
     from trackslip.planning.plan import expected_of_paper
-    from trackslip.ros.decode import has_rosbags
+    from trackslip.ros.messages import has_rosbags
     from trackslip.ros.writer import write_commands
 
     bag = config.bag and has_rosbags()

@@ -76,7 +76,7 @@ def run(config: Config) -> None:
     from experiments.run import Run
     from experiments.storage.plain_json import plain
     from experiments.storage.results import RUNS_FILE, bags_text, write_bags
-    from trackslip.ros.decode import require_rosbags
+    from trackslip.ros.messages import require_rosbags
     from trackslip.trajectory.base import Reference
     from trackslip.trajectory.segmented import circle
 

@@ -201,7 +201,7 @@ def run(config: Config) -> None:
     from experiments.report.table import Table
     from experiments.run import Run
     from experiments.storage.results import RUNS_FILE, bags_text, write_bags
-    from trackslip.ros.decode import require_rosbags
+    from trackslip.ros.messages import require_rosbags
 
     if config.bag:
         require_rosbags()

@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2: which topics they have, and their messages.
+"""Bags of ROS 1 and ROS 2: their topics and messages.
 
 from trackslip.ros.bag import open_bag
 
@@ -21,8 +21,8 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.logs.runlog import Refused, none_usable
-from trackslip.ros.decode import Decoder, require_rosbags
 from trackslip.ros.files import Parts, read_parts
+from trackslip.ros.messages import decode, require_rosbags
 from trackslip.ros.readers import read_file
 
 T = TypeVar("T")
@@ -34,7 +34,7 @@ class Message(NamedTuple):
 
     topic: str
     arrival: int
-    """When it was recorded [ns]."""
+    """Time of recording [ns]."""
     content: Any
     """Its fields as attributes: `content.header.stamp.sec`."""
 
@@ -53,7 +53,7 @@ class Topic:
     type: str
     """Name of the message type, as in `sensor_msgs/msg/JointState`."""
     arrival: np.ndarray
-    """(n,) int: when its messages were recorded, ascending [ns]."""
+    """(n,) int: times of recording of its messages, ascending [ns]."""
 
     @property
     def count(self) -> int:
@@ -86,9 +86,9 @@ class Bag:
     topics: dict[str, Topic]
     """By name, in alphabetical order; only those with messages."""
     notes: tuple[str, ...]
-    """What could not be read, one line each."""
+    """Damage and missing files, one line each."""
     span: tuple[int, int]
-    """When the first and the last message were recorded [ns]."""
+    """Times at which the first and the last message were recorded [ns]."""
 
     @property
     def path(self) -> Path:
@@ -96,7 +96,7 @@ class Bag:
         return self.files[0] if len(self.files) == 1 else self.files[0].parent
 
     def topic(self, name: str, kind: str | None = None) -> Topic:
-        """A topic; raises LogError if there is none of the name, with a list, or its messages aren't of the type."""
+        """The topic of a name; raises LogError for an unknown name, or messages of another type than `kind`."""
         bare = name.strip("/")
         found = self.topics.get(name) or self.topics.get(f"/{bare}") or self.topics.get(bare)
         if found is None:
@@ -106,7 +106,7 @@ class Bag:
         return found
 
     def only(self, names: Sequence[str], what: str, option: str) -> str:
-        """The only one of the names; LogError, which asks for the option, if there are several."""
+        """The only name; raises LogError, which asks for the option, if there are several."""
         if len(names) > 1:
             raise LogError(f"{self.path}: {what} may be {', '.join(names)}: choose with {option}")
         return names[0]
@@ -116,7 +116,7 @@ class Bag:
         return [topic for topic in self.topics.values() if topic.type in types]
 
     def messages(self, *topics: str, notes: list[str] | None = None) -> Iterator[Message]:
-        """Decoded messages of topics, in the order of the files, which is that of arrival but for little.
+        """Decoded messages of topics, in the order of the files, nearly that of arrival.
 
         Messages that can't be decoded are left out; `notes` gets a line for each topic that has some. Raises LogError
         for an unknown topic, or one none of whose messages can be decoded.
@@ -124,13 +124,12 @@ class Bag:
         chosen = {found.name: found.type for found in map(self.topic, topics)}
         damaged: Counter[str] = Counter()
         reasons: dict[str, str] = {}
-        decoder = Decoder()
         for file in self.files:
             for channel, arrival, data in read_file(file, lambda topic: topic in chosen, []):
                 if chosen.get(channel.topic) != channel.type:
                     continue
                 try:
-                    yield Message(channel.topic, arrival, decoder.decode(channel, data))
+                    yield Message(channel.topic, arrival, decode(channel, data))
                 except LogError as error:
                     damaged[channel.topic] += 1
                     reasons.setdefault(channel.topic, str(error))
@@ -180,9 +179,9 @@ def open_bags(path: str | Path) -> list[Bag]:
 def read_each(
     path: Path, read: Callable[[Bag, str, list[str]], Sequence[T]]
 ) -> tuple[list[T], tuple[Refused, ...], tuple[str, ...]]:
-    """All that `read` makes of the bags in a folder, the bags that it refuses, and what was left out, a line each.
+    """Results of `read` for the bags in a folder, the bags that it refuses, and notes on what was left out.
 
-    `read` takes a bag, its name and a list for lines. Raises LogError if it refuses all bags.
+    `read` takes a bag, its name and a list for notes. Raises LogError if it refuses all bags.
     """
     bags = open_bags(path)
     found: list[T] = []

@@ -1,4 +1,4 @@
-"""What poses and encoders tell of each other: odometry from the wheels, encoders that count backwards."""
+"""Consistency of poses and encoders: odometry from the wheels, encoders that count backwards."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ DOUBTS = {
     "both": "both encoders count backwards (--reversed both), or the poses' heading points backwards",
     "swapped": "left and right are swapped, or the poses are mirrored",
 }
-"""What may be wrong with the sides of encoders, in words."""
+"""Possible faults of the encoders' sides, in words."""
 _STRIDE = 1.0  # time over which motions are compared [s]
-_MIN_STRIDES = 10  # number of motions that tell anything
-_MIN_WAY, _MIN_TURN = 0.02, 0.05  # of the largest motion, so that they tell anything [m, rad]
+_MIN_STRIDES = 10  # fewer motions prove nothing
+_MIN_WAY, _MIN_TURN = 0.02, 0.05  # smaller motions prove nothing [m, rad]
 _EXACT = 5e-3  # relative residual of poses computed from the wheels; noise-free poses on slipping ground have 6e-3
 _CLEAR = 0.7  # share of the variance of motion that signs of encoders must explain to be believed
 _AGAINST = 0.2  # speed per sprocket speed of a side that counts backwards, by that of the other side, at least
@@ -77,7 +77,7 @@ def repeated(found: Strides) -> str | None:
 
 
 def sign_doubt(found: Strides) -> str | None:
-    """What seems to be wrong with the encoders' sides, a key of DOUBTS; None if nothing is, or if it can't be told."""
+    """The likely fault of the encoders' sides, a key of DOUBTS; None if there is none or it doesn't show."""
     ways, way_share = _explained(found.sprockets, found.forward)
     turns, turn_share = _explained(found.sprockets, found.turn)
     if min(way_share, turn_share) < _CLEAR:

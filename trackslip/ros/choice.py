@@ -1,4 +1,4 @@
-"""What to take from a bag as encoders and as poses."""
+"""Choice of the encoders, poses and scans to take from a bag."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class BagChoice:
     mount: tuple[float, float, float] | None = None
     """Pose of the scanner in the frame of the poses [m, m, rad]."""
     noise: float | None = None
-    """Standard deviation of a range [m]; None for that of the ranges to the background."""
+    """Standard deviation of a range [m]; None to estimate it from the ranges to the background."""
 
     def __post_init__(self) -> None:
         for name in SIDES:
@@ -60,4 +60,4 @@ class BagChoice:
 
 
 AUTOMATIC = BagChoice()
-"""Whatever the bag leaves no doubt about."""
+"""The topics and joints that leave no doubt."""

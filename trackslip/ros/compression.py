@@ -1,4 +1,4 @@
-"""Decompression of whole files, chunks and messages; of damaged data, as much as there is."""
+"""Decompression of files, chunks and messages; damaged data is recovered as far as possible."""
 
 from __future__ import annotations
 

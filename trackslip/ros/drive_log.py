@@ -22,7 +22,7 @@ from trackslip.ros.scanned import scanned_drives
 from trackslip.ros.sources import Kind, pose_source
 from trackslip.ros.stamps import seconds
 
-_MANY = 0.05  # share of poses without encoders that is worth a line
+_MANY = 0.05  # share of poses without encoders that is worth a line [-]
 _APART = 1.0  # difference of clocks that is worth a line [s]
 _PERHAPS_WHEELS = (Kind.TRANSFORMS, Kind.FUSED, Kind.WHEELS)
 
@@ -77,7 +77,7 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
 
 
 def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tuple[RunLog, str]]:
-    """The drives in a bag, one unless its clock restarts, each with a line that says what was taken.
+    """The drives in a bag, one unless its clock restarts, each with the sources taken, in words.
 
     `notes` gets a line for what is left out, and for what is doubtful. Raises LogError, naming topic and cause.
     """

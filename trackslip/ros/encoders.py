@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,8 +14,11 @@ from trackslip.ros import joint_angles
 from trackslip.ros.bag import Bag, listed
 from trackslip.ros.choice import AUTOMATIC, SIDES, BagChoice
 from trackslip.ros.joints import Sides, encoder_topic
+from trackslip.ros.poses import Poses
+from trackslip.ros.scans import Scans
 from trackslip.ros.stamps import ascending, clock_parts, require_overlap, seconds
 
+Seen = TypeVar("Seen", Poses, Scans)
 _MAX_ANGLE = 1e9  # larger ones aren't measured [rad]
 
 
@@ -34,31 +37,19 @@ class Encoders:
 
     @property
     def about(self) -> dict[str, Any]:
-        """What was taken of the bag, for the metadata of a run."""
+        """The topic and its joints, for the metadata of a run."""
         return {"encoders": self.topic, "left": list(self.joints[0]), "right": list(self.joints[1])}
 
     @property
     def taken(self) -> str:
-        """What was taken of the bag, for a message."""
+        """The topic and its joints, in words."""
         left, right = (", ".join(side) for side in self.joints)
         return f"encoders: {self.topic}, left {left}, right {right}"
 
 
-class _Stamped(Protocol):
-    """Poses or scans, all by one clock."""
-
-    @property
-    def source(self) -> str: ...
-    @property
-    def stamp(self) -> np.ndarray: ...
-
-
-_Other = TypeVar("_Other", bound=_Stamped)
-
-
 def by_drive(
-    bag: Bag, name: str, encoders: Sequence[Encoders], others: Sequence[_Other]
-) -> Iterator[tuple[str, Encoders, _Other]]:
+    bag: Bag, name: str, encoders: Sequence[Encoders], others: Sequence[Seen]
+) -> Iterator[tuple[str, Encoders, Seen]]:
     """Encoders and poses or scans of each drive in a bag called `name`, one unless its clock restarts.
 
     Raises LogError if they don't belong together.
@@ -103,9 +94,9 @@ def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | No
 
 
 def _readings(bag: Bag, topic: str, joints: Sides, notes: list[str]) -> tuple[np.ndarray, np.ndarray, Array]:
-    """Stamps and arrivals (N,) [ns] of the messages with any of J joints, and what they state of these (N, J, 3).
+    """Stamps and arrivals (N,) [ns] of the messages that name any of J joints, and their content (N, J, 3).
 
-    That is whether the joint is named, its position [rad] and its velocity [rad/s], NaN where not stated. Raises
+    The last axis is 1 if the joint is named, its position [rad] and its velocity [rad/s], NaN where not stated. Raises
     LogError for a joint that no message names.
     """
     chosen = [name for side in joints for name in side]
@@ -162,7 +153,7 @@ def _angles(
 
 
 def _common(angles: dict[str, tuple[np.ndarray, Array]]) -> np.ndarray:
-    """Stamps (T,) [ns] of the joint that has most, where all joints have some."""
+    """Stamps (T,) [ns] of the joint with most readings, in the time that all joints cover."""
     stamps = [at for at, _ in angles.values()]
     if not stamps:
         return np.empty(0, np.int64)

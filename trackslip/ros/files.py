@@ -1,4 +1,4 @@
-"""The files that make up a bag, and how many messages of which topics they have."""
+"""Files of bags: which belong together, and the topics and times of their messages."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _MAX_PAUSE = 2.0  # time between the parts of a bag [s]
 
 @dataclass(frozen=True)
 class Parts:
-    """Files of a bag, and what they hold."""
+    """Files of a bag and their contents."""
 
     name: str
     files: tuple[Path, ...]
     arrivals: dict[tuple[str, str], list[int]] = field(default_factory=lambda: defaultdict(list))
-    """When the messages were recorded, by topic and type [ns]."""
+    """Times of recording of the messages, by topic and type [ns]."""
     notes: list[str] = field(default_factory=list)
-    """What could not be read, one line each."""
+    """Damage and missing files, one line each."""
 
     @property
     def span(self) -> tuple[int, int]:
-        """When the first and the last message were recorded [ns]."""
+        """Times at which the first and the last message were recorded [ns]."""
         return min(map(min, self.arrivals.values())), max(map(max, self.arrivals.values()))
 
 
@@ -84,7 +84,7 @@ def _bags_in(path: Path, depth: int = _DEPTH) -> list[Parts]:
 
 
 def _read(bag: Parts) -> None:
-    """Note when its messages were recorded, and what can't be read."""
+    """Read the times of its messages, and note damage."""
     for file in bag.files:
         said: list[str] = []
         try:

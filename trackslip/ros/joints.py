@@ -1,4 +1,4 @@
-"""Which topic has the encoders, and which of its joints drive the left and the right side, by their names."""
+"""The topic of the encoders and its joints on the left and the right, by their names."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Messages of ROS 2 from columns of numbers, a topic at a time.
+"""Messages: decoded by rosbags, and built for ROS 2 from columns of numbers, a topic at a time.
 
-All motion is in the plane: poses (M, 3) are x, y [m] and yaw [rad], twists (M, 3) forward speed, lateral speed to the
-left [m/s] and yaw rate [rad/s].
+Those that are built describe motion in the plane: poses (M, 3) are x, y [m] and yaw [rad], twists (M, 3) forward speed,
+lateral speed to the left [m/s] and yaw rate [rad/s].
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trackslip.errors import LogError, TrackslipError, first_line
 from trackslip.kinematics import Array
-from trackslip.ros.decode import require_rosbags
+from trackslip.ros.compression import ZSTD_MAGIC, decompressed
+from trackslip.ros.readers import Channel
 
 Stamps = NDArray[np.int64]
 """Times (M,) since 1970 [ns]."""
@@ -25,7 +27,61 @@ Fields = Mapping[str, Any]
 
 Fields without a value are zero or empty; an array of messages has one, whose fields are given.
 """
+_SAME = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}  # old names of types
+_TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
 _ROW, _COLUMN = np.ix_((0, 1, 5), (0, 1, 5))  # x, y, yaw among x, y, z, roll, pitch, yaw
+
+
+def has_rosbags() -> bool:
+    """Whether rosbags is installed."""
+    try:
+        import rosbags.typesys  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def require_rosbags() -> None:
+    """Raise TrackslipError unless rosbags is installed."""
+    if not has_rosbags():
+        raise TrackslipError("bags need the package rosbags: pip install 'trackslip[ros]'")
+
+
+def decode(channel: Channel, data: bytes) -> Any:
+    """The message of stored bytes.
+
+    Types are those of the ROS distributions, which have never changed the layout of the messages read here. So a bag
+    needs no definitions, and other topics may have any. Raises LogError for damaged bytes and unknown types.
+    """
+    kind = _SAME.get(channel.type, channel.type)
+    ros1 = channel.encoding == "ros1"
+    if not ros1 and channel.encoding != "cdr":
+        raise LogError(f"encoding {channel.encoding!r} is neither cdr nor ros1")
+    types = _definitions("ROS1_NOETIC" if ros1 else "ROS2_HUMBLE")
+    if kind not in types.fielddefs:
+        raise LogError(f"type {channel.type} is no standard type of ROS")
+    try:
+        if data.startswith(ZSTD_MAGIC) and not ros1:
+            data = decompressed(data, "zstd", [])
+        return types.deserialize_ros1(data, kind) if ros1 else types.deserialize_cdr(data, kind)
+    except Exception as error:  # damaged bytes raise whatever the decoder meets first
+        raise LogError(f"damaged ({first_line(error)})") from error
+
+
+@functools.cache
+def _definitions(distribution: str) -> Any:
+    """The message types of a ROS distribution."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    types = get_typestore(Stores[distribution])
+    if distribution == "ROS1_NOETIC":
+        types.register(get_types_from_msg(_TRANSFORMS, "tf2_msgs/msg/TFMessage"))
+    return types
+
+
+def definitions() -> Any:
+    """The message types of ROS 2 Jazzy; other releases since Foxy define those written here alike."""
+    return _definitions("ROS2_JAZZY")
 
 
 @dataclass(frozen=True)
@@ -43,15 +99,6 @@ class Topic:
     def messages(self) -> Iterator[Any]:
         """The M messages."""
         return _messages(self.kind, self.fields)
-
-
-@functools.cache
-def definitions() -> Any:
-    """Message types of ROS 2 Jazzy, which other releases since Foxy define alike; TrackslipError without rosbags."""
-    require_rosbags()
-    from rosbags.typesys import Stores, get_typestore
-
-    return get_typestore(Stores.ROS2_JAZZY)
 
 
 def _messages(kind: str, fields: Fields) -> Iterator[Any]:

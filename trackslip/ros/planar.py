@@ -1,4 +1,4 @@
-"""Poses in space, seen from above: headings of quaternions and covariances of x, y and heading that mean something."""
+"""Poses in space, seen from above: headings of quaternions, meaningful covariances of x, y and heading."""
 
 from __future__ import annotations
 

@@ -26,9 +26,9 @@ POSE_TYPES = (
 )
 """Types of messages that poses are read from, besides transforms."""
 _NO_FIX = 0  # status below which a fix is none
-_MAX_PLACE = 1e9  # farther ones aren't measured [m]
-_MAX_ALTITUDE = 1e5  # higher ones neither [m]
-_MIN_WAY = 0.1  # way that a heading which never changes makes doubtful [m]
+_MAX_PLACE = 1e9  # places farther away mean nothing [m]
+_MAX_ALTITUDE = 1e5  # heights above mean nothing [m]
+_MIN_WAY = 0.1  # way over which a constant heading is doubtful [m]
 
 
 @dataclass(frozen=True)

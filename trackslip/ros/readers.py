@@ -26,7 +26,7 @@ _LATEST = 2**63 - 1  # time that signed integers hold [ns]
 _DAMAGED = (struct.error, UnicodeDecodeError, KeyError, EOFError)
 
 Wanted = Callable[[str], bool]
-"""Whether messages of a topic are read; those of others are skipped, and cost next to no time."""
+"""Selects topics by name; messages of others are skipped at next to no cost."""
 
 
 class Channel(NamedTuple):
@@ -36,7 +36,7 @@ class Channel(NamedTuple):
     type: str
     """Name of the message type, as in `sensor_msgs/msg/JointState`."""
     encoding: str
-    """How its messages are serialised: cdr (ROS 2), ros1, or what else the file states."""
+    """Serialisation of its messages: cdr (ROS 2), ros1, or another that the file names."""
 
 
 class Record(NamedTuple):
@@ -44,9 +44,9 @@ class Record(NamedTuple):
 
     channel: Channel
     arrival: int
-    """When it was recorded [ns]."""
+    """Time of recording [ns]."""
     data: bytes
-    """The serialised message; empty if its topic wasn't asked for."""
+    """The serialised message; empty if its topic isn't wanted."""
 
 
 def read_file(path: Path, wanted: Wanted, notes: list[str]) -> Iterator[Record]:
@@ -83,7 +83,7 @@ class _Chunks:
     def read(self, file: BinaryIO, size: int) -> Iterator[Record]:
         """The messages of a file of `size` bytes."""
         start = self._index(file, size)
-        if len(self.magic) < start < size:  # its channels, in case that their first mention is damaged
+        if len(self.magic) < start < size:  # its channels, in case their first mention is damaged
             file.seek(start)
             index = file.read()
             for _ in self._records(io.BytesIO(index), len(index)):

@@ -34,7 +34,7 @@ _EXACT = np.zeros((3, 3))
 
 
 class RunTopics:
-    """The topics of a log, group by group; empty where the log doesn't have them."""
+    """The topics of a log in groups, which are empty where the log lacks the data."""
 
     def __init__(self, log: RunLog, geometry: RobotGeometry | None, start: int, readings: np.ndarray | None) -> None:
         """Stamps are `start` [s] later than the log's times; `readings` (T,) marks the encoders' rows, None for all."""
@@ -60,7 +60,7 @@ class RunTopics:
             yield transforms("/tf", stamps, frames, odom)
 
     def commands(self) -> Iterator[Topic]:
-        """The body twists commanded by a controller, or meant by the sprocket speeds commanded, as if nothing slips."""
+        """The body twists commanded by a controller, or else by sprocket speeds if nothing slipped."""
         log, commanded = self._log, self._log.twist_command
         if commanded is None and log.command is not None and self._geometry is not None:
             commanded = body_twist(log.command, 0.0, self._geometry)
@@ -69,7 +69,7 @@ class RunTopics:
             yield command_topic("/cmd_vel", self._stamps(log.time[given]), commanded[given])
 
     def poses(self, kind: PoseMessage, covariance: Array | None) -> Iterator[Topic]:
-        """The measured poses, and what localization makes of them."""
+        """The measured poses, and the transforms that localization publishes with them."""
         log = self._log
         errors = np.zeros((3, 3)) if covariance is None else np.asarray(covariance, float)
         require(errors.shape == (3, 3), "covariance", errors.shape, "of shape (3, 3)")

@@ -27,16 +27,16 @@ from trackslip.ros.transforms import fixed_in
 
 _MAX_TILT = np.radians(20.0)  # of a scanner's axis to the vertical
 _FEW = 0.02  # share of the scans before and after the encoders' readings that needs no line [-]
-_OTHER_SCALE = 0.01, 3.0  # difference of scales that is told [-], and in standard errors
+_OTHER_SCALE = 0.01, 3.0  # difference of scales that is worth a line [-], and in standard errors
 
 
 @dataclass(frozen=True)
 class Stand:
-    """Where the scanner stands."""
+    """Pose of the scanner."""
 
     mount: Array  # (3,) in the frame of the poses [m, m, rad]
     source: str
-    """How that is known."""
+    """How the pose is known."""
     upside_down: bool = False
     """Whether it looks at the field from below."""
     aligned: Alignment | None = None
@@ -45,20 +45,20 @@ class Stand:
 
 @dataclass(frozen=True)
 class ScannedDrive:
-    """A drive before a scanner."""
+    """A drive in view of a scanner."""
 
     log: RunLog
     """Poses are the plate's."""
     seen: Sighting
     stand: Stand
     place: PlatePlace | None
-    """Where the plate sits on the robot, as far as its motion tells."""
+    """Place of the plate on the robot, as far as its motion shows."""
     taken: str
-    """What was taken of the bag."""
+    """Topics taken from the bag, in words."""
 
 
 def read_scanned(path: Path, choice: BagChoice) -> tuple[list[ScannedDrive], tuple[Refused, ...], tuple[str, ...]]:
-    """The drives in a bag, or in all bags of a folder, the bags that give none, and what was left out, a line each.
+    """The drives in a bag, or in all bags of a folder, the bags without any, and notes on what was left out.
 
     Raises LogError if there is no drive.
     """
@@ -114,7 +114,7 @@ def _within(series: ScanSeries, end: float, topic: str) -> ScanSeries:
 
 
 def _stand(bag: Bag, scans: Scans, choice: BagChoice, notes: list[str]) -> Stand:
-    """Where the scanner stands, if the choice or the transforms tell; else it is the origin."""
+    """The scanner's pose by the choice or the transforms; without either it is the origin."""
     try:
         found = fixed_in(bag, scans.frame, notes) if scans.frame else None
     except LogError as error:
@@ -132,7 +132,7 @@ def _stand(bag: Bag, scans: Scans, choice: BagChoice, notes: list[str]) -> Stand
 
 
 def _aligned(bag: Bag, seen: Sighting, source: str, origin: int, notes: list[str]) -> Stand:
-    """Where the scanner stands in the frame of other poses."""
+    """The scanner's pose in the frame of other poses."""
     valid = seen.estimate.valid
     other = max(read_poses(bag, source, notes), key=lambda one: len(one.stamp))
     found = mounting(seen.time[valid], seen.estimate.pose[valid], seconds(other.stamp, origin), other.pose[:, :2])

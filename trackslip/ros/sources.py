@@ -1,4 +1,4 @@
-"""What a bag offers as encoders, poses and scans, and which of it is taken."""
+"""The encoders, poses and scans that a bag offers, and the choice among them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BODIES = ("base_link", "base_footprint", "base", "chassis", "robot")
 
 
 class Kind(Enum):
-    """What poses are taken for: the more independent of the wheels, the earlier in this list."""
+    """Origins of poses, from those independent of the wheels to those computed from them."""
 
     CHOSEN = "as asked for"
     MOCAP = "motion capture"
@@ -44,7 +44,7 @@ _WANTED = r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|way
 
 @dataclass(frozen=True)
 class PoseSource:
-    """Something in a bag that states poses."""
+    """A topic or a pair of frames that states poses."""
 
     name: str
     """The topic, or tf:PARENT:CHILD."""
@@ -74,7 +74,7 @@ def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
 
 
 def _kind(bag: Bag, topic: Topic) -> Kind:
-    """What the name, the type and the frame of a topic tell."""
+    """The kind of a topic by its name, type and frame."""
     usual = Kind.FIX if topic.type == FIX else Kind.WHEELS if topic.type == ODOMETRY else Kind.MATCHED
     kind = next((kind for kind, marks in _MARKS.items() if re.search(marks, topic.name, re.IGNORECASE)), usual)
     if kind in (Kind.FUSED, Kind.WHEELS) and topic.type == ODOMETRY:
@@ -106,18 +106,18 @@ def _last(frame: str) -> str:
 
 @dataclass(frozen=True)
 class Overview:
-    """Uses of the topics of a bag."""
+    """Possible uses of a bag's topics, and those taken."""
 
     uses: dict[str, str]
-    """By topic or tf:PARENT:CHILD: what it could be used as; with a star in front, what it is taken as."""
+    """By topic or tf:PARENT:CHILD; a star marks those taken."""
     taken: tuple[str, ...]
-    """What is taken, one line each."""
+    """Sources taken, one line each."""
     doubts: tuple[str, ...]
-    """Why something isn't taken, one line each."""
+    """Reasons for taking none, one line each."""
 
 
 def overview(bag: Bag, choice: BagChoice) -> Overview:
-    """What could be taken, and what is."""
+    """Possible uses of a bag's topics, and those taken under a choice."""
     uses: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
     uses |= {source.name: f"poses: {source.kind.value}" for source in pose_sources(bag)}
     taken, doubts = [], []

@@ -18,9 +18,9 @@ from trackslip.ros.planar import unit_quaternions
 from trackslip.ros.stamps import seconds, stretches
 
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-_MAX_PLACE = 1e9  # farther ones aren't measured [m]
-_MAX_GAP = 1.0  # time over which a transform is interpolated at most [s]
-_USUAL_GAPS = 5.0  # and in its usual intervals
+_MAX_PLACE = 1e9  # places farther away mean nothing [m]
+_MAX_GAP = 1.0  # longest time over which a transform is interpolated [s]
+_USUAL_GAPS = 5.0  # the same in its usual intervals [-]
 
 Pair = tuple[str, str]
 """A frame and one that is given in it."""

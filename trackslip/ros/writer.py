@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import heapq
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
+from itertools import repeat
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +17,7 @@ from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog, stored_geometry
-from trackslip.ros.decode import require_rosbags
-from trackslip.ros.messages import Topic, definitions
+from trackslip.ros.messages import Topic, definitions, require_rosbags
 from trackslip.ros.run_topics import (
     POSE_TOPICS,
     PoseMessage,
@@ -129,18 +131,16 @@ def _fill(folder: Path, topics: Sequence[Topic], about: Mapping[str, str]) -> No
     for key, value in about.items():
         writer.set_custom_data(key, value)
     with writer:
-        connections = {topic.name: (topic.kind, [_latched()] if topic.latched else []) for topic in topics}
-        opened = {
-            name: writer.add_connection(name, kind, typestore=store, offered_qos_profiles=qos)
-            for name, (kind, qos) in connections.items()
-        }
-        stamps = np.concatenate([topic.stamps for topic in topics])
-        owner = np.repeat(np.arange(len(topics)), [len(topic.stamps) for topic in topics])
-        order = np.argsort(stamps, kind="stable")
-        messages = [topic.messages() for topic in topics]
-        for k, stamp in zip(owner[order].tolist(), stamps[order].tolist(), strict=True):
-            kind = topics[k].kind
-            writer.write(opened[topics[k].name], stamp, store.serialize_cdr(next(messages[k]), kind))
+        opened: dict[str, Any] = {}
+        for topic in topics:
+            if topic.name not in opened:
+                durability = [_latched()] if topic.latched else []
+                opened[topic.name] = writer.add_connection(
+                    topic.name, topic.kind, typestore=store, offered_qos_profiles=durability
+                )
+        rows = (zip(topic.stamps.tolist(), repeat(topic), topic.messages()) for topic in topics)
+        for stamp, topic, message in heapq.merge(*rows, key=itemgetter(0)):
+            writer.write(opened[topic.name], stamp, store.serialize_cdr(message, topic.kind))
 
 
 def _latched() -> Any:
