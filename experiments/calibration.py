@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from experiments.report.table import Table
-from sim.calibration.calibration import Candidate, Fit, calibrate
+from sim.calibration.calibration import Calibration, Candidate, calibrate
 from sim.calibration.target import MeasuredTurns, Target, TurnTable
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.source import ReadOptions, read_source
@@ -45,7 +45,7 @@ def _turn_table(columns: Any, name: str) -> TurnTable:
     return TurnTable(radius, speed, observed, np.stack([inner, outer], axis=-1), 3 * len(columns))
 
 
-def centred_fit(base: Candidate, free: Sequence[str], target: Target, twist: Any) -> Fit | None:
+def centred_fit(base: Candidate, free: Sequence[str], target: Target, twist: Any) -> Calibration | None:
     """The fit with the centre of mass midway between the tracks; None unless com_y and something else are free."""
     rest = [name for name in free if name != "com_y"]
     if not rest or len(rest) == len(free):
@@ -53,12 +53,12 @@ def centred_fit(base: Candidate, free: Sequence[str], target: Target, twist: Any
     return calibrate(base.with_values({"com_y": 0.0}), rest, target, twist, np.empty((0, len(rest))))
 
 
-def values(fit: Fit, candidate: Candidate) -> dict[str, float]:
+def values(fit: Calibration, candidate: Candidate) -> dict[str, float]:
     """A candidate's values of the parameters that were free in a fit [SI]."""
     return {name: candidate.value(name) for name in fit.free}
 
 
-def fit_summary(fit: Fit) -> dict[str, Any]:
+def fit_summary(fit: Calibration) -> dict[str, Any]:
     """A fit as an entry of the summary; a parameter that the target does not determine has no standard error."""
     parameters = {
         name: {"value": value, "stderr": fit.stderr.get(name), "identifiable": name not in fit.tied}
@@ -72,7 +72,7 @@ def fit_summary(fit: Fit) -> dict[str, Any]:
     }
 
 
-def _value(fit: Fit, name: str) -> str:
+def _value(fit: Calibration, name: str) -> str:
     if name not in fit.free:
         return "-"
     factor, unit = (1.0, "") if name in ("friction_ratio", "radius_error") else (1e3, " mm")
@@ -84,7 +84,7 @@ def _value(fit: Fit, name: str) -> str:
     return f"{value:.{digits}f} ± {error:.{digits}f}{unit}"
 
 
-def print_fits(title: str, best: Fit, centred: Fit | None, lowest: Fit) -> None:
+def print_fits(title: str, best: Calibration, centred: Calibration | None, lowest: Calibration) -> None:
     """Print the parameters and misfits of the fit, of that with a centred mass, and of theory alone."""
     columns = {"fit": best} | ({} if centred is None else {"com_y = 0": centred}) | {"theory, slips alone": lowest}
     rows = [(name, *(_value(fit, name) for fit in columns.values())) for name in best.free]

@@ -12,7 +12,7 @@ from sim.bodies import EVERYONE, Bodies, Rows, along_robot
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState
 from sim.drive.pull import Drawbar, Pull
 from sim.drive.saturation import SpeedSearch
-from sim.footing import Footing, one_each, require_at_rest, require_held
+from sim.fleet_ground import FleetGround, one_each, require_at_rest, require_held
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
 from sim.robot.parameters import SINK
@@ -82,8 +82,7 @@ class Fleet(Bodies):
         cell = 4 * robot.contact_half_length / len(robot.pad_side)
         self.shear = Shear(robot.pad_position, cell, self.size, drive.period, fastest) if shears else None
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
-        self.footing = Footing(self.batch, robot, grounds, self.shear)
-        """What the robots stand on."""
+        self._ground = FleetGround(self.batch, robot, grounds, self.shear)
         self._sensed = self._substeps, robot.model.nsensordata  # what the engine records of a period
         self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
         self.pull = pull or Pull()
@@ -108,7 +107,7 @@ class Fleet(Bodies):
     @property
     def ground(self) -> tuple[Ground, ...]:
         """Ground of each robot."""
-        return self.footing.grounds
+        return self._ground.grounds
 
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
         """Start new runs with the robots `rows` (R,), one setting each; the other robots' runs continue.
@@ -127,7 +126,7 @@ class Fleet(Bodies):
         self._balance(rows, np.array([s.weight for s in setting]))
         self._place_at(rows, start, -SINK)
         self._heading[rows] = start[:, 2]
-        self.footing.put([s.ground for s in setting], rows)
+        self._ground.put([s.ground for s in setting], rows)
         self._lay_ground(rows)
         self._require_parking(rows, start)
         self._settle(rows, start, _RESETTLING)
@@ -151,7 +150,7 @@ class Fleet(Bodies):
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
         """Put the robots on another ground, one for all or one each; it takes effect at once, even during a run."""
-        self.footing.put(one_each(ground, self.size))
+        self._ground.put(one_each(ground, self.size))
         self._lay_ground(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
@@ -186,7 +185,7 @@ class Fleet(Bodies):
         sensed, forward = np.empty((*mean.shape[:2], *self._sensed)), np.empty(mean.shape)
         before = None if self.shear is None else self._placed(rows)
         for k, into in enumerate(sensed):
-            if self.footing.varies:
+            if self._ground.varies:
                 self._lay_friction(rows)
             self._tow(rows)
             self._drive(rows, belts[k])
@@ -195,7 +194,7 @@ class Fleet(Bodies):
             self._periods += 1
             if before is not None:
                 after = self._placed(rows)
-                self.footing.moved(rows, before, after, self._radius[rows] * mean[k])
+                self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
                 before = after
             if (k + 1) % self._unwrap_every == 0:
                 self._follow_heading()
@@ -217,7 +216,7 @@ class Fleet(Bodies):
 
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
-        return self.footing.mean_friction.copy()
+        return self._ground.mean_friction.copy()
 
     def _ran(self) -> Array:
         """Time (N,) since the start of each robot's run [s]."""
@@ -225,12 +224,12 @@ class Fleet(Bodies):
 
     def _lay_friction(self, rows: Rows) -> None:
         """Set the friction of every pad of the robots `rows` (R,) for its present place and time."""
-        self.footing.lay(rows, self._ran(), self._place[:, :2], self._wrapped_heading())
+        self._ground.lay(rows, self._ran(), self._place[:, :2], self._wrapped_heading())
 
     def _lay_ground(self, rows: np.ndarray) -> None:
         """Tilt the gravity of the robots `rows` (R,) as their grounds slope, and set the friction of their pads."""
         self._lay_friction(rows)
-        self.footing.tilt(rows)
+        self._ground.tilt(rows)
 
     def _tow(self, rows: Rows) -> None:
         """Let the robots `rows` (R,) feel what they tow, as they will be directed in the middle of the next period."""
@@ -240,28 +239,34 @@ class Fleet(Bodies):
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         bodies = super()._snapshot(rows)
-        return bodies if self.shear is None else (*bodies, *self.footing.snapshot(rows))
+        return bodies if self.shear is None else (*bodies, *self._ground.snapshot(rows))
 
     def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
         super()._restore(rows, snapshot[:2])
-        self.footing.restore(rows, snapshot[2:])
+        self._ground.restore(rows, snapshot[2:])
 
     def _settle(self, rows: np.ndarray, start: Array, duration: float) -> None:
         """Let the robots `rows` (R,) come to rest for `duration` [s], and put them at the poses `start` (R, 3)."""
-        self.footing.harden(rows)
+        self._ground.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))
         speed, lean = np.hypot(*self._velocity[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
         require_at_rest([self.ground[k] for k in rows], start[:, 2], speed, lean, self.pull)
         self._put_back(rows, start)
-        self.footing.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
+        self._ground.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
 
     def towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
         if self._drawbar is None:
             return np.zeros(len(rows))
-        normal = self._weight * np.cos(self.footing.slope[rows])
+        normal = self._weight * np.cos(self._ground.slope[rows])
         return np.where(self._drawbar.acts(self._ran()[rows]), self.pull.force, 0.0) / normal
+
+    def needed_traction(self) -> Array:
+        """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""
+        direction, steepness = self._ground.uphill - self.pose()[:, 2], np.tan(self._ground.slope)
+        along = steepness * np.cos(direction) + self.towed(np.arange(self.size))
+        return np.stack([along, steepness * np.sin(direction)], axis=-1)
 
     def _require_parking(self, rows: np.ndarray, start: Array) -> None:
         """Raise InvalidValueError if one of the robots `rows` (R,) can't be held at its pose `start` (R, 3)."""

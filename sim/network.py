@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,12 +11,6 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-
-_DAMAGED = (
-    *(KeyError, ValueError, TypeError, AttributeError, RecursionError),
-    *(EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error),
-)
-"""Exceptions raised when reading a file that is not a policy."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +55,7 @@ def load_network(path: Path, kind: str, *fields: str) -> tuple[Network, list[Any
         raise
     except OSError as error:
         raise LogError(f"{file}: {error.strerror or error}") from error
-    except _DAMAGED as error:
+    except Exception as error:  # whatever NumPy, zipfile and json raise for a damaged file
         raise LogError(f"{file}: not a policy ({type(error).__name__}: {error})") from error
 
 

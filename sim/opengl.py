@@ -87,9 +87,11 @@ class Window:
 class TaskRenderer(ABC):
     """Draws the robots of a task: pictures of each, and robot 0 in a window."""
 
-    data: Any
-    """The model with its looks, in the state of the robot that is drawn."""
-    window: Window | None = None
+    def __init__(self) -> None:
+        self.data: Any = None
+        """The model with its looks, in the state of the robot that is drawn."""
+        self._window: Window | None = None
+        self._renderer: Any = None
 
     @abstractmethod
     def begin(self, rows: Sequence[int]) -> None:
@@ -100,23 +102,32 @@ class TaskRenderer(ABC):
         """Note that a control period has passed."""
 
     @abstractmethod
-    def picture(self, row: int) -> np.ndarray:
-        """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
-
-    @abstractmethod
     def pose(self, row: int) -> None:
         """Put `data` into the state of robot `row`."""
+
+    @abstractmethod
+    def camera(self, row: int) -> Any:
+        """The camera that follows robot `row`."""
 
     @abstractmethod
     def draw(self, scene: Any, row: int) -> None:
         """Append to a scene what is drawn besides the model."""
 
+    def picture(self, row: int) -> np.ndarray:
+        """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
+        self.pose(row)
+        if self._renderer is None:
+            self._renderer = offscreen(self.data.model, 640, 480)
+        self._renderer.update_scene(self.data, camera=self.camera(row))
+        self.draw(self._renderer.scene, row)
+        return np.array(self._renderer.render())
+
     def show(self) -> None:
         """Show robot 0 in a window; raises TrackslipError if there is no display."""
         self.pose(0)
-        if self.window is None:
-            self.window = Window(self.data)
-        viewer = self.window.viewer
+        if self._window is None:
+            self._window = Window(self.data)
+        viewer = self._window.viewer
         with viewer.lock():
             self.pose(0)
             viewer.user_scn.ngeom = 0
@@ -124,10 +135,11 @@ class TaskRenderer(ABC):
         viewer.sync()
 
     def close(self) -> None:
-        """Close the window."""
-        if self.window is not None:
-            self.window.close()
-        self.window = None
+        """Close the window and free the image buffers."""
+        for shown in (self._window, self._renderer):
+            if shown is not None:
+                shown.close()
+        self._window = self._renderer = None
 
     def place(self, qpos: np.ndarray) -> None:
         """Put `data` at positions (nq,) of all joints."""

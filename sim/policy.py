@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from sim.network import Network, load_network
 from sim.path_tracking.config import PERIOD, EnvConfig
-from sim.path_tracking.observation import Layout
+from sim.path_tracking.observation import TrackingLayout
 from sim.task_env import from_options
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
@@ -71,7 +71,7 @@ class PolicyController:
     def __init__(self, policy: Policy, top_speed: float) -> None:
         """`top_speed`: of the sprockets [rad/s]."""
         config = from_options(EnvConfig, policy.options)
-        self._policy, self._layout = policy, Layout(config, top_speed)
+        self._policy, self._layout = policy, TrackingLayout(config, top_speed)
         self._scale = np.array(config.twist_scale)
         self.reset()
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sim.contact_forces import pad_forces
 from sim.fleet import Fleet
-from sim.instruments import needed_traction, pad_forces
 from sim.scanner.feed import ScannerFeed
 from trackslip.errors import RunFailedError as RunFailedError
 from trackslip.errors import require
@@ -76,7 +76,7 @@ class RunRecorder:
         self.omega[k] = (angle - self._angle) / self.period
         self._angle = angle
         if self._loads:
-            self.load[k] = needed_traction(fleet)
+            self.load[k] = fleet.needed_traction()
         of_bodies, lean = (fleet.pose(), fleet.twist(), fleet.traction()), fleet.lean(fleet.robot.lrf_height)
         of_drive = drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
         contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()

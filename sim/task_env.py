@@ -75,7 +75,8 @@ class TaskEnv(gymnasium.Env[Floats, Floats]):
 
         Raises InvalidValueError for options that are unknown or out of range.
         """
-        require_render_mode(render_mode)
+        allowed = 'None, "rgb_array" or "human"'
+        require(render_mode in (None, "rgb_array", "human"), "render_mode", render_mode, allowed)
         self.render_mode = render_mode
         self.task = self.kind.task(from_options(self.kind.configuration, options), 1, 1)
         """The task of one robot."""
@@ -143,8 +144,7 @@ class TaskVectorEnv(VectorEnv[Floats, Floats, np.ndarray]):
         `render_mode` is None or "rgb_array", `autoreset_mode` gymnasium's, `options` are the configuration's fields.
         Raises InvalidValueError for options that are unknown or out of range.
         """
-        require_render_mode(render_mode)
-        require(render_mode != "human", "render_mode", render_mode, 'None or "rgb_array", for many robots')
+        require(render_mode in (None, "rgb_array"), "render_mode", render_mode, 'None or "rgb_array", for many robots')
         require(num_envs >= 1, "num_envs", num_envs, "at least 1")
         self.num_envs = num_envs
         self.render_mode = render_mode
@@ -172,8 +172,7 @@ class TaskVectorEnv(VectorEnv[Floats, Floats, np.ndarray]):
                 each a value for all robots or a list with one per robot.
         """
         options = dict(options or {})
-        mask = options.pop("reset_mask", None)
-        mask = np.ones(self.num_envs, bool) if mask is None else mask
+        mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
         valid = isinstance(mask, np.ndarray) and mask.dtype == bool and mask.shape == (self.num_envs,) and mask.any()
         require(valid, "reset_mask", mask, f"an array ({self.num_envs},) of bool, one of them true")
         rows = np.flatnonzero(mask)
@@ -271,11 +270,6 @@ def clipped_actions(actions: ArrayLike, size: int, count: int) -> Array:
         row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
         raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
     return np.minimum(np.maximum(action, -1.0), 1.0)
-
-
-def require_render_mode(mode: str | None) -> None:
-    """Raise InvalidValueError for an unknown mode."""
-    require(mode in (None, "rgb_array", "human"), "render_mode", mode, 'None, "rgb_array" or "human"')
 
 
 def metadata(period: float) -> dict[str, Any]:

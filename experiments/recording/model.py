@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from experiments.recording.stream import FIELD, at_height, send
 from sim.robot.robot import SCANNED_GROUP, VISUAL_GROUP
-from sim.tracks.looks import BOX, CYLINDER, Pieces, TrackLook
+from sim.tracks.drawing import BOX, CYLINDER, Pieces, TrackLook
 from trackslip.kinematics import Array
 
 ROBOT = "robot"

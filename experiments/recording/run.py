@@ -29,7 +29,7 @@ from experiments.recording.traces import Traces, traces_of
 from experiments.report.colours import BLUE, GREEN
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import FIELD as MODEL
-from sim.tracks.looks import TrackLook
+from sim.tracks.drawing import TrackLook
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from sim.contact_forces import read_contacts
 from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
-from sim.instruments import read_contacts
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
 from trackslip.kinematics import Array

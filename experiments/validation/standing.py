@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.validation.theory import GRAVITY, paper_turns, turning_sprockets
+from sim.contact_forces import read_contacts, use_default_contact
 from sim.drive.drive import tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground, friction_angle
-from sim.instruments import read_contacts, use_default_contact
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
 from trackslip.kinematics import Array

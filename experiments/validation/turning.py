@@ -18,10 +18,10 @@ from experiments.validation.theory import (
     turning_sprockets,
     turns_of,
 )
+from sim.contact_forces import use_default_contact
 from sim.drive.drive import tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
-from sim.instruments import use_default_contact
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError

@@ -116,7 +116,7 @@ def theoretical_twist(candidate: Candidate, target: Target) -> Array:
 
 
 @dataclass(frozen=True)
-class Fit:
+class Calibration:
     """The best candidate for a target."""
 
     candidate: Candidate
@@ -149,7 +149,7 @@ def calibrate(
     twist: TwistOf,
     further: Array,
     progress: Progress = lambda starts: None,
-) -> Fit:
+) -> Calibration:
     """Fit parameters to the turns of a target.
 
     Args:
@@ -181,7 +181,7 @@ def calibrate(
     return problem.described(sorted(ends, key=lambda end: end[1]), tied, held)
 
 
-def floor(fit: Fit, target: Target) -> Fit:
+def floor(fit: Calibration, target: Target) -> Calibration:
     """The best fit of quasi-static Coulomb theory to a target's slips, with the free parameters of another fit."""
     if isinstance(target, TurnTable):
         target = replace(target, radius_scale=np.inf)
@@ -257,8 +257,8 @@ class _Problem:
         result = scipy.optimize.least_squares(residual, start[~held], **options)
         return inserted(result.x), 2 * float(result.cost)
 
-    def described(self, ends: Sequence[tuple[Array, float]], tied: np.ndarray, held: np.ndarray) -> Fit:
-        """The best minimum, the first of `ends`, as a Fit."""
+    def described(self, ends: Sequence[tuple[Array, float]], tied: np.ndarray, held: np.ndarray) -> Calibration:
+        """The best minimum, the first of `ends`, as a Calibration."""
         best = ends[0][0]
         candidate = self.candidate(best)
         twist = self._twist(candidate, self._target)
@@ -267,20 +267,17 @@ class _Problem:
         degrees = self._target.independent - int((~held).sum())
         variance = max(cost / degrees, (_NUMERICAL_ERROR / SLIP_SCALE) ** 2)
         jacobian = self.jacobian(best)[:, ~held]
-        stderr, correlation = np.full(len(best), np.nan), np.full((len(best), len(best)), np.nan)
         covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
         spread = np.sqrt(np.diag(covariance))
-        stderr[~held] = spread
-        correlation[np.ix_(~held, ~held)] = covariance / np.maximum(np.outer(spread, spread), np.finfo(float).tiny)
-        stderr *= self._high - self._low
-        known = [k for k, unknown in enumerate(tied) if not unknown]
-        return Fit(
+        stderr = spread * (self._high - self._low)[~held]
+        correlation = covariance / np.maximum(np.outer(spread, spread), np.finfo(float).tiny)
+        place = {name: k for k, name in enumerate(np.array(self._free)[~held].tolist())}
+        known = [name for name, t in zip(self._free, tied, strict=True) if not t]
+        return Calibration(
             candidate=candidate,
             free=self._free,
-            stderr={name: float(e) for name, e, t in zip(self._free, stderr, tied, strict=True) if not t},
-            correlation={
-                self._free[i]: {self._free[j]: float(correlation[i, j]) for j in known if j != i} for i in known
-            },
+            stderr={name: float(stderr[place[name]]) for name in known},
+            correlation={a: {b: float(correlation[place[a], place[b]]) for b in known if b != a} for a in known},
             tied=tuple(name for name, t in zip(self._free, tied, strict=True) if t),
             slip_rms=self._target.slip_rms(twist, candidate.geometry),
             radius_rms=self._target.radius_rms(twist),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,8 +51,6 @@ def tireless(top_speed: float = Drive.top_speed) -> Drive:
 
 
 _STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time")
-_NOBODY = np.empty(0, int)
-_ROUNDING = 1 + 1e-9
 _PARAMETERS = ("radius", "_decay", "_mean_decay")
 
 
@@ -79,7 +77,6 @@ class DriveState:
         """Effective radii of the sprockets (N, 1) [m]."""
         self.limit = drive.top_speed / sprocket_radius
         """Largest sprocket speed [rad/s]."""
-        self._fastest: Any = self.limit  # no sprocket has ever turned faster [rad/s]
         self._decay, self._mean_decay = np.empty((2, n, 1))
         self.set_point = np.zeros((n, 2))
         """Set points of the speeds [rad/s]."""
@@ -123,12 +120,11 @@ class DriveState:
         """Copy the state of the sprockets of the robots `rows` (R,) from `part`."""
         for name in _STATE:
             getattr(self, name)[rows] = getattr(part, name)
-        self._fastest = max(self._fastest, part._fastest)
 
     def command(self, omega: Array) -> None:
         """Set the set points (N, 2) [rad/s], clipped to the top speed."""
-        require(np.count_nonzero(np.isfinite(omega)) == omega.size, "omega", omega, "finite")
-        limited = np.minimum(np.maximum(omega, -self.limit), self.limit)
+        require(np.isfinite(omega).all(), "omega", omega, "finite")
+        limited = np.clip(omega, -self.limit, self.limit)
         self._error += self.set_point - limited
         self.set_point[:] = limited
 
@@ -137,9 +133,7 @@ class DriveState:
         error = np.empty((periods + 1, *self.omega.shape))
         error[0], error[1:] = self._error, self._decay
         np.multiply.accumulate(error, axis=0, out=error)  # the same bits for any number of forecasts
-        set_point = np.empty(error.shape)  # small arrays of one shape add up in a third of the time
-        set_point[:] = self.set_point
-        return Forecast(error + set_point, error[:-1] * self._mean_decay + set_point[1:], error[-1])
+        return Forecast(error + self.set_point, error[:-1] * self._mean_decay + self.set_point, error[-1])
 
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
         """Motor torques (P, N, 2) at the sprockets that a forecast requires, for tractions (P, N, 2) [N] [N m]."""
@@ -151,13 +145,10 @@ class DriveState:
         """Smallest and largest torque (...) [N m] at speeds (...) [rad/s]; above its no-load speed a motor brakes."""
         limit = self.drive.torque_limit
         least, most = self.drive.motor.torque_range(omega)
-        return np.minimum(np.maximum(least, -limit), limit), np.minimum(np.maximum(most, -limit), limit)
+        return np.clip(least, -limit, limit), np.clip(most, -limit, limit)
 
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
         """The robots (R,) that have a motor which can't exert the torques (P, N, 2) [N m] of a forecast."""
-        ample = self.drive.motor.torque_range(_ROUNDING * self._fastest)[1]
-        if np.abs(torque).max() <= min(ample, self.drive.torque_limit):  # as a rule
-            return _NOBODY
         least, most = self.torque_range(forecast.omega[1:])
         return np.flatnonzero(((torque < least) | (torque > most)).any(axis=(0, 2)))
 
@@ -172,7 +163,6 @@ class DriveState:
         self._totals = np.add.accumulate(totals, axis=0)[-1].copy()  # one by one: the same bits for any number
         if saturated is not None:
             self.saturated_time += saturated.sum(axis=0) * period
-            self._fastest = max(self._fastest, np.abs(self.omega).max())
 
     def encoder_angle(self) -> Array:
         """Angles (N, 2) in whole encoder counts [rad]."""

@@ -1,4 +1,4 @@
-"""Layout of the observations.
+"""TrackingLayout of the observations.
 
 An observation is float32, (9 + 2 K,) for K previews; each element is divided by its scale and clipped to its bound:
 
@@ -26,7 +26,7 @@ from trackslip.kinematics import Array
 _BOUND = 2.0
 
 
-class Layout:
+class TrackingLayout:
     """Scales and bounds of an observation, (9 + 2K,) each."""
 
     def __init__(self, config: EnvConfig, top_speed: float) -> None:

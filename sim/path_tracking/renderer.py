@@ -4,30 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Any
 
 import mujoco
 import numpy as np
 
-from sim.opengl import TaskRenderer, offscreen
+from sim.opengl import TaskRenderer
 from sim.path_tracking.tracking import PathTracking
 from sim.robot.robot import FIELD
 from trackslip.kinematics import Array
 
-WIDTH, HEIGHT = 640, 480
 _SPACING = 0.03  # smallest length of a segment of a drawn line [m]
 # of a drawn line: height above the ground and half width [m], colour
 _PATH, _TRAIL = (0.004, 0.012, (0.10, 0.36, 0.85, 1.0)), (0.014, 0.008, (0.95, 0.45, 0.08, 1.0))
 _DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # of the camera that follows a robot [m, deg, deg]
 
 
-class Renderer(TaskRenderer):
+class PathRenderer(TaskRenderer):
     """Draws a robot with its visuals, its reference path (blue) and its trail (orange)."""
 
     def __init__(self, tracking: PathTracking) -> None:
-        self.data: Any = None
+        super().__init__()
         self._tracking = tracking
-        self._renderer: Any = None
         self._trails: list[list[Array]] = [[] for _ in range(tracking.size)]
 
     def begin(self, rows: Sequence[int]) -> None:
@@ -42,24 +39,12 @@ class Renderer(TaskRenderer):
             if not trail or np.linalg.norm(position - trail[-1]) > _SPACING:
                 trail.append(position)
 
-    def picture(self, row: int) -> np.ndarray:
+    def camera(self, row: int) -> mujoco.MjvCamera:
         """See TaskRenderer."""
-        self.pose(row)
-        if self._renderer is None:
-            self._renderer = offscreen(self.data.model, WIDTH, HEIGHT)
         camera = mujoco.MjvCamera()
         camera.lookat[:] = (*self.data.qpos[:2], 0.2)
         camera.distance, camera.azimuth, camera.elevation = _DISTANCE, _AZIMUTH, _ELEVATION
-        self._renderer.update_scene(self.data, camera=camera)
-        self.draw(self._renderer.scene, row)
-        return np.array(self._renderer.render())
-
-    def close(self) -> None:
-        """Close the window and free the image buffers."""
-        super().close()
-        if self._renderer is not None:
-            self._renderer.close()
-        self._renderer = None
+        return camera
 
     def pose(self, row: int) -> None:
         """See TaskRenderer; the model is compiled when it is first needed."""

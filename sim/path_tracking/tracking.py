@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from sim.fleet import Fleet
 from sim.path_tracking.config import PERIOD, EnvConfig, Reward
 from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
-from sim.path_tracking.observation import Layout
+from sim.path_tracking.observation import TrackingLayout
 from sim.path_tracking.pose_source import pose_source
 from sim.path_tracking.randomization import MAX_LATENCY
 from sim.robot.robot import load_robot
@@ -46,7 +46,7 @@ class PathTracking:
         start = self.table.path(0)[0]
         begin = np.tile(start, (size, 1))
         self.fleet = Fleet(robot, begin, None, 0.0, config.drive, threads, shears=config.shears)
-        self.layout = Layout(config, self.fleet.drive.limit)
+        self.layout = TrackingLayout(config, self.fleet.drive.limit)
         self.actions = 2
         """Number of actions of a robot."""
         self.bound = self.layout.bound

@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.opengl import offscreen
 from sim.robot.tracked_model import TrackedModel
-from sim.tracks.looks import TrackLook, draw
+from sim.tracks.drawing import TrackLook, draw
 from trackslip.kinematics import Array
 
 _AZIMUTH, _ELEVATION = 106.0, -21.0  # of the camera: it looks at the robot from the right, a little ahead of it [deg]

@@ -16,10 +16,9 @@ import numpy as np
 import models
 from sim.seeds import generator
 from sim.terrain.fields import Mesh, Picture, Rough
-from sim.terrain.limits import require_length
 from sim.terrain.loose import Beams, Pallets
-from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, Stairs, Step
-from sim.terrain.solids import ROUNDING, Base, Level, Solid, look
+from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, Stairs, Step, require_length
+from sim.terrain.solids import Base, Level, Solid, look, seen_from_above
 from sim.toml_file import build, read_named, read_toml
 from trackslip.errors import (
     InvalidValueError,
@@ -143,18 +142,18 @@ class Course:
         """Unit normals (..., 3) of the surface at (x, y), arrays that broadcast to (...) [m]."""
         return self._surface(x, y)[1]
 
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """The course alone, compiled."""
+        spec = mujoco.MjSpec()
+        self.add_to(spec, looks=False)
+        return spec.compile()
+
     def _surface(self, x: Array, y: Array) -> tuple[Array, Array]:
-        shape = np.broadcast_shapes(np.shape(x), np.shape(y))
-        x, y = (np.broadcast_to(np.asarray(a, float), shape).ravel() for a in (x, y))
-        height, normal = np.full(x.shape, self.floor), np.tile([0.0, 0.0, 1.0], (len(x), 1))
-        for solid in self.solids:
-            low, high = solid.bounds
-            low, high = low - ROUNDING, high + ROUNDING
-            near = np.flatnonzero((x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]))
-            top, upward = solid.top(x[near], y[near])
-            higher = top > height[near]
-            height[near[higher]], normal[near[higher]] = top[higher], upward[higher]
-        return height.reshape(shape), normal.reshape(*shape, 3)
+        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        points = np.column_stack([x.ravel(), y.ravel()])
+        height, normal = seen_from_above(self.model, points, float(self.bounds[1, 2]) + 1.0)
+        return height.reshape(x.shape), normal.reshape(*x.shape, 3)
 
     def elevation(self, points: Array) -> Array:
         """Heights (...) at `points` (..., 2) [m], fast: looked up bilinearly in a table of 2 cm cells.

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.terrain.limits import require_between, require_height, require_length, require_number
-from sim.terrain.pieces import Placed, Site
+from sim.terrain.pieces import Placed, Site, require_between, require_height, require_length, require_number
 from sim.terrain.solids import WOOD, Box, Level, Solid
 from trackslip.errors import require
 

@@ -11,18 +11,49 @@ from typing import Protocol
 
 import numpy as np
 
-from sim.terrain.limits import (
-    require_angle,
-    require_change,
-    require_height,
-    require_length,
-    require_number,
-)
 from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
+from trackslip.errors import require, require_whole
 from trackslip.kinematics import Array
 
 _THICKNESS = 0.1  # of the boxes of slopes [m]
 _BLEND_CELL = 0.1  # largest cell of the twisted ground beside a side slope [m]
+
+
+MAX_LENGTH = 200.0
+"""Largest length and width of anything on a course [m]."""
+_MIN_LENGTH = 0.001  # [m]
+_MIN_HEIGHT, _MAX_HEIGHT = 1e-4, 10.0  # of anything on a course [m]
+_MAX_ANGLE = 1.2  # of a ramp or a side slope [rad]
+_MAX_NUMBER = 500  # of stairs, beams or pallets in a piece
+
+
+def require_between(field: str, value: float, low: float, high: float, unit: str = "") -> None:
+    """Raise InvalidValueError unless `low` <= `value` <= `high`."""
+    require(low <= value <= high, field, value, f"from {low:g} to {high:g} {unit}".strip())
+
+
+def require_length(field: str, value: float) -> None:
+    """Raise InvalidValueError unless a course may have `value` as a length or width [m]."""
+    require_between(field, value, _MIN_LENGTH, MAX_LENGTH, "m")
+
+
+def require_height(field: str, value: float) -> None:
+    """Raise InvalidValueError unless `value` is a height above the ground [m]."""
+    require_between(field, value, _MIN_HEIGHT, _MAX_HEIGHT, "m")
+
+
+def require_number(field: str, value: int) -> None:
+    """Raise InvalidValueError unless a piece may have `value` parts of a kind."""
+    require_whole(field, value, 1, _MAX_NUMBER)
+
+
+def _require_change(field: str, value: float) -> None:
+    allowed = f"from {_MIN_HEIGHT:g} to {_MAX_HEIGHT:g} m, or its negative to go down"
+    require(_MIN_HEIGHT <= abs(value) <= _MAX_HEIGHT, field, value, allowed)
+
+
+def _require_angle(value: float) -> None:
+    require_between("angle", value, -_MAX_ANGLE, _MAX_ANGLE, f"rad ({math.degrees(_MAX_ANGLE):.0f} degrees)")
 
 
 @dataclass(frozen=True)
@@ -83,7 +114,7 @@ class Ramp:
     """Length along the slope [m]."""
 
     def __post_init__(self) -> None:
-        require_angle("angle", self.angle)
+        _require_angle(self.angle)
         require_length("length", self.length)
 
     def place(self, site: Site) -> Placed:
@@ -106,7 +137,7 @@ class Step:
     """Length of the ground behind it [m]."""
 
     def __post_init__(self) -> None:
-        require_change("height", self.height)
+        _require_change("height", self.height)
         require_length("length", self.length)
 
     def place(self, site: Site) -> Placed:
@@ -129,7 +160,7 @@ class Stairs:
     """Width [m]; inf: that of the course."""
 
     def __post_init__(self) -> None:
-        require_change("rise", self.rise)
+        _require_change("rise", self.rise)
         require_length("run", self.run)
         require_number("number", self.number)
         if self.width != math.inf:
@@ -178,7 +209,7 @@ class SideSlope:
     """Length of each twisted stretch [m]."""
 
     def __post_init__(self) -> None:
-        require_angle("angle", self.angle)
+        _require_angle(self.angle)
         require_length("length", self.length)
         require_length("blend", self.blend)
 

@@ -1,24 +1,25 @@
-"""What courses are made of: level blocks, boxes in any attitude and height fields, with their exact upper surfaces."""
+"""Solids of a course: level blocks, boxes in any attitude and height fields."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
 import mujoco
 import numpy as np
+from mujoco import batch
 
 from trackslip.kinematics import Array
 
 Colour = tuple[float, float, float, float]
+_ASIDE = 1e-12  # [m]
 STONE: Colour = (0.62, 0.64, 0.66, 1.0)
 SLATE: Colour = (0.40, 0.43, 0.47, 1.0)
 WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
 EARTH: Colour = (0.55, 0.47, 0.37, 1.0)
 _NO_TURNING = 0.005, 0.0001  # torsional and rolling friction, MuJoCo's defaults, without effect in three dimensions [m]
-ROUNDING = 1e-12
-"""By which a point may be outside of a solid [m]."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,6 @@ class Solid(Protocol):
     def bounds(self) -> Array:
         """Corners of an upright box around the upper surface, (2, 3) [m]."""
 
-    def top(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Heights (P,) of the upper surface [m] and unit normals (P, 3) at (x, y) within the bounds, both (P,) [m].
-
-        The height is -inf where the solid is not.
-        """
-
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """Add the solid to the world body as a geom called `name`."""
 
@@ -78,10 +73,6 @@ class Level:
     def continues(self, behind: Level) -> bool:
         """Whether the block `behind` continues this one without an edge."""
         return (self.x1, self.z, self.half_width) == (behind.x0, behind.z, behind.half_width)
-
-    def top(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """See `Solid`."""
-        return np.full(x.shape, self.z), np.broadcast_to([0.0, 0.0, 1.0], (*x.shape, 3))
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """See `Solid`."""
@@ -119,20 +110,6 @@ class Box:
         """See `Solid`."""
         reach = np.abs(self.rotation) @ np.array(self.half)
         return np.array(self.centre) + np.array([[-1.0], [1.0]]) * reach
-
-    def top(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """See `Solid`. A ray straight down enters the box through the last of the slabs that it enters."""
-        offset = np.stack([x, y, np.zeros_like(x)], axis=-1) - self.centre  # (P, 3)
-        at, half = offset @ self.rotation, np.array(self.half)
-        down = -self.rotation[2]  # of the ray, in the frame of the box
-        within = np.where(np.abs(at) <= half + ROUNDING, -np.inf, np.inf)  # of a slab that the ray is parallel to
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            enter = np.where(down == 0, within, (-np.sign(down) * half - at) / down)
-            leave = np.where(down == 0, np.inf, (np.sign(down) * half - at) / down)
-        face = enter.argmax(axis=-1)  # (P,)
-        depth = enter.max(axis=-1)
-        normal = -np.sign(down)[face, None] * self.rotation.T[face]
-        return np.where(depth <= leave.min(axis=-1) + ROUNDING, -depth, -np.inf), normal
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """See `Solid`."""
@@ -177,41 +154,13 @@ class Grid:
         low = [self.x0, -self.width / 2, self.heights.min()]
         return np.array([low, [self.x0 + self.length, self.width / 2, self.heights.max()]])
 
-    @cached_property
-    def _shares(self) -> np.ndarray:
-        """The heights from 0 (lowest) to 1 (highest), in MuJoCo's single precision."""
-        low, high = self.heights.min(), self.heights.max()
-        return ((self.heights - low) / ((high - low) or 1.0)).astype(np.float32)
-
-    @cached_property
-    def _exact(self) -> Array:
-        """The heights that MuJoCo makes of them [m]."""
-        low, high = self.heights.min(), self.heights.max()
-        return low + (high - low) * self._shares.astype(float)
-
-    def top(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """See `Solid`. MuJoCo cuts each rectangle from its corner at small x, y to that at large x, y."""
-        rows, columns = self.heights.shape
-        across = np.clip((x - self.x0) / self.length, 0.0, 1.0) * (columns - 1)
-        along = np.clip(y / self.width + 0.5, 0.0, 1.0) * (rows - 1)
-        column = np.minimum(across.astype(int), columns - 2)
-        row = np.minimum(along.astype(int), rows - 2)
-        u, v = across - column, along - row
-        corner, beyond = self._exact[row, column], self._exact[row + 1, column + 1]
-        right, left = self._exact[row, column + 1], self._exact[row + 1, column]
-        below = u >= v
-        per_u = np.where(below, right - corner, beyond - left)
-        per_v = np.where(below, beyond - right, left - corner)
-        slope_x, slope_y = per_u * (columns - 1) / self.length, per_v * (rows - 1) / self.width
-        normal = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], axis=-1)
-        return corner + u * per_u + v * per_v, normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """See `Solid`."""
         rows, columns = self.heights.shape
         low, high = float(self.heights.min()), float(self.heights.max())
-        size = [self.length / 2, self.width / 2, (high - low) or 1.0, low - base.floor]
-        spec.add_hfield(name=name, nrow=rows, ncol=columns, size=size, userdata=self._shares.ravel())
+        span = (high - low) or 1.0
+        size, shares = [self.length / 2, self.width / 2, span, low - base.floor], (self.heights - low) / span
+        spec.add_hfield(name=name, nrow=rows, ncol=columns, size=size, userdata=shares.astype(np.float32).ravel())
         spec.worldbody.add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_HFIELD,
@@ -232,3 +181,19 @@ def look(colour: Colour, base: Base) -> dict[str, Any]:
         "conaffinity": 1,
         "group": 0,
     }
+
+
+def seen_from_above(model: mujoco.MjModel, points: Array, above: float) -> tuple[Array, Array]:
+    """Heights (P,) [m] and unit normals (P, 3) of the highest surface at `points` (P, 2), by rays down from `above`.
+
+    Each point is looked at a trifle aside, in four directions, so that edges belong to the solids that end there. The
+    height is -inf where there is nothing.
+    """
+    height, upward = np.full(len(points), -np.inf), np.zeros((len(points), 3))
+    world, down = batch.Batch(model, 1, nthread=1), np.array([0.0, 0.0, -1.0])
+    for aside in itertools.product((-_ASIDE, _ASIDE), repeat=2):
+        origin = np.column_stack([points + aside, np.full(len(points), above)])
+        distance, _, normal = world.ray(origin, down, normal=True)
+        higher = (distance[0] >= 0) & (above - distance[0] > height)
+        height[higher], upward[higher] = above - distance[0, higher], normal[0, higher]
+    return height, upward

@@ -10,7 +10,7 @@ import mujoco
 from sim.tracks.belts import Belts, bind
 from sim.tracks.connect import connect, require_friction
 from sim.tracks.hull import Hull
-from sim.tracks.parts import WHEEL_WEIGHT, TrackParts, track_parts
+from sim.tracks.parts import TrackParts, track_parts
 from sim.tracks.presets import Preset, load_preset, require_stable
 from trackslip.errors import (
     InvalidValueError,
@@ -26,11 +26,7 @@ SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Bits of what a contact sensor reports of each contact: found, force, dist, normal, tangent, linvel."""
 _MAX_SEGMENTS = 40
 _MAX_HALF_GAUGE = 10.0  # [m]
-_SLOTS = {
-    "both": 64,
-    "left": 32,
-    "right": 32,
-}  # contacts that a sensor reports; on fine height fields there may be more
+_SLOTS = {"both": 64, "left": 32, "right": 32}  # contacts that a sensor reports; fine height fields may cause more
 _MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
 _SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
 
@@ -107,21 +103,8 @@ def add_tracks(
             refname=track,
             intprm=[SENSED, _MAX_FORCE, _SLOTS[side]],
         )
-    tracks = Tracks(
-        names,
-        bodies,
-        shape,
-        recipe,
-        (float(friction[0]), float(friction[1])),
-        load,
-        tuple(tuple(f"{track}_{part.name}" for part in parts) for track in bodies),
-        tuple(part.weight for part in parts),
-        tuple(part.crosswise for part in parts),
-        tuple(part.cored for part in parts),
-        tuple(part.direction for part in parts),
-        shape.longest_below / count,
-        len(names) * 2 * (count + WHEEL_WEIGHT),
-    )
+    pair = float(friction[0]), float(friction[1])
+    tracks = Tracks(names, shape, recipe, pair, load, count, parts)
     if terrain is not None:
         try:
             tracks.connect(spec, terrain)
@@ -148,12 +131,7 @@ class Tracks(TrackParts):
 
     def prefixed(self, prefix: str) -> Tracks:
         """Return these tracks under the names that they have after `attach` with a prefix."""
-        return replace(
-            self,
-            names=tuple(prefix + name for name in self.names),
-            bodies=tuple(prefix + body for body in self.bodies),
-            geoms=tuple(tuple(prefix + geom for geom in geoms) for geoms in self.geoms),
-        )
+        return replace(self, names=tuple(prefix + name for name in self.names))
 
     def connect(self, spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> None:
         """Let these tracks touch the geoms `terrain` of the spec; see `sim.tracks.connect.connect`."""

@@ -39,7 +39,7 @@ class _Map:
         require_options(model.opt)
         counts = [len(names) for each in tracks for names in each.geoms]
         self.track = np.repeat(np.arange(len(self.names)), counts)
-        self.direction = np.array([way for each in tracks for _ in each.names for way in each.directions])
+        self.direction = np.array([part.direction for each in tracks for _ in each.names for part in each.parts])
         address, slots = model.sensor_adr[sensors], model.sensor_dim[sensors] // SENSED_WIDTH
         self.groups = []  # tracks of equally many slots: which, and where theirs are (T', C, SENSED_WIDTH)
         for count in sorted(set(slots.tolist())):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from sim.tracks.parts import WHEEL_WEIGHT, TrackParts
-from sim.tracks.presets import ContactParameters, Preset, set_options
+from sim.tracks.presets import set_options
 from trackslip.errors import InvalidValueError, TrackslipError, first_line, require, require_at_most, require_positive
 
 _MAX_FRICTION = 10.0
@@ -64,9 +66,10 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
             for weight in brake
         }
         for names in tracks.geoms:
-            for name, weight, crosswise in zip(names, tracks.weights, tracks.crosswise, strict=True):
-                friction = tracks.friction[::-1] if crosswise else tracks.friction
-                _add_pair(spec, ground.name, name, friction, contacts[weight])
+            for name, part in zip(names, tracks.parts, strict=True):
+                along, across = tracks.friction[::-1] if part.crosswise else tracks.friction
+                friction = [along, across, 0.0, 0.0, 0.0]
+                _add_pair(spec, ground.name, name, condim=3, friction=friction, **vars(contacts[part.weight]))
         if alone and not on_limb:
             connect_cores(spec, ground.name, tracks)
 
@@ -79,7 +82,10 @@ def _brake(tracks: TrackParts, heaviness: float) -> dict[float, float]:
     stand on a plane together take `_WHEEL_BRAKE` from the robot, whose mass is `heaviness` times that of a point.
     """
     wheel = min(_WHEEL_BRAKE * heaviness / (2 * len(tracks.names)), 1.0)
-    return {weight: 0.0 if weight == 1 else wheel * weight / WHEEL_WEIGHT for weight in set(tracks.weights)}
+    return {
+        weight: 0.0 if weight == 1 else wheel * weight / WHEEL_WEIGHT
+        for weight in {part.weight for part in tracks.parts}
+    }
 
 
 def _field_hardness(model: mujoco.MjModel, geom: int, segment: float) -> float | None:
@@ -95,21 +101,9 @@ def _field_hardness(model: mujoco.MjModel, geom: int, segment: float) -> float |
     return float(np.clip(finest / segment, *_FIELD_HARDNESS))
 
 
-def _add_pair(
-    spec: mujoco.MjSpec, ground: str, name: str, friction: tuple[float, float], contact: ContactParameters
-) -> None:
+def _add_pair(spec: mujoco.MjSpec, ground: str, name: str, **contact: Any) -> None:
     spec.add_pair(
-        name=f"{ground}/{name}",
-        geomname1=ground,
-        geomname2=name,
-        condim=3,
-        margin=0.0,
-        gap=0.0,
-        adhesion=0.0,
-        friction=[*friction, 0.0, 0.0, 0.0],
-        solref=contact.solref,
-        solimp=contact.solimp,
-        solreffriction=contact.solreffriction,
+        name=f"{ground}/{name}", geomname1=ground, geomname2=name, margin=0.0, gap=0.0, adhesion=0.0, **contact
     )
 
 
@@ -120,22 +114,17 @@ def _grounds(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] 
         listed = [terrain] if isinstance(terrain, str | mujoco.MjsGeom) else terrain
         grounds = [_geom(spec, each) for each in listed]
     require(grounds, "terrain", [], "at least one geom that collides, of a body that doesn't move")
-    paired, unnamed = {pair.name for pair in spec.pairs}, []
     for geom in grounds:
         plane = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
         allowed = f"equal along and across, except on planes; {geom.name or 'the terrain'} is no plane"
         require(plane or tracks.friction[0] == tracks.friction[1], "friction", tracks.friction, allowed)
+    free = (name for k in itertools.count(1) if not spec.geom(name := f"terrain{k}"))
+    paired = {pair.name for pair in spec.pairs}
+    for geom in grounds:
+        geom.name = geom.name or next(free)
         pair = f"{geom.name}/{tracks.geoms[0][0]}"
-        again = pair in paired if geom.name else geom in unnamed
-        require(not again, "terrain", geom.name, f"connected with {tracks.names[0]} only once")
+        require(pair not in paired, "terrain", geom.name, f"connected with {tracks.names[0]} only once")
         paired.add(pair)
-        if not geom.name:
-            unnamed.append(geom)
-    number = 0
-    for geom in unnamed:
-        while not geom.name:
-            number += 1
-            geom.name = "" if spec.geom(f"terrain{number}") else f"terrain{number}"
     return grounds
 
 
@@ -176,39 +165,17 @@ def connect_cores(spec: mujoco.MjSpec, ground: str, tracks: TrackParts) -> None:
     """
     step = tracks.preset.timestep
     for body, names in zip(tracks.bodies, tracks.geoms, strict=True):
-        for name, cored in zip(names, tracks.cored, strict=True):
-            if not cored:
-                continue
+        for name in (name for name, part in zip(names, tracks.parts, strict=True) if part.cored):
             core = f"{name}_core"
             if not spec.geom(core):
-                _add_core(spec.body(body), spec.geom(name), core, tracks.preset)
-            spec.add_pair(
-                name=f"{ground}/{core}",
-                geomname1=ground,
-                geomname2=core,
-                condim=1,
-                margin=0.0,
-                gap=0.0,
-                adhesion=0.0,
-                solref=(-_CORE_PUSH * _CORE_IMPEDANCE / step**2, -_CORE_BRAKE * _CORE_IMPEDANCE / step),
-                solimp=(_CORE_IMPEDANCE, _CORE_IMPEDANCE, tracks.preset.width, 0.5, 1.0),
-            )
-
-
-def _add_core(body: mujoco.MjsBody, geom: mujoco.MjsGeom, name: str, preset: Preset) -> None:
-    size = np.array(geom.size)
-    size[0] = max(size[0] - preset.core, size[0] / 2)
-    body.add_geom(
-        name=name,
-        type=geom.type,
-        pos=geom.pos,
-        quat=geom.quat,
-        size=size,
-        mass=0,
-        contype=0,
-        conaffinity=0,
-        group=3,
-    )
+                geom = spec.geom(name)
+                size = np.array(geom.size)
+                size[0] = max(size[0] - tracks.preset.core, size[0] / 2)
+                shape = {"type": geom.type, "pos": geom.pos, "quat": geom.quat, "size": size}
+                spec.body(body).add_geom(name=core, mass=0, contype=0, conaffinity=0, group=3, **shape)
+            solref = (-_CORE_PUSH * _CORE_IMPEDANCE / step**2, -_CORE_BRAKE * _CORE_IMPEDANCE / step)
+            solimp = (_CORE_IMPEDANCE, _CORE_IMPEDANCE, tracks.preset.width, 0.5, 1.0)
+            _add_pair(spec, ground, core, condim=1, solref=solref, solimp=solimp)
 
 
 def mobility(model: mujoco.MjModel, tracks: TrackParts, mass: float) -> tuple[float, float]:

@@ -18,13 +18,29 @@ _ALONG = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
+class Part:
+    """A geom of a track."""
+
+    name: str
+    """Its name, after the body's."""
+    shape: dict[str, object]
+    """Type, place and size, in the track's frame; the own z axis of a capsule along the run is the belt's direction."""
+    weight: float
+    """Stiffness relative to that of a capsule's end [-]."""
+    crosswise: bool
+    """Whether it is a capsule across the track."""
+    cored: bool
+    """Whether it may land alone, so that it has a core; see `sim.tracks.connect`."""
+    direction: tuple[float, ...]
+    """Surface velocity (6,) in its own frame, at a belt speed of 1 m/s."""
+
+
+@dataclass(frozen=True)
 class TrackParts:
     """The tracks of one call of `add_tracks`: each a body without joints, with its geoms and a contact sensor."""
 
     names: tuple[str, ...]
     """Name of each track."""
-    bodies: tuple[str, ...]
-    """Name of each track's body and sensor, and the beginning of the names of its geoms: NAME_track."""
     hull: Hull
     """The hull of each track."""
     preset: Preset
@@ -33,41 +49,33 @@ class TrackParts:
     """Friction coefficients along and across the belt [-]."""
     load: float
     """Part of the robot's weight that these tracks carry when it stands on them [-]."""
-    geoms: tuple[tuple[str, ...], ...]
-    """Names of the geoms of each track."""
-    weights: tuple[float, ...]
-    """Stiffness of each geom of a track, relative to that of a capsule's end [-]."""
-    crosswise: tuple[bool, ...]
-    """Whether each geom of a track is a capsule across it."""
-    cored: tuple[bool, ...]
-    """Whether each geom of a track may land alone, so that it has a core; see `sim.tracks.connect`."""
-    directions: tuple[tuple[float, ...], ...]
-    """Surface velocity (6,) of each geom of a track in its own frame, at a belt speed of 1 m/s."""
-    segment: float
-    """Length of track for each capsule of a run that faces the ground [m]."""
-    points: float
-    """Number of points with which these tracks stand on their longest runs, a wheel counting by its load."""
+    segments: int
+    """Capsules along the longest run that faces the ground."""
+    parts: tuple[Part, ...]
+    """The geoms of each track."""
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the tracks' bodies and sensors: NAME_track."""
+        return tuple(f"{name}_track" for name in self.names)
+
+    @property
+    def geoms(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the geoms of each track, in the order of its parts."""
+        return tuple(tuple(f"{body}_{part.name}" for part in self.parts) for body in self.bodies)
+
+    @property
+    def segment(self) -> float:
+        """Length of track for each capsule of a run that faces the ground [m]."""
+        return self.hull.longest_below / self.segments
+
+    @property
+    def points(self) -> float:
+        """Number of points with which these tracks stand on their longest runs, a wheel counting by its load."""
+        return len(self.names) * 2 * (self.segments + WHEEL_WEIGHT)
 
 
-@dataclass(frozen=True)
-class Part:
-    """A geom of a track."""
-
-    name: str
-    """Its name, after that of the track."""
-    shape: dict[str, object]
-    """Type, place and size, in the track's frame; the own z axis of a capsule along the run is the belt's direction."""
-    weight: float
-    """Stiffness relative to that of a capsule's end [-]."""
-    crosswise: bool
-    """Whether it is a capsule across the track."""
-    cored: bool
-    """Whether it may land alone, so that it has a core."""
-    direction: tuple[float, ...]
-    """Surface velocity (6,) in its own frame, at a belt speed of 1 m/s."""
-
-
-def track_parts(hull: Hull, segments: int, anisotropic: bool) -> list[Part]:
+def track_parts(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
     """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground.
 
     Runs that face up, which only touch when the robot has overturned, are a single capsule each.
@@ -91,7 +99,7 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool) -> list[Part]:
             parts.append(Part(f"run{i}_{j}", shape, 1.0, False, below, _ALONG))
     for i, (x, z, radius) in enumerate(hull.wheels.tolist()):
         parts.append(_wheel(i, x, z, radius, anisotropic))
-    return parts
+    return tuple(parts)
 
 
 def _chain(length: float, count: int) -> NDArray[np.float64]:

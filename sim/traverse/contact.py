@@ -17,7 +17,7 @@ _STILL = 1e-3  # belt speed below which slip is not defined [m/s]
 
 
 @dataclass
-class Contact:
+class TrackContact:
     """What the T tracks of N robots did in a control period, (N, T) each."""
 
     traction: Array  # mean force of the ground along the belt, positive forwards [N]
@@ -29,13 +29,13 @@ class Contact:
     work: Array  # of the belts against the ground [J]
 
     @classmethod
-    def none(cls, size: int, tracks: int) -> Contact:
+    def none(cls, size: int, tracks: int) -> TrackContact:
         """Tracks that have not touched anything."""
         zero = np.zeros((size, tracks))
         return cls(zero, zero.copy(), zero.copy(), np.full(zero.shape, np.nan), zero > 0, zero.copy(), zero.copy())
 
     @classmethod
-    def of(cls, readings: Sequence[Reading], belts: Sequence[Array], sample: float) -> Contact:
+    def of(cls, readings: Sequence[Reading], belts: Sequence[Array], sample: float) -> TrackContact:
         """The mean of readings (N, T) at the ends of samples of `sample` [s] with mean belt speeds (N, T) [m/s]."""
         count = len(readings)
         traction, load, slid, driven, work = (np.zeros(belts[0].shape) for _ in range(5))
@@ -52,14 +52,14 @@ class Contact:
         slip = np.divide(slid, driven, out=np.full(slid.shape, np.nan), where=defined)
         return cls(traction, load, sum(belts, np.zeros(slid.shape)) / count, slip, touching, depth, work)
 
-    def put(self, rows: NDArray[np.int_], other: Contact) -> None:
+    def put(self, rows: NDArray[np.int_], other: TrackContact) -> None:
         """Take the rows `rows` (R,) of another."""
         for name, values in vars(other).items():
             getattr(self, name)[rows] = values[rows]
 
     def clear(self, rows: NDArray[np.int_]) -> None:
         """Forget what the robots `rows` (R,) did."""
-        self.put(rows, Contact.none(*self.load.shape))
+        self.put(rows, TrackContact.none(*self.load.shape))
 
 
 class ContactPoints:

@@ -1,4 +1,4 @@
-"""Layout of the observations of trackslip/Traverse-v0.
+"""CrossingLayout of the observations of trackslip/Traverse-v0.
 
 An observation is float32, (N_FIXED + 2 F + E,) for F flippers and a map of E heights; each element is divided by its
 scale and clipped to its bound:
@@ -33,7 +33,7 @@ _FIXED = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 1.0, np.pi])
 _FIXED_BOUND = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 1.0])
 
 
-class Layout:
+class CrossingLayout:
     """Scales and bounds of an observation, (n,) each."""
 
     def __init__(self, world: Traverse) -> None:

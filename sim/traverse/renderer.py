@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,17 +13,16 @@ from sim.robot.tracked_view import TrackedView
 from sim.terrain import Course
 from sim.traverse.task import Crossing
 
-WIDTH, HEIGHT = 640, 480
 
-
-class Renderer(TaskRenderer):
+class CourseRenderer(TaskRenderer):
     """Draws a robot with its looks on its course."""
 
     def __init__(self, task: Crossing) -> None:
+        super().__init__()
         self._task = task
         self._travel = np.zeros(task.world.contact.belt.shape)  # of the belts in this episode (N, T) [m]
         self._course: Course | None = None
-        self._view: Any = None
+        self._view: TrackedView
 
     def begin(self, rows: Sequence[int]) -> None:
         """Draw belts from their start again."""
@@ -34,23 +32,6 @@ class Renderer(TaskRenderer):
         """Let the drawn belts run as far as the true ones."""
         self._travel += self._task.world.contact.belt * self._task.config.period
 
-    def picture(self, row: int) -> np.ndarray:
-        """See TaskRenderer."""
-        self.pose(row)
-        ground = self._task.world.elevation(self._task.world.state.position[:, None, :2])[row, 0]
-        return np.array(self._view.picture(self.data, self._travel[row], float(ground)))
-
-    def draw(self, scene: mujoco.MjvScene, row: int) -> None:
-        """Append the tracks."""
-        self._view.draw(scene, self.data, self._travel[row])
-
-    def close(self) -> None:
-        """Close the window and free the image buffers."""
-        super().close()
-        if self._view is not None:
-            self._view.close()
-        self._view = self._course = None
-
     def pose(self, row: int) -> None:
         """See TaskRenderer; the model is compiled for every new course."""
         world = self._task.world
@@ -58,5 +39,14 @@ class Renderer(TaskRenderer):
             self.close()
             self._course = world.course[row]
             tracked = build_tracked(world.tracked.robot, self._course, preset=self._task.config.preset, looks=True)
-            self._view, self.data = TrackedView(tracked, WIDTH, HEIGHT), mujoco.MjData(tracked.model)
+            self._view, self.data = TrackedView(tracked), mujoco.MjData(tracked.model)
         self.place(world.state.qpos[row])
+
+    def camera(self, row: int) -> mujoco.MjvCamera:
+        """See TaskRenderer."""
+        ground = self._task.world.elevation(self._task.world.state.position[:, None, :2])[row, 0]
+        return self._view.camera(self.data, float(ground))
+
+    def draw(self, scene: mujoco.MjvScene, row: int) -> None:
+        """Append the tracks."""
+        self._view.draw(scene, self.data, self._travel[row])

@@ -31,7 +31,7 @@ class Slots:
 
     def __init__(self, courses: Sequence[Course], boxes: int = 0) -> None:
         """Make room for each of `courses`, and for any course of `boxes` boxes or less without a height field."""
-        self._listed = [(course, _terrain(course)) for course in courses]
+        self._listed = [(course, course.model) for course in courses]
         self._boxes = max([boxes, *(_count(model, _BOX) for _, model in self._listed)])
         self._fields = max((_count(model, _FIELD) for _, model in self._listed), default=0)
         self._first_field = np.cumsum([0, *(model.nhfield for _, model in self._listed)])
@@ -73,7 +73,7 @@ class Slots:
         Raises InvalidValueError for a course that has too many boxes, or height fields that there is no room for.
         """
         listed = next((k for k, (one, _) in enumerate(self._listed) if one is course), None)
-        model = _terrain(course) if listed is None else self._listed[listed][1]
+        model = course.model
         boxes, fields = _count(model, _BOX), _count(model, _FIELD)
         require(boxes <= self._boxes, "course", f"{boxes} boxes", f"of at most {self._boxes}")
         require(listed is not None or not fields, "course", f"{fields} height fields", "without, unless it is listed")
@@ -87,16 +87,6 @@ class Slots:
             if name == "geom_dataid" and listed is not None:
                 values[where] += np.where(model.geom_type == _FIELD, self._first_field[listed], 0)
             self._batch[name][row, self._ids] = values
-
-
-def _terrain(course: Course) -> mujoco.MjModel:
-    """A model of the course alone."""
-    spec = mujoco.MjSpec()
-    course.add_to(spec, looks=False)
-    model = spec.compile()
-    allowed = "of boxes, height fields and a floor"
-    require(np.isin(model.geom_type, (_BOX, _FIELD, _PLANE)).all(), "course", course, allowed)
-    return model
 
 
 def _count(model: mujoco.MjModel, kind: int) -> int:

@@ -13,7 +13,7 @@ from sim.task_env import clipped_actions
 from sim.terrain import Course, load_course
 from sim.traverse.config import RANDOM, SAMPLE, Reward, TraverseConfig, require_range
 from sim.traverse.courses import MAX_BOXES, draw_course
-from sim.traverse.observation import Layout
+from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Outcome, Outcomes
 from sim.traverse.world import Command, Traverse
 from trackslip.errors import require, require_finite
@@ -27,7 +27,7 @@ _FAILED = (Outcome.STUCK, Outcome.FELL, Outcome.TIPPED, Outcome.EXPLODED)
 
 
 @dataclass(frozen=True)
-class Episode:
+class CourseRun:
     """One robot's task in one episode."""
 
     course: Course
@@ -64,7 +64,7 @@ class Crossing:
             sample=SAMPLE,
             threads=threads,
         )
-        self.layout = Layout(self.world)
+        self.layout = CrossingLayout(self.world)
         self.bound = self.layout.bound
         """Bounds (n,) of the observations."""
         self.difficulty = config.difficulty
@@ -97,7 +97,7 @@ class Crossing:
         require_range((low, high))
         self.difficulty = low, high
 
-    def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Episode:
+    def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> CourseRun:
         """Draw a robot's episode; values in `options` replace drawn ones, but don't change which numbers are drawn.
 
         The options are `course`, a name that the environment was made with, or a course of boxes; `difficulty`, of a
@@ -127,9 +127,9 @@ class Crossing:
                 course = self._named[course]
         x, y, _, ahead = course.start
         require(abs(y + offset) < course.width / 2, "start_offset", offset, f"less than {course.width / 2:g} m")
-        return Episode(course, float(difficulty), (x, y + offset, ahead + heading))
+        return CourseRun(course, float(difficulty), (x, y + offset, ahead + heading))
 
-    def begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> None:
+    def begin(self, rows: Sequence[int], episodes: Sequence[CourseRun]) -> None:
         """Begin episodes with the robots `rows` (R,), one each."""
         where = np.asarray(rows, int)
         if not where.size:

@@ -15,7 +15,7 @@ from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain import Course
 from sim.tracks import bind
-from sim.traverse.contact import Contact
+from sim.traverse.contact import TrackContact
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
 from sim.traverse.slots import Slots
@@ -100,7 +100,7 @@ class Traverse:
         self.state = States(self.tracked, self.batch.qpos, self.batch.qvel)
         self.servo = ServoState(self.servos, size, len(self.flippers.length))
         """Belt speeds, and what the flippers' motors are set to."""
-        self.contact = Contact.none(size, len(self.track_names))
+        self.contact = TrackContact.none(size, len(self.track_names))
         """What the tracks did in the last control period."""
         self.course: list[Course] = [courses[0]] * size
         """Course of each robot."""
@@ -184,7 +184,7 @@ class Traverse:
         broken = self._broken(rows)
         fine = rows[~broken[rows]]
         self.state.qpos[fine], self.state.qvel[fine] = self.batch.qpos[fine], self.batch.qvel[fine]
-        self.contact.put(fine, Contact.of(readings, belts, self.sample))
+        self.contact.put(fine, TrackContact.of(readings, belts, self.sample))
         self._judge(rows, broken)
 
     def elevation(self, points: Array) -> Array:

@@ -185,13 +185,3 @@ def test_twists_that_are_none_are_refused(robot, controller, reference, message,
         closed_loop(Fleet(robot, path.pose([0.0])), controller, path)
     assert re.fullmatch(f"run 'run 0': its controller('s)? {re.escape(message)}", str(failure.value))
     assert [len(log.time) for log in failure.value.logs] == rows
-
-
-def test_runs_without_a_scanner_log_the_true_poses(robot):
-    fleet = Fleet(robot, START)
-    (one, two) = open_loop(fleet, OMEGA[0], 1.0)
-    assert (one.run, two.run) == ("run 0", "run 1")
-    assert one.metadata == {"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06}}
-    assert len(one.time) == 21
-    np.testing.assert_array_equal(one.pose, one.truth.pose)
-    np.testing.assert_array_equal(one.pose, two.pose)

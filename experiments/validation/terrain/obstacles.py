@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.validation.terrain.subjects import STAIRS, BoxRobot, Subject
 from experiments.validation.terrain.trial import TerrainTrial
-from sim.instruments import use_default_contact
+from sim.contact_forces import use_default_contact
 from sim.terrain import Course, Rough, Stairs
 from trackslip.kinematics import Array
 

@@ -9,7 +9,7 @@ import numpy as np
 from experiments.validation.terrain.subjects import Subject, TerrainRobot
 from experiments.validation.terrain.trial import LevelGround, TerrainTrial
 from experiments.validation.theory import GRAVITY
-from sim.instruments import use_default_contact
+from sim.contact_forces import use_default_contact
 from trackslip.kinematics import Array
 from trackslip.skid_theory import steady_twist
 

@@ -181,17 +181,6 @@ def test_speed_and_angle_follow_a_first_order_lag_exactly():
     np.testing.assert_allclose(state.angle[0, 0], 2.0 * (time - drive.lag * grown), rtol=1e-12)
 
 
-def test_electrical_power_of_a_direct_current_motor():
-    motor = Motor()
-    torque, omega = np.array([2.0, -2.0, 30.0]), np.array([3.0, 3.0, 0.0])
-    current = torque / motor.gear / motor.torque_constant
-    voltage = motor.resistance * current + motor.torque_constant * motor.gear * omega
-    np.testing.assert_allclose(motor.power(torque, omega), voltage * current)
-    assert motor.power(torque, omega)[1] < 0  # it brakes and feeds back
-    stalled = motor.gear * motor.stall_torque
-    np.testing.assert_allclose(motor.power(np.array(stalled), np.array(0.0)), motor.voltage**2 / motor.resistance)
-
-
 def test_encoder_counts():
     state = DriveState(Drive(encoder_counts=100), 1, 0.06)
     state.angle[:] = [[2 * np.pi * 0.519, -2 * np.pi * 0.001]]

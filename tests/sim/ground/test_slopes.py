@@ -8,7 +8,6 @@ from sim.drive.motor import Motor
 from sim.drive.pull import Pull
 from sim.fleet import Fleet
 from sim.ground.ground import Ground, friction_angle
-from sim.instruments import needed_traction
 from sim.loop import closed_loop, open_loop
 from sim.pilot import Pilot
 from sim.robot.parameters import RobotParameters
@@ -136,14 +135,7 @@ def test_it_is_the_slopes_component_and_the_pull(robot):
     weight = robot.mass * np.linalg.norm(robot.model.opt.gravity)
     towed = force / (weight * np.cos(slope))
     expected = np.tan(slope) * np.column_stack([np.sin(headings), np.cos(headings)]) + [towed, 0.0]
-    np.testing.assert_allclose(needed_traction(fleet), expected, rtol=1e-6, atol=1e-9)
-
-
-def test_runs_tell_their_loads_on_ground_that_shears_only(robot):
-    grounds = [Ground(slope=0.1), Ground(slope=0.1, shear=0.01)]
-    first, second = open_loop(Fleet(robot, np.zeros((2, 3)), grounds), np.full(2, 2.0), 1.0)
-    assert first.load is None
-    np.testing.assert_allclose(second.load[:, 0], np.tan(0.1), rtol=1e-3)
+    np.testing.assert_allclose(fleet.needed_traction(), expected, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("uphill", [np.pi / 2, -np.pi / 2])

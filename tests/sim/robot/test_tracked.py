@@ -19,18 +19,6 @@ def rescue():
     return build_tracked(load_tracked("rescue"))
 
 
-def test_the_rescue_robot_is_as_announced(rescue):
-    robot, model = rescue.robot, rescue.model
-    assert 25 <= model.body_subtreemass[rescue.body] <= 40
-    x, _, radius = np.array(robot.hull).T
-    assert (x + radius).max() - (x - radius).min() == pytest.approx(0.6)
-    assert len(robot.flippers) == 4
-    assert rescue.flipper_front.tolist() == [True, True, False, False]
-    assert np.isfinite(rescue.flipper_range).all()
-    assert (model.actuator_forcelimited[rescue.flipper_motor] == 1).all()
-    assert rescue.track_side.tolist() == [0, 1, 0, 1, 0, 1]
-
-
 @pytest.mark.parametrize("name", sorted(TRACKED_ROBOTS))
 def test_shipped_robots_stand_on_their_tracks(name):
     made = build_tracked(load_tracked(name))

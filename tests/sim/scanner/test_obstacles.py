@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sim.fleet import Fleet
 from sim.scanner.feed import ScannerFeed
-from sim.scanner.obstacles import NAMED_OBSTACLES, Obstacles, Post, Walker, Wall
+from sim.scanner.obstacles import Obstacles, Post, Walker, Wall
 from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError
 
@@ -104,15 +104,6 @@ def test_a_post_hides_a_part_of_the_plate_and_nothing_else(robot):
     assert np.isfinite(open_field[0, shadow]).all()
     behind = ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(posts=(Post(-1.5, 2.0, 0.1),))).true_ranges()
     np.testing.assert_array_equal(behind[0], open_field[0])  # the plate hides it wholly
-
-
-def test_walls_beyond_reach_are_not_seen(robot):
-    fleet = Fleet(robot, [[-1.5, 0.5, 0.3]])
-    feed = ScannerFeed(LaserScanner(max_range=6.0, noise=0.0), fleet, obstacles=NAMED_OBSTACLES["room"])
-    room = feed.measure(feed.true_ranges())
-    assert np.nanmax(room) <= 6.0
-    assert np.isnan(room).any()
-    assert np.isfinite(ScannerFeed(LaserScanner(), fleet, obstacles=NAMED_OBSTACLES["room"]).true_ranges()).all()
 
 
 def test_the_person_walks_in_the_fleets_time(robot):

@@ -35,14 +35,6 @@ def test_poses_from_simulated_scans(robot):
         assert np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))) < 0.5
 
 
-def test_noise_has_the_stated_size_and_no_bias(robot):
-    f = feed(robot)
-    true = np.repeat(f.true_ranges()[:, None], 200, axis=1)
-    noise = (f.measure(true) - true)[np.isfinite(true)]
-    assert noise.std() == pytest.approx(0.005, rel=0.02)
-    assert abs(noise.mean()) < 4 * 0.005 / np.sqrt(noise.size)
-
-
 def test_a_stream_of_scans_is_the_same_in_one_piece_or_many(robot):
     whole, pieces = feed(robot), feed(robot)
     true = np.repeat(whole.true_ranges()[:, None], 6, axis=1)

@@ -133,16 +133,11 @@ def test_whatever_is_fixed_to_the_world_is_terrain_by_default():
         ({"body": "rover"}, "body = 'rover': must be a body of the spec: world, robot"),
         ({"body": "world"}, "body = 'world': must be a body that moves"),
         ({"half_gauge": 0.0}, "half_gauge = 0.0: must be a finite number > 0"),
-        ({"half_gauge": 20.0}, "half_gauge = 20.0: must be at most 10 m"),
         ({"side": ["left"]}, "side = ['left']: must be one of both, left, right"),
         ({"preset": "exact"}, "preset = 'exact': must be one of accurate, fast"),
         ({"friction": (0.7, 0.0)}, "friction = 0.0: must be a finite number > 0"),
-        ({"friction": 0.7}, "friction = 0.7: must be two coefficients"),
-        ({"load": 1.5}, "load = 1.5: must be at most 1"),
         ({"load": "half"}, "load = 'half': must be a finite number > 0"),
-        ({"segments": "four"}, "segments = 'four': must be a whole number from 1 to 40"),
         ({"segments": 0}, "segments = 0: must be a whole number from 1 to 40"),
-        ({"hull": HULL[:1]}, "hull = [[-0.25, 0.08, 0.08]]: must be two wheels"),
         ({"terrain": ["stairs"]}, "terrain = 'stairs': must be a geom of the spec, such as ground"),
         ({"terrain": [plane().geom("ground")]}, "terrain = 'ground': must be a geom of the spec"),
         ({"terrain": []}, "terrain = []: must be at least one geom"),
@@ -161,14 +156,6 @@ def test_bad_arguments_are_named_and_leave_the_spec_as_it_was(options, message):
     tracked(spec, half_gauge=0.3, name="outer")
 
 
-def long_steps(spec):
-    spec.option.timestep = 0.003
-
-
-def overriding(spec):
-    spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_OVERRIDE
-
-
 def weightless(spec):
     spec.body("robot").add_body(name="weightless").add_joint()
 
@@ -176,8 +163,6 @@ def weightless(spec):
 @pytest.mark.parametrize(
     ("spoil", "ground", "options", "message"),
     [
-        (long_steps, plane, {}, "timestep = 0.003: must be at most 0.002 s"),
-        (overriding, plane, {}, "flag override = 'enable': must be disable"),
         (weightless, plane, {}, "spec: must compile before tracks are connected"),
         (lambda spec: None, slab, {"friction": (0.7, 0.9)}, "friction = (0.7, 0.9): must be equal along and across"),
     ],

@@ -143,11 +143,3 @@ def test_forces_of_a_standing_robot_add_up_to_its_weight(speed):
     np.testing.assert_allclose(np.abs(points[:, 1]), 0.17, atol=1e-6)
     np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-3)
     assert belts.read(model, data).load.sum() == pytest.approx(forces[:, 2].sum(), rel=1e-3)
-
-
-def test_in_the_air_there_are_none():
-    world = build_tracked(load_tracked("box"))
-    qpos = world.model.qpos0.copy()
-    qpos[2] = 1.0
-    points, forces = ContactPoints(world).at(qpos, np.zeros(world.model.nv), np.zeros(2), np.zeros(0))
-    assert points.shape == forces.shape == (0, 3)

@@ -17,7 +17,6 @@ from sim.robot.robot import Robot
 from trackslip.errors import require
 from trackslip.kinematics import Array
 
-_Snapshot = tuple[Array, ...]
 _LIGHTEST = 0.05  # load of a point that is still accounted for, over the mean
 _AT_REST = 0.005  # a robot slower than this is at rest; creep is a hundred times slower [m/s]
 _UPRIGHT = 0.1  # a robot with less roll and pitch than this stands on its tracks [rad]
@@ -30,8 +29,8 @@ def one_each(ground: Ground | Sequence[Ground], size: int) -> list[Ground]:
     return grounds
 
 
-class Footing:
-    """What N robots stand on."""
+class FleetGround:
+    """The ground under each of N robots."""
 
     def __init__(self, of: batch.Batch, robot: Robot, grounds: Sequence[Ground], shear: Shear | None) -> None:
         """`grounds`, one for each robot of the batch `of`; without `shear`, none of them may give way."""
@@ -138,11 +137,11 @@ class Footing:
         own = self._robot.model.body_ipos[chassis]
         return np.broadcast_to(own, (len(rows), 3)) if moved is None else moved[rows, chassis]
 
-    def snapshot(self, rows: Rows) -> _Snapshot:
+    def snapshot(self, rows: Rows) -> tuple[Array, ...]:
         """The state of the ground under the robots `rows` (R,), with the robots on the first axis."""
         return () if self._shear is None else self._shear.snapshot(rows)
 
-    def restore(self, rows: Rows, snapshot: _Snapshot) -> None:
+    def restore(self, rows: Rows, snapshot: tuple[Array, ...]) -> None:
         """Go back to a snapshot of the robots `rows` (R,)."""
         if self._shear is not None:
             self._shear.restore(rows, *snapshot)

@@ -1,4 +1,4 @@
-"""Forces and sliding velocities at contact points, and the traction that robots need."""
+"""Forces and sliding velocities at the contact points of a fleet."""
 
 from __future__ import annotations
 
@@ -65,13 +65,3 @@ def use_default_contact(model: mujoco.MjModel) -> None:
     model.pair_margin[model.pair_dim == 1] = -1.0  # the cores of tracks never touch
     for name in ("timestep", "cone", "impratio", "solver", "iterations"):
         setattr(model.opt, name, getattr(plain, name))
-
-
-def needed_traction(fleet: Fleet) -> Array:
-    """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""
-    direction = fleet.footing.uphill - fleet.pose()[:, 2]
-    steepness = np.tan(fleet.footing.slope)
-    needed = np.empty((fleet.size, 2))
-    needed[:, 0] = steepness * np.cos(direction) + fleet.towed(np.arange(fleet.size))
-    needed[:, 1] = steepness * np.sin(direction)
-    return needed
