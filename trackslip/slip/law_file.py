@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -38,15 +38,6 @@ class StoredLaws:
     """Content of the file."""
     manifest: Mapping[str, Any]
     """Content of the manifest next to it; empty where there is none."""
-
-    def require_robot(self, robot: RobotGeometry) -> None:
-        """Raise LogError if the laws are for a robot of another geometry."""
-        mine, theirs = self.geometry, robot
-        if not np.allclose((mine.half_gauge, mine.sprocket_radius), (theirs.half_gauge, theirs.sprocket_radius)):
-            raise LogError(
-                f"{self.name}: its laws are for half_gauge = {mine.half_gauge:g} m and sprocket_radius = "
-                f"{mine.sprocket_radius:g} m, the robot has {theirs.half_gauge:g} m and {theirs.sprocket_radius:g} m"
-            )
 
     def law_named(self, name: str | None) -> str:
         """`name` if there is such a law; for None the best law: as stored, the only one, or the one that fits best.
@@ -173,10 +164,12 @@ def stored_laws(
     geometry, laws = _parsed(content, name)
     if not laws and content.get("best") not in (NO_SLIP, *RETIRED):
         raise LogError(f"{name}: no slip laws in it")
-    stored = StoredLaws(name, geometry, {NO_SLIP: NoSlip(), **laws}, content, manifest or {})
-    if robot is not None:
-        stored.require_robot(robot)
-    return stored
+    if robot is not None and not np.allclose(astuple(geometry), astuple(robot)):
+        raise LogError(
+            f"{name}: its laws are for half_gauge = {geometry.half_gauge:g} m and sprocket_radius = "
+            f"{geometry.sprocket_radius:g} m, the robot has {robot.half_gauge:g} m and {robot.sprocket_radius:g} m"
+        )
+    return StoredLaws(name, geometry, {NO_SLIP: NoSlip(), **laws}, content, manifest or {})
 
 
 def _parsed(content: Any, file: object) -> tuple[RobotGeometry, dict[str, SlipLaw]]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from trackslip.errors import require, require_finite, require_positive
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import cell
-from trackslip.trajectory.path import STEP, Complex, require_length
+from trackslip.trajectory.path import STEP, Complex, PlanarPath, require_length
 from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -35,7 +35,7 @@ class Piece:
         require_finite("end_curvature", self.end_curvature)
 
 
-class ClothoidPath:
+class ClothoidPath(PlanarPath):
     """Pieces in sequence. The heading is quadratic in the arc length, the position its Gauss-Legendre integral."""
 
     def __init__(self, start: ArrayLike, pieces: Sequence[Piece]) -> None:
@@ -53,11 +53,6 @@ class ClothoidPath:
         self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])  # (K - 1,), as the two before
         chords = self._chord(np.arange(len(steps)), steps)
         self._point = complex(x, y) + np.concatenate([[0.0], np.cumsum(chords)[:-1]])
-
-    @property
-    def knots(self) -> Array:
-        """Arc lengths (K,) from 0 to the path's length, at most STEP apart, with smooth curvature between them."""
-        return self._s
 
     def pose(self, s: Array) -> Array:
         """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""

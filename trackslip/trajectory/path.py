@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any, Protocol
 
 import numpy as np
@@ -24,8 +25,10 @@ _CLOSE = 1e-12  # error of the arc length between knots [m]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
-class PlanarPath(Protocol):
-    """A path parametrised by arc length s, from 0 to its length."""
+class PlanarPath(ABC):
+    """Base of paths parametrised by arc length s, from 0 to their length."""
+
+    _s: Array
 
     @property
     def knots(self) -> Array:
@@ -33,10 +36,13 @@ class PlanarPath(Protocol):
 
         There are at least three, so that a path can be driven from rest to rest.
         """
+        return self._s
 
+    @abstractmethod
     def pose(self, s: Array) -> Array:
         """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
 
+    @abstractmethod
     def curvature(self, s: Array) -> Array:
         """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
 
@@ -48,7 +54,7 @@ class Curve(Protocol):
         """Points (...) at parameters (...) for nu = 0, first and second derivatives for nu = 1 and 2."""
 
 
-class ParametricPath:
+class ParametricPath(PlanarPath):
     """A smooth curve parametrised by arc length.
 
     The arc length between knots is a Gauss-Legendre integral of the parametric speed, its inverse a cubic Hermite
@@ -80,11 +86,6 @@ class ParametricPath:
             self._shift = complex(complex(x, y) - self._rotation * curve(self._u[0], 0))
             heading += phi - heading[0]
         self._heading = heading
-
-    @property
-    def knots(self) -> Array:
-        """Arc lengths (K,) from 0 to the path's length, at most STEP apart, with smooth curvature between them."""
-        return self._s
 
     def pose(self, s: Array) -> Array:
         """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""

@@ -7,7 +7,7 @@ import pytest
 from linearised import error_gains, pose_with_error
 from scipy.linalg import solve_discrete_are
 
-from trackslip.controllers.lqr import Lqr, error_dynamics, riccati_step
+from trackslip.controllers.lqr import Lqr, error_dynamics
 from trackslip.controllers.mpc import ModelPredictive
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import advance, track_speeds
@@ -29,24 +29,6 @@ def test_error_dynamics_by_finite_differences(twist):
     by_correction = [(after(np.zeros(3), h * u) - after(np.zeros(3), -h * u)) / (2 * h) for u in np.eye(2)]
     np.testing.assert_allclose(a, np.transpose(by_error), atol=1e-8)
     np.testing.assert_allclose(b, np.transpose(by_correction), atol=1e-8)
-
-
-def test_a_riccati_step_is_the_minimum():
-    """K minimises the stage's cost and the cost to go; P is that minimum."""
-    rng = np.random.default_rng(0)
-    a, b = rng.normal(size=(3, 3)), rng.normal(size=(3, 2))
-    q, r, cost = np.eye(3), np.diag([2.0, 3.0]), np.diag([1.0, 4.0, 2.0])
-    gain, earlier = riccati_step(a, b, q, r, cost)
-
-    def total(e, u):
-        after = a @ e + b @ u
-        return e @ q @ e + u @ r @ u + after @ cost @ after
-
-    e = rng.normal(size=3)
-    best = total(e, -gain @ e)
-    np.testing.assert_allclose(e @ earlier @ e, best)
-    for u in rng.normal(size=(20, 2)):
-        assert total(e, u - gain @ e) > best
 
 
 @pytest.mark.parametrize("speed", [0.15, -0.15])

@@ -4,12 +4,11 @@ import re
 
 import numpy as np
 import pytest
-from scipy.special import ellipk, fresnel
+from scipy.special import fresnel
 
 from trackslip.errors import InvalidValueError
 from trackslip.trajectory.clothoid import ClothoidPath, Piece, clothoid, rounded_square
 from trackslip.trajectory.curves import figure_eight, slalom, spiral
-from trackslip.trajectory.path import ParametricPath
 from trackslip.trajectory.profile import Limits, ProfiledReference
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, stop_and_go
 
@@ -33,16 +32,6 @@ def test_figure_eight_is_bernoullis_lemniscate():
         np.abs(twist[moving, 1] / twist[moving, 0]), 3 * np.hypot(x, y)[moving] / a**2, atol=1e-9
     )
     assert x[np.argmax(phi)] == pytest.approx(0, abs=2e-2)  # left round one lobe, right round the other
-
-
-def test_arc_length_of_the_lemniscate():
-    """Its length is an elliptic integral: 4 a K(-1)."""
-
-    def lemniscate(u, nu):
-        s, c = np.sin(u), np.cos(u)
-        return (c / (1 - 1j * s), 1j * (1 + 1j * s) / (1 - 1j * s) ** 2, -c * (3 + 1j * s) / (1 - 1j * s) ** 3)[nu]
-
-    assert ParametricPath(lemniscate, [0, np.pi, 2 * np.pi]).knots[-1] == pytest.approx(4 * ellipk(-1.0), abs=1e-12)
 
 
 def test_slalom_is_a_sine():
@@ -146,13 +135,6 @@ def test_a_straight_takes_as_long_as_a_trapezium_or_triangle_of_speed(length, du
     reference = ProfiledReference(ClothoidPath(ORIGIN, [Piece(length)]), Limits(speed=0.2, acceleration=0.05))
     assert reference.duration == pytest.approx(duration, rel=1e-3)
     np.testing.assert_allclose(reference.twist(duration / 9), [0.05 * duration / 9, 0.0], rtol=1e-6)
-
-
-def test_speed_limits_by_cause():
-    limits = Limits(speed=0.15, yaw_rate=0.3, track_speed=0.2, half_gauge=0.2)
-    np.testing.assert_allclose(limits.speed_at([0.0, 1.0, -4.0]), [0.15, 0.15, 0.075])
-    np.testing.assert_allclose(Limits(track_speed=0.2, half_gauge=0.2).speed_at([2.0]), [0.2 / 1.4])
-    assert limits.speed_at(np.zeros((2, 3))).shape == (2, 3)
 
 
 def test_it_brakes_before_a_corner_and_speeds_up_after_it():

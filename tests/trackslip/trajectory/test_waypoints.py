@@ -58,15 +58,6 @@ def test_points_on_a_line_make_it_straight_and_may_return():
     np.testing.assert_allclose(ring.pose([0.0, ring.duration])[:, :2], 0, atol=1e-12)
 
 
-def test_moving_all_points_moves_the_path():
-    turn = np.exp(0.7j)
-    moved = (POINTS[:, 0] + 1j * POINTS[:, 1]) * turn + (2 - 3j)
-    a, b = waypoints(POINTS), waypoints(np.column_stack([moved.real, moved.imag]))
-    assert a.duration == pytest.approx(b.duration, rel=1e-9)
-    time = np.linspace(0, a.duration, 100)
-    np.testing.assert_allclose(a.twist(time), b.twist(time), atol=1e-8)
-
-
 @settings(max_examples=30)
 @given(st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=8, unique_by=cell))
 def test_any_points_give_a_drivable_reference_or_are_refused(points):
