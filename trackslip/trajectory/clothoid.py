@@ -12,14 +12,14 @@ from trackslip.errors import require, require_finite, require_positive
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import cell
 from trackslip.trajectory.path import STEP, Complex, PlanarPath, require_length
-from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
+from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2  # on [0, 1]
 
 
 @dataclass(frozen=True)
-class Piece:
+class PathPiece:
     """A straight, an arc or a clothoid."""
 
     length: float
@@ -38,7 +38,7 @@ class Piece:
 class ClothoidPath(PlanarPath):
     """Pieces in sequence. The heading is quadratic in the arc length, the position its Gauss-Legendre integral."""
 
-    def __init__(self, start: ArrayLike, pieces: Sequence[Piece]) -> None:
+    def __init__(self, start: ArrayLike, pieces: Sequence[PathPiece]) -> None:
         """`start` is the first pose (3,); raises InvalidValueError without pieces or above MAX_LENGTH."""
         require(pieces, "pieces", pieces, "at least one piece")
         require_length(sum(piece.length for piece in pieces))
@@ -80,7 +80,7 @@ def clothoid(
     transition: float = 1.0,
     radius: float = 0.5,
     arc: float = 0.5,
-    limits: Limits = LIMITS,
+    limits: MotionLimits = LIMITS,
 ) -> ProfiledReference:
     """A left and a right bend of continuous curvature: clothoids join the straights and arcs.
 
@@ -94,19 +94,19 @@ def clothoid(
     require_positive("radius", radius)
     bend = 1 / radius
     pieces = [
-        Piece(straight),
-        Piece(transition, 0.0, bend),
-        Piece(arc, bend, bend),
-        Piece(2 * transition, bend, -bend),
-        Piece(arc, -bend, -bend),
-        Piece(transition, -bend, 0.0),
-        Piece(straight),
+        PathPiece(straight),
+        PathPiece(transition, 0.0, bend),
+        PathPiece(arc, bend, bend),
+        PathPiece(2 * transition, bend, -bend),
+        PathPiece(arc, -bend, -bend),
+        PathPiece(transition, -bend, 0.0),
+        PathPiece(straight),
     ]
     return ProfiledReference(ClothoidPath(start, pieces), limits)
 
 
 def rounded_square(
-    start: ArrayLike, side: float = 2.0, radius: float = 0.4, limits: Limits = LIMITS
+    start: ArrayLike, side: float = 2.0, radius: float = 0.4, limits: MotionLimits = LIMITS
 ) -> ProfiledReference:
     """Once around a square with rounded corners, to the left, from the middle of a side.
 
@@ -117,6 +117,6 @@ def rounded_square(
     """
     require_positive("side", side)
     require(0 < radius < side / 2, "radius", radius, f"greater than 0, less than half of side = {side:g} m")
-    straight, corner = Piece(side - 2 * radius), Piece(np.pi / 2 * radius, 1 / radius, 1 / radius)
-    half = Piece(straight.length / 2)
+    straight, corner = PathPiece(side - 2 * radius), PathPiece(np.pi / 2 * radius, 1 / radius, 1 / radius)
+    half = PathPiece(straight.length / 2)
     return ProfiledReference(ClothoidPath(start, [half, *[corner, straight] * 3, corner, half]), limits)

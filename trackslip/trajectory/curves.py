@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 from trackslip.trajectory.path import Complex, ParametricPath, require_length
-from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
+from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
 
 
-def figure_eight(start: ArrayLike, half_width: float = 1.5, limits: Limits = LIMITS) -> ProfiledReference:
+def figure_eight(start: ArrayLike, half_width: float = 1.5, limits: MotionLimits = LIMITS) -> ProfiledReference:
     """Once around Bernoulli's lemniscate, from its crossing: first the left turn, then the right one.
 
     Args:
@@ -30,7 +30,7 @@ def figure_eight(start: ArrayLike, half_width: float = 1.5, limits: Limits = LIM
 
 
 def slalom(
-    start: ArrayLike, amplitude: float = 0.25, wavelength: float = 2.0, periods: int = 2, limits: Limits = LIMITS
+    start: ArrayLike, amplitude: float = 0.25, wavelength: float = 2.0, periods: int = 2, limits: MotionLimits = LIMITS
 ) -> ProfiledReference:
     """A sine wave about a line, from one of its minima, first to the left.
 
@@ -55,7 +55,11 @@ def slalom(
 
 
 def spiral(
-    start: ArrayLike, outer_radius: float = 1.2, inner_radius: float = 0.45, turns: float = 1.5, limits: Limits = LIMITS
+    start: ArrayLike,
+    outer_radius: float = 1.2,
+    inner_radius: float = 0.45,
+    turns: float = 1.5,
+    limits: MotionLimits = LIMITS,
 ) -> ProfiledReference:
     """Archimedes' spiral, inwards to the left: the radius decreases linearly with the angle.
 

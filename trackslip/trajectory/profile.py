@@ -19,8 +19,8 @@ _WITHIN = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # points of a cell withou
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Limits of the motion along a reference."""
+class MotionLimits:
+    """MotionLimits of the motion along a reference."""
 
     speed: float = 0.15
     """Maximum speed [m/s]."""
@@ -54,14 +54,14 @@ class Limits:
         return np.minimum(np.minimum(self.speed, by_track), by_yaw_rate)
 
 
-LIMITS = Limits()
-"""Limits that the drives of the default robot can follow, slip included."""
+LIMITS = MotionLimits()
+"""MotionLimits that the drives of the default robot can follow, slip included."""
 
 
 class ProfiledReference(PiecewiseReference):
     """A path driven as fast as the limits allow, from rest to rest, at constant acceleration between its knots."""
 
-    def __init__(self, path: PlanarPath, limits: Limits = LIMITS) -> None:
+    def __init__(self, path: PlanarPath, limits: MotionLimits = LIMITS) -> None:
         """Raises InvalidValueError for a path too tight to be driven at MIN_SPEED."""
         self._path = path
         speeds = _speeds(path, limits)  # (K,)
@@ -74,7 +74,7 @@ class ProfiledReference(PiecewiseReference):
         return self._path.curvature(self._path.knots[k] + way)
 
 
-def _speeds(path: PlanarPath, limits: Limits) -> Array:
+def _speeds(path: PlanarPath, limits: MotionLimits) -> Array:
     """The maximum speeds (K,) at the knots of the path, zero at both ends; their squares are linear in between."""
     s = path.knots
     within = s[:-1, None] + np.diff(s)[:, None] * _WITHIN

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array, advance
 from trackslip.trajectory.base import PiecewiseReference
-from trackslip.trajectory.profile import LIMITS, Limits
+from trackslip.trajectory.profile import LIMITS, MotionLimits
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def stop_and_go(
     radius: float = 1.0,
     arc: float = 1.6,
     dwell: float = 2.0,
-    limits: Limits = LIMITS,
+    limits: MotionLimits = LIMITS,
 ) -> SegmentedReference:
     """Forwards, a stop, backwards on an arc about a point to the left, a stop, forwards.
 
@@ -101,7 +101,7 @@ def stop_and_go(
     return SegmentedReference(start, [*forwards, stop, *backwards, stop, *forwards])
 
 
-def _leg(length: float, curvature: float, direction: float, limits: Limits) -> list[Segment]:
+def _leg(length: float, curvature: float, direction: float, limits: MotionLimits) -> list[Segment]:
     """Segments from rest to rest: accelerate, cruise if the leg is long enough, brake."""
     acceleration = limits.acceleration
     speed = min(float(limits.speed_at(curvature)), float(np.sqrt(acceleration * length)))

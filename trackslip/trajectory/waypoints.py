@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from trackslip.errors import InvalidValueError, ReferenceFileError, first_line, require
 from trackslip.kinematics import Array
 from trackslip.trajectory.path import MAX_LENGTH, ParametricPath
-from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
+from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
 
 COLUMNS = ("x", "y")
 MIN_POINTS, MAX_POINTS = 3, 10_000
@@ -23,7 +23,7 @@ MIN_SPACING = 1e-3
 """Minimum distance between neighbouring waypoints [m]."""
 
 
-def waypoints(points: ArrayLike, limits: Limits = LIMITS) -> ProfiledReference:
+def waypoints(points: ArrayLike, limits: MotionLimits = LIMITS) -> ProfiledReference:
     """A smooth reference through all points in order: a natural cubic spline parametrised by chord length.
 
     The curvature is continuous and zero at both ends. Among the usual parameters, chord length gives the widest bends
@@ -41,7 +41,7 @@ def waypoints(points: ArrayLike, limits: Limits = LIMITS) -> ProfiledReference:
     return _through(points, "point", limits)
 
 
-def read_waypoints(path: Path, limits: Limits = LIMITS) -> ProfiledReference:
+def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> ProfiledReference:
     """The reference through the points in a CSV file of columns x and y [m]; a header is optional.
 
     Raises:
@@ -72,7 +72,7 @@ def _point(row: list[str], label: str) -> list[float]:
     return point
 
 
-def _through(points: Array, label: str, limits: Limits) -> ProfiledReference:
+def _through(points: Array, label: str, limits: MotionLimits) -> ProfiledReference:
     """The reference through points (N, 2), called `label` in errors."""
     count = len(points)
     require(MIN_POINTS <= count <= MAX_POINTS, "number of way points", count, f"from {MIN_POINTS} to {MAX_POINTS}")

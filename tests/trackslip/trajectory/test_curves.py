@@ -7,9 +7,9 @@ import pytest
 from scipy.special import fresnel
 
 from trackslip.errors import InvalidValueError
-from trackslip.trajectory.clothoid import ClothoidPath, Piece, clothoid, rounded_square
+from trackslip.trajectory.clothoid import ClothoidPath, PathPiece, clothoid, rounded_square
 from trackslip.trajectory.curves import figure_eight, slalom, spiral
-from trackslip.trajectory.profile import Limits, ProfiledReference
+from trackslip.trajectory.profile import MotionLimits, ProfiledReference
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, stop_and_go
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -55,7 +55,7 @@ def test_spiral_is_archimedes():
 
 @pytest.mark.parametrize("sharpness", [1.5, -0.4])
 def test_clothoid_is_fresnels(sharpness):
-    path = ClothoidPath(ORIGIN, [Piece(2.3, 0.0, 2.3 * sharpness)])
+    path = ClothoidPath(ORIGIN, [PathPiece(2.3, 0.0, 2.3 * sharpness)])
     s = np.linspace(0, 2.3, 301)
     scale = np.sqrt(np.pi / abs(sharpness))
     sine, cosine = fresnel(s / scale)
@@ -116,10 +116,10 @@ def test_refused_shapes_name_the_field_the_value_and_what_is_allowed():
         (lambda: Segment(0.0, 0.1, 0.1), "duration", "0.0", "> 0"),
         (lambda: SegmentedReference(ORIGIN, []), "segments", "[]", "at least one"),
         (lambda: circle(0.0, 0.1, 10.0), "abs(radius)", "0.0", "> 0"),
-        (lambda: Limits(speed=0.0), "speed", "0.0", "> 0"),
-        (lambda: Limits(track_speed=1e-4), "track_speed", "0.0001", "at least 0.001 m/s"),
-        (lambda: Limits(acceleration=1e-9), "acceleration", "1e-09", "at least 0.0001 m/s^2"),
-        (lambda: Limits(half_gauge=-0.1), "half_gauge", "-0.1", ">= 0"),
+        (lambda: MotionLimits(speed=0.0), "speed", "0.0", "> 0"),
+        (lambda: MotionLimits(track_speed=1e-4), "track_speed", "0.0001", "at least 0.001 m/s"),
+        (lambda: MotionLimits(acceleration=1e-9), "acceleration", "1e-09", "at least 0.0001 m/s^2"),
+        (lambda: MotionLimits(half_gauge=-0.1), "half_gauge", "-0.1", ">= 0"),
     ):
         with pytest.raises(
             InvalidValueError, match=f"^{re.escape(field)}.* = {re.escape(value)}.*{re.escape(allowed)}"
@@ -132,13 +132,13 @@ def test_refused_shapes_name_the_field_the_value_and_what_is_allowed():
     ("length", "duration"), [(3.0, 3.0 / 0.2 + 0.2 / 0.05), *((way, 2 * np.sqrt(way / 0.05)) for way in (0.01, 0.3))]
 )
 def test_a_straight_takes_as_long_as_a_trapezium_or_triangle_of_speed(length, duration):
-    reference = ProfiledReference(ClothoidPath(ORIGIN, [Piece(length)]), Limits(speed=0.2, acceleration=0.05))
+    reference = ProfiledReference(ClothoidPath(ORIGIN, [PathPiece(length)]), MotionLimits(speed=0.2, acceleration=0.05))
     assert reference.duration == pytest.approx(duration, rel=1e-3)
     np.testing.assert_allclose(reference.twist(duration / 9), [0.05 * duration / 9, 0.0], rtol=1e-6)
 
 
 def test_it_brakes_before_a_corner_and_speeds_up_after_it():
-    limits = Limits(speed=0.15, acceleration=0.05, yaw_rate=0.25)
+    limits = MotionLimits(speed=0.15, acceleration=0.05, yaw_rate=0.25)
     reference = rounded_square(ORIGIN, side=2.0, radius=0.4, limits=limits)
     v, w = reference.twist(reference.knots).T
     in_corner = np.abs(w) > 0

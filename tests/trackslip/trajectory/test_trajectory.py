@@ -6,12 +6,12 @@ from trackslip.trajectory.base import Tabulated
 from trackslip.trajectory.clothoid import clothoid, rounded_square
 from trackslip.trajectory.curves import figure_eight, slalom, spiral
 from trackslip.trajectory.named import REFERENCES, load_reference
-from trackslip.trajectory.profile import LIMITS, Limits
+from trackslip.trajectory.profile import LIMITS, MotionLimits
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference, stop_and_go
 from trackslip.trajectory.waypoints import waypoints
 
 START = (0.7, -0.4, 2.5)
-HASTY = Limits(speed=0.5, acceleration=0.4, yaw_rate=0.8, track_speed=0.6, half_gauge=0.3)
+HASTY = MotionLimits(speed=0.5, acceleration=0.4, yaw_rate=0.8, track_speed=0.6, half_gauge=0.3)
 MADE = {
     "left circle": circle(1.25, 0.15, 40.0, (1.0, 2.0, 0.5)),
     "right circle": circle(-0.8, 0.15, 40.0),
