@@ -32,7 +32,7 @@ def store(ros1):
     return types
 
 
-def write_bag(path, kind, messages, *, compression=None, split=None):
+def write_bag(path, kind, messages, *, compression=None):
     """Write messages (topic, type, arrival [ns], fields as nested dicts) in order; returns the path to open.
 
     `compression` is none, file, message or storage for rosbags' ROS 2 bags, bz2 or lz4 for ROS 1.
@@ -133,27 +133,13 @@ def covariance(variances):
 
 
 def joint_states(at, names, position=(), velocity=(), topic="/joint_states", late=1_000_000):
-    fields = {
-        "header": header(at),
-        "name": list(names),
-        "position": list(position),
-        "velocity": list(velocity),
-        "effort": [],
-    }
-    return topic, JOINTS, at + late, fields
+    fields = {"header": header(at), "name": list(names), "position": list(position), "velocity": list(velocity)}
+    return topic, JOINTS, at + late, fields | {"effort": []}
 
 
 def odometry(at, where, topic="/odom", frame="odom", variances=(0, 0, 0), late=1_000_000):
-    fields = {
-        "header": header(at, frame),
-        "child_frame_id": "base_link",
-        "pose": {"pose": pose(*where), "covariance": covariance(variances)},
-        "twist": {
-            "twist": {"linear": {"x": 0.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}},
-            "covariance": [0.0] * 36,
-        },
-    }
-    return topic, ODOMETRY, at + late, fields
+    stated = {"pose": pose(*where), "covariance": covariance(variances)}
+    return topic, ODOMETRY, at + late, {"header": header(at, frame), "child_frame_id": "base_link", "pose": stated}
 
 
 def pose_stamped(at, where, topic="/slam/pose", late=1_000_000):
@@ -165,13 +151,11 @@ def pose_with_covariance(at, where, topic="/amcl_pose", variances=(1e-4, 1e-4, 1
     return topic, WITH_COVARIANCE, at + late, fields
 
 
-def transform(at, parent, child, where, topic="/tf", late=1_000_000):
+def transform(at, parent, child, where, topic="/tf", late=1_000_000, z=0.0, turn=None):
+    """The transform to a pose in the plane, or with another quaternion `turn`."""
     x, y, heading = where
-    one = {
-        "header": header(at, parent),
-        "child_frame_id": child,
-        "transform": {"translation": {"x": x, "y": y, "z": 0.0}, "rotation": quaternion(heading)},
-    }
+    moved = {"translation": {"x": x, "y": y, "z": z}, "rotation": turn or quaternion(heading)}
+    one = {"header": header(at, parent), "child_frame_id": child, "transform": moved}
     return topic, TF, at + late, {"transforms": [one]}
 
 
@@ -182,7 +166,7 @@ def fix(at, latitude, longitude, altitude=0.0, status=0, variance=0.01, topic="/
         "latitude": latitude,
         "longitude": longitude,
         "altitude": altitude,
-        "position_covariance": [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance],
+        "position_covariance": (variance * np.eye(3)).ravel().tolist(),
         "position_covariance_type": 2,
     }
     return topic, FIX, at + late, fields

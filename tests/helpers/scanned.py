@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from bags import START, TF, header, in_order, joint_states, pose_with_covariance, stamp, write_bag
+from bags import START, header, in_order, joint_states, pose_with_covariance, stamp, write_bag
 from beside import Session, compose
 
 SCAN = "sensor_msgs/msg/LaserScan"
@@ -32,14 +32,11 @@ def scan_messages(session: Session, topic="/scan", frame="laser", start=START, l
     return made
 
 
-def joint_messages(session: Session, names=NAMES, start=START):
+def joint_messages(session: Session, names=NAMES):
     """Angles of the sprockets at each reading."""
-    angle = np.cumsum(session.omega[1:] * np.diff(session.encoder_time)[:, None], axis=0)
-    angle = np.concatenate([np.zeros((1, 2)), angle])
-    return [
-        joint_states(stamp(time, start), names, position=row.tolist())
-        for time, row in zip(session.encoder_time, angle, strict=True)
-    ]
+    turned = session.omega[1:] * np.diff(session.encoder_time)[:, None]
+    angle = np.concatenate([np.zeros((1, 2)), np.cumsum(turned, axis=0)])
+    return [joint_states(stamp(t), names, row) for t, row in zip(session.encoder_time, angle.tolist(), strict=True)]
 
 
 def other_poses(session: Session, lever=(0.2, -0.1, 0.0), noise=0.01, topic="/slam/pose"):
@@ -48,19 +45,6 @@ def other_poses(session: Session, lever=(0.2, -0.1, 0.0), noise=0.01, topic="/sl
     time = np.arange(0.03, session.encoder_time[-1], 0.1)
     poses = compose(session.robot(time), np.array(lever)) + noise * rng.normal(size=(len(time), 3))
     return [pose_with_covariance(stamp(one), row, topic=topic) for one, row in zip(time, poses.tolist(), strict=True)]
-
-
-def static_transform(parent, child, place, quaternion, at=0.0):
-    """A message on /tf_static."""
-    at = stamp(at)
-    x, y, z = place
-    turn = dict(zip("xyzw", map(float, quaternion), strict=True))
-    one = {
-        "header": header(at, parent),
-        "child_frame_id": child,
-        "transform": {"translation": {"x": x, "y": y, "z": z}, "rotation": turn},
-    }
-    return "/tf_static", TF, at, {"transforms": [one]}
 
 
 def write_session(path, kind, session: Session, *more, **scans):

@@ -77,36 +77,34 @@ def test_types_that_nobody_knows_are_in_nobodys_way(tmp_path, kind):
         list(opened.messages("/odd"))
 
 
-def test_channels_of_other_encodings_and_broken_definitions(tmp_path):
-    """As in files of other programs: JSON beside CDR, a definition that no parser takes, no profile."""
-    file = tmp_path / "mixed.mcap"
-    data = b"\x00\x01\x00\x00" + struct.pack("<iI", 12, 500_000_000) + struct.pack("<I", 1) + bytes(4 + 16)
+def plain(file, messages):
+    """An MCAP file of messages (topic, type, encoding, time [ns], data) whose definitions no parser takes."""
     with file.open("wb") as stream:
         writer = PlainWriter(stream)
         writer.start(profile="", library="another")
-        schema = writer.register_schema("foo/Bar", "jsonschema", b"{}")
-        odd = writer.register_channel("/json", "json", schema)
-        broken = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", b"this is ~ no definition")
-        joints = writer.register_channel("/joint_states", "cdr", broken)
-        for k in range(3):
-            writer.add_message(odd, k, b"{}", k)
-            writer.add_message(joints, k, data, k)
+        channels = {}
+        for topic, kind, encoding, time, data in messages:
+            if topic not in channels:
+                schema = writer.register_schema(kind, "ros2msg", b"this is ~ no definition")
+                channels[topic] = writer.register_channel(topic, encoding, schema)
+            writer.add_message(channels[topic], time, data, time)
         writer.finish()
-    opened = open_bag(file)
+    return open_bag(file)
+
+
+def test_channels_of_other_encodings_and_broken_definitions(tmp_path):
+    """As in files of other programs: JSON beside CDR, a definition that no parser takes, no profile."""
+    data = b"\x00\x01\x00\x00" + struct.pack("<iI", 12, 500_000_000) + struct.pack("<I", 1) + bytes(4 + 16)
+    json = [("/json", "foo/Bar", "json", k, b"{}") for k in range(3)]
+    joints = [("/joint_states", "sensor_msgs/msg/JointState", "cdr", k, data) for k in range(3)]
+    opened = plain(tmp_path / "mixed.mcap", [*json, *joints])
     assert {topic.name: topic.count for topic in opened.topics.values()} == {"/json": 3, "/joint_states": 3}
     assert [message.stamp for message in opened.messages("/joint_states")] == [12_500_000_000] * 3
 
 
 def test_times_that_no_clock_shows_are_bounded(tmp_path):
-    file = tmp_path / "late.mcap"
-    with file.open("wb") as stream:
-        writer = PlainWriter(stream)
-        writer.start(profile="ros2")
-        channel = writer.register_channel("/a", "cdr", writer.register_schema("a/msg/A", "ros2msg", b""))
-        for time in (1, 2**63, 2**64 - 1):
-            writer.add_message(channel, time, b"", time)
-        writer.finish()
-    assert open_bag(file).topics["/a"].arrival.tolist() == [1, 2**63 - 1, 2**63 - 1]
+    opened = plain(tmp_path / "late.mcap", [("/a", "a/msg/A", "cdr", time, b"") for time in (1, 2**63, 2**64 - 1)])
+    assert opened.topics["/a"].arrival.tolist() == [1, 2**63 - 1, 2**63 - 1]
 
 
 def test_parts_of_a_split_recording_are_one_bag(tmp_path):

@@ -116,50 +116,48 @@ SIDEWAYS = turned(*Rotation.from_euler("ZYX", [0.3, 0, -np.pi / 2]).as_quat().to
 """A camera's optical frame: z forwards."""
 
 
+UNKNOWN = poses_of(LOG, odometry, topic="/slam/pose", variances=(0.01, 0.01, 99999.0))
+
+
 @pytest.mark.parametrize(
-    ("turn", "line"),
+    ("messages", "note"),
     [
-        (SIDEWAYS, "its frame is tilted by more than 20° in 80 of 80 poses, by up to 90°: headings left out"),
-        (turned(0.0, 0.0, 0.0, 0.0), "it states no orientation (all quaternions are 0): read without headings"),
-        (turned(0.0, 0.0, 0.0, 1.0), "its heading never changes although it moves: read without headings"),
+        (with_turn(SIDEWAYS), "its frame is tilted by more than 20° in 80 of 80 poses, by up to 90°: headings left"),
+        (with_turn(turned(0.0, 0.0, 0.0, 0.0)), "it states no orientation (all quaternions are 0): read without"),
+        (with_turn(turned(0.0, 0.0, 0.0, 1.0)), "its heading never changes although it moves: read without headings"),
+        (UNKNOWN, "its covariances call the heading unknown: read without headings"),
     ],
 )
-def test_orientations_that_are_no_headings(tmp_path, turn, line):
-    (found,), (note,) = read(tmp_path, with_turn(turn), "/slam/pose")
+def test_orientations_that_are_no_headings(tmp_path, messages, note):
+    (found,), (said,) = read(tmp_path, messages, "/slam/pose")
     assert np.isnan(found.pose[:, 2]).all()
-    assert note.startswith(f"topic /slam/pose: {line}")
+    assert said.startswith(f"topic /slam/pose: {note}")
+    if messages is UNKNOWN:
+        np.testing.assert_array_equal(found.covariance[:, :2, :2], np.tile(0.01 * np.eye(2), (80, 1, 1)))
 
 
-def test_tilt_is_told(tmp_path):
-    (found,), notes = read(tmp_path, with_turn(quaternion(SEEN[10, 2], np.radians(31)), [10]), "/slam/pose")
-    np.testing.assert_allclose(found.pose[:, 2], WRAPPED[:, 2], atol=1e-9)
-    line = "tilted by more than 20° in 1 of 80 poses, by up to 31°: slip is identified in the plane"
-    assert notes == [f"topic /slam/pose: {line}"]
+LONG = turned(0.0, 0.0, 0.0, 2.0)
+TILTED = quaternion(SEEN[10, 2], np.radians(31))
+ASTRAY = [pose_stamped(stamp(0.7), (np.nan, 0.0, 0.0)) if k == 7 else one for k, one in enumerate(poses_of(LOG))]
 
 
-def test_quaternions_that_mean_nothing_are_left_out(tmp_path):
-    long = turned(0.0, 0.0, 0.0, 2.0)
-    (found,), notes = read(tmp_path, with_turn(long, [3, 4]), "/slam/pose")
-    assert len(found.stamp) == 78
-    assert notes == ["topic /slam/pose: 2 of 80 poses left out: the quaternion [0. 0. 0. 2.] is not of unit length"]
-    line = r"topic /slam/pose: the quaternion .* is not of unit length; so are 80 of its 80"
-    with pytest.raises(LogError, match=line):
-        read(tmp_path / "all", with_turn(long), "/slam/pose")
+@pytest.mark.parametrize(
+    ("messages", "without", "note"),
+    [
+        (with_turn(TILTED, [10]), [], "tilted by more than 20° in 1 of 80 poses, by up to 31°: slip is identified in"),
+        (with_turn(LONG, [3, 4]), [3, 4], "2 of 80 poses left out: the quaternion [0. 0. 0. 2.] is not of unit length"),
+        (ASTRAY, [7], "1 of 80 poses left out: x or y is not finite"),
+    ],
+)
+def test_poses_that_mean_nothing_are_left_out(tmp_path, messages, without, note):
+    (found,), (said,) = read(tmp_path, messages, "/slam/pose")
+    np.testing.assert_allclose(found.pose, np.delete(WRAPPED, without, axis=0), atol=1e-9)
+    assert said.startswith(f"topic /slam/pose: {note}")
 
 
-def test_a_variance_that_calls_the_heading_unknown(tmp_path):
-    (found,), notes = read(tmp_path, poses_of(LOG, odometry, variances=(0.01, 0.01, 99999.0)), "/odom")
-    assert np.isnan(found.pose[:, 2]).all()
-    np.testing.assert_array_equal(found.covariance[:, :2, :2], np.tile(0.01 * np.eye(2), (80, 1, 1)))
-    assert notes == ["topic /odom: its covariances call the heading unknown: read without headings"]
-
-
-def test_positions_that_are_not_finite_are_left_out(tmp_path):
-    messages = poses_of(LOG)
-    messages[7] = pose_stamped(stamp(0.7), (np.nan, 0.0, 0.0))
-    (found,), notes = read(tmp_path, messages, "/slam/pose")
-    assert len(found.stamp) == 79
-    assert notes == ["topic /slam/pose: 1 of 80 poses left out: x or y is not finite"]
+def test_a_topic_without_any_orientation_is_refused(tmp_path):
+    with pytest.raises(LogError, match=r"the quaternion .* is not of unit length; so are 80 of its 80"):
+        read(tmp_path, with_turn(LONG), "/slam/pose")
 
 
 @pytest.mark.parametrize("latitude", [0.0, 47.5, -33.0, 89.0])

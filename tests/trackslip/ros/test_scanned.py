@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bags import START, stamp, transform
 from beside import GEOMETRY, LENGTH, THICKNESS, D, compose, drive, teleoperated
-from scanned import other_poses, scan_messages, static_transform, write_session
+from scanned import other_poses, scan_messages, write_session
 from scipy.spatial.transform import Rotation
 
 from trackslip.errors import LogError
@@ -34,13 +35,10 @@ def driven():
     return session(place=OFF)
 
 
-def error(log, driven, frame=None):
+def error(log, driven):
     """Root mean square errors (3,) of the plate's poses in the world."""
     valid = log.is_valid
-    true = driven.path(log.time[valid])
-    if frame is not None:
-        true = compose(frame, true)
-    found = log.pose[valid] - true
+    found = log.pose[valid] - driven.path(log.time[valid])
     found[:, 2] -= 2 * np.pi * np.round(np.median(found[:, 2]) / (2 * np.pi))
     return np.sqrt(np.mean(found**2, axis=0))
 
@@ -83,29 +81,21 @@ def test_where_the_scanner_stands_without_being_told(tmp_path, driven):
     )
 
 
-def test_where_the_scanner_stands_by_transforms(tmp_path, driven):
-    x, y, yaw = MOUNT
-    turn = Rotation.from_euler("z", yaw).as_quat()
+@pytest.mark.parametrize("upside_down", [False, True])
+def test_where_the_scanner_stands_by_transforms(tmp_path, driven, upside_down):
+    """Upside down, its beams run the other way round seen from above."""
+    turn = Rotation.from_euler("z", MOUNT[2])
+    if upside_down:
+        turn = turn * Rotation.from_euler("x", np.pi)
+        driven = replace(driven, angle_min=-driven.angle_min, angle_increment=-driven.angle_increment)
+    turned = dict(zip("xyzw", turn.as_quat().tolist(), strict=True))
     frames = [
-        static_transform("map", "mast", (0, 0, 0), (0, 0, 0, 1)),
-        static_transform("mast", "laser", (x, y, 0.3), turn),
+        transform(START, "map", "mast", (0, 0, 0), topic="/tf_static"),
+        transform(START, "mast", "laser", MOUNT, topic="/tf_static", z=0.3, turn=turned),
     ]
-    path = write_session(tmp_path / "run", "mcap", driven, frames)
-    (one,) = scanned_drives(open_bag(path), CHOICE, [])
+    (one,) = scanned_drives(open_bag(write_session(tmp_path / "run", "mcap", driven, frames)), CHOICE, [])
     np.testing.assert_allclose(one.stand.mount, MOUNT, atol=1e-9)
-    assert one.stand.source == "from transforms, in map"
-    assert error(one.log, driven)[:2].max() < 0.008
-
-
-def test_a_scanner_upside_down(tmp_path, driven):
-    """Its beams run the other way round seen from above; the transforms tell."""
-    x, y, yaw = MOUNT
-    turn = (Rotation.from_euler("z", yaw) * Rotation.from_euler("x", np.pi)).as_quat()
-    frames = [static_transform("map", "laser", (x, y, 0.3), turn)]
-    mirrored = replace(driven, angle_min=-driven.angle_min, angle_increment=-driven.angle_increment)
-    path = write_session(tmp_path / "run", "mcap", mirrored, frames)
-    (one,) = scanned_drives(open_bag(path), CHOICE, [])
-    assert one.stand.upside_down
+    assert (one.stand.source, one.stand.upside_down) == ("from transforms, in map", upside_down)
     assert error(one.log, driven)[:2].max() < 0.008
 
 
@@ -133,42 +123,36 @@ def test_what_a_scanner_may_send(tmp_path, driven):
     assert error(one.log, driven)[:2].max() < 0.008
 
 
+ON_ROBOT = [
+    transform(START, "base_link", "laser", (0.1, 0.0, 0.0), topic="/tf_static"),
+    *(transform(stamp(k / 10), "odom", "base_link", (0.1 * k, 0, 0)) for k in range(20)),
+]
+
+
 @pytest.mark.parametrize(
-    ("choice", "said"),
+    ("messages", "choice", "said"),
     [
-        (replace(CHOICE, scan="/nope"), "it has no topic '/nope'"),
-        (replace(CHOICE, scan="/joint_states"), "needs sensor_msgs/msg/LaserScan"),
-        (replace(CHOICE, plate=Plate(0.1, 0.02)), "no plate of 0.1x0.02 m moves .* what moves is 0.5. m long"),
-        (replace(CHOICE, poses="/odom"), "it has no topic '/odom'"),
+        ([], replace(CHOICE, scan="/nope"), "it has no topic '/nope'"),
+        ([], replace(CHOICE, scan="/joint_states"), "needs sensor_msgs/msg/LaserScan"),
+        ([], replace(CHOICE, plate=Plate(0.1, 0.02)), "no plate of 0.1x0.02 m moves .* what moves is 0.5. m long"),
+        ([], replace(CHOICE, poses="/odom"), "it has no topic '/odom'"),
+        (ON_ROBOT, CHOICE, "topic /scan: .* frame 'laser' moves in 'odom': a scanner beside the field"),
     ],
 )
-def test_what_the_bag_does_not_have(tmp_path, driven, choice, said):
-    path = write_session(tmp_path / "run", "mcap", driven)
+def test_what_the_bag_does_not_have(tmp_path, driven, messages, choice, said):
+    path = write_session(tmp_path / "run", "mcap", driven, messages)
     with pytest.raises(LogError, match=said) as refused:
         scanned_drives(open_bag(path), choice, [])
     assert "\n" not in str(refused.value)
 
 
 def test_which_scanner_must_be_said_where_there_are_two(tmp_path, driven):
-    path = write_session(tmp_path / "run", "mcap", driven, scan_messages(driven, topic="/front"))
-    with pytest.raises(LogError, match="scans may be /front, /scan: choose with --scan TOPIC"):
-        scanned_drives(open_bag(path), CHOICE, [])
-    scanned_drives(open_bag(path), replace(CHOICE, scan="/front"), [])
-
-
-def test_a_scanner_on_the_robot_is_refused(tmp_path, driven):
-    """Its frame is fixed in one that moves."""
-    mounted = static_transform("base_link", "laser", (0.1, 0.0, 0.3), (0, 0, 0, 1))
-    moving = []
-    for k in range(20):
-        _, kind, at, fields = static_transform("odom", "base_link", (0.1 * k, 0, 0), (0, 0, 0, 1), at=k / 10)
-        moving.append(("/tf", kind, at, fields))
-    path = write_session(tmp_path / "run", "mcap", driven, [mounted, *moving])
-    with pytest.raises(LogError, match=r"topic /scan: .* frame 'laser' moves in 'odom': a scanner beside the field"):
-        scanned_drives(open_bag(path), CHOICE, [])
-
-
-def test_empty_scans(tmp_path, driven):
-    path = write_session(tmp_path / "run", "mcap", driven, ranges=np.full(driven.ranges.shape, np.inf))
-    with pytest.raises(LogError, match="topic /scan: its scans have no return"):
-        scanned_drives(open_bag(path), CHOICE, [])
+    empty = np.full(driven.ranges.shape, np.inf)
+    path = write_session(tmp_path / "run", "mcap", driven, scan_messages(driven, topic="/front", ranges=empty))
+    for topic, said in (
+        (None, "scans may be /front, /scan: choose with --scan"),
+        ("/front", "its scans have no return"),
+    ):
+        with pytest.raises(LogError, match=said):
+            scanned_drives(open_bag(path), replace(CHOICE, scan=topic), [])
+    scanned_drives(open_bag(path), replace(CHOICE, scan="/scan"), [])
