@@ -51,7 +51,7 @@ def law_table(found: DriveComparison) -> Table:
     rows: list[tuple[str | Cell, ...]] = []
     for name in found.ranking:
         law = found.laws[name]
-        parameters = [(symbol(key), *_printed(law, key, value)) for key, value in law.values.items()]
+        parameters = [(symbol(name, key), *_printed(law, key, value)) for key, value in law.values.items()]
         rows += parameter_rows(law_cell(name, name == found.best), parameters)
     count = len(found.drives)
     title = f"Slip laws from {'a whole drive' if count == 1 else f'{count} whole drives'}"
@@ -64,7 +64,7 @@ def extra_table(law: DriveFit) -> Table:
     for name, value in law.extras.items():
         text, interval = _printed(law, name, value)
         held = Cell(f"{_HELD}: {law.held[name]}", _HELD) if name in law.held else interval
-        rows.append((EXTRAS[name].title, symbol(name), text, held))
+        rows.append((EXTRAS[name].title, symbol(law.name, name), text, held))
     return Table("Sensor and clock, by the best law", ("of the best law", "", *_VALUES), rows, "llr")
 
 
@@ -78,7 +78,7 @@ def _printed(law: DriveFit, name: str, value: float) -> tuple[str, ...]:
 
 def held_lines(law: DriveFit) -> list[str]:
     """A line for each parameter that was held, with the reason."""
-    return [f"held: {symbol(name)} ({name}), {reason}" for name, reason in law.held.items()]
+    return [f"held: {symbol(law.name, name)} ({name}), {reason}" for name, reason in law.held.items()]
 
 
 def position_table(found: DriveComparison) -> Table:

@@ -38,11 +38,11 @@ def shown(name: str) -> Look:
     return law_looks().get(name) or Look(name)
 
 
-def symbol(parameter: str) -> str:
-    """The symbol of a parameter of a law or of a drive, such as "α outer" for alpha_outer; its name if it has none."""
-    known = (law.parameters[parameter].symbol for law in FAMILIES.values() if parameter in law.parameters)
-    letter, track = next(known, ""), parameter.rpartition("_")[2]
-    return _EXTRA_SYMBOLS.get(parameter) or f"{letter} {track if track in _TRACKS else ''}".strip() or parameter
+def symbol(law: str, parameter: str) -> str:
+    """The symbol of a law's or a drive's parameter, such as "α outer" for alpha_outer; its name if it has none."""
+    parameters, track = FAMILIES[law].parameters, parameter.rpartition("_")[2]
+    letter = parameters[parameter].symbol if parameter in parameters else _EXTRA_SYMBOLS[parameter]
+    return f"{letter} {track if track in _TRACKS and parameter in parameters else ''}".strip() or parameter
 
 
 def prediction_title(name: str) -> str:

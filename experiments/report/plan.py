@@ -27,7 +27,7 @@ def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
             percent(error / size),
             significant(None if paper is None else factor * paper.stderr[name], unit),
         )
-        rows.append((symbol(name), *values))
+        rows.append((symbol(plan.law, name), *values))
     title = f"{limits.duration:g} s in {limits.area_text} m: what {plan.law} will be known to"
     Table(title, _EXPECTED, rows).print()
     x, y, heading = plan.start

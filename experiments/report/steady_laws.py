@@ -40,14 +40,19 @@ def law_table(found: Identification) -> Table:
     for name, law in comparison.laws.items():
         parameters = [
             (
-                symbol(key),
+                symbol(name, key),
                 *with_error(value, law.stderr[key], unit_of(name, key), law.interval95[key], law.bootstrap95.get(key)),
             )
             for key, value in law.values.items()
         ]
         rows += parameter_rows(law_cell(name, best=name == comparison.best), parameters)
     published = [
-        (symbol(key), f"{value:g} {unit_of('exponential', key)[1]}".rstrip().replace("-", "−"), MISSING, MISSING)
+        (
+            symbol("exponential", key),
+            f"{value:g} {unit_of('exponential', key)[1]}".rstrip().replace("-", "−"),
+            MISSING,
+            MISSING,
+        )
         for key, value in vars(PUBLISHED).items()
     ]
     rows += parameter_rows(law_cell("published"), published)

@@ -251,7 +251,9 @@ def plan_study(
         mine, theirs = (predicted[case].get(name) for case in (PLAN, PAPER))
         columns = (mine, real[PLAN][name], theirs, real[PAPER][name])
         printed = [significant(None if error is None else factor * error, unit) for error in columns]
-        rows.append((symbol(name), *printed[:2], number(real[PLAN][name] / mine if mine else None, 2), *printed[2:]))
+        rows.append(
+            (symbol(plan.law, name), *printed[:2], number(real[PLAN][name] / mine if mine else None, 2), *printed[2:])
+        )
     title = f"A drive in MuJoCo, measured {repeats} times: standard deviations between measurements"
     shown: list[Table | str] = []
     if truth is not None:

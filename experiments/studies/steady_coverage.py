@@ -72,7 +72,7 @@ def steady_coverage(config: Config, world: World, run: Run) -> Study:
         *_checks("grids, noise alone", noise, config.run_repeats, 0.94, 0.96),
         *_checks("grids, 95 % interval", whole, config.run_repeats, 0.95, 1.0),
     ]
-    bias = " and ".join(f"{symbol(key)} by {value:+.6f}" for key, value in lean.items())
+    bias = " and ".join(f"{symbol(RUN_LAW, key)} by {value:+.6f}" for key, value in lean.items())
     shown: list[Table | str] = [
         _law_table(values, known, unknown, config.repeats),
         _run_table(noise, whole, config.run_repeats),
@@ -97,7 +97,7 @@ def _law_table(
     rows = []
     for law, drawn in values.items():
         for k, (name, value) in enumerate(drawn.items()):
-            letter = f"{symbol(name)} [{FAMILIES[law].parameters[name].unit or '-'}]"
+            letter = f"{symbol(law, name)} [{FAMILIES[law].parameters[name].unit or '-'}]"
             both = (_share(shares[law][name], repeats) for shares in (known, unknown))
             rows.append((law if k == 0 else "", letter, f"{value:+.4f}", *both))
     title = f"Share of {repeats} repeats whose 95 % interval covers the parameter"
@@ -105,7 +105,7 @@ def _law_table(
 
 
 def _run_table(noise: Values, whole: Values, repeats: int) -> Table:
-    rows = [(symbol(name), *(_share(one[name], repeats) for one in (noise, whole))) for name in noise]
+    rows = [(symbol(RUN_LAW, name), *(_share(one[name], repeats) for one in (noise, whole))) for name in noise]
     title = f"Share of {repeats} grids whose {RUN_LAW} interval covers the value fitted to the true motion"
     return Table(title, ("parameter", "noise alone", "95 % interval"), rows)
 

@@ -55,6 +55,9 @@ def test_own_slip_law(run, tmp_path):
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     for shown in ("linear in curvature", "outer: o + k / R", "<strong>k</strong>: growth of slip with curvature"):
         assert shown in page
+    row = re.search(r"<tr[^>]*>(?:(?!</tr>).)*linear in curvature.*?</tr>", page, re.DOTALL)
+    assert row is not None
+    assert ">o<" in row[0], "not the D of constant ICRs, whose parameter has the same name"
 
 
 def test_own_controller(run):

@@ -183,7 +183,7 @@ def clock_offset(found: DriveComparison) -> Figure:
 def drive_correlations(law: DriveFit) -> Figure:
     """Correlation matrix of all parameters fitted."""
     figure, axes = style.subplots(1.2 + 0.38 * len(law.free))
-    draw_matrix(axes, law.correlation, [symbol(name) for name in law.free], prediction_title(law.name))
+    draw_matrix(axes, law.correlation, [symbol(law.name, name) for name in law.free], prediction_title(law.name))
     return figure
 
 

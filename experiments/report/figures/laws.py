@@ -171,7 +171,7 @@ def correlations(laws: Sequence[SteadyFit]) -> Figure:
     figure, axes = style.subplots(3.7, 1, 2)
     axes[1].set_visible(len(laws) > 1)
     for axis, law in zip(axes, laws, strict=False):
-        draw_matrix(axis, law.correlation, [symbol(name) for name in law.values], shown(law.name).label)
+        draw_matrix(axis, law.correlation, [symbol(law.name, name) for name in law.values], shown(law.name).label)
     return figure
 
 

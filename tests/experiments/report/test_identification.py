@@ -131,7 +131,7 @@ def test_every_family_is_shown_with_its_formula_and_symbols():
     for name, family in FAMILIES.items():
         assert name in law_looks()
         assert shown(name).formula != shown("a law of the user").formula
-        assert all(symbol(parameter) != parameter for parameter in family.names)
+        assert all(symbol(name, parameter) != parameter for parameter in family.names)
 
 
 def test_slip_against_speed_and_radius(either):
