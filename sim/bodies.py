@@ -87,7 +87,7 @@ class Bodies:
         qpos[rows, 3:7] = np.column_stack([np.cos(half), zero, zero, np.sin(half)])
 
     def _put_back(self, rows: np.ndarray, start: Array) -> None:
-        """Undo the last micrometre that the robots `rows` (R,) moved from poses (R, 3) while they came to rest."""
+        """Undo the micrometre by which the robots `rows` (R,) drifted from poses (R, 3) while settling."""
         qpos = self._place
         qpos[rows, :2] = start[:, :2]
         half_turn = (start[:, 2] - self._wrapped_heading()[rows]) / 2
@@ -106,7 +106,7 @@ class Bodies:
         self.batch.state[rows], self._heading[rows] = snapshot
 
     def _placed(self, rows: Rows) -> Array:
-        """Where the robots `rows` (R,) are (4, R): position x, y [m], cosine and sine of the heading."""
+        """Positions of the robots `rows` (R,), (4, R): x, y [m], cosine and sine of the heading."""
         w, x, y, z = self._quaternion.T
         place = np.empty((4, self.size))
         place[:2] = self._place[:, :2].T

@@ -86,7 +86,7 @@ class Fleet(Bodies):
         self._sensed = self._substeps, robot.model.nsensordata  # what the engine records of a period
         self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
         self.pull = pull or Pull()
-        """What they tow."""
+        """Pull on all robots."""
         self._drawbar = Drawbar(self.pull, robot, self.batch) if self.pull.force > 0 else None
         self._centre: Array | None = None  # (N, 3), live, once a centre of mass is moved
         self._periods = 0  # since the start
@@ -232,7 +232,7 @@ class Fleet(Bodies):
         self._ground.tilt(rows)
 
     def _tow(self, rows: Rows) -> None:
-        """Let the robots `rows` (R,) feel what they tow, as they will be directed in the middle of the next period."""
+        """Apply the pull to the robots `rows` (R,), along their headings in the middle of the next period."""
         if self._drawbar is not None:
             heading = self._wrapped_heading()[rows] + self._velocity[rows, 5] * self.period / 2
             self._drawbar.apply(rows, heading, self._drawbar.acts(self._ran()[rows]))
@@ -246,7 +246,7 @@ class Fleet(Bodies):
         self._ground.restore(rows, snapshot[2:])
 
     def _settle(self, rows: np.ndarray, start: Array, duration: float) -> None:
-        """Let the robots `rows` (R,) come to rest for `duration` [s], and put them at the poses `start` (R, 3)."""
+        """Settle the robots `rows` (R,) for `duration` [s], then place them at the poses `start` (R, 3)."""
         self._ground.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))

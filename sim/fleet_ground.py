@@ -61,7 +61,7 @@ class FleetGround:
         return self._ground.varies
 
     def put(self, grounds: Sequence[Ground], rows: np.ndarray | None = None) -> None:
-        """Put all robots, or the robots `rows` (R,), on `grounds`, one each; `lay` and `tilt` write them to the engine.
+        """Assign `grounds`, one each, to all robots or to `rows` (R,); `lay` and `tilt` write them to the engine.
 
         Raises InvalidValueError for ground that shears under robots that were not built for it.
         """
@@ -94,7 +94,7 @@ class FleetGround:
         self._share(rows)
 
     def _share(self, rows: Rows) -> None:
-        """Let the share of the friction act that the shear of the ground allows the robots `rows` (R,)."""
+        """Scale the pads' friction by the share that shear has mobilised under the robots `rows` (R,)."""
         friction = self._surface[rows, ..., :2]
         self._pads[rows] = friction if self._shear is None else friction * self._shear.share[rows][..., None]
 
@@ -105,15 +105,15 @@ class FleetGround:
             self._share(rows)
 
     def harden(self, rows: Rows) -> None:
-        """Let the friction act in full under the robots `rows` (R,)."""
+        """Mobilise the full friction under the robots `rows` (R,)."""
         if self._shear is not None:
             self._shear.forget(rows)
             self._share(rows)
 
     def hold(self, rows: np.ndarray, heading: Array, drawbar: Array, height: float) -> None:
-        """Shear the ground as far as it must be to hold the robots `rows` (R,), with headings (R,) [rad], at rest.
+        """Shear the ground by the least displacement that holds the robots `rows` (R,), at headings (R,) [rad].
 
-        `drawbar` (R,) is the force of what they tow, backwards along them at a `height` [m], over their normal force.
+        `drawbar` (R,) is the towing force, backwards at a `height` [m], over the normal force.
         """
         if self._shear is None:
             return

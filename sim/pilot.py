@@ -1,4 +1,4 @@
-"""What steers some robots of a fleet: a controller, and the slip law by which its twists become sprocket speeds."""
+"""Pilot: a controller of some robots of a fleet, and the slip compensation of its twists."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Pilot:
     robots: Sequence[int]
     compensation: Compensation = field(default_factory=FixedLaw)
     preview: float = 0.0
-    """How far ahead the controller looks: set it to the delay between command and motion [s]."""
+    """Look-ahead time of the controller: the delay between command and motion [s]."""
 
     @cached_property
     def _loaded(self) -> SensesLoad | None:

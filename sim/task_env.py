@@ -55,7 +55,7 @@ class Task(Protocol):
 
 @dataclass(frozen=True)
 class TaskKind:
-    """What the environments of a task are made of."""
+    """Classes from which a task's environments are built."""
 
     configuration: type
     """Dataclass of the task's options."""

@@ -189,7 +189,7 @@ def floor(fit: Calibration, target: Target) -> Calibration:
 
 
 def undetermined(jacobian: Array) -> tuple[np.ndarray, np.ndarray]:
-    """Parameters (k,) that residuals with this Jacobian (n, k) don't determine, and those of them to hold (k,).
+    """Parameters (k,) undetermined by residuals with this Jacobian (n, k), and the subset to hold fixed (k,).
 
     These are parameters without effect, and those that compensate each other: directions with a large condition index
     of the Jacobian with columns of unit length (Belsley, Kuh and Welsch 1980). The last parameter of each such

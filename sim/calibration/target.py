@@ -76,7 +76,7 @@ class MeasuredTurns:
 
     samples: SlipSamples
     geometry: RobotGeometry
-    """Geometry to which the slips refer, whatever that of the robot being calibrated."""
+    """Geometry that defines the slips, whatever the calibrated robot's."""
     of_plate: bool = False
     """Whether the twists are those of the plate, as the scanner sees them, rather than those of the tracks."""
 
@@ -90,13 +90,13 @@ class MeasuredTurns:
         return self.samples.omega
 
     def residual(self, twist: Array, geometry: RobotGeometry) -> Array:
-        """Residuals (n,) of the track speeds over that of the faster track: no pole where the slower one is at rest."""
+        """Residuals (n,) of the track speeds over the faster track's, which has no pole where the slower one rests."""
         difference = track_speeds(twist - self.samples.twist, self.geometry.half_gauge)
         fastest = np.abs(self.samples.omega).max(axis=1, keepdims=True) * self.geometry.sprocket_radius
         return (difference / fastest / SLIP_SCALE).ravel()
 
     def slip_rms(self, twist: Array, geometry: RobotGeometry) -> float:
-        """RMS error of the slips of both tracks, but of those whose sprocket stands [-]."""
+        """RMS error of the slips of both tracks, except where a sprocket rests [-]."""
         error = track_slip(self.samples.omega, twist, self.geometry) - self.samples.slip
         return rms(error[~np.isnan(error)])
 

@@ -18,13 +18,13 @@ MAX_SLOPE = 1.5
 MAX_SHEAR = 0.2
 """Largest shear modulus [m]."""
 UNLESS_ZERO = {"stored_unless": 0.0}
-"""Metadata of a field that is left out of files where it is zero, so that these are as they were before it existed."""
+"""Metadata of a field that is left out of files where it is zero, omitting it keeps older files unchanged."""
 _MAX_PATCHES = 10_000  # largest number of patches of a ground, and of changes
 
 
 @dataclass(frozen=True)
 class Patch:
-    """A rectangle of another ground, aligned with the world's axes. It acts on pads whose centres are on it."""
+    """An axis-aligned rectangle with its own friction, applied to pads whose centres lie on it."""
 
     x: tuple[float, float]
     """From, to, along the world's x axis [m]; may be infinite."""
@@ -35,7 +35,7 @@ class Patch:
     across: float
     """Friction coefficient across the track [-]."""
     shear: float | None = field(default=None, metadata={"stored_unless": None})
-    """Shear modulus; None for that of the ground around it [m]."""
+    """Shear modulus; None to keep the surrounding ground's [m]."""
 
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)

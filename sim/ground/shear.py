@@ -31,7 +31,6 @@ _FLAT = 1e-6  # smallest variation over a cell that is accounted for, over the s
 _HELD = 1.02  # share of the friction at rest over the one needed, so that nothing slides
 _MOST_AT_REST = 0.999
 _ROUNDS = 10
-_NEAR = LARGEST / math.sqrt(2)  # no displacement is beyond LARGEST while both its parts are less
 _TINY = 1e-300
 _FRONT, _REAR = -1, 0
 _Rows = np.ndarray | slice
@@ -75,7 +74,7 @@ class Shear:
         self._moved[:, :, rows], self.share[rows] = moved.transpose(1, 2, 0, 3), share
 
     def forget(self, rows: _Rows) -> None:
-        """Let the friction act in full under the robots `rows` (R,), as on Coulomb ground."""
+        """Mobilise the full friction under the robots `rows` (R,), as on Coulomb ground."""
         self._moved[:, :, rows], self.share[rows] = 0.0, 1.0
 
     def advance(self, rows: _Rows, before: Array, after: Array, belt: Array, modulus: Array) -> None:
@@ -96,9 +95,8 @@ class Shear:
             place = place + part
         ahead = new + (new - old) * (_AHEAD / self._period)
         by_track = _by_track(modulus)
-        if np.abs(new).max() > _NEAR * by_track.min():
-            size, most = np.sqrt(new[:, 0] ** 2 + new[:, 1] ** 2), LARGEST * by_track
-            new = new * np.where(size > most, most / np.maximum(size, _TINY), 1.0)[:, None]
+        size, most = np.sqrt(new[:, 0] ** 2 + new[:, 1] ** 2), LARGEST * by_track
+        new = new * np.where(size > most, most / np.maximum(size, _TINY), 1.0)[:, None]
         self._moved[:, :, rows] = new
         self.share[rows] = _share(np.sqrt(ahead[:, 0] ** 2 + ahead[:, 1] ** 2), by_track, belt)
 
@@ -112,7 +110,7 @@ class Shear:
         return new
 
     def rest(self, rows: np.ndarray, heading: Array, load: Array, push: Array, surface: Array) -> None:
-        """Let the ground under the robots `rows` (R,) at rest give way just as far as it must to hold them.
+        """Shear the ground under the robots `rows` (R,), at rest, by the least displacement that holds them.
 
         Args:
             rows: the robots.
@@ -155,10 +153,8 @@ def _interpolated(moved: Array, c: Array) -> Array:
     bend = slope[1:] - slope[:-1]
     # from parabola to cubic, with a second point upstream
     third = (bend[1:] - bend[:-1]) * (c * (square - 1) / 6)
-    if forwards.any():
-        new[:-1] += np.where(forwards, third, 0.0)
-    if backwards.any():
-        new[1:] += np.where(backwards, third, 0.0)
+    new[:-1] += np.where(forwards, third, 0.0)
+    new[1:] += np.where(backwards, third, 0.0)
     return new
 
 
@@ -169,8 +165,7 @@ def _by_track(values: Array) -> Array:
 
 def _share(distance: Array, modulus: Array, belt: Array) -> Array:
     """Shares (R, P) after displacements (p, R, 2) [m] over moduli (p, R, 2) [m], of belts with speeds (R, 2)."""
-    soft = modulus.min() > 0
-    a = distance / (modulus if soft else np.where(modulus > 0, modulus, 1.0))
+    a = distance / np.where(modulus > 0, modulus, 1.0)
     half = np.empty_like(a)  # of the change over a cell
     half[1:-1] = (a[2:] - a[:-2]) / 4
     half[_FRONT] = np.where(belt > 0, a[_FRONT], (a[-1] - a[-2]) / 2)
@@ -178,6 +173,5 @@ def _share(distance: Array, modulus: Array, belt: Array) -> Array:
     half = np.maximum(np.minimum(np.abs(half), a), _FLAT)
     # in this form no exponential grows beyond 1, however firm the ground
     share = np.maximum(1 - (np.exp(half - a) - np.exp(-half - a)) / (2 * half), LEAST_SHARE)
-    if not soft:
-        share = np.where(modulus > 0, share, 1.0)
+    share = np.where(modulus > 0, share, 1.0)
     return share.transpose(1, 2, 0).reshape(len(belt), -1)

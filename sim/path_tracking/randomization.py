@@ -54,7 +54,7 @@ class Randomization:
     patch_size: Range = (0.3, 1.0)
     """Side length of the patches [m]."""
     patch_friction: Range = (0.5, 1.0)
-    """Friction of the patches over that of the ground; across is also multiplied by another `friction_ratio` [-]."""
+    """Ratio of the patches' friction to the ground's; across is also scaled by a drawn `friction_ratio` [-]."""
     shear: Range | None = None
     """Shear modulus of the ground, patches included; None for the ground's own [m]."""
     lag: Range | None = None

@@ -17,7 +17,7 @@ from sim.path_tracking.randomization import MAX_LATENCY
 from sim.robot.robot import load_robot
 from sim.task_env import clipped_actions
 from trackslip.errors import require
-from trackslip.kinematics import Array, columns, left_and_right, limit_sprocket_speeds
+from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
@@ -122,7 +122,7 @@ class PathTracking:
         self._error = body_errors(self._pose, desired)
         exact = self._measured is self._pose  # what is observed is the truth
         self._seen_error = self._error if exact else body_errors(self._measured, desired)
-        ahead, left, turn = columns(self._error)
+        ahead, left, turn = self._error.T
         distance = np.hypot(ahead, left)
         self._success &= distance <= LOST
         self.terminated = ~((distance <= self.config.off_path) & (self.fleet.upright() > _TIPPED))
@@ -138,11 +138,10 @@ class PathTracking:
 
     def info(self) -> dict[str, Array]:
         """Further quantities by name, as arrays (N, ...), some of them the task's own; the keys are always the same."""
-        twist, geometry, slip = self.fleet.twist(), self.fleet.robot.geometry, np.empty((self.size, 2))
-        v, _, w = columns(twist)
-        speeds, omegas = left_and_right(v, w, geometry.half_gauge), columns(self.fleet.drive.omega)
-        for side, (speed, omega) in enumerate(zip(speeds, omegas, strict=True)):
-            slip[:, side] = _slip(speed, omega, geometry.sprocket_radius)
+        twist, geometry, omega = self.fleet.twist(), self.fleet.robot.geometry, self.fleet.drive.omega
+        rests = np.abs(omega) < _STANDING
+        belts = np.where(rests, 1.0, omega) * geometry.sprocket_radius
+        slip = np.where(rests, 0.0, 1 - track_speeds(twist[:, ::2], geometry.half_gauge) / belts)
         return {
             "time": self._k * PERIOD,  # [s]
             "reference": self._reference,  # index in `table.names`
@@ -159,29 +158,25 @@ class PathTracking:
         }
 
 
-def _slip(speed: Any, omega: Any, radius: float) -> Any:
-    """Slip (...) of tracks at speeds (...) [m/s] whose sprockets turn at `omega` (...) [rad/s]; 0 where they rest."""
-    rests = abs(omega) < _STANDING
-    return (1 - rests) * (1 - speed / (radius * omega + rests)) + 0.0
-
-
-def reward_terms(reward: Reward, distance: Any, heading: Any, change: Array, terminated: Any) -> Array:
+def reward_terms(reward: Reward, distance: Array, heading: Array, change: Array, terminated: np.ndarray) -> Array:
     """The terms of `config.Reward`, (5, N) in the order of `TERMS`.
 
     They depend on position and heading errors (N,) [m, rad], the change of the actions (N, 2) [-], and whether episodes
-    have terminated (N,). For one robot, all but the change may be plain numbers.
+    have terminated (N,).
     """
-    terms = np.empty((len(TERMS), len(change)))
-    left, right = columns(change)
-    terms[0] = reward.weight_alive
-    terms[1] = -reward.weight_position * _bounded_square(distance / reward.position_scale)
-    terms[2] = -reward.weight_heading * _bounded_square(heading / reward.heading_scale)
-    terms[3] = -reward.weight_change * (left * left + right * right) / 8
-    terms[4] = -reward.weight_termination * terminated
-    return terms
+    left, right = change.T
+    return np.stack(
+        [
+            np.full(len(change), reward.weight_alive),
+            -reward.weight_position * _bounded_square(distance / reward.position_scale),
+            -reward.weight_heading * _bounded_square(heading / reward.heading_scale),
+            -reward.weight_change * (left * left + right * right) / 8,
+            -reward.weight_termination * terminated,
+        ]
+    )
 
 
-def _bounded_square(z: Any) -> Any:
+def _bounded_square(z: Array) -> Array:
     """s(z) of `config.Reward`."""
     square = z * z
     return square / (1 + square)

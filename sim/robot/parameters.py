@@ -98,7 +98,7 @@ class RobotParameters:
 
 
 def load_robot_file(path: Path | None) -> tuple[RobotParameters, Ground]:
-    """Load the fields of RobotParameters and, from the table `ground`, those of Ground; missing ones are the defaults.
+    """Load RobotParameters and, from the table `ground`, a Ground; missing fields keep their defaults.
 
     None is the shipped robot on its ground. Raises SettingsFileError for an unreadable file and invalid fields.
     """

@@ -16,7 +16,7 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate
 
 FIELD = Path(models.__file__).parent / "field.xml"
-"""The robot on the paper's field, with the laser range finder beside it."""
+"""Model of the robot on the paper's field, with the laser range finder."""
 SCANNED_GROUP = 0
 """Geom group that the laser range finder sees."""
 VISUAL_GROUP = 1

@@ -91,7 +91,7 @@ def load_tracked(source: str | Path = "rescue") -> TrackedRobot:
     """The robot of that name (`TRACKED_ROBOTS`), or of a robot file.
 
     Raises:
-        InvalidValueError: for a name that is neither.
+        InvalidValueError: for an unknown name that is no file.
         SettingsFileError: for a file that can't be read, unknown or missing fields and values that aren't allowed.
     """
     path = Path(TRACKED_ROBOTS.get(str(source), source))

@@ -25,7 +25,7 @@ _STEPS = 61  # from the angle asked for to the highest
 
 
 class Terrain(Protocol):
-    """What a robot can be put on."""
+    """Terrain that a robot can be placed on."""
 
     @property
     def friction(self) -> float:
@@ -42,7 +42,7 @@ class TrackedModel:
     model: mujoco.MjModel
     robot: TrackedRobot
     tracks: tuple[Tracks, ...]
-    """For `sim.tracks.bind`: those of the chassis, then of each flipper."""
+    """Tracks to pass to `sim.tracks.bind`: the chassis' pair, then one per flipper."""
     body: int
     """The chassis."""
     free: tuple[int, int]

@@ -108,7 +108,7 @@ class Walker:
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Everything in the field besides the plate that beams may hit."""
+    """Everything in the field, except the plate, that beams may hit."""
 
     posts: tuple[Post, ...] = ()
     walls: tuple[Wall, ...] = ()
@@ -196,7 +196,7 @@ from x = -4.7 to 1.7 and up to y = 6.3. No obstacle stands in the way of a robot
 
 
 def load_obstacles(source: str) -> Obstacles:
-    """Load named obstacles, or those of a TOML file with tables `[[posts]]`, `[[walls]]` and `[[walkers]]`.
+    """Load obstacles by name, or from a TOML file with tables `[[posts]]`, `[[walls]]` and `[[walkers]]`.
 
     Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
     """

@@ -89,7 +89,7 @@ class LaserScanner:
 
     @property
     def ideal(self) -> LaserScanner:
-        """The same scanner, whose ranges are the true ones."""
+        """The same scanner without measurement errors."""
         return replace(self, noise=0.0, dropout=0.0, quantisation=0.0, range_bias=0.0)
 
     @property

@@ -100,7 +100,7 @@ class Course:
 
     @cached_property
     def solids(self) -> tuple[Solid, ...]:
-        """What the course is made of; level blocks that continue each other are one, without an edge between them."""
+        """Solids of the course; adjoining level blocks are merged, so that no edge lies between them."""
         solids: list[Solid] = []
         last = 0  # index of the last level block
         for solid in (solid for placed in self.placed for solid in placed.solids):
@@ -121,12 +121,12 @@ class Course:
 
     @property
     def floor(self) -> float:
-        """Height of the floor beside and below the course [m]."""
+        """Height of the surrounding floor [m]."""
         return float(self.bounds[0, 2]) - _CLEARANCE
 
     @property
     def start(self) -> tuple[float, float, float, float]:
-        """Where a robot begins: x, y, height of the ground [m] and heading [rad]; 1 m before the first piece."""
+        """Start pose: x, y, height of the ground [m] and heading [rad]; 1 m before the first piece."""
         return -min(_START_BEFORE, self.start_length / 2), 0.0, 0.0, 0.0
 
     @property

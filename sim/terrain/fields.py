@@ -1,4 +1,4 @@
-"""Pieces that are height fields: rough ground, heights of the user's, PNG pictures and meshes."""
+"""Pieces that are height fields: rough ground, given heights, PNG pictures and meshes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Rough:
     amplitude: float = 0.1
     """From the lowest to the highest point [m]."""
     exponent: float = 3.0
-    """Power per area of wave numbers falls with the wave number to this power; 3: that of roads (ISO 8608)."""
+    """Exponent with which spectral power per area falls with the wave number; 3 as of roads (ISO 8608)."""
     cell: float = 0.1
     """Size of a cell of the height field [m]."""
     blend: float = 0.5
@@ -83,7 +83,7 @@ def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -
 
 @dataclass(frozen=True, eq=False)
 class HeightField:
-    """Heights of the user's; the mean of the first column is at the height of what is before, and so on."""
+    """Given heights; the mean of the first column joins the piece before, that of the last the piece behind."""
 
     heights: Array
     """Heights (rows, columns) [m]: rows along y, to the left, columns along x, the way to drive."""

@@ -58,7 +58,7 @@ def _require_angle(value: float) -> None:
 
 @dataclass(frozen=True)
 class Site:
-    """Where a piece is placed."""
+    """Place of a piece on its course."""
 
     x: float
     """Where it begins [m]."""

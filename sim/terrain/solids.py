@@ -24,7 +24,7 @@ _NO_TURNING = 0.005, 0.0001  # torsional and rolling friction, MuJoCo's defaults
 
 @dataclass(frozen=True)
 class Base:
-    """What the solids of a course stand on, and what their geoms have in common."""
+    """Properties shared by the geoms of a course."""
 
     floor: float
     """Height of the floor below the course [m]."""
@@ -35,9 +35,9 @@ class Base:
     y: float = 0.0
     """Place of the course's origin in the world [m]."""
     name: str = "course"
-    """What the names of its geoms, and of all else that it adds to the model, begin with."""
+    """Prefix of the names of everything the course adds to the model."""
     looks: bool = True
-    """Whether to draw what carries slopes, too."""
+    """Whether to draw the supports of slopes."""
 
 
 class Solid(Protocol):
@@ -125,7 +125,7 @@ class Box:
             self._add_skirt(spec, f"{name}/skirt", base)
 
     def _add_skirt(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
-        """Draw what carries a sloping box: from its lower face to the floor. It collides with nothing."""
+        """Draw the support of a sloping box, from its lower face to the floor; it doesn't collide."""
         signs = np.array([[i, j, -1.0] for i in (-1, 1) for j in (-1, 1)])
         lower = self.centre + signs * self.half @ self.rotation.T + [base.x, base.y, 0.0]  # (4, 3)
         below = np.column_stack([lower[:, :2], np.full(4, base.floor)])
@@ -171,7 +171,7 @@ class Grid:
 
 
 def look(colour: Colour, base: Base) -> dict[str, Any]:
-    """What all geoms of a course share, whatever the model's defaults, as arguments of `add_geom`."""
+    """Arguments of `add_geom` common to all geoms of a course, overriding the model's defaults."""
     return {
         "rgba": list(colour),
         "material": f"{base.name}/lines",

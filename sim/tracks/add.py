@@ -26,7 +26,7 @@ SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Bits of what a contact sensor reports of each contact: found, force, dist, normal, tangent, linvel."""
 _MAX_SEGMENTS = 40
 _MAX_HALF_GAUGE = 10.0  # [m]
-_SLOTS = {"both": 64, "left": 32, "right": 32}  # contacts that a sensor reports; fine height fields may cause more
+_SLOTS = 64  # contacts that a sensor reports; fine height fields may cause more
 _MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
 _SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
 
@@ -101,7 +101,7 @@ def add_tracks(
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             reftype=mujoco.mjtObj.mjOBJ_BODY,
             refname=track,
-            intprm=[SENSED, _MAX_FORCE, _SLOTS[side]],
+            intprm=[SENSED, _MAX_FORCE, _SLOTS],
         )
     pair = float(friction[0]), float(friction[1])
     tracks = Tracks(names, shape, recipe, pair, load, count, parts)
@@ -134,7 +134,7 @@ class Tracks(TrackParts):
         return replace(self, names=tuple(prefix + name for name in self.names))
 
     def connect(self, spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> None:
-        """Let these tracks touch the geoms `terrain` of the spec; see `sim.tracks.connect.connect`."""
+        """Add contacts between these tracks and the geoms `terrain`; see `sim.tracks.connect.connect`."""
         connect(spec, self, terrain)
 
     def bind(self, model: mujoco.MjModel) -> Belts:

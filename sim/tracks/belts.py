@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 class _Map:
-    """Where T tracks are in a compiled model."""
+    """Indices of T tracks in a compiled model."""
 
     def __init__(self, model: mujoco.MjModel, tracks: tuple[TrackParts, ...]) -> None:
         require(tracks, "tracks", tracks, "at least one")
@@ -40,12 +40,8 @@ class _Map:
         counts = [len(names) for each in tracks for names in each.geoms]
         self.track = np.repeat(np.arange(len(self.names)), counts)
         self.direction = np.array([part.direction for each in tracks for _ in each.names for part in each.parts])
-        address, slots = model.sensor_adr[sensors], model.sensor_dim[sensors] // SENSED_WIDTH
-        self.groups = []  # tracks of equally many slots: which, and where theirs are (T', C, SENSED_WIDTH)
-        for count in sorted(set(slots.tolist())):
-            which = np.flatnonzero(slots == count)
-            place = np.arange(count * SENSED_WIDTH).reshape(count, SENSED_WIDTH)
-            self.groups.append((which, address[which, None, None] + place))
+        slots = np.arange(model.sensor_dim[sensors[0]]).reshape(-1, SENSED_WIDTH)
+        self.slots = model.sensor_adr[sensors, None, None] + slots  # (T, C, SENSED_WIDTH) in the sensor data
 
     def surface(self, speeds: Floats) -> Floats:
         """Surface velocities (..., G, 6) of the geoms for belt speeds (..., T)."""
@@ -53,13 +49,8 @@ class _Map:
 
     def read(self, sensordata: Floats, axes: Floats, speeds: Floats) -> Reading:
         """Reading from sensor data (..., S), the tracks' axes to the left (..., T, 3), and speeds (..., T)."""
-        parts = []
-        for which, place in self.groups:
-            used = max(1, int(sensordata[..., place[:, 0, 0]].max()))  # the first slots are filled first
-            parts.append(read_contacts(sensordata[..., place[:, :used]], axes[..., which, :], speeds[..., which]))
-        order = np.argsort(np.concatenate([which for which, _ in self.groups]))
-        columns = [np.concatenate([getattr(part, each.name) for part in parts], axis=-1) for each in fields(Reading)]
-        return Reading(*(column[..., order] for column in columns))
+        used = max(1, int(sensordata[..., self.slots[:, 0, 0]].max()))  # the first slots are filled first
+        return read_contacts(sensordata[..., self.slots[:, :used]], axes, speeds)
 
 
 class Belts:

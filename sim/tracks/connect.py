@@ -179,7 +179,7 @@ def connect_cores(spec: mujoco.MjSpec, ground: str, tracks: TrackParts) -> None:
 
 
 def mobility(model: mujoco.MjModel, tracks: TrackParts, mass: float) -> tuple[float, float]:
-    """Largest ratio [-] of the squared frequencies of a robot on its tracks to that of its heave.
+    """Largest ratio [-] of a robot's squared natural frequencies on its tracks to its squared heave frequency.
 
     The second number is the largest inverse mass of a point of the tracks along its normal [1/kg]. Each run stands on
     springs that together carry the robot's `mass` [kg]. A box on two tracks has about 2 in roll; a light flipper on its

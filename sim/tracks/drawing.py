@@ -1,4 +1,4 @@
-"""What a track looks like: band, shoes and wheels, which move with the belt and are drawn only, never simulated."""
+"""Drawing of tracks: band, shoes and wheels move with the belt; none of them is simulated."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class TrackLook:
     """Width of the belt [m]."""
 
     def pieces(self, travel: Array | float) -> Pieces:
-        """Everything that is drawn after the belt has driven `travel` (...) [m] forwards."""
+        """Pieces to draw after the belt has travelled `travel` (...) [m] forwards."""
         travel = np.asarray(travel, float)
         wheels = [self._wheel(wheel, travel) for wheel in self._wheels()]
         found = _joined([self._band(travel), self._shoes(travel), *wheels])
@@ -176,7 +176,7 @@ class DrawnTracks:
     """
 
     def __init__(self, model: mujoco.MjModel, *tracks: TrackParts, width: float = 0.08) -> None:
-        """Get ready to draw belts of some `width` [m].
+        """Prepare to draw belts of a `width` [m].
 
         Raises InvalidValueError if the model lacks one of the tracks, and for a width that isn't positive.
         """

@@ -62,7 +62,7 @@ class Hull:
     def from_wheels(cls, wheels: Sequence[Sequence[float]]) -> Hull:
         """Hull of wheels (x, z, radius) [m] in the order of the belt, clockwise or not, from any of them on.
 
-        Wheels that the belt passes without bending carry nothing of their own and are left out.
+        Wheels around which the belt does not bend are omitted.
 
         Raises:
             InvalidValueError: for fewer than two wheels, numbers out of range, a wheel inside another, and a chain that

@@ -21,7 +21,7 @@ _MAX_PUSH = 0.5
 _MAX_BRAKE = 1.0
 """Share of its speed that a contact may take from a light body in one physics step; more would turn it round [-]."""
 IMPRATIO = 1e4
-"""How much stiffer friction is than the soft normal direction [-]."""
+"""Ratio of frictional to normal constraint impedance [-]."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ class Reward:
     weight_reached: float = 5.0
     """Reward, once, for crossing the course [-]."""
     weight_failed: float = 5.0
-    """Penalty, once, for an end that is neither that nor the end of the time [-]."""
+    """Penalty, once, for failing: tipped, fallen, stuck or exploded [-]."""
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -87,7 +87,7 @@ class TraverseConfig:
     reward: Reward = field(default_factory=Reward)
     """The reward of a step."""
     limits: Limits = field(default_factory=Limits)
-    """Where episodes end."""
+    """Limits that end an episode."""
     servos: Servos = field(default_factory=Servos)
     """Servos of belts and flippers."""
 

@@ -1,4 +1,4 @@
-"""What tracks do on the ground: in a control period from samples of their contacts, and at each point of contact."""
+"""Track contacts: means over a control period, and points and forces in a state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STILL = 1e-3  # belt speed below which slip is not defined [m/s]
 
 @dataclass
 class TrackContact:
-    """What the T tracks of N robots did in a control period, (N, T) each."""
+    """Contacts of the T tracks of N robots over a control period, (N, T) each."""
 
     traction: Array  # mean force of the ground along the belt, positive forwards [N]
     load: Array  # mean normal force [N]
@@ -58,7 +58,7 @@ class TrackContact:
             getattr(self, name)[rows] = values[rows]
 
     def clear(self, rows: NDArray[np.int_]) -> None:
-        """Forget what the robots `rows` (R,) did."""
+        """Reset the robots `rows` (R,)."""
         self.put(rows, TrackContact.none(*self.load.shape))
 
 

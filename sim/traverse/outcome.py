@@ -1,4 +1,4 @@
-"""How a run over a course ends."""
+"""Outcomes of runs over courses, and the limits that decide them."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Outcomes = NDArray[np.int_]
 
 
 class Outcome(IntEnum):
-    """State or end of a run. If several apply, the one that is named last here counts."""
+    """State or end of a run. If several apply, the last in this list counts."""
 
     DRIVING = 0
     """The run goes on."""
     TIME = 1
-    """The time is over."""
+    """It ran out of time."""
     STUCK = 2
-    """The belts ran without getting the robot anywhere."""
+    """The belts ran, but the robot made no progress."""
     REACHED = 3
     """The robot has crossed the course."""
     FELL = 4
@@ -42,7 +42,7 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True)
 class Limits:
-    """Where a run ends."""
+    """Limits that end a run."""
 
     time: float = 60.0
     """Longest run [s]."""
@@ -66,7 +66,7 @@ class Limits:
 
 
 class StuckWatch:
-    """Finds robots whose belts run without getting them anywhere."""
+    """Detects robots that make no progress although their belts run."""
 
     def __init__(self, limits: Limits, size: int, period: float) -> None:
         """`size` robots, observed once in every control `period` [s]."""

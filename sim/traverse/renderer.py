@@ -29,7 +29,7 @@ class CourseRenderer(TaskRenderer):
         self._travel[list(rows)] = 0.0
 
     def follow(self) -> None:
-        """Let the drawn belts run as far as the true ones."""
+        """Advance the drawn belts with the simulated ones."""
         self._travel += self._task.world.contact.belt * self._task.config.period
 
     def pose(self, row: int) -> None:

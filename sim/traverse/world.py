@@ -1,4 +1,4 @@
-"""Robots with tracks on courses: N of them in a batch, each on its own, in control periods."""
+"""Traverse: N tracked robots in a batch, each crossing its own course in control periods."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Traverse:
         self.servo = ServoState(self.servos, size, len(self.flippers.length))
         """Belt speeds, and what the flippers' motors are set to."""
         self.contact = TrackContact.none(size, len(self.track_names))
-        """What the tracks did in the last control period."""
+        """Track contacts of the last control period."""
         self.course: list[Course] = [courses[0]] * size
         """Course of each robot."""
         self._laid: list[Course | None] = [None] * size
@@ -270,7 +270,7 @@ class Traverse:
 
 
 def _multiple(name: str, value: float, of: str, unit: float) -> int:
-    """How many times `value` is `unit`; raises InvalidValueError unless that is whole."""
+    """Ratio of `value` to `unit`; raises InvalidValueError unless it is a whole number."""
     require_positive(name, value)
     count = round(value / unit)
     require(count >= 1 and abs(count * unit - value) < 1e-9, name, value, f"a multiple of {of}, {unit:g} s")

@@ -1,1 +1,1 @@
-"""Drives as people make them: sprocket commands of teleoperation, the motion that follows, poses of any sensor."""
+"""Simulated teleoperated drives: sprocket commands, the motion that follows, and poses of any sensor."""

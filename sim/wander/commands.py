@@ -1,4 +1,4 @@
-"""Track speeds of a driver with a lever for each track."""
+"""Track speeds commanded by a driver with one lever per track."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STRAIGHT = 4.0  # on each side of a loop [s]
 
 @dataclass(frozen=True)
 class Driver:
-    """What a driver keeps to, and reckons with."""
+    """Limits of a driver, and the half gauge assumed for turns."""
 
     max_speed: float = 0.3
     """Largest speed of a track [m/s]."""

@@ -32,7 +32,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class SlipVariation:
-    """How motion departs from its law.
+    """Random departures of the motion from its slip law.
 
     White slip adds an independent error to each step, its variance growing with the distance driven: the mean of
     |V_l| and |V_r|, integrated. Slip that lasts is a relative error of each track's speed: an Ornstein-Uhlenbeck
@@ -57,7 +57,7 @@ class SlipVariation:
 
 
 WHITE = SlipVariation(along=0.002, across=0.002, turning=0.005)
-"""Slip as white as that of the shipped robot on stone: 2 mm, 2 mm and 5 mrad per sqrt(m)."""
+"""White slip of the shipped robot on stone: 2 mm, 2 mm and 5 mrad per sqrt(m)."""
 LASTING = SlipVariation(lasting=0.02)
 """Slip of 2 % that lasts 3 s."""
 
@@ -69,9 +69,9 @@ class LawMotion:
     law: SlipLaw
     geometry: RobotGeometry
     variation: SlipVariation = WHITE
-    """What is random in its motion."""
+    """Random part of the motion."""
     turning_centre: float = 0.0
-    """x_icr: forward place of the point without lateral speed, whose lateral speed else is -x_icr w [m]."""
+    """x_icr: forward coordinate of the ICR; the lateral speed of the origin is -x_icr w [m]."""
     drift: float = 0.0
     """c: lateral speed outwards, -c v w [s]."""
     lag: float = 0.0
@@ -114,7 +114,7 @@ class LawMotion:
         return self.variation.lasting * scipy.signal.lfilter([1.0], [1.0, -keep], shocks, axis=0)
 
     def _delayed(self, twist: Array, step: float) -> Array:
-        """Twists (F, 2) behind those of the belts by the lag, means over each step; the robot starts at rest."""
+        """Twists (F, 2), means over each step, that lag behind the belts; the robot starts at rest."""
         if self.lag == 0:
             return twist
         keep = np.exp(-step / self.lag)

@@ -1,4 +1,4 @@
-"""A sensor of poses, with everything that makes poses hard to use: noise, clock, jumps, gaps, mounting."""
+"""Pose sensors with realistic errors: noise, clock, jumps, gaps, mounting."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _AT_ONCE = 500  # scans
 
 @dataclass(frozen=True)
 class PoseSource:
-    """Where the poses of a log come from."""
+    """A sensor of poses and its errors."""
 
     rate: float = 20.0
     """Poses per second [Hz]."""

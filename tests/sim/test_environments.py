@@ -39,23 +39,6 @@ def test_gymnasium_finds_no_fault(name, options):
     check_env(gym.make(name, **options).unwrapped, skip_render_check=True)
 
 
-def drive(env, seed, steps):
-    env.action_space.seed(seed)
-    results = [env.reset(seed=seed)]
-    for _ in range(steps):
-        results.append(env.step(env.action_space.sample()))
-    return results
-
-
-@pytest.mark.parametrize(("name", "options"), VARIANTS)
-def test_an_episode_follows_from_its_seed(name, options):
-    env, steps = gym.make(name, **options), 50 if name == TRACKING else 5
-    first, other, again = (drive(env, seed, steps) for seed in (3, 4, 3))
-    for same in (again, drive(gym.make(name, **options), 3, steps)):
-        assert all(data_equivalence(a, b, exact=True) for a, b in zip(first, same, strict=True))
-    assert not data_equivalence(first[-1], other[-1], exact=True)
-
-
 def assert_same(one, two):
     for a, b in zip(one, two, strict=True):
         if isinstance(a, dict):

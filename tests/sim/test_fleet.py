@@ -66,16 +66,6 @@ def test_the_grid_is_driven_upright_with_drives_that_do_not_saturate(robot):
     np.testing.assert_allclose(fleet.load().sum(axis=1), robot.mass * 9.81, rtol=1e-3)
 
 
-def test_traction_on_straight_ground_is_what_accelerates(robot):
-    fleet = Fleet(robot, np.zeros((1, 3)), drive=Drive(lag=0.5, period=0.005))  # slow, so that force is sampled well
-    fleet.command([3.0, 3.0])
-    impulse = 0.0
-    for _ in range(300):
-        fleet.advance(fleet.period)
-        impulse += fleet.traction().sum() * fleet.period
-    assert impulse == pytest.approx(robot.mass * fleet.twist()[0, 0], rel=0.02)
-
-
 def test_headings_are_unwrapped(robot):
     fleet = Fleet(robot, [[0.0, 0.0, 7.0], [0.0, 0.0, -4.0]])
     np.testing.assert_allclose(fleet.pose()[:, 2], [7.0, -4.0], atol=1e-9)

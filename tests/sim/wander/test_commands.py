@@ -49,18 +49,6 @@ def test_random_driving_has_straights_turns_both_ways_stops_and_reversals(seed):
         assert kind.mean() > 0.01
 
 
-def test_stop_and_go_holds_constant_speeds_between_stops():
-    speeds = commands("stop_and_go", 1)
-    changes = np.abs(np.diff(speeds, axis=0)).max(axis=1)
-    begins = np.flatnonzero(np.diff(np.r_[1, changes > 0, 1]) == -1)
-    ends = np.flatnonzero(np.diff(np.r_[1, changes > 0, 1]) == 1)
-    held = speeds[begins]
-    stops = ~held.any(axis=1)
-    assert stops[1::2].all()
-    assert not stops[::2].any()
-    assert ((ends - begins)[:-1][~stops[:-1]] / RATE > 3.4).all()
-
-
 @pytest.mark.parametrize(("driving", "rounds"), [("eights", 2), ("loop", 2)])
 def test_figures_close_for_the_half_gauge_that_the_driver_reckons_with(driving, rounds):
     driver = Driver(half_gauge=0.213, acceleration=100.0)  # a short ramp, which would shift the figure

@@ -7,7 +7,6 @@ import pytest
 
 from sim.fleet import Fleet
 from sim.loop import open_loop
-from sim.run_recorder import Description
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
 from trackslip import se2
@@ -87,29 +86,6 @@ def test_lateral_speed_follows_turning_centre_and_drift():
     _, twist = moved.drive(omega, RATE, np.random.default_rng(0))
     v, lateral, w = twist.T
     np.testing.assert_allclose(lateral, -0.03 * w - 0.02 * v * w, atol=1e-15)
-
-
-ABOUT = [Description("one"), Description("two")]
-
-
-def test_sprockets_follow_their_commands_with_the_servos_lag(robot):
-    fleet = Fleet(robot, np.zeros((2, 3)), threads=1)
-    time = np.arange(101) / 50
-    omega = 2 * np.sin(2 * np.pi * time / 2.0)[:, None, None] * [[[1.0, 1.0], [1.0, -1.0]]]
-    straight, spinning = open_loop(fleet, omega, 2.0, descriptions=ABOUT, period=1 / 50)
-    np.testing.assert_allclose(straight.time, time)
-    np.testing.assert_array_equal(straight.command, omega[:, 0])
-    np.testing.assert_array_equal(straight.pose, straight.truth.pose)
-    keep, speed, mean = np.exp(-0.01 / 0.05), np.zeros(2), [np.zeros(2)]
-    for command in np.repeat(omega[:-1, 0], 2, axis=0):  # two periods of the servo for each of the encoders
-        after = command + (speed - command) * keep
-        mean.append(command + (speed - command) * (1 - keep) * 0.05 / 0.01)
-        speed = after
-    expected = np.concatenate([[mean[0]], np.reshape(mean[1:], (-1, 2, 2)).mean(axis=1)])
-    count = 2 * np.pi / 100_000 * 50  # of the encoders, as a speed
-    np.testing.assert_allclose(straight.omega, expected, atol=1.01 * count)
-    assert np.abs(straight.pose[:, 2]).max() < 0.01
-    assert np.abs(spinning.pose[:, 2]).max() > 0.2
 
 
 def test_a_rate_that_the_servo_does_not_know_is_refused(robot):
