@@ -19,7 +19,7 @@ from experiments.storage.manifest import changes, digest, made_by
 from experiments.storage.plain_json import plain
 from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE, write_whole
 from trackslip.errors import LogError, TrackslipError
-from trackslip.logs.file_format import require_known_manifest
+from trackslip.logs.file_format import known_manifest
 from trackslip.logs.logfile import StoredRuns, join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
 
@@ -148,7 +148,7 @@ class StoredParts(dict[str, Stored]):
         """Raise LogError for results of a newer version, or with a damaged manifest or summary."""
         file = self._out / SUMMARY_FILE
         try:
-            require_known_manifest(self._out)
+            known_manifest(self._out)
             if (self._out / MANIFEST_FILE).exists() and file.exists():
                 json.loads(file.read_text(encoding="utf-8"))
         except LogError as error:

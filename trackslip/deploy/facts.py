@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
 import math
 import shlex
@@ -10,6 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from trackslip.deploy.prediction import gain_lines, prediction_errors
+from trackslip.logs.file_format import installed_version
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.law_file import NO_SLIP, StoredLaws, entry, laws_content, number, text, texts
 
@@ -28,7 +28,7 @@ def fact_lines(stored: StoredLaws, law: str) -> list[str]:
     """The facts about a law as lines of ASCII, for comments."""
     robot = stored.geometry
     lines = [
-        f"Slip law {law}: {FAMILIES[law].title}. Written by trackslip {_version()}; SI units, radians.",
+        f"Slip law {law}: {FAMILIES[law].title}. Written by trackslip {installed_version()}; SI units, radians.",
         *_parameter_lines(stored, law),
         f"Robot: half gauge b = {robot.half_gauge!r} m, sprocket radius r = {robot.sprocket_radius!r} m",
         *_origin_lines(stored),
@@ -148,10 +148,3 @@ def _plain(line: str) -> str:
         while closing in ascii_only:
             ascii_only = ascii_only.replace(closing, f"{closing[0]} {closing[1]}")
     return ascii_only if len(ascii_only) <= _MAX_LENGTH else f"{ascii_only[: _MAX_LENGTH - 4]} ..."
-
-
-def _version() -> str:
-    try:
-        return importlib.metadata.version("trackslip")
-    except importlib.metadata.PackageNotFoundError:  # a checkout that isn't installed
-        return "(unknown version)"

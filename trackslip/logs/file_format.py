@@ -27,24 +27,38 @@ def require_known_format(content: Mapping[str, Any], source: object) -> None:
         versions = content.get("versions")
         writer = versions.get("trackslip") if isinstance(versions, Mapping) else None
         by = f"trackslip {writer}" if writer else "a newer trackslip"
-        try:
-            this = f"trackslip {importlib.metadata.version('trackslip')}"
-        except importlib.metadata.PackageNotFoundError:
-            this = "this trackslip"
+        this = f"trackslip {installed_version()}"
         raise LogError(f"{source}: written by {by} in format {found}; {this} reads formats up to {FORMAT}")
 
 
-def require_known_manifest(folder: Path) -> None:
-    """Raise LogError if the manifest of a folder of results is damaged or from a newer version."""
-    file = folder / MANIFEST
+def installed_version() -> str:
+    """The version of trackslip, "(unknown version)" in a checkout that isn't installed."""
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:  # the log of a real robot
-        return
+        return importlib.metadata.version("trackslip")
+    except importlib.metadata.PackageNotFoundError:
+        return "(unknown version)"
+
+
+def known_manifest(folder: Path) -> Mapping[str, Any]:
+    """The manifest of a folder of results, empty where there is none, as in a folder of a real robot's logs.
+
+    Raises LogError if it is damaged or from a newer version.
+    """
+    file = folder / MANIFEST
+    if not file.exists():
+        return {}
+    content = read_json(file)
+    if not isinstance(content, Mapping):
+        raise LogError(f"{file}: not a manifest")
+    require_known_format(content, file)
+    return content
+
+
+def read_json(file: Path) -> Any:
+    """The content of a JSON file; raises LogError if it cannot be read."""
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise LogError(f"{file}: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
         raise LogError(f"{file}: not JSON ({error})") from error
-    if not isinstance(content, Mapping):
-        raise LogError(f"{file}: not a manifest")
-    require_known_format(content, file)

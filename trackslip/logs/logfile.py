@@ -19,7 +19,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError, LogWarning, first_line
-from trackslip.logs.file_format import require_known_manifest
+from trackslip.logs.file_format import known_manifest
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import file_metadata, stored_text, to_table
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
@@ -86,7 +86,7 @@ def runs_file(path: Path) -> Path:
             return path
         if not (path / RUNS).is_file():
             raise LogError(f"{path}: there is no {RUNS} in this folder")
-        require_known_manifest(path)
+        known_manifest(path)
     except OSError as error:
         raise LogError(f"path = {str(path)[:80]!r}: {error.strerror}") from error
     return path / RUNS

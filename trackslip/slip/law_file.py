@@ -13,7 +13,7 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError, OutputError
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.file_format import FORMAT, MANIFEST, require_known_format, require_known_manifest
+from trackslip.logs.file_format import FORMAT, known_manifest, read_json, require_known_format
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
 from trackslip.slip.families import FAMILIES, RETIRED, family, law_from_values, retired_note
@@ -132,22 +132,9 @@ def read_stored(path: Path, robot: RobotGeometry | None = None) -> StoredLaws:
 
     Raises LogError as `load_laws` does.
     """
-    manifest: Mapping[str, Any] = {}
     file = path / "summary.json" if path.is_dir() else path
-    try:
-        if path.is_dir():
-            require_known_manifest(path)
-            about = path / MANIFEST
-            manifest = json.loads(about.read_text(encoding="utf-8")) if about.is_file() else {}
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except LogError:
-        raise
-    except OSError as error:
-        raise LogError(f"{file}: {error.strerror}") from error
-    except RecursionError as error:
-        raise LogError(f"{file}: not JSON of slip laws (nested too deeply)") from error
-    except ValueError as error:
-        raise LogError(f"{file}: not JSON ({error})") from error
+    manifest = known_manifest(path) if path.is_dir() else {}
+    content = read_json(file)
     _parsed(content, file)  # errors name the whole path
     # the name goes into comments of other programs, so folders of this machine have no place in it
     name = file.name if file == path else f"{path.resolve().name}/{file.name}"
