@@ -67,16 +67,15 @@ class SideView:
         return self.centre_of_mass[1] - self.ground
 
     @property
-    def rear(self) -> Array:
-        """The last wheel that touches level ground, (3,) [m]."""
+    def standing(self) -> Array:
+        """The wheels that touch level ground, (S, 3) from rear to front [m]."""
         standing = self.wheels[self.wheels[:, 1] - self.wheels[:, 2] < self.ground + _TOUCHES]
-        return standing[np.argmin(standing[:, 0])]
+        return standing[np.argsort(standing[:, 0])]
 
     @property
     def touching(self) -> tuple[float, float]:
         """Rear and front x of the contact with level ground in the robot's frame [m]."""
-        x = self.wheels[self.wheels[:, 1] - self.wheels[:, 2] < self.ground + _TOUCHES, 0]
-        return float(x.min()), float(x.max())
+        return float(self.standing[0, 0]), float(self.standing[-1, 0])
 
 
 def friction_angle(friction: ArrayLike) -> Array:

@@ -30,9 +30,7 @@ class Feedforward(ControlLaw):
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """The twist of the reference for each of the poses (..., 3), (..., 2)."""
-        twist = np.empty((*np.shape(pose)[:-1], 2))
-        twist[...] = reference.twist(time)
-        return twist
+        return np.broadcast_to(reference.twist(time), (*np.shape(pose)[:-1], 2)).copy()
 
 
 @dataclass(frozen=True)
@@ -41,12 +39,8 @@ class ErrorFeedback(ControlLaw, ABC):
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""
-        errors = body_errors(pose, reference.pose(time))
-        twist = np.empty((*errors.shape[:-1], 2))
-        twist[..., 0], twist[..., 1] = self._command(
-            reference.twist(time), (errors[..., 0], errors[..., 1], errors[..., 2])
-        )
-        return twist
+        e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
+        return np.stack(self._command(reference.twist(time), (e_x, e_y, e_phi)), axis=-1)
 
     @abstractmethod
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
@@ -69,10 +63,7 @@ class LinearTimeVarying(ErrorFeedback):
     def gains(self, twist: ArrayLike) -> Array:
         """(k1, k2, k3) (..., 3) at reference twists (..., 2); Eqs. 29-30."""
         k1 = 2 * self.damping * natural_frequency(twist, self.stiffness)
-        gains = np.empty((*k1.shape, 3))
-        gains[..., 0] = gains[..., 2] = k1
-        gains[..., 1] = self.stiffness * np.abs(np.asarray(twist, float)[..., 0])
-        return gains
+        return np.stack([k1, self.stiffness * np.abs(np.asarray(twist, float)[..., 0]), k1], axis=-1)
 
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         """Eq. 31."""

@@ -74,11 +74,6 @@ class FilterTuning:
         require(self.patience >= 1, "patience", self.patience, "an integer >= 1")
         require(self.memory >= 1, "memory", self.memory, "finite and >= 1")
 
-    @property
-    def spreads(self) -> tuple[float, float, float]:
-        """Standard deviations of (g, epsilon, c) without prior knowledge."""
-        return self.gain_spread, self.radius_error_spread, self.centre_spread
-
 
 class IcrFilter:
     """Estimates pose, D and epsilon of N robots, independently of each other."""
@@ -92,6 +87,8 @@ class IcrFilter:
     ) -> None:
         """Start at known poses (N, 3) from the D and epsilon of `law`, or from D = epsilon = 0 if nothing is known."""
         self._geometry, self._tuning = geometry, tuning or FilterTuning()
+        spreads = (self._tuning.gain_spread, self._tuning.radius_error_spread, self._tuning.centre_spread)
+        self._spreads = np.array(spreads)  # of g, epsilon and c
         pose = np.atleast_2d(np.asarray(start, float))
         n = len(pose)
         self.state = np.zeros((n, 6))
@@ -152,7 +149,7 @@ class IcrFilter:
         pose_walks = (tuning.position_walk, tuning.position_walk, tuning.heading_walk)
         walks = (*pose_walks, tuning.gain_walk, tuning.radius_error_walk, tuning.centre_walk)
         self.covariance[:, np.arange(6), np.arange(6)] += excited * np.square(walks)
-        for k, most in enumerate(tuning.spreads, 3):
+        for k, most in enumerate(self._spreads, 3):
             over = self.covariance[:, k, k] > most**2  # never less certain than at the start
             shrink = np.where(over, most / np.sqrt(self.covariance[:, k, k]), 1.0)
             self.covariance[:, k, :] *= shrink[:, None]
@@ -197,7 +194,7 @@ class IcrFilter:
         self.state[rows, :3] = pose
         self.covariance[rows] = 0.0
         self.covariance[rows[:, None, None], np.arange(3)[:, None], np.arange(3)] = noise
-        self.covariance[rows, 3:, 3:] = np.diag(np.square(self._tuning.spreads)) * share**2
+        self.covariance[rows, 3:, 3:] = np.diag((share * self._spreads) ** 2)
         self._drift[rows], self._drift_variance[rows], self._rejected[rows] = 0.0, 0.0, 0
 
 

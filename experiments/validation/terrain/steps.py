@@ -49,7 +49,7 @@ def step(subject: Subject, preset: str, friction: float, threads: int) -> StepLi
     """Find the highest step that a robot climbs."""
     stand = subject.stand(SingleStep(friction), preset)
     expected = highest_step(stand.view, friction)
-    ahead, height, (_, _, radius) = stand.view.ahead, stand.view.height, stand.view.rear
+    ahead, height, (_, _, radius) = stand.view.ahead, stand.view.height, stand.view.standing[0]
     low, high = max(1e-3, expected - _AROUND), expected + _AROUND
     found = limit(lambda heights: _climb(stand, heights, threads), low, high, ROWS, ROUNDS)
     return StepLimit(found, expected, friction, float(tip_over_step(ahead, height, radius)))
