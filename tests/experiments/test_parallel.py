@@ -168,14 +168,29 @@ LONGEST = 5.0  # until an interrupted command has ended [s]
 STARTED = 1.0  # until when Python may not have got as far as our first lines on a busy machine [s]
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+WAYS = ((signal.SIGINT, os.killpg), (signal.SIGTERM, os.kill)) if os.name == "posix" else ()
+
+
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize(("number", "send"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.kill)])
-def test_an_interrupted_command_ends_at_once_and_leaves_nothing(command, number, send, tmp_path):
-    after = random.Random(f"{command} {number}").uniform(0.1, 3.0)
-    environment = {**os.environ, "TMPDIR": str(tmp_path / "tmp"), "PYTHONPATH": str(Path(__file__).parents[2])}
-    (tmp_path / "tmp").mkdir()
-    whole = [sys.executable, "-m", "experiments", command, *COMMANDS[command], "--out", str(tmp_path / "out")]
+@pytest.mark.parametrize("way", WAYS)
+def test_an_interrupted_command_ends_at_once_and_leaves_nothing(command, way, tmp_path):
+    interrupt(command, random.Random(f"{command} {way}").uniform(0.1, 3.0), *way, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("seed", range(60 if WAYS else 0))
+def test_three_hundred_interrupts(command, seed, tmp_path):
+    """A quarter of an hour, at any moment of a command and shortly after its end."""
+    rng = random.Random(f"{command} {seed}")
+    interrupt(command, rng.uniform(0.1, 8.0), *rng.choice(WAYS), tmp_path)
+
+
+def interrupt(command, after, number, send, folder):
+    """Start a command and interrupt it after some time [s]; check how it ends and what it leaves."""
+    environment = {**os.environ, "TMPDIR": str(folder / "tmp"), "PYTHONPATH": str(Path(__file__).parents[2])}
+    (folder / "tmp").mkdir()
+    whole = [sys.executable, "-m", "experiments", command, *COMMANDS[command], "--out", str(folder / "out")]
     with subprocess.Popen(
         whole, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as process:
@@ -193,7 +208,7 @@ def test_an_interrupted_command_ends_at_once_and_leaves_nothing(command, number,
         return
     lines = [re.sub(" with .*", "", line) for line in said.splitlines() if not PROGRESS.fullmatch(line)]
     assert (process.returncode, lines) in ((0, []), (130, ["trackslip: interrupted"]))
-    assert unfinished(tmp_path / "out", tmp_path / "tmp") == []
+    assert unfinished(folder / "out", folder / "tmp") == []
 
 
 def processes_of(group, until):
