@@ -64,16 +64,16 @@ def _print_topics(bag: "RosBag", choice: BagChoice) -> None:
     from trackslip.ros.readers import short_type
     from trackslip.ros.sources import overview
 
-    found = overview(bag, choice)
+    uses, taken, doubts = overview(bag, choice)
     rows = [
         (name, short_type(topic.type), str(topic.count), number(topic.rate, 1), number(topic.longest_gap, 2))
         for name, topic in bag.topics.items()
     ]
-    rows += [(name, "transforms", MISSING, MISSING, MISSING) for name in found.uses if name not in bag.topics]
+    rows += [(name, "transforms", MISSING, MISSING, MISSING) for name in uses if name not in bag.topics]
     begin, end = bag.span
-    used = [(*row, found.uses.get(row[0], "")) for row in rows]
+    used = [(*row, uses.get(row[0], "")) for row in rows]
     Table(f"{bag.path}: {(end - begin) / 1e9:.1f} s", _HEADER, used).print()
-    for line in (*found.taken, *(f"warning: {line}" for line in (*bag.notes, *found.doubts))):
+    for line in (*taken, *(f"warning: {line}" for line in (*bag.notes, *doubts))):
         print(line)
 
 

@@ -19,12 +19,12 @@ from trackslip.ros.encoders import Encoders, by_drive, read_encoders
 from trackslip.ros.files import is_bag
 from trackslip.ros.poses import Poses, read_poses
 from trackslip.ros.scanned import scanned_drives
-from trackslip.ros.sources import Kind, pose_source
+from trackslip.ros.sources import PoseOrigin, pose_source
 from trackslip.ros.stamps import seconds
 
 _MANY = 0.05  # share of poses without encoders that is worth a line [-]
 _APART = 1.0  # difference of clocks that is worth a line [s]
-_PERHAPS_WHEELS = (Kind.TRANSFORMS, Kind.FUSED, Kind.WHEELS)
+_PERHAPS_WHEELS = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
 
 
 def load(path: str | Path, bag: BagChoice | None = None) -> list[RunLog]:
@@ -93,8 +93,9 @@ def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tu
             notes.append(
                 f"{seen.source}: {outside} of {len(seen.stamp)} poses left out: {turned.topic} doesn't cover them"
             )
-        log = _checked(_log(part, turned, seen), turned, seen, source.kind, choice, notes)
-        found.append((log, f"{turned.taken}; poses: {source.name} ({source.kind.value})"))
+        perhaps_wheels = source.origin in _PERHAPS_WHEELS
+        log = _checked(_log(part, turned, seen), turned, seen, perhaps_wheels, choice, notes)
+        found.append((log, f"{turned.taken}; poses: {source.name} ({source.origin.value})"))
     return found
 
 
@@ -103,15 +104,13 @@ def _log(name: str, encoders: Encoders, poses: Poses) -> RunLog:
     read = encoders.stamp
     within = (poses.stamp >= read[0]) & (poses.stamp <= read[-1])
     stamp = np.union1d(read, poses.stamp[within])
-    seen = np.searchsorted(stamp, poses.stamp[within])
+    valid = np.isin(stamp, poses.stamp[within])
     pose = np.full((len(stamp), 3), np.nan)
-    pose[seen] = poses.pose[within]
-    valid = np.zeros(len(stamp), bool)
-    valid[seen] = True
+    pose[valid] = poses.pose[within]
     covariance = None
     if poses.covariance is not None:
         covariance = np.full((len(stamp), 3, 3), np.nan)
-        covariance[seen] = poses.covariance[within]
+        covariance[valid] = poses.covariance[within]
     headed = np.isfinite(pose[:, 2])
     pose[headed, 2] = np.unwrap(pose[headed, 2])
     about = {**encoders.about, "poses": poses.source, "start": int(stamp[0]) / 1e9}
@@ -126,7 +125,9 @@ def _log(name: str, encoders: Encoders, poses: Poses) -> RunLog:
     )
 
 
-def _checked(log: RunLog, encoders: Encoders, poses: Poses, kind: Kind, choice: BagChoice, notes: list[str]) -> RunLog:
+def _checked(
+    log: RunLog, encoders: Encoders, poses: Poses, perhaps_wheels: bool, choice: BagChoice, notes: list[str]
+) -> RunLog:
     """The log, with notes of what looks wrong; an encoder that counts backwards beyond doubt is turned round.
 
     Raises LogError if poses that nobody asked for repeat the wheels.
@@ -140,7 +141,7 @@ def _checked(log: RunLog, encoders: Encoders, poses: Poses, kind: Kind, choice: 
     if motions is None:
         return log
     from_wheels = repeated(motions)
-    if from_wheels == REPEATED_POSES and kind in _PERHAPS_WHEELS:
+    if from_wheels == REPEATED_POSES and perhaps_wheels:
         raise LogError(f"{poses.source}: {from_wheels}; --poses chooses others, or these if they were measured")
     if from_wheels is not None:
         notes.append(f"{poses.source}: {from_wheels}")

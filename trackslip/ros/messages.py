@@ -85,8 +85,8 @@ def definitions() -> Any:
 
 
 @dataclass(frozen=True)
-class Topic:
-    """Messages of one type."""
+class Publication:
+    """A topic to write: its messages, all of one type."""
 
     name: str
     kind: str
@@ -142,11 +142,11 @@ def twist(of: Array, covariance: Array | None = None) -> Fields:
     return fields if covariance is None else {"twist": fields, "covariance": _in_space(covariance, len(of))}
 
 
-def transforms(name: str, stamps: Stamps, frames: tuple[str, str], of: Array, latched: bool = False) -> Topic:
+def transforms(name: str, stamps: Stamps, frames: tuple[str, str], of: Array, latched: bool = False) -> Publication:
     """A topic of tf2_msgs/TFMessage with one transform each: the pose of the second of `frames` in the first."""
     moved = {"translation": {"x": of[:, 0], "y": of[:, 1]}, "rotation": _quaternion(of[:, 2])}
     one = {"header": header(stamps, frames[0]), "child_frame_id": frames[1], "transform": moved}
-    return Topic(name, "tf2_msgs/msg/TFMessage", stamps, {"transforms": one}, latched)
+    return Publication(name, "tf2_msgs/msg/TFMessage", stamps, {"transforms": one}, latched)
 
 
 def _quaternion(heading: Array) -> Fields:

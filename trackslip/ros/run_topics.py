@@ -14,7 +14,7 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog
 from trackslip.ros import geodesy
-from trackslip.ros.messages import Stamps, Topic, header, pose, transforms, twist
+from trackslip.ros.messages import Publication, Stamps, header, pose, transforms, twist
 
 PoseMessage = Literal["PoseWithCovarianceStamped", "PoseStamped", "Odometry"]
 """Message types of poses, as SLAM, motion capture and visual odometry publish them."""
@@ -45,21 +45,21 @@ class RunTopics:
             driven = body_twist(log.omega[1:], 0.0, geometry)
             self._odom = se2.chain(np.zeros(3), se2.advance(np.zeros(3), driven, np.diff(log.time)))
 
-    def encoders(self) -> Iterator[Topic]:
+    def encoders(self) -> Iterator[Publication]:
         """The sprockets' motion."""
         log, read = self._log, self._read
         stamps = self._stamps(log.time[read])
         turned = log.omega[1:] * np.diff(log.time)[:, None]
         angle = np.concatenate([np.zeros((1, 2)), np.cumsum(turned, axis=0)])
         joints = {"header": header(stamps), "name": JOINTS, "position": angle[read], "velocity": log.omega[read]}
-        yield Topic("/joint_states", "sensor_msgs/msg/JointState", stamps, joints)
+        yield Publication("/joint_states", "sensor_msgs/msg/JointState", stamps, joints)
         if self._geometry is not None and self._odom is not None:
             driven = _planar(body_twist(log.omega[read], 0.0, self._geometry))
             odom, frames = self._odom[read], ("odom", "base_link")
             yield _odometry("/odom", stamps, frames, odom, _WHEEL_COVARIANCE, driven, _WHEEL_COVARIANCE)
             yield transforms("/tf", stamps, frames, odom)
 
-    def commands(self) -> Iterator[Topic]:
+    def commands(self) -> Iterator[Publication]:
         """The body twists commanded by a controller, or else by sprocket speeds if nothing slipped."""
         log, commanded = self._log, self._log.twist_command
         if commanded is None and log.command is not None and self._geometry is not None:
@@ -68,7 +68,7 @@ class RunTopics:
             given = self._read & np.isfinite(commanded).all(axis=1)
             yield command_topic("/cmd_vel", self._stamps(log.time[given]), commanded[given])
 
-    def poses(self, kind: PoseMessage, covariance: Array | None) -> Iterator[Topic]:
+    def poses(self, kind: PoseMessage, covariance: Array | None) -> Iterator[Publication]:
         """The measured poses, and the transforms that localization publishes with them."""
         log = self._log
         errors = np.zeros((3, 3)) if covariance is None else np.asarray(covariance, float)
@@ -84,7 +84,7 @@ class RunTopics:
                 yield _odometry(name, stamps, frames, seen, errors[headed], still, _UNKNOWN)
             else:
                 content = pose(seen) if kind == "PoseStamped" else pose(seen, errors[headed])
-                yield Topic(
+                yield Publication(
                     name, f"geometry_msgs/msg/{kind}", stamps, {"header": header(stamps, "map"), "pose": content}
                 )
             if kind == "PoseWithCovarianceStamped" and self._odom is not None:
@@ -94,7 +94,7 @@ class RunTopics:
         if rest.any():
             yield _fixes("/fix", self._stamps(log.time[rest]), log.pose[rest, :2], errors[rest])
 
-    def truth(self) -> Iterator[Topic]:
+    def truth(self) -> Iterator[Publication]:
         """The true motion."""
         log, read = self._log, self._read
         if log.truth is not None:
@@ -103,10 +103,20 @@ class RunTopics:
                 "/ground_truth", stamps, frames, log.truth.pose[read], _EXACT, log.truth.twist[read], _EXACT
             )
 
-    def scans(self, scans: tuple[Array, Scan] | None, duration: float) -> Iterator[Topic]:
-        """The scans, and where the scanner is; `duration` is the time from a scan's first beam to its last [s]."""
+    def scans(self, scans: tuple[Array, Scan] | None, duration: float | None) -> Iterator[Publication]:
+        """Scans, and the pose of the scanner; by default the log's own scans, if it has them in full.
+
+        `duration` is the time from a scan's first beam to its last [s], by default that of the scanner in the metadata.
+        """
+        log = self._log
+        if scans is None and log.scans is not None and log.scans.full is not None:
+            scans = log.time, replace(log.scans.scan, ranges=log.scans.full)
         if scans is None or not len(scans[0]):
             return
+        if duration is None:
+            scanner = log.metadata.get("scanner")
+            stated = scanner.get("scan_duration") if isinstance(scanner, Mapping) else None
+            duration = float(stated) if isinstance(stated, int | float) else 0.0
         time, scan = scans
         beams = len(scan.bearings)
         require(len(time) == len(scan.ranges), "scans", f"{len(time)} times", f"{len(scan.ranges)}, one per scan")
@@ -123,8 +133,8 @@ class RunTopics:
             "range_max": float(scan.max_range),
             "ranges": np.where(np.isnan(scan.ranges), np.inf, scan.ranges).astype(np.float32),  # as in REP 117
         }
-        yield Topic("/scan", "sensor_msgs/msg/LaserScan", stamps, fields)
-        begin = self._stamps(np.minimum(time[:1] - duration / 2, self._log.time[0]))
+        yield Publication("/scan", "sensor_msgs/msg/LaserScan", stamps, fields)
+        begin = self._stamps(np.minimum(time[:1] - duration / 2, log.time[0]))
         mount = np.asarray(scan.mount, float)[None]
         yield transforms("/tf_static", begin, ("map", "laser"), mount, latched=True)
 
@@ -137,24 +147,10 @@ class RunTopics:
         return (whole.astype(np.int64) + self._start) * 10**9 + parts
 
 
-def command_topic(name: str, stamps: Stamps, commanded: Array) -> Topic:
+def command_topic(name: str, stamps: Stamps, commanded: Array) -> Publication:
     """A topic of geometry_msgs/TwistStamped with body twists (M, 2) [m/s, rad/s]."""
     fields = {"header": header(stamps, "base_link"), "twist": twist(_planar(commanded))}
-    return Topic(name, "geometry_msgs/msg/TwistStamped", stamps, fields)
-
-
-def own_scans(log: RunLog) -> tuple[Array, Scan] | None:
-    """The scans of the log's rows, if it has them in full."""
-    if log.scans is None or log.scans.full is None:
-        return None
-    return log.time, replace(log.scans.scan, ranges=log.scans.full)
-
-
-def stated_scan_duration(log: RunLog) -> float:
-    """Time from a scan's first beam to its last [s], of the scanner in the metadata of a run; 0 if there is none."""
-    scanner = log.metadata.get("scanner")
-    duration = scanner.get("scan_duration") if isinstance(scanner, Mapping) else None
-    return float(duration) if isinstance(duration, int | float) else 0.0
+    return Publication(name, "geometry_msgs/msg/TwistStamped", stamps, fields)
 
 
 def _odometry(
@@ -165,7 +161,7 @@ def _odometry(
     pose_covariance: Array,
     moving: Array,
     twist_covariance: Array,
-) -> Topic:
+) -> Publication:
     """A topic of nav_msgs/Odometry of `frames` (fixed, moving)."""
     fields = {
         "header": header(stamps, frames[0]),
@@ -173,10 +169,10 @@ def _odometry(
         "pose": pose(at, pose_covariance),
         "twist": twist(moving, twist_covariance),
     }
-    return Topic(name, "nav_msgs/msg/Odometry", stamps, fields)
+    return Publication(name, "nav_msgs/msg/Odometry", stamps, fields)
 
 
-def _fixes(name: str, stamps: Stamps, place: Array, covariance: Array) -> Topic:
+def _fixes(name: str, stamps: Stamps, place: Array, covariance: Array) -> Publication:
     """A topic of sensor_msgs/NavSatFix of places (M, 2), x to the east and y to the north of a field anywhere."""
     geodetic = geodesy.from_plane(place, geodesy.FIELD)
     horizontal = covariance * np.array([1.0, 1.0, 0.0]) * np.array([[1.0], [1.0], [0.0]])
@@ -189,7 +185,7 @@ def _fixes(name: str, stamps: Stamps, place: Array, covariance: Array) -> Topic:
         "position_covariance": horizontal.reshape(-1, 9),
         "position_covariance_type": 3 if np.any(horizontal) else 0,  # all of it is known, or nothing
     }
-    return Topic(name, "sensor_msgs/msg/NavSatFix", stamps, fields)
+    return Publication(name, "sensor_msgs/msg/NavSatFix", stamps, fields)
 
 
 def _planar(of: Array) -> Array:

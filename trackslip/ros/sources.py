@@ -19,7 +19,7 @@ _FIXED_FRAMES = ("map", "world", "earth", "mocap", "vicon", "utm", "ned", "enu",
 _BODIES = ("base_link", "base_footprint", "base", "chassis", "robot")
 
 
-class Kind(Enum):
+class PoseOrigin(Enum):
     """Origins of poses, from those independent of the wheels to those computed from them."""
 
     CHOSEN = "as asked for"
@@ -33,58 +33,58 @@ class Kind(Enum):
 
 
 _MARKS = {
-    Kind.MOCAP: r"vicon|optitrack|mocap|motion_capture|qualisys|vrpn|natnet|total_?station|leica",
-    Kind.TRUTH: r"ground_?truth|\btruth|gazebo|p3d|perfect",
-    Kind.FUSED: r"filtered|fused|ekf|ukf|kalman|imu",
-    Kind.MATCHED: r"slam|amcl|locali[sz]|lio|loam|icp|ndt|kiss|hdl|cartographer|rtabmap|vins|vio\b|visual|lidar|laser"
-    r"|\bzed|scan|t265",
+    PoseOrigin.MOCAP: r"vicon|optitrack|mocap|motion_capture|qualisys|vrpn|natnet|total_?station|leica",
+    PoseOrigin.TRUTH: r"ground_?truth|\btruth|gazebo|p3d|perfect",
+    PoseOrigin.FUSED: r"filtered|fused|ekf|ukf|kalman|imu",
+    PoseOrigin.MATCHED: r"slam|amcl|locali[sz]|lio|loam|icp|ndt|kiss|hdl|cartographer|rtabmap|vins|vio\b|visual"
+    r"|lidar|laser|\bzed|scan|t265",
 }
 _WANTED = r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|waypoint|plan\b"
 
 
 @dataclass(frozen=True)
-class PoseSource:
+class OfferedPoses:
     """A topic or a pair of frames that states poses."""
 
     name: str
     """The topic, or tf:PARENT:CHILD."""
-    kind: Kind
+    origin: PoseOrigin
 
 
-def pose_sources(bag: Bag) -> list[PoseSource]:
+def pose_sources(bag: Bag) -> list[OfferedPoses]:
     """All sources of poses, the best first."""
     topics = [topic for topic in bag.of_type(*POSE_TYPES) if not re.search(_WANTED, topic.name, re.IGNORECASE)]
-    found = [*(PoseSource(topic.name, _kind(bag, topic)) for topic in topics), *_in_transforms(bag)]
-    return sorted(found, key=lambda source: list(Kind).index(source.kind))
+    found = [*(OfferedPoses(topic.name, _origin(bag, topic)) for topic in topics), *_in_transforms(bag)]
+    return sorted(found, key=lambda source: list(PoseOrigin).index(source.origin))
 
 
-def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
+def pose_source(bag: Bag, choice: BagChoice) -> OfferedPoses:
     """The source chosen, or the best; raises LogError if there is none, or several are equally good."""
     if choice.poses is not None:
         name = choice.poses if choice.poses.startswith("tf:") else bag.topic(choice.poses).name
-        return PoseSource(name, Kind.CHOSEN)
+        return OfferedPoses(name, PoseOrigin.CHOSEN)
     sources = pose_sources(bag)
     if not sources:
         needed = f"no topic of {', '.join(POSE_TYPES)}, and no transforms of a robot in a fixed frame"
         raise LogError(f"{bag.path}: no poses: {needed}; its topics are {bag.listed()}")
-    best = [source for source in sources if source.kind is sources[0].kind]
+    best = [source for source in sources if source.origin is sources[0].origin]
     best = [source for source in best if source.name in bag.topics] or best  # transforms repeat what topics state
     bag.only([source.name for source in best], "poses", "--poses TOPIC")
     return best[0]
 
 
-def _kind(bag: Bag, topic: Topic) -> Kind:
-    """The kind of a topic by its name, type and frame."""
-    usual = Kind.FIX if topic.type == FIX else Kind.WHEELS if topic.type == ODOMETRY else Kind.MATCHED
-    kind = next((kind for kind, marks in _MARKS.items() if re.search(marks, topic.name, re.IGNORECASE)), usual)
-    if kind in (Kind.FUSED, Kind.WHEELS) and topic.type == ODOMETRY:
+def _origin(bag: Bag, topic: Topic) -> PoseOrigin:
+    """The origin of a topic's poses by its name, type and frame."""
+    usual = PoseOrigin.FIX if topic.type == FIX else PoseOrigin.WHEELS if topic.type == ODOMETRY else PoseOrigin.MATCHED
+    origin = next((origin for origin, marks in _MARKS.items() if re.search(marks, topic.name, re.IGNORECASE)), usual)
+    if origin in (PoseOrigin.FUSED, PoseOrigin.WHEELS) and topic.type == ODOMETRY:
         first = bag.first(topic.name, 1)
         if first and _last(first[0].content.header.frame_id) in _FIXED_FRAMES:
-            return Kind.MATCHED
-    return kind
+            return PoseOrigin.MATCHED
+    return origin
 
 
-def _in_transforms(bag: Bag) -> list[PoseSource]:
+def _in_transforms(bag: Bag) -> list[OfferedPoses]:
     """The poses of robots' bodies in the frames at the roots of their transforms, if they have such frames."""
     parents = {child: parent for parent, child in frames_of(bag, _LOOKED_AT)}
     bodies = next((some for name in _BODIES if (some := [one for one in parents if _last(one) == name])), [])
@@ -94,8 +94,8 @@ def _in_transforms(bag: Bag) -> list[PoseSource]:
         while root in parents and parents[root] not in seen:
             root = parents[root]
             seen.add(root)
-        kind = Kind.TRANSFORMS if _last(root) in _FIXED_FRAMES else Kind.WHEELS
-        found.append(PoseSource(f"tf:{root}:{body}", kind))
+        origin = PoseOrigin.TRANSFORMS if _last(root) in _FIXED_FRAMES else PoseOrigin.WHEELS
+        found.append(OfferedPoses(f"tf:{root}:{body}", origin))
     return found
 
 
@@ -104,23 +104,15 @@ def _last(frame: str) -> str:
     return frame.strip("/").rpartition("/")[2].lower()
 
 
-@dataclass(frozen=True)
-class Overview:
-    """Possible uses of a bag's topics, and those taken."""
+def overview(bag: Bag, choice: BagChoice) -> tuple[dict[str, str], list[str], list[str]]:
+    """Possible uses of a bag's topics, the sources taken under a choice, and reasons for taking none, in words.
 
-    uses: dict[str, str]
-    """By topic or tf:PARENT:CHILD; a star marks those taken."""
-    taken: tuple[str, ...]
-    """Sources taken, one line each."""
-    doubts: tuple[str, ...]
-    """Reasons for taking none, one line each."""
-
-
-def overview(bag: Bag, choice: BagChoice) -> Overview:
-    """Possible uses of a bag's topics, and those taken under a choice."""
+    Uses are by topic or tf:PARENT:CHILD; a star marks those taken.
+    """
     uses: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
-    uses |= {source.name: f"poses: {source.kind.value}" for source in pose_sources(bag)}
-    taken, doubts = [], []
+    uses |= {source.name: f"poses: {source.origin.value}" for source in pose_sources(bag)}
+    taken: list[str] = []
+    doubts: list[str] = []
     try:
         topic, (left, right) = encoder_topic(bag, choice)
         uses[topic.name] = "* encoders"
@@ -138,4 +130,4 @@ def overview(bag: Bag, choice: BagChoice) -> Overview:
             taken.append(f"poses: {name}")
     except LogError as error:
         doubts.append(str(error))
-    return Overview(uses, tuple(taken), tuple(doubts))
+    return uses, taken, doubts

@@ -17,15 +17,8 @@ from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog, stored_geometry
-from trackslip.ros.messages import Topic, definitions, require_rosbags
-from trackslip.ros.run_topics import (
-    POSE_TOPICS,
-    PoseMessage,
-    RunTopics,
-    command_topic,
-    own_scans,
-    stated_scan_duration,
-)
+from trackslip.ros.messages import Publication, definitions, require_rosbags
+from trackslip.ros.run_topics import POSE_TOPICS, PoseMessage, RunTopics, command_topic
 
 START = 1_767_225_600
 """Stamp of t = 0, 2026-01-01: a stamp of zero means that there is none [s]."""
@@ -80,15 +73,13 @@ def write_bag(
     if start is None:
         start = 0 if log.time[0] > _SINCE_1970 else START
     geometry = geometry or stored_geometry(log)
-    if scan_duration is None:
-        scan_duration = stated_scan_duration(log)
     contents = RunTopics(log, geometry, start, readings)
     topics = [
         *contents.encoders(),
         *contents.commands(),
         *contents.poses(poses, covariance),
         *contents.truth(),
-        *contents.scans(scans or own_scans(log), scan_duration),
+        *contents.scans(scans, scan_duration),
     ]
     about = {} if geometry is None else {name: repr(value) for name, value in vars(geometry).items()}
     _write(Path(path), topics, {"run": log.run, **about})
@@ -107,7 +98,7 @@ def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/c
     _write(Path(path), [command_topic(topic, stamps, twist)], {})
 
 
-def _write(path: Path, topics: Sequence[Topic], about: Mapping[str, str]) -> None:
+def _write(path: Path, topics: Sequence[Publication], about: Mapping[str, str]) -> None:
     """The bag, complete or not at all."""
     if path.exists():
         raise OutputError(f"{path}: exists already")
@@ -121,7 +112,7 @@ def _write(path: Path, topics: Sequence[Topic], about: Mapping[str, str]) -> Non
         raise OutputError(f"{path}: can't be written ({error.strerror or error})") from error
 
 
-def _fill(folder: Path, topics: Sequence[Topic], about: Mapping[str, str]) -> None:
+def _fill(folder: Path, topics: Sequence[Publication], about: Mapping[str, str]) -> None:
     """Write all messages in order of time."""
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
