@@ -1,4 +1,4 @@
-"""The simulated world: tracked robots on MuJoCo grounds, and the laser range finder that watches them.
+"""The simulated world: tracked robots on MuJoCo grounds, observed by a laser range finder.
 
     import numpy as np
     import sim

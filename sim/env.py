@@ -1,4 +1,4 @@
-"""The gymnasium environments, of one robot and of N in a batch: following a trajectory, and crossing courses."""
+"""Gymnasium environments for one robot and for N in a batch: trajectory tracking and crossing courses."""
 
 from sim import path_tracking, traverse
 from sim.path_tracking.config import EnvConfig

@@ -21,7 +21,7 @@ from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
 SETTLING = 1.0
-"""Simulated before a fleet's first period, so that the robots come to rest on the ground [s]."""
+"""Settling time simulated before a fleet's first period [s]."""
 _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
 
 
@@ -48,7 +48,7 @@ class Fleet(Bodies):
         pull: Pull | None = None,
         shears: bool = False,
     ) -> None:
-        """Put N robots on the ground at poses `start` (N, 3) [m, m, rad], at rest.
+        """Place N robots at rest at poses `start` (N, 3) [m, m, rad].
 
         There is one `ground` for all, or one each, and one relative `radius_error` of the sprockets, or (N,) [-]. All
         sprockets have the same `drive`. The number of worker `threads` may be 0, for one per processor. All robots tow
@@ -149,7 +149,7 @@ class Fleet(Bodies):
             self._slanted[rows] = belts * self.robot.pad_slant
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
-        """Put the robots on another ground, one for all or one each; it takes effect at once, even during a run."""
+        """Change the ground, one for all robots or one each, with immediate effect, even during a run."""
         self._ground.put(one_each(ground, self.size))
         self._lay_ground(np.arange(self.size))
 
@@ -223,7 +223,7 @@ class Fleet(Bodies):
         return (self._periods - self._began) * self.period
 
     def _lay_friction(self, rows: Rows) -> None:
-        """Set the friction of every pad of the robots `rows` (R,) for its present place and time."""
+        """Update the friction of every pad of the robots `rows` (R,) for its current place and time."""
         self._ground.lay(rows, self._ran(), self._place[:, :2], self._wrapped_heading())
 
     def _lay_ground(self, rows: np.ndarray) -> None:

@@ -33,7 +33,7 @@ class FleetGround:
     """The ground under each of N robots."""
 
     def __init__(self, of: batch.Batch, robot: Robot, grounds: Sequence[Ground], shear: Shear | None) -> None:
-        """`grounds`, one for each robot of the batch `of`; without `shear`, none of them may give way."""
+        """One of `grounds` for each robot of the batch `of`; without `shear`, all of them must be Coulomb grounds."""
         self._batch, self._robot, self._shear = of, robot, shear
         self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
         self._gravity: Array | None = None  # (N, 3), live, once a ground slopes
@@ -45,7 +45,7 @@ class FleetGround:
 
     @property
     def friction(self) -> Array:
-        """Friction coefficients (N, P, 2) along and across the tracks, of which a share may act [-]."""
+        """Full friction coefficients (N, P, 2) along and across the tracks, before shear reduces them [-]."""
         return self._surface[..., :2]
 
     @property

@@ -1,4 +1,4 @@
-"""How the robots of a run are localized: not at all, as their poses are known; scan by scan; or in blocks of scans."""
+"""Localization of the robots in a run: by true poses, scan by scan, or in blocks of scans."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Localization:
 
 
 class ScanByScan(Localization):
-    """Each scan at once, near the pose that the encoders predict: what a controller needs."""
+    """Localization of each scan as it is taken, near the pose predicted by the encoders, for closed loops."""
 
     def __init__(self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator) -> None:
         super().__init__(fleet, record)
@@ -49,7 +49,7 @@ class ScanByScan(Localization):
         record.estimate(k, self._tracker.update(self._locator.locate(self._feed.scan(ranges), predicted)))
 
     def logs(self, failure: str | None = None) -> list[RunLog]:
-        """See Localization; with the plate in the scans, if all ranges are kept."""
+        """See Localization; includes the plate's part of the scans if all ranges are kept."""
         record, feed, plate = self._record, self._feed, self._fleet.robot.plate
         if not feed.kept or not record.complete:
             return super().logs(failure)
@@ -60,7 +60,7 @@ class ScanByScan(Localization):
         return record.logs(feed, plates, failure)
 
     def _scan(self) -> Array:
-        """The ranges (N, B) of the next scan of each robot [m], which are recorded if they are kept."""
+        """Take the next scan of each robot; returns ranges (N, B) [m], and records them if they are kept."""
         ranges = self._feed.measure(self._feed.true_ranges()[:, None, :])
         if self._feed.kept:
             self._record.scanned(ranges)
@@ -68,7 +68,7 @@ class ScanByScan(Localization):
 
 
 class ScanBlocks(ScanByScan):
-    """Many scans of an open-loop run together: nobody needs the poses before, and a scan costs less so."""
+    """Localization of scans in blocks, which is faster, for open loops."""
 
     def __init__(
         self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator, watch: Stopwatch
@@ -83,7 +83,7 @@ class ScanBlocks(ScanByScan):
         self._clusters: list[list[Cluster]] = [[] for _ in range(fleet.size)]
 
     def estimate(self, k: int) -> None:
-        """Take the scans of row k, and localize those that wait once they are a block."""
+        """Take the scans of row k, and localize the pending ones once they fill a block."""
         with self._watch.stage("scans"):
             self._ranges[:, self._waiting] = self._scan()
         self._waiting += 1
@@ -99,7 +99,7 @@ class ScanBlocks(ScanByScan):
         return self._record.logs(self._feed, [Cluster.joined(parts) for parts in self._clusters], failure)
 
     def _locate(self) -> None:
-        """Localize the scans that wait."""
+        """Localize the pending scans."""
         record, feed, n = self._record, self._feed, self._waiting
         rows, ranges = slice(self._located, self._located + n), self._ranges[:, :n]
         with self._watch.stage("localization"):

@@ -39,7 +39,7 @@ def open_loop(
     watch: Stopwatch | None = None,
     period: float = PERIOD,
 ) -> list[RunLog]:
-    """Drive every robot at sprocket speeds that are known beforehand.
+    """Drive every robot at given sprocket speeds.
 
     Args:
         fleet: N robots.

@@ -1,4 +1,4 @@
-"""Small networks in NumPy, and the files that policies are stored in."""
+"""Small networks in NumPy, and the files that store policies."""
 
 from __future__ import annotations
 

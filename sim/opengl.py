@@ -22,7 +22,7 @@ def has_display() -> bool:
 
 
 def prefer_egl() -> None:
-    """Import MuJoCo, where there is no display so that it draws by EGL, unless MUJOCO_GL names another OpenGL.
+    """Import MuJoCo; without a display it renders by EGL, unless MUJOCO_GL names another OpenGL.
 
     Raises TrackslipError if that is not installed. Has no effect once MuJoCo has been imported.
     """
@@ -36,7 +36,7 @@ def prefer_egl() -> None:
 
 
 def offscreen(model: Any, width: int, height: int) -> Any:
-    """MuJoCo's renderer of images (height, width, 3), with the OpenGL that MUJOCO_GL named when MuJoCo was imported.
+    """MuJoCo's renderer of images (height, width, 3), with the OpenGL chosen by MUJOCO_GL at MuJoCo's import.
 
     Raises TrackslipError if that does not work.
     """
@@ -51,10 +51,10 @@ def offscreen(model: Any, width: int, height: int) -> Any:
 
 
 class Window:
-    """MuJoCo's viewer, which renders in threads of its own."""
+    """MuJoCo's viewer, which renders in its own threads."""
 
     def __init__(self, data: Any, on_key: Callable[[int], None] | None = None, panels: bool = True) -> None:
-        """Open the viewer on data and its model, with or without its own panels.
+        """Open the viewer on data and its model, with or without MuJoCo's panels.
 
         `on_key` gets the codes of pressed keys, as GLFW numbers them. Raises TrackslipError without a display.
         """
@@ -77,7 +77,7 @@ class Window:
         atexit.register(self.close)
 
     def close(self) -> None:
-        """Close the window and wait until it is gone: a thread that still renders crashes the interpreter at exit."""
+        """Close the window and wait for its threads, which could crash the interpreter at exit."""
         atexit.unregister(self.close)
         self.viewer.close()
         for thread in self._threads:
@@ -89,7 +89,7 @@ class TaskRenderer(ABC):
 
     def __init__(self) -> None:
         self.data: Any = None
-        """The model with its looks, in the state of the robot that is drawn."""
+        """Model with visuals, in the state of the robot being drawn."""
         self._window: Window | None = None
         self._renderer: Any = None
 
@@ -111,7 +111,7 @@ class TaskRenderer(ABC):
 
     @abstractmethod
     def draw(self, scene: Any, row: int) -> None:
-        """Append to a scene what is drawn besides the model."""
+        """Append everything but the model to a scene."""
 
     def picture(self, row: int) -> np.ndarray:
         """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""

@@ -38,14 +38,14 @@ class Pilot:
         return self.controller if isinstance(self.controller, SensesSprockets) else None
 
     def begin(self, record: RunRecorder) -> None:
-        """Begin new runs, which `record` records, where the robots are."""
+        """Begin new runs at the robots' current poses, recorded by `record`."""
         self.controller.reset()
         self.compensation.reset(record.fleet.pose()[self.robots])
         if self._loaded is not None:
             record.sense_loads()
 
     def law(self, record: RunRecorder, k: int) -> SlipLaw:
-        """The slip law in row k, which the compensation may learn from the motion until then."""
+        """Slip law in row k, after the compensation has observed the motion so far."""
         if k > 0:
             self.compensation.observe(record.omega[k, self.robots], record.period, record.estimated(k, self.robots))
         if self._loaded is not None:

@@ -36,7 +36,7 @@ class Description:
 
 
 class RunRecorder:
-    """Arrays for the rows of N runs, filled in while they are driven.
+    """Row-by-row recording of N runs.
 
     A row is complete once its command is set; logs contain the complete rows.
     """
@@ -58,7 +58,7 @@ class RunRecorder:
         self.omega = np.zeros((rows, n, 2))  # [rad/s]
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
         self.load = np.zeros((rows, n, 2))
-        """Tractions per unit load that the robots need, along and to the left (T, N, 2) [-]; 0 unless sensed."""
+        """Required tractions per unit load, along the robots and to the left (T, N, 2) [-]; 0 unless sensed."""
         self._command = np.zeros((rows, n, 2))
         self._twist_command = np.full((rows, n, 2), np.nan)
         self._icr = np.full((rows, n, 2), np.nan)
@@ -99,7 +99,7 @@ class RunRecorder:
         self._loads = True
 
     def command(self, k: int) -> None:
-        """Record the set points that the sprockets have now, which completes row k."""
+        """Record the current set points of the sprockets, which completes row k."""
         self._command[k] = self.fleet.drive.set_point
         self.complete = k + 1
 

@@ -21,7 +21,7 @@ except ImportError as error:
 
 
 class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
-    """A vector environment with the interface of Stable-Baselines3, which resets in the same step."""
+    """Stable-Baselines3's interface to a vector environment, which resets in the same step."""
 
     kind: ClassVar[type[TaskVectorEnv]]
 

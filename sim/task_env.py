@@ -29,7 +29,7 @@ class Task(Protocol):
     actions: int
     """Number of actions of a robot, each in [-1, 1]."""
     bound: Floats
-    """Bounds (n,) of the observations; they lie within -bound and bound."""
+    """Bounds (n,) of the observations' magnitudes."""
     reward: Array
     """Rewards (N,) of the last step."""
     terminated: NDArray[np.bool_]

@@ -35,7 +35,7 @@ _NUMERICAL_ERROR = 2e-5  # of simulated slips [-], a lower bound of the residual
 
 @dataclass(frozen=True)
 class Candidate:
-    """A robot and a ground, of which only the ratio of friction and the shear modulus affect slip on the level."""
+    """A robot on level ground, which affects slip by its friction ratio and shear modulus only."""
 
     robot: RobotParameters
     friction_ratio: float
@@ -93,7 +93,7 @@ def simulated_twist(candidate: Candidate, target: Target, along: float = Ground(
 
 
 def _time_to_be_steady(candidate: Candidate, omega: Array, period: float) -> float:
-    """Time [s] until robots whose sprockets turn at `omega` (M, 2) [rad/s] move steadily, in whole servo periods."""
+    """Settling time of turns at sprocket speeds `omega` (M, 2) [rad/s], in whole servo periods [s]."""
     moving = np.abs(omega[omega != 0]) * candidate.robot.sprocket_radius
     if candidate.shear == 0 or not moving.size:
         return _STEADY
@@ -182,7 +182,7 @@ def calibrate(
 
 
 def floor(fit: Calibration, target: Target) -> Calibration:
-    """The best fit of quasi-static Coulomb theory to a target's slips, with the free parameters of another fit."""
+    """The best fit of quasi-static Coulomb theory to a target's slips, with the same free parameters as `fit`."""
     if isinstance(target, TurnTable):
         target = replace(target, radius_scale=np.inf)
     return calibrate(fit.candidate, fit.free, target, theoretical_twist, np.empty((0, len(fit.free))))
@@ -241,7 +241,7 @@ class _Problem:
         return np.stack(columns, axis=-1)
 
     def minimum(self, start: Array, held: np.ndarray) -> tuple[Array, float]:
-        """The local minimum found from `start` (k,): parameters (k,) and the sum of squares."""
+        """Local minimum reached from `start` (k,): parameters (k,) and sum of squares."""
 
         def inserted(varied: Array) -> Array:
             full = start.copy()

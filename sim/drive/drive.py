@@ -46,7 +46,7 @@ class Drive:
 
 
 def tireless(top_speed: float = Drive.top_speed) -> Drive:
-    """A drive that never saturates, to study the ground alone; `top_speed` in m/s."""
+    """A drive that never saturates, which isolates the ground's effect; `top_speed` in m/s."""
     return Drive(top_speed=top_speed, torque_limit=1e6, motor=Motor(no_load_speed=1e6, stall_torque=1e6))
 
 
@@ -148,12 +148,12 @@ class DriveState:
         return np.clip(least, -limit, limit), np.clip(most, -limit, limit)
 
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
-        """The robots (R,) that have a motor which can't exert the torques (P, N, 2) [N m] of a forecast."""
+        """Robots (R,) with a motor too weak for the torques (P, N, 2) [N m] of a forecast."""
         least, most = self.torque_range(forecast.omega[1:])
         return np.flatnonzero(((torque < least) | (torque > most)).any(axis=(0, 2)))
 
     def accept(self, forecast: Forecast, torque: Array, saturated: Array | None = None) -> None:
-        """Advance as forecast, with torques (P, N, 2) [N m] that are limited where `saturated` (P, N, 2)."""
+        """Advance by a forecast with torques (P, N, 2) [N m], limited where `saturated` (P, N, 2)."""
         period = self.drive.period
         self.omega, self.torque, self._error = forecast.omega[-1], torque[-1], forecast.error
         totals = np.empty((len(torque) + 1, *self._totals.shape))

@@ -1,4 +1,4 @@
-"""Pull: a drawbar force, of what a robot tows, written to the engine."""
+"""Pull: the drawbar force of a towed load, written to the engine."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Drawbar:
         self._batch, self._centre = of, robot.model.body_ipos  # (bodies, 3) centres of mass
 
     def apply(self, rows: Rows, heading: Array, acts: np.ndarray) -> None:
-        """Pull the robots `rows` (R,) with these headings (R,) [rad], those that it `acts` on (R,)."""
+        """Apply the pull to those of the robots `rows` (R,), at headings (R,) [rad], on which it `acts` (R,)."""
         force = np.where(acts, self._pull.force, 0.0)
         moved = self._batch.expanded("body_ipos")
         centre = self._centre[self._chassis] if moved is None else moved[rows, self._chassis]

@@ -17,7 +17,7 @@ _OPPOSITE = 12_000.0  # opposite changes: friction holds the heading until the t
 
 
 class SpeedSearch:
-    """Finds, for one servo period, speeds at which the torques are within the motors' limits.
+    """Search for the speeds of one servo period at which the torques respect the motors' limits.
 
     A robot whose motors are strong enough moves as its servos demand. The belts of any other robot run at their
     sprockets' final speeds for the whole period, so that nothing oscillates however stiff the grip, and a sprocket
@@ -30,7 +30,7 @@ class SpeedSearch:
     """
 
     def __init__(self, drive: DriveState, mass: float, gravity: float) -> None:
-        """Start with the speeds that the servos demand; in the end, `drive` is advanced by one period.
+        """Start from the speeds that the servos demand; a finished search advances `drive` by one period.
 
         `mass` is that of each robot [kg], `gravity` a magnitude [m/s^2].
         """

@@ -18,7 +18,7 @@ MAX_SLOPE = 1.5
 MAX_SHEAR = 0.2
 """Largest shear modulus [m]."""
 UNLESS_ZERO = {"stored_unless": 0.0}
-"""Metadata of a field that is left out of files where it is zero, omitting it keeps older files unchanged."""
+"""Metadata of a field that is left out of files where it is zero; older files stay unchanged."""
 _MAX_PATCHES = 10_000  # largest number of patches of a ground, and of changes
 
 

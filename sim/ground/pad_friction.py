@@ -1,4 +1,4 @@
-"""Friction and shear modulus under each pad of a fleet, which depend on place and time."""
+"""Friction and shear modulus under each pad of a fleet, as functions of place and time."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Shear of the ground under the tracks of a fleet: how far each element has moved over it, and what share of the
-friction acts on it.
+"""Shear of the ground under the tracks of a fleet: the displacement of each element, and the mobilised share of the
+friction.
 
 An element of track touches down at the front of a belt that drives forwards and is carried to the rear. P_i(t) is the
 place of the point x_i of the robot in the world, V the belt's speed. In a period dt, the displacement there becomes
@@ -22,7 +22,7 @@ from trackslip import se2
 from trackslip.kinematics import Array
 
 LARGEST = 20.0
-"""Displacement beyond which nothing is remembered, over the shear modulus: the friction acts in full."""
+"""Largest displacement tracked, over the shear modulus; beyond it friction is fully mobilised."""
 LEAST_SHARE = 1e-5
 """Smallest share of the friction, which the engine needs [-]."""
 _AHEAD = 0.02  # tau [s]

@@ -130,7 +130,7 @@ class ReferenceTable:
     """Poses and twists of R references, one row each, at multiples of the control period."""
 
     def __init__(self, names: Iterable[str], steps: Index) -> None:
-        """`names`: of the references; `steps` (K,): control periods from now to twists looked up, ascending from 0."""
+        """Tabulate the references `names`, with twists `steps` (K,) control periods ahead, ascending from 0."""
         self._steps = steps
         self.names: list[str] = []
         """Names of the references, in order of their indices."""
@@ -169,7 +169,7 @@ class ReferenceTable:
 
 
 def _stacked(table: Array, row: Array) -> Array:
-    """Append a row (t, ...) to a table (R, T, ...); the shorter of the two is continued with its last values."""
+    """Append a row (t, ...) to a table (R, T, ...), repeating the last values of the shorter one."""
     length = max(table.shape[1], len(row))
     every = [part.take(np.minimum(np.arange(length), part.shape[1] - 1), axis=1) for part in (table, row[None])]
     return np.concatenate(every)

@@ -1,4 +1,4 @@
-"""TrackingLayout of the observations.
+"""Layout of the observations.
 
 An observation is float32, (9 + 2 K,) for K previews; each element is divided by its scale and clipped to its bound:
 
@@ -33,7 +33,7 @@ class TrackingLayout:
         """`top_speed`: of the sprockets [rad/s]."""
         previews = config.previews
         self.steps = np.arange(previews + 1) * config.stride
-        """Control periods (K + 1,) from now to the observed twists of the reference."""
+        """Look-ahead of the observed reference twists (K + 1,) [control periods]."""
         of_pose, of_twists = (config.off_path, config.off_path, np.pi), config.twist_scale * (previews + 1)
         self._scale = np.array([[*of_pose, *of_twists, top_speed, top_speed, 1.0, 1.0]])  # (1, n)
         self.bound = np.array([_BOUND, _BOUND, 1.0, *[_BOUND] * (2 * previews + 4), 1.0, 1.0], np.float32)

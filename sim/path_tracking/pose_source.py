@@ -17,7 +17,7 @@ from trackslip.localization.pose_tracker import Tracker
 
 
 class TruePose:
-    """Observes the true poses of N robots; other sources inherit from it."""
+    """True poses of N robots; the base of the other sources."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
@@ -38,7 +38,7 @@ class TruePose:
 
 
 class NoisyPose(TruePose):
-    """The true pose plus Gaussian noise, which is drawn for a whole episode at its start."""
+    """True poses plus Gaussian noise, drawn at the start of each episode."""
 
     def __init__(self, fleet: Fleet, config: EnvConfig) -> None:
         super().__init__(fleet)

@@ -92,6 +92,6 @@ class Randomization:
         )
 
     def require_standing(self, robot: RobotParameters) -> None:
-        """Raise InvalidValueError if a robot with one of these centres of mass would not stand on its tracks."""
+        """Raise InvalidValueError if the robot would tip over with one of these centres of mass."""
         for x, y in itertools.product(self.com_x, self.com_y):
             dataclasses.replace(robot, com_x=robot.com_x + x, com_y=robot.com_y + y)

@@ -183,7 +183,7 @@ def _bounded_square(z: Array) -> Array:
 
 
 def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:
-    """The function from actions (N, 2) to set points (N, 2) of the sprockets [rad/s]."""
+    """Function that maps actions (N, 2) to sprocket set points (N, 2) [rad/s]."""
     limit, geometry = fleet.drive.limit, fleet.robot.geometry
     if config.action == "sprockets":
         return lambda action: action * limit

@@ -1,4 +1,4 @@
-"""Parameters of the robot that can be changed without another MJCF file, and files of them."""
+"""Robot parameters that can be changed without editing the MJCF file, and their TOML files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MJCF -> compiled model, and the numbers that the rest of the simulator reads from it."""
+"""MJCF -> compiled model and the numbers that the simulator needs from it."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ FIELD = Path(models.__file__).parent / "field.xml"
 SCANNED_GROUP = 0
 """Geom group that the laser range finder sees."""
 VISUAL_GROUP = 1
-"""Geom group of the visuals, which are left out of the physics."""
+"""Geom group of the visuals, which are removed from the physics."""
 CONTACT_POINTS = 2
-"""Number of points at which a pad touches the ground, unless it is a single one."""
+"""Default number of contact points of a pad."""
 CONTACT_WIDTH = 9
 """Numbers that a contact sensor gives per point, in this order: force, position in the world, velocity; force and
 velocity are normal to the ground, along the pad and across it."""
@@ -128,7 +128,7 @@ def load_robot(
 
 
 def _split_pads(spec: mujoco.MjSpec) -> None:
-    """Replace every capsule that lies on the ground by two tilted ones, whose lower ends touch where its ends did."""
+    """Replace every pad by two tilted capsules, whose lower ends touch the ground where its ends did."""
     chassis = spec.body("chassis")
     raised = _LENGTH * np.array([np.cos(_TILT), 0.0, np.sin(_TILT)])
     pairs = {pair.geomname2: pair for pair in spec.pairs}

@@ -1,4 +1,4 @@
-"""Robots with tracks bolted on, as robot files in TOML describe them: a model, its tracks and its flippers."""
+"""Tracked robots described by TOML files: a model, its tracks and its flippers."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ _WIDTH = 0.08  # [m]
 
 @dataclass(frozen=True)
 class Flipper:
-    """A body on a hinge, with one track around it that runs with the chassis' track of its side."""
+    """A hinged body with one track, which is driven together with the chassis' track on its side."""
 
     body: str
     """Name of the body."""
     side: str
-    """The chassis' track that its belt runs with, left or right."""
+    """Side of the chassis' track that drives its belt, left or right."""
     hull: Wheels
     """Wheels (x, z, radius) in the body's frame, in the order of the belt [m]."""
     y: float = 0.0
     """Lateral place of the track in the body's frame [m]."""
     width: float = 0.05
-    """Width that the belt is drawn with [m]."""
+    """Drawn width of the belt [m]."""
     stiffness: float = 250.0
-    """Stiffness of its motor, for a hinge that the model gives none [N m/rad]."""
+    """Stiffness of the motor added to a hinge without one [N m/rad]."""
     damping: float = 15.0
     """Damping of that motor [N m s/rad]."""
     torque: float = 90.0
@@ -61,7 +61,7 @@ class TrackedRobot:
     body: str = ""
     """Name of the chassis; by default the model's only body that lies in the world itself."""
     width: float = _WIDTH
-    """Width that the chassis' belts are drawn with [m]."""
+    """Drawn width of the chassis' belts [m]."""
     flippers: tuple[Flipper, ...] = ()
     """Flippers, in any order."""
     name: str = "robot"

@@ -1,4 +1,4 @@
-"""A robot with tracks on its terrain, compiled: which bodies, joints, motors and tracks are whose."""
+"""Tracked robots compiled with their terrain, and the indices of their bodies, joints, motors and tracks."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def build_tracked(
 
 
 def _load(robot: TrackedRobot) -> Any:
-    """The robot's model, without the scene that it may lie in, and without states, which a free joint would change."""
+    """Load the robot's model without its scene and keyframes, which a free joint would invalidate."""
     if not robot.model.is_file():
         raise TrackslipError(f"{robot.model}: no such file; `model` must name the robot's MJCF or URDF file")
     spec = mujoco.MjSpec.from_file(str(robot.model))
@@ -123,7 +123,7 @@ def _load(robot: TrackedRobot) -> Any:
 
 
 def _strip(spec: Any) -> None:
-    """Remove geoms that are only looked at: they touch nothing, and weigh nothing."""
+    """Remove visual geoms, which neither collide nor have mass."""
     measured = spec.compiler.inertiafromgeom == _FROM_GEOMS
     for geom in list(spec.geoms):
         weightless = geom.mass == 0 or geom.density == 0 or (geom.parent.explicitinertial and not measured)
@@ -132,7 +132,7 @@ def _strip(spec: Any) -> None:
 
 
 def _light(spec: Any) -> None:
-    """Light and sky, and a size of pictures that MuJoCo's own limit would forbid."""
+    """Add light and sky, and allow larger pictures than MuJoCo's default."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 2048, 4  # what a processor can draw, too
     if not any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in spec.textures):
@@ -259,7 +259,7 @@ def _read(
 
 
 def _require_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int) -> None:
-    """Raise TrackslipError if the robot would stand on anything but its tracks."""
+    """Raise TrackslipError if anything but the tracks would touch level ground."""
     own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & (model.geom_contype > 0)
     for geom in np.flatnonzero(own):
         centre, half = model.geom_aabb[geom].reshape(2, 3)
@@ -272,7 +272,7 @@ def _require_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRob
 
 
 def clear_angles(tracked: TrackedModel, angles: Array) -> Array:
-    """Angles (F,), lifted from `angles` (F,) as far as it takes not to reach below the chassis' tracks [rad].
+    """Flipper angles (F,), raised from `angles` (F,) until they clear the lowest point of the chassis' tracks [rad].
 
     Flippers that reach below them at every higher angle stay where they are.
     """

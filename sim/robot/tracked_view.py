@@ -18,7 +18,7 @@ _CALM = 0.6  # share of the robot's heave that the camera follows
 
 
 def track_looks(world: TrackedModel) -> list[tuple[int, TrackLook]]:
-    """The looks of T tracks, each with its body, in the order of `world.track_side`."""
+    """Bodies and visuals of T tracks, in the order of `world.track_side`."""
     robot = world.robot
     hull = np.array(robot.hull)
     chassis = [(world.body, TrackLook(hull, sign * robot.half_gauge, robot.width)) for sign in (1.0, -1.0)]
@@ -30,7 +30,7 @@ class TrackedView:
     """Draws a robot's tracks into scenes, and pictures of it."""
 
     def __init__(self, world: TrackedModel, width: int = 960, height: int = 540) -> None:
-        """`world` must be built with its looks; pictures are (height, width)."""
+        """Draw `world`, which must be built with its looks, in pictures (height, width)."""
         self._world, self._size = world, (width, height)
         self._looks = track_looks(world)
         self._renderer: Any = None

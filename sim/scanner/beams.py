@@ -18,7 +18,7 @@ from trackslip import se2
 from trackslip.kinematics import Array
 
 PULSE = 0.5
-"""Echoes closer together than this merge [m]: pulses of 3.3 ns, assumed."""
+"""Separation below which echoes merge [m]: pulses of 3.3 ns, assumed."""
 MIN_SHARE = 0.25
 """Fraction of the footprint that an echo must fill to be detected [-], assumed."""
 SUBRAYS = 9
@@ -48,7 +48,7 @@ def moved_back(origin: Array, rays: Array, pose: Array, twist: Array, lag: Array
 
 
 def footprint(divergence: float) -> Array:
-    """Angles (K,) between a beam's axis and the rays that represent it [rad]; a single ray without divergence."""
+    """Angles (K,) of the rays that represent a beam, from its axis [rad]; one ray without divergence."""
     if divergence == 0:
         return np.zeros(1)
     return ((np.arange(SUBRAYS) + 0.5) / SUBRAYS - 0.5) * divergence

@@ -19,7 +19,7 @@ from trackslip.localization.scan import Scan
 
 
 class ScannerFeed:
-    """The scanner in front of a fleet: every robot is observed by its own LRF, in its own world."""
+    """The scanners of a fleet: each robot is observed by its own LRF in its own world."""
 
     def __init__(
         self,

@@ -188,7 +188,7 @@ NAMED_OBSTACLES: dict[str, Obstacles] = {
     # it hides a part of every circle
     "occluded": Obstacles(posts=(Post(-1.61, -0.71),)),
 }
-"""Obstacles around the circles that the robots of a grid drive in front of the scanner.
+"""Obstacles around the circles of a grid, in front of the scanner.
 
 It stands at (-1.5, -1.5) and looks along +y. The circles touch each other at (-1.5, 0) and lie beyond it, the largest
 from x = -4.7 to 1.7 and up to y = 6.3. No obstacle stands in the way of a robot of the grid.

@@ -68,7 +68,7 @@ class LaserScanner:
             require(valid, name, getattr(self, name), allowed)
 
     def measure(self, true_ranges: Array, rng: np.random.Generator) -> Array:
-        """Ranges (..., B) that the scanner measures where the true ones are (..., B), NaN for no echo [m].
+        """Measured ranges (..., B) for true ranges (..., B), NaN for no echo [m].
 
         This is the only place with noise, bias, rounding, dropout and reach.
         """

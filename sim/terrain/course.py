@@ -1,4 +1,4 @@
-"""Courses: pieces of terrain in a row along x, as geoms of a model and as exact heights, by name or from a file."""
+"""Courses: pieces of terrain in a row along x, as geoms and as exact heights, by name or from a file."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Course:
     friction: float = 0.7
     """Coefficient of friction."""
     seed: int = 0
-    """Root seed of everything drawn, such as rough ground."""
+    """Root seed of everything random, such as rough ground."""
     start_length: float = 2.0
     """Length of the level platform before the first piece [m]."""
     goal_length: float = 2.0
@@ -172,7 +172,7 @@ class Course:
 
     @cached_property
     def _table(self) -> tuple[Array, Array, float]:
-        """Heights on a grid that ends outside of the course, the place of the first, and cells per metre."""
+        """Heights on a grid that extends beyond the course, position of the first one, and cells per metre."""
         low, high = self.bounds[:, :2]
         cell = max(_CELL, math.sqrt(float(np.prod(high - low)) / _MAX_CELLS))
         x, y = (np.arange(low[k] - 2 * cell, high[k] + 3 * cell, cell) for k in range(2))

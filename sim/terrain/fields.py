@@ -33,7 +33,7 @@ _INSET = 1e-7  # of the outermost samples of a mesh, as a share of its size
 
 @dataclass(frozen=True)
 class Rough:
-    """Rough ground, drawn with a power spectrum that falls with the wave number; it begins and ends level."""
+    """Random rough ground whose power spectrum falls with the wave number; it begins and ends level."""
 
     length: float = 4.0
     """Length [m]."""
@@ -44,7 +44,7 @@ class Rough:
     cell: float = 0.1
     """Size of a cell of the height field [m]."""
     blend: float = 0.5
-    """Length over which it grows out of the level ground at either end [m]."""
+    """Length of the transition to level ground at either end [m]."""
 
     def __post_init__(self) -> None:
         require_length("length", self.length)

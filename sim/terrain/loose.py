@@ -1,4 +1,4 @@
-"""Pieces with things that lie on level ground: beams across the course, and pallets."""
+"""Obstacles on level ground: beams across the course, and pallets."""
 
 from __future__ import annotations
 

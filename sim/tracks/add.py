@@ -23,7 +23,7 @@ from trackslip.errors import (
 )
 
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
-"""Bits of what a contact sensor reports of each contact: found, force, dist, normal, tangent, linvel."""
+"""Data that a contact sensor reports per contact, as bits: found, force, dist, normal, tangent, linvel."""
 _MAX_SEGMENTS = 40
 _MAX_HALF_GAUGE = 10.0  # [m]
 _SLOTS = 64  # contacts that a sensor reports; fine height fields may cause more
@@ -130,7 +130,7 @@ class Tracks(TrackParts):
     """The tracks of one call of `add_tracks`: each a body without joints, with its geoms and a contact sensor."""
 
     def prefixed(self, prefix: str) -> Tracks:
-        """Return these tracks under the names that they have after `attach` with a prefix."""
+        """Return these tracks with the prefix that `attach` gave to their names."""
         return replace(self, names=tuple(prefix + name for name in self.names))
 
     def connect(self, spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> None:

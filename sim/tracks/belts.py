@@ -1,4 +1,4 @@
-"""Belts of a compiled model, or of a batch: their speeds are set, and traction, load, slip and depth read."""
+"""Belts of a compiled model or a batch: set speeds, read traction, load, slip and depth."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Belts:
         return _set_speeds(self._map, model.geom_surfacevel)
 
     def read(self, model: mujoco.MjModel, data: mujoco.MjData) -> Reading:
-        """Forces and motion (T,) of the tracks in the last step, at the belts' speeds of now."""
+        """Forces and motion (T,) of the tracks in the last step, at the belts' current speeds."""
         axes = data.xmat.reshape(-1, 3, 3)[self._map.bodies, :, 1]
         return self._map.read(data.sensordata, axes, self.speeds(model))
 
@@ -107,7 +107,7 @@ class BatchBelts:
         return _set_speeds(self._map, self._surface)
 
     def read(self) -> Reading:
-        """Forces and motion (N, T) of the tracks in the last step, at the belts' speeds of now."""
+        """Forces and motion (N, T) of the tracks in the last step, at the belts' current speeds."""
         axes = self._xmat[:, self._map.bodies].reshape(len(self._xmat), -1, 3, 3)[..., 1]
         return self._map.read(self._sensordata, axes, self.speeds())
 
@@ -154,7 +154,7 @@ class Reading:
 
 
 def read_contacts(sensed: Floats, lateral: Floats, speeds: Floats) -> Reading:
-    """Reading (..., T) of tracks from what their sensors report.
+    """Reading (..., T) of tracks from their contact sensors.
 
     Args:
         sensed: contacts (..., T, C, SENSED_WIDTH) of the tracks.

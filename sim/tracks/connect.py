@@ -1,4 +1,4 @@
-"""Contact pairs of tracks and terrain: stiffness by how easily points move, and hard cores for landings."""
+"""Contact pairs of tracks and terrain: stiffness matched to the points' mobility, and hard cores for landings."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def _grounds(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] 
 
 
 def _static_geoms(body: mujoco.MjsBody) -> Iterator[mujoco.MjsGeom]:
-    """The geoms of a body and of those that are fixed to it."""
+    """Geoms of a body and of the bodies fixed to it."""
     yield from body.geoms
     for child in body.bodies:
         if not child.joints and not child.mocap:
@@ -154,7 +154,7 @@ def require_friction(friction: tuple[float, float]) -> None:
 
 
 def connect_cores(spec: mujoco.MjSpec, ground: str, tracks: TrackParts) -> None:
-    """Give the geoms of the tracks cores, unless they have them, and a pair with the geom `ground` each.
+    """Add a core to each geom of the tracks that lacks one, and a contact pair with the geom `ground`.
 
     Cores are hard geoms below the belt's surface. A robot that tips over an edge meets the next one with a wheel or
     two. Contacts soft enough to share a plane with many points then yield by centimetres, and stiffer ones would throw

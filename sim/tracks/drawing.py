@@ -76,7 +76,7 @@ class TrackLook:
         return Outline.of(Hull.from_wheels((np.asarray(self.hull, float) - [0.0, 0.0, depth]).tolist()))
 
     def _wheels(self) -> Array:
-        """The wheels that are drawn (W', 3): the hull's, within the belt, and road wheels on the lower run."""
+        """Wheels to draw (W', 3): the hull's, inside the belt, and road wheels along the lower run."""
         outline = self._inside(sum(self._thickness))
         low = int(np.argmin(np.cos(outline.heading)))  # the run that goes straight backwards
         first, last = outline.wheels[low], outline.wheels[(low + 1) % len(outline.wheels)]
@@ -152,7 +152,7 @@ def _same(size: Array, rgba: tuple[float, ...], place: Array, angle: Array, trav
 
 
 def draw(scene: mujoco.MjvScene, pieces: Pieces, position: Array, rotation: Array) -> None:
-    """Append pieces of a body at `position` (3,), turned by `rotation` (3, 3), to a scene, as far as it has room."""
+    """Append pieces of a body at `position` (3,) with `rotation` (3, 3) to a scene, while there is room."""
     where = position + pieces.position @ rotation.T
     turn = (rotation @ pieces.rotation).reshape(-1, 9)
     colour = pieces.rgba.astype(np.float32)
@@ -166,7 +166,7 @@ def draw(scene: mujoco.MjvScene, pieces: Pieces, position: Array, rotation: Arra
 
 
 class DrawnTracks:
-    """Draws the tracks of a compiled model, with belts and wheels that turn; what collides is hidden, in geom group 3.
+    """Draws the tracks of a compiled model with moving belts and wheels; the colliding geoms are hidden in group 3.
 
     In a loop with MuJoCo's viewer, after each step:
 
@@ -188,7 +188,7 @@ class DrawnTracks:
         self._time = 0.0
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
-        """Append the tracks to a scene; since they were last drawn, the belts have run at the speeds of now."""
+        """Append the tracks to a scene; the belts are taken to have run at their current speeds since the last call."""
         passed = data.time - self._time
         if passed < 0:  # the simulation was reset
             self._travel[:] = passed = 0.0

@@ -147,7 +147,7 @@ class Outline:
 
     @property
     def ends(self) -> Array:
-        """(2 W,) where each run and the arc after it end, along the belt [m]."""
+        """Positions (2 W,) along the belt at which each run and the arc after it end [m]."""
         return np.cumsum(np.stack([self.run, self.arc], axis=1).ravel())
 
     def place(self, distance: Array) -> tuple[Array, Array]:

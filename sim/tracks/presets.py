@@ -17,9 +17,9 @@ import numpy as np
 from trackslip.errors import require
 
 _MAX_PUSH = 0.5
-"""Share of its depth by which a contact may push a light body out in one physics step; more would throw it [-]."""
+"""Largest share of its depth by which a contact pushes a light body out in a physics step, not to throw it [-]."""
 _MAX_BRAKE = 1.0
-"""Share of its speed that a contact may take from a light body in one physics step; more would turn it round [-]."""
+"""Largest share of its speed that a contact takes from a light body in a physics step, not to reverse it [-]."""
 IMPRATIO = 1e4
 """Ratio of frictional to normal constraint impedance [-]."""
 
@@ -118,7 +118,7 @@ def load_preset(preset: str | Preset) -> Preset:
 
 
 def set_options(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Set the cone and impratio, and the time step unless it is the user's own.
+    """Set the cone and impratio, and the time step unless the user has chosen one.
 
     Raises InvalidValueError for a time step at which the preset isn't stable, and if the spec overrides contacts.
     """

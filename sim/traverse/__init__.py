@@ -1,1 +1,1 @@
-"""Tracked robots that cross courses: N robots in a batch, how each run ends, and flippers moved by reflex."""
+"""Tracked robots crossing courses in a batch: outcomes, flipper reflexes and the learning task."""

@@ -19,7 +19,7 @@ PERIOD = 0.1
 SAMPLE = 0.02
 """Time between samples of the contacts [s]."""
 RANDOM = "random"
-"""Name of courses that are drawn; see `courses.draw_course`."""
+"""Name of randomly drawn courses; see `courses.draw_course`."""
 _ACTIONS = ("direct", "correction")
 _FLIPPERS = ("each", "pairs")
 
@@ -69,7 +69,7 @@ class TraverseConfig:
     """Meaning of the actions in [-1, 1]: "direct", set points in units of the top speed and of pi / 2; "correction",
     what is added to the set points of `scripted`."""
     flippers: str = "each"
-    """An action for "each" flipper, or for the "pairs" of front and rear ones."""
+    """One action for "each" flipper, or for each of the front and rear "pairs"."""
     speed_authority: float = 0.3
     """Largest correction of a belt's speed [m/s]."""
     flipper_authority: float = 0.8

@@ -1,4 +1,4 @@
-"""Short courses drawn at random for learning: of boxes alone, so that every robot can have its own in one batch."""
+"""Short random courses for learning, made of boxes only, so that each robot of a batch can have its own."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SEEDS = 2**31
 def draw_course(
     rng: np.random.Generator, difficulty: float, obstacles: int = 2, kinds: Sequence[str] = OBSTACLES
 ) -> Course:
-    """Draw a course of a `difficulty` from 0 (hardly anything in the way) to 1 (the rescue robot's limits).
+    """Draw a course with a `difficulty` from 0 (hardly an obstacle) to 1 (the rescue robot's limits).
 
     It has one or two `obstacles` of these `kinds`. Raises InvalidValueError for values that aren't allowed.
     """
@@ -48,7 +48,7 @@ def require_kinds(kinds: Sequence[str]) -> None:
 
 
 def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Piece]:
-    """An obstacle of one of the `OBSTACLES`, from half as large as the difficulty allows to just that."""
+    """An obstacle of a kind in `OBSTACLES`, between half and all of the size that the difficulty allows."""
     size = difficulty * rng.uniform(0.5, 1.0)
 
     def between(easiest: float, hardest: float) -> float:

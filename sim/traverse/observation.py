@@ -1,4 +1,4 @@
-"""CrossingLayout of the observations of trackslip/Traverse-v0.
+"""Layout of the observations of trackslip/Traverse-v0.
 
 An observation is float32, (N_FIXED + 2 F + E,) for F flippers and a map of E heights; each element is divided by its
 scale and clipped to its bound:

@@ -32,7 +32,7 @@ class Outcome(IntEnum):
     TIPPED = 5
     """The robot tipped over."""
     EXPLODED = 6
-    """The simulation broke down: the robot is faster than anything drives, or its state is not finite."""
+    """The simulation diverged: the robot is implausibly fast, or its state is not finite."""
 
     @property
     def label(self) -> str:
@@ -51,13 +51,13 @@ class Limits:
     drop: float = 0.3
     """Depth below the lowest ground of the course at which a robot has fallen [m]."""
     stuck_time: float = 5.0
-    """Time over which a robot must get on, if its belts do [s]."""
+    """Time within which a robot must make progress while its belts run [s]."""
     stuck_travel: float = 0.1
-    """Way of the belts in that time, mean of left and right, below which a robot isn't stuck but waits or turns [m]."""
+    """Belt travel in that time, mean of left and right, below which a robot counts as waiting or turning [m]."""
     stuck_share: float = 0.1
-    """Share of the belts' way that the robot must move in that time [-]."""
+    """Share of the belt travel that the robot must move in that time [-]."""
     speed: float = 10.0
-    """Speed of the chassis beyond which the simulation has broken down [m/s]."""
+    """Speed of the chassis beyond which the simulation has diverged [m/s]."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

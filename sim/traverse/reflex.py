@@ -1,4 +1,4 @@
-"""Flippers by reflex: each follows the ground that lies ahead of it, so that it meets edges with its belt on top."""
+"""Flipper reflexes: each flipper follows the ground ahead of it, so that its belt comes down on edges."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sim.robot.tracked_model import TrackedModel
 from trackslip.kinematics import Array
 
 SAMPLES = np.array([1.0, 1.25, 1.5])
-"""Distances from the hinge at which a reflex looks at the ground, in lengths of the flipper."""
+"""Distances from the hinge at which a reflex samples the ground, in flipper lengths."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Courses that differ from robot to robot and from episode to episode, in one compiled model.
+"""Different courses for each robot and episode in one compiled model.
 
 The model has slots: boxes, height fields and a floor without a place of their own. A course takes as many of them as it
 needs, the others lie far below. Where they are is then an expanded field of the batch, which the engine uses as if it
@@ -27,7 +27,7 @@ _TINY = 0.01  # half of their size [m]
 
 
 class Slots:
-    """Slots for courses in a model, which they are added to as a terrain: boxes, height fields, and a floor."""
+    """Placeholders for courses, added to a model as its terrain: boxes, height fields and a floor."""
 
     def __init__(self, courses: Sequence[Course], boxes: int = 0) -> None:
         """Make room for each of `courses`, and for any course of `boxes` boxes or less without a height field."""

@@ -1,4 +1,4 @@
-"""States of robots on courses and of their servos: what reflexes, observations and logs are made of."""
+"""States of robots on courses, and of the servos of their belts and flippers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackslip.kinematics import Array
 
 
 class States:
-    """States of N robots at the end of a control period; of a run that broke down the last finite one."""
+    """States of N robots at the end of a control period; of a diverged run, the last finite one."""
 
     def __init__(self, tracked: TrackedModel, qpos: Array, qvel: Array) -> None:
         """Start with states `qpos` (N, nq) and `qvel` (N, nv)."""
@@ -115,7 +115,7 @@ class ServoState:
         self._speed_goal, self._angle_goal = self.speed.copy(), self.angle.copy()
 
     def begin(self, rows: NDArray[np.int_], angle: Array) -> None:
-        """Stand still, with flippers at angles (F,) [rad], in the robots `rows` (R,)."""
+        """Reset the robots `rows` (R,) to rest, with flippers at angles (F,) [rad]."""
         self.speed[rows] = self._speed_goal[rows] = 0.0
         self.angle[rows] = self._angle_goal[rows] = angle
 

@@ -224,7 +224,7 @@ class Traverse:
         self._goal[row] = course.goal
 
     def _place(self, rows: NDArray[np.int_], poses: Array) -> None:
-        """Put the robots `rows` (R,) on the highest ground under their tracks, level and at rest, at poses (R, 3)."""
+        """Place the robots `rows` (R,) level and at rest at poses (R, 3), on the highest ground under their tracks."""
         robot, first = self.tracked.robot, self.tracked.free[0]
         self.batch.state[rows] = self._fresh
         self.batch.warning[rows] = 0
@@ -244,7 +244,7 @@ class Traverse:
         self.state.qpos[rows], self.state.qvel[rows] = self.batch.qpos[rows], 0.0
 
     def _broken(self, rows: NDArray[np.int_]) -> NDArray[np.bool_]:
-        """Whether the simulation of robots (N,) broke down in this period, seen from those `rows` (R,) that drive."""
+        """Robots (N,) whose simulation diverged in this period, among the driving ones, `rows` (R,)."""
         broken = np.zeros(self.size, bool)
         first = self.tracked.free[1]
         speed = np.linalg.norm(self.batch.qvel[rows, first : first + 3], axis=1)
@@ -254,7 +254,7 @@ class Traverse:
         return broken
 
     def _judge(self, rows: NDArray[np.int_], broken: NDArray[np.bool_]) -> None:
-        """Find the outcomes of the robots `rows` (R,) that have driven in this period."""
+        """Determine the outcomes of the robots `rows` (R,) that drove in this period."""
         state = self.state
         belts = self.servo.speed
         found = (
@@ -279,7 +279,7 @@ def _multiple(name: str, value: float, of: str, unit: float) -> int:
 
 @contextmanager
 def quietly() -> Iterator[None]:
-    """Neither print nor write to MUJOCO_LOG.TXT what the engine warns of inside: the caller looks at its counters."""
+    """Silence the engine's warnings, on the console and in MUJOCO_LOG.TXT; the caller reads their counters."""
     before, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
     quiet.logto_console = quiet.logto_file = False
     quiet.set()

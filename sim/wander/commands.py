@@ -25,7 +25,7 @@ class Driver:
     acceleration: float = 0.5
     """Largest acceleration of a track [m/s^2]."""
     half_gauge: float = 0.168
-    """Half the distance between the tracks that turns are reckoned with, b + D for a robot that slips [m]."""
+    """Half gauge assumed for turns; b + D for a robot that slips [m]."""
 
     def __post_init__(self) -> None:
         for name in ("max_speed", "acceleration", "half_gauge"):
@@ -33,7 +33,7 @@ class Driver:
 
 
 def track_commands(driving: str, duration: float, rate: float, driver: Driver, rng: np.random.Generator) -> Array:
-    """Track speeds (T, 2) [m/s] of a way of driving, one of DRIVING, at the times k / `rate` up to `duration` [s].
+    """Track speeds (T, 2) [m/s] of a driving style in DRIVING, at times k / `rate` up to `duration` [s].
 
     They start at rest. Raises InvalidValueError for an unknown name.
     """
@@ -47,7 +47,7 @@ def track_commands(driving: str, duration: float, rate: float, driver: Driver, r
 
 
 def _random(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
-    """Each lever is moved smoothly to a place of its own, now and then both to the same, back, or to rest."""
+    """Each lever moves smoothly to random positions; now and then both move together, reverse or rest."""
     count = int(time[-1]) + 2  # of places: each takes longer than a second
     levers = _BACK + (1 - _BACK) * rng.random((count, 2)) ** 0.6  # rather forwards
     kinds = rng.choice(4, count, p=(0.8, 0.08, 0.06, 0.06))[:, None]
@@ -56,7 +56,7 @@ def _random(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
 
 
 def _stop_and_go(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
-    """Stretches at constant speeds, straight ahead and to both sides, with stops between them."""
+    """Straights and turns at constant speeds, with stops between them."""
     count = int(time[-1] / 4.0) + 2  # stretch and stop together last longer
     speed = rng.uniform(0.4, 1.0, (count, 1))
     levers = speed * np.concatenate([np.ones((count, 1)), rng.uniform(0.0, 1.0, (count, 1))], axis=1)
@@ -87,13 +87,13 @@ def _loop(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
 
 
 def _begun(time: Array, driver: Driver, ahead: float, half: Array) -> Array:
-    """Speeds (T, 2) [m/s] ahead -+ half, reached from rest with half of the acceleration; the rest is for `half`."""
+    """Speeds (T, 2) [m/s] ahead -+ half; starting takes half of the acceleration, which leaves the rest for `half`."""
     ramp = 2 * _STEEPEST * driver.max_speed / driver.acceleration
     return (ahead + SIDES * half[:, None]) * _step(time / ramp)[:, None]
 
 
 def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: Array) -> Array:
-    """Speeds (T, 2) [m/s] that go from rest to each of `levers` (K, 2) in turn and stay there.
+    """Speeds (T, 2) [m/s] that approach each of `levers` (K, 2) in turn, from rest, and hold it.
 
     Each is approached in `moving` (K,) and held for `holding` (K,) [s]; longer where the acceleration demands it.
     """

@@ -1,4 +1,4 @@
-"""The log of a drive: the readings of the encoders and the poses of a source, each on a clock of its own."""
+"""Logs of drives: encoder readings and poses on separate clocks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackslip.logs.runlog import RunLog, Truth
 
 
 def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
-    """The log with a row for each reading of the encoders and for each pose (M, 3) at its stamp (M,) [s].
+    """Join encoder readings and poses (M, 3), stamped (M,) [s], into a log with a row for each.
 
     `encoders` has a row for each of their readings. A row that is only a pose's has the sprocket speeds of the next
     reading, which is the mean over the interval that contains it. Poses stamped before the first or after the last
@@ -42,7 +42,7 @@ def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
 
 
 def encoder_log(run: str, rate: float, omega: Array, motion: Motion, twist: Array, metadata: dict[str, Any]) -> RunLog:
-    """The readings of encoders, sprocket speeds `omega` (T, 2) [rad/s] at `rate` [Hz], with the truth as poses.
+    """Log of encoder readings: sprocket speeds `omega` (T, 2) [rad/s] at `rate` [Hz], with true poses.
 
     Each speed is commanded in the row before.
     """
@@ -53,7 +53,7 @@ def encoder_log(run: str, rate: float, omega: Array, motion: Motion, twist: Arra
 
 
 def quantised(log: RunLog, counts: int) -> RunLog:
-    """The same log, its sprocket speeds from angles in whole counts, `counts` per revolution."""
+    """The log with sprocket angles rounded to whole encoder counts, `counts` per revolution."""
     count = 2 * np.pi / counts
     turned = log.omega[1:] * np.diff(log.time)[:, None]
     angle = np.floor(np.concatenate([np.zeros((1, 2)), np.cumsum(turned, axis=0)]) / count) * count
@@ -62,7 +62,7 @@ def quantised(log: RunLog, counts: int) -> RunLog:
 
 
 def _truth_at(truth: Truth, read: Array, time: Array, after: np.ndarray) -> Truth:
-    """The truth, known at the times `read` (T,), at `time` (U,); `after` (U,) are the next rows of the former."""
+    """Interpolate the truth from times `read` (T,) to `time` (U,); `after` (U,) are the next rows of the former."""
 
     def between(values: Array) -> Array:
         flat = values.reshape(len(read), -1)

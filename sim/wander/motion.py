@@ -1,4 +1,4 @@
-"""The true motion of a drive: poses over time, exactly by a slip law, with slip that varies."""
+"""True motion of a drive: poses over time by a slip law, with random slip."""
 
 from __future__ import annotations
 

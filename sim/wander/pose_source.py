@@ -32,7 +32,7 @@ class PoseSource:
     heading: bool = True
     """Whether the heading is measured."""
     delay: float = 0.0
-    """Time stamp of a pose minus the encoders' of the same moment; -tau [s]."""
+    """Delay of pose stamps against encoder stamps of the same instant; -tau [s]."""
     jitter: float = 0.0
     """Standard deviation of the time stamps [s]."""
     outliers: float = 0.0
@@ -58,7 +58,7 @@ class PoseSource:
     heading_drift: float = 0.0
     """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
     scale_error: float = 0.0
-    """Relative error of all ways and turns, as odometry with a wrong radius has it [-]."""
+    """Relative error of all distances and turns, as of odometry with a wrong radius [-]."""
     ahead: float = 0.0
     """Place of the sensor forward of the robot's origin [m]."""
     left: float = 0.0
@@ -116,7 +116,7 @@ class PoseSource:
         return se2.chain(pose[0], steps)
 
     def _in_gap(self, moment: Array, rng: np.random.Generator) -> np.ndarray:
-        """(M,) bool: whether a moment lies in a gap; gaps begin in equal parts of the time, one in each."""
+        """Whether each moment (M,) lies in a gap; gaps begin in equal parts of the time, one in each."""
         if not self.gaps:
             return np.zeros(len(moment), bool)
         part = (moment[-1] - moment[0]) / self.gaps
