@@ -11,8 +11,8 @@ from trackslip.identification.solver import CONVERGED, ITERATIONS, Minimum, leas
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array
 from trackslip.slip.base import SlipLaw
+from trackslip.slip.derivatives import twist_derivatives
 from trackslip.slip.families import LawFamily
-from trackslip.slip.slopes import twist_slopes
 
 _FIRST_SCATTER = 0.003  # initial guess of the scatter of slip [-]
 _ROUNDS = 8  # maximum number of alternating fits and scatter estimates
@@ -64,7 +64,7 @@ class Fits:
     @cached_property
     def jacobian(self) -> Array:
         """Derivatives (M, 2 n, p) of the deviations, unweighted; for values at a limit, taken just inside it."""
-        slopes = -self.runs.of_twists @ twist_slopes(self.family, self.values, self.runs.omega, self.runs.geometry)
+        slopes = -self.runs.of_twists @ twist_derivatives(self.family, self.values, self.runs.omega, self.runs.geometry)
         return slopes.reshape(len(self.values), 2 * self.runs.runs, self.values.shape[1])
 
     @property
@@ -148,7 +148,7 @@ def minimise(
 
     def jacobian(values: Array, rows: np.ndarray) -> Array:
         chosen = sets[rows]
-        slopes = -runs.of_twists @ twist_slopes(family, values, runs.omega, runs.geometry, last[rows])
+        slopes = -runs.of_twists @ twist_derivatives(family, values, runs.omega, runs.geometry, last[rows])
         return (slopes * runs.roots(scatter[chosen], chosen)[..., None]).reshape(len(rows), -1, values.shape[1])
 
     if not family.names:

@@ -11,7 +11,7 @@ import numpy as np
 from trackslip.errors import InvalidValueError, require_non_negative
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.slopes import parameter_slopes
+from trackslip.slip.derivatives import parameter_derivatives
 
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")  # entries of DriveFit.noise
 _NORMAL_95 = 1.959963984540054  # half width of a 95 % interval [standard deviations]
@@ -112,5 +112,5 @@ class LawErrors:
         steps = {name: _DIFFERENCE * error for name, error in errors.items() if error > 0}
         slopes = np.zeros((*omega.shape, len(errors)))
         if steps:
-            slopes[..., [name in steps for name in errors]] = parameter_slopes(law, steps, omega, geometry)
+            slopes[..., [name in steps for name in errors]] = parameter_derivatives(law, steps, omega, geometry)
         return slopes

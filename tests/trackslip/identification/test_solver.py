@@ -8,9 +8,9 @@ from trackslip.identification.intervals import profile_intervals
 from trackslip.identification.solver import least_squares
 from trackslip.identification.steady_fit import fit
 from trackslip.identification.weighting import WeightedRuns
+from trackslip.slip.derivatives import twist_derivatives
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.families import FAMILIES
-from trackslip.slip.slopes import twist_slopes
 
 X = np.linspace(0, 3, 20)
 
@@ -66,7 +66,7 @@ def test_slopes_of_twists_are_those_of_finite_differences(name):
     family, step = FAMILIES[name], 1e-5
     samples = grid(PUBLISHED, errors=None)
     values = family.starts(GEOMETRY.half_gauge)
-    slopes = twist_slopes(family, values, samples.omega, GEOMETRY)
+    slopes = twist_derivatives(family, values, samples.omega, GEOMETRY)
 
     def twist(values):
         return family.law(values[:, None, :], GEOMETRY).twist(samples.omega, GEOMETRY)
@@ -82,7 +82,7 @@ def test_slopes_of_turns_in_place_are_those_of_finite_differences(name):
     family, step = FAMILIES[name], 1e-5
     omega = np.array([[-3.0, 3.0], [4.0, -4.0], [-3.0, 3.05], [1.0, 3.0]])
     values = family.starts(GEOMETRY.half_gauge)
-    slopes = twist_slopes(family, values, omega, GEOMETRY)
+    slopes = twist_derivatives(family, values, omega, GEOMETRY)
     ahead, behind = (
         np.stack(
             [

@@ -14,7 +14,7 @@ from trackslip.slip.families import LawFamily
 _DIFFERENCE = 1e-6  # step of differences, relative to the scales of the parameters and to the twist
 
 
-def parameter_slopes(law: SlipLaw, steps: Mapping[str, float], omega: Array, geometry: RobotGeometry) -> Array:
+def parameter_derivatives(law: SlipLaw, steps: Mapping[str, float], omega: Array, geometry: RobotGeometry) -> Array:
     """Derivatives (..., 2, p) of twists at sprocket speeds omega (..., 2) [rad/s], by central differences.
 
     `steps` are the sizes of the differences, by name of the p parameters, whose shapes (...) may be those of many laws.
@@ -23,11 +23,11 @@ def parameter_slopes(law: SlipLaw, steps: Mapping[str, float], omega: Array, geo
     def pushed(name: str, step: float) -> Array:
         return replace(law, **{name: getattr(law, name) + step}).twist(omega, geometry)  # type: ignore[type-var]
 
-    slopes = [(pushed(name, step) - pushed(name, -step)) / (2 * step) for name, step in steps.items()]
-    return np.stack(slopes, axis=-1)
+    derivatives = [(pushed(name, step) - pushed(name, -step)) / (2 * step) for name, step in steps.items()]
+    return np.stack(derivatives, axis=-1)
 
 
-def twist_slopes(
+def twist_derivatives(
     family: LawFamily, values: Array, omega: Array, geometry: RobotGeometry, twist: Array | None = None
 ) -> Array:
     """Derivatives (m, n, 2, p) of the twists at sprocket speeds omega (n, 2) [rad/s] by the values (m, p) of m laws.
@@ -45,20 +45,20 @@ def twist_slopes(
     ahead, behind = (family.law(inside[:, None, :] + sign * pushes, geometry) for sign in (1, -1))
     if law.closed_form:
         change = ahead.twist(omega, geometry) - behind.twist(omega, geometry)  # (p, m, n, 2)
-        slopes = np.moveaxis(change, 0, -1) / (2 * step)
+        derivatives = np.moveaxis(change, 0, -1) / (2 * step)
     else:
         twist = law.twist(omega, geometry) if twist is None else twist
-        slopes = _implicit_slopes(law, ahead, step, twist, geometry)
+        derivatives = _implicit_derivatives(law, ahead, step, twist, geometry)
         jumps, _ = law.turns_in_place(omega, geometry)
         if jumps.any():
             high_end, low_end = (each.turns_in_place(omega, geometry)[1] for each in (ahead, behind))
             change = np.moveaxis(high_end - low_end, 0, -1) / (2 * step * geometry.half_gauge)  # (m, n, p) of w
-            slopes[jumps] = 0.0
-            slopes[jumps, 1, :] = change[jumps]
-    return np.where(np.isfinite(slopes), slopes, 0.0)
+            derivatives[jumps] = 0.0
+            derivatives[jumps, 1, :] = change[jumps]
+    return np.where(np.isfinite(derivatives), derivatives, 0.0)
 
 
-def _implicit_slopes(law: SlipLaw, ahead: SlipLaw, step: Array, twist: Array, geometry: RobotGeometry) -> Array:
+def _implicit_derivatives(law: SlipLaw, ahead: SlipLaw, step: Array, twist: Array, geometry: RobotGeometry) -> Array:
     """The same by the implicit function theorem: the sprocket speeds at the twists don't change.
 
     `ahead` is the law with each of its p parameters a step (p,) larger. It takes one evaluation of the sprocket speeds
