@@ -156,20 +156,16 @@ def require_held(
     They are on `grounds` (R,), with `friction` (R, 2) along and across the tracks where they stand, and with headings
     (R,) [rad]. Each has a `weight` [N], and its `motors` (R,) hold both tracks together against a force [N].
     """
-    for ground, each, phi, force in zip(grounds, friction, heading.tolist(), motors.tolist(), strict=True):
-        _require_held(ground, each, phi, pull, weight, force)
-
-
-def _require_held(ground: Ground, friction: Array, heading: float, pull: Pull, weight: float, motors: float) -> None:
-    ground.require_parking(friction, heading)
-    if pull.force == 0:
-        return
-    along, across = (float(value) for value in friction)
-    normal, uphill = weight * math.cos(ground.slope), ground.uphill - heading
-    sideways = math.tan(ground.slope) * math.sin(uphill) / across
-    held = min(along * normal * math.sqrt(1 - sideways**2), motors)
-    most = held - weight * math.sin(ground.slope) * math.cos(uphill)
-    require(pull.force < most, "pull", pull.force, f"less than {most:.4g} N, not to drag the robot backwards from rest")
+    for ground, (along, across), phi, force in zip(grounds, friction, heading.tolist(), motors.tolist(), strict=True):
+        ground.require_parking((along, across), phi)
+        if pull.force == 0:
+            continue
+        normal, uphill = weight * math.cos(ground.slope), ground.uphill - phi
+        sideways = math.tan(ground.slope) * math.sin(uphill) / across
+        held = min(float(along) * normal * math.sqrt(1 - sideways**2), force)
+        most = held - weight * math.sin(ground.slope) * math.cos(uphill)
+        allowed = f"less than {most:.4g} N, not to drag the robot backwards from rest"
+        require(pull.force < most, "pull", pull.force, allowed)
 
 
 def require_at_rest(grounds: Sequence[Ground], heading: Array, speed: Array, lean: Array, pull: Pull) -> None:

@@ -37,20 +37,17 @@ class TrackContact:
     @classmethod
     def of(cls, readings: Sequence[Reading], belts: Sequence[Array], sample: float) -> TrackContact:
         """The mean of readings (N, T) at the ends of samples of `sample` [s] with mean belt speeds (N, T) [m/s]."""
-        count = len(readings)
-        traction, load, slid, driven, work = (np.zeros(belts[0].shape) for _ in range(5))
-        touching, depth = np.zeros(belts[0].shape, bool), np.zeros(belts[0].shape)
-        for reading, belt in zip(readings, belts, strict=True):
-            traction += reading.traction / count
-            load += reading.load / count
-            work += reading.traction * belt * sample
-            slid += np.where(reading.touching, reading.sliding, 0.0)
-            driven += np.where(reading.touching, belt, 0.0)
-            touching |= reading.touching
-            depth = np.maximum(depth, reading.depth)
-        defined = touching & (np.abs(driven) > _STILL * count)
+        traction, load, sliding, touching, depth = (
+            np.array([getattr(reading, name) for reading in readings])
+            for name in ("traction", "load", "sliding", "touching", "depth")
+        )
+        belt = np.array(belts)
+        slid, driven = (np.where(touching, values, 0.0).sum(axis=0) for values in (sliding, belt))
+        touched: NDArray[np.bool_] = np.logical_or.reduce(touching, axis=0)
+        defined = touched & (np.abs(driven) > _STILL * len(belt))
         slip = np.divide(slid, driven, out=np.full(slid.shape, np.nan), where=defined)
-        return cls(traction, load, sum(belts, np.zeros(slid.shape)) / count, slip, touching, depth, work)
+        work = (traction * belt).sum(axis=0) * sample
+        return cls(traction.mean(axis=0), load.mean(axis=0), belt.mean(axis=0), slip, touched, depth.max(axis=0), work)
 
     def put(self, rows: NDArray[np.int_], other: TrackContact) -> None:
         """Take the rows `rows` (R,) of another."""

@@ -31,10 +31,10 @@ class Slots:
 
     def __init__(self, courses: Sequence[Course], boxes: int = 0) -> None:
         """Make room for each of `courses`, and for any course of `boxes` boxes or less without a height field."""
-        self._listed = [(course, course.model) for course in courses]
-        self._boxes = max([boxes, *(_count(model, _BOX) for _, model in self._listed)])
-        self._fields = max((_count(model, _FIELD) for _, model in self._listed), default=0)
-        self._first_field = np.cumsum([0, *(model.nhfield for _, model in self._listed)])
+        self._listed = list(courses)
+        self._boxes = max([boxes, *(_count(course.model, _BOX) for course in courses)])
+        self._fields = max((_count(course.model, _FIELD) for course in courses), default=0)
+        self._first_field = np.cumsum([0, *(course.model.nhfield for course in courses)])
         self._names = [f"slot{k}" for k in range(self._boxes + self._fields + 1)]
         self._ids: NDArray[np.int_] = np.zeros(0, int)
         self._batch: dict[str, Any] = {}
@@ -42,11 +42,11 @@ class Slots:
     @property
     def friction(self) -> float:
         """Coefficient of friction of the first course [-]."""
-        return self._listed[0][0].friction
+        return self._listed[0].friction
 
     def add_to(self, spec: mujoco.MjSpec) -> list[str]:
         """Add the slots to the world body of `spec`; returns the names of their geoms."""
-        for (_, model), first in zip(self._listed, self._first_field, strict=False):
+        for model, first in zip((course.model for course in self._listed), self._first_field, strict=False):
             for k in range(model.nhfield):
                 adr, rows, columns = model.hfield_adr[k], model.hfield_nrow[k], model.hfield_ncol[k]
                 data = model.hfield_data[adr : adr + rows * columns]
@@ -72,7 +72,7 @@ class Slots:
 
         Raises InvalidValueError for a course that has too many boxes, or height fields that there is no room for.
         """
-        listed = next((k for k, (one, _) in enumerate(self._listed) if one is course), None)
+        listed = next((k for k, one in enumerate(self._listed) if one is course), None)
         model = course.model
         boxes, fields = _count(model, _BOX), _count(model, _FIELD)
         require(boxes <= self._boxes, "course", f"{boxes} boxes", f"of at most {self._boxes}")

@@ -5,7 +5,7 @@ import sys
 import mujoco
 import numpy as np
 import pytest
-from tracked import HULL, URDF, add_flipper, add_robot, built, plane, slab
+from tracked import HULL, add_flipper, add_robot, built, plane, slab
 
 from sim.tracks import PRESETS, add_tracks, bind
 from trackslip.errors import InvalidValueError, TrackslipError
@@ -51,18 +51,6 @@ def test_the_ground_carries_the_robot_at_the_depth_of_the_preset(preset):
     np.testing.assert_allclose(reading.depth, PRESETS[preset].sink, rtol=0.02)
     assert np.isnan(reading.slip).all()
     assert np.abs(reading.sliding).max() < 1e-6
-
-
-def test_tracks_fit_a_robot_from_a_urdf_file():
-    spec = mujoco.MjSpec.from_string(URDF)
-    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1])
-    tracks = tracked(spec, body="base")
-    with pytest.raises(InvalidValueError, match="body = 'base_left': must be on a body that moves"):
-        tracks.connect(spec)
-    spec.body("base").add_freejoint()
-    tracks.connect(spec)
-    model = spec.compile()
-    assert driven(model, bind(model, tracks)).qpos[0] == pytest.approx(0.6, abs=0.02)
 
 
 def test_a_body_that_is_turned_on_the_robot_drives_where_its_own_x_axis_points():
