@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any, TypeVar
 
 import numpy as np
@@ -105,8 +106,8 @@ def _readings(bag: Bag, topic: str, joints: Sides, notes: list[str]) -> tuple[np
     for message in bag.messages(topic, notes=notes):
         names, *fields = message.content.name, message.content.position, message.content.velocity
         known |= dict.fromkeys(names)
-        stated = [values if len(values) == len(names) else np.full(len(names), np.nan) for values in fields]
-        of_name = {name: (1.0, *values) for name, *values in zip(names, *stated, strict=True)}
+        stated = [field.tolist() if len(field) == len(names) else [np.nan] * len(names) for field in fields]
+        of_name = dict(zip(names, zip(repeat(1.0), *stated), strict=False))
         if not of_name.keys().isdisjoint(chosen):
             times.append((message.stamp, message.arrival))
             rows.append([of_name.get(name, (0.0, np.nan, np.nan)) for name in chosen])

@@ -115,11 +115,10 @@ class _Chunks:
     def _add(self, key: int | bytes, channel: Channel) -> None:
         self._channels[key] = channel, self._wanted(channel.topic)
 
-    def _message(self, key: int | bytes, arrival: int, content: bytes, start: int = 0) -> Iterator[Record]:
-        """The message from `start` on, if its channel is known."""
-        if key in self._channels:
-            channel, wanted = self._channels[key]
-            yield Record(channel, arrival, content[start:] if wanted else b"")
+    def _message(self, key: int | bytes, arrival: int, content: bytes, start: int = 0) -> Record:
+        """The message from `start` on, of a known channel."""
+        channel, wanted = self._channels[key]
+        return Record(channel, arrival, content[start:] if wanted else b"")
 
 
 class _Mcap(_Chunks):
@@ -149,7 +148,8 @@ class _Mcap(_Chunks):
                 content = stream.read(length)
                 if len(content) == length >= self._MESSAGE_HEAD.size:
                     number, _, arrival, _ = self._MESSAGE_HEAD.unpack_from(content)
-                    yield from self._message(number, min(arrival, _LATEST), content, self._MESSAGE_HEAD.size)
+                    if number in self._channels:
+                        yield self._message(number, min(arrival, _LATEST), content, self._MESSAGE_HEAD.size)
             elif kind in (self._SCHEMA, self._CHANNEL):
                 content = stream.read(length)
                 if len(content) == length:
@@ -210,9 +210,9 @@ class _Ros1(_Chunks):
                 if kind == self._CONNECTION:
                     name = _ros2_type(_fields(content)[b"type"].decode())
                     self._add(fields[b"conn"], Channel(fields[b"topic"].decode(), name, "ros1"))
-                elif kind == self._MESSAGE and not is_file:
+                elif kind == self._MESSAGE and not is_file and fields[b"conn"] in self._channels:
                     seconds, nanoseconds = struct.unpack("<II", fields[b"time"])
-                    yield from self._message(fields[b"conn"], seconds * 1_000_000_000 + nanoseconds, content)
+                    yield self._message(fields[b"conn"], seconds * 1_000_000_000 + nanoseconds, content)
         except EOFError:
             return False
         except _DAMAGED:
@@ -262,15 +262,13 @@ def _sized(stream: BinaryIO, most: int, partly: bool = False) -> bytes:
 
 def _fields(header: bytes) -> dict[bytes, bytes]:
     """The fields of a ROS 1 header; struct.error if it is damaged."""
-    fields, stream = {}, io.BytesIO(header)
-    while stream.tell() < len(header):
-        try:
-            name, equals, value = _sized(stream, len(header)).partition(b"=")
-        except EOFError as error:
-            raise struct.error("a field is cut off") from error
-        if not equals:
-            raise struct.error("a field has no name")
-        fields[name] = value
+    fields, place = {}, 0
+    while place < len(header):
+        end = place + 4 + int.from_bytes(header[place : place + 4], "little")
+        name, equals, value = header[place + 4 : end].partition(b"=")
+        if not equals or end > len(header):
+            raise struct.error("a field is damaged")
+        fields[name], place = value, end
     return fields
 
 
