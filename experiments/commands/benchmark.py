@@ -37,7 +37,7 @@ class Config(Equipment):
     compensations: Annotated[tuple[str, ...] | None, Distinct(), _COMPENSATIONS] = None
     """Slip compensations: LAW of --laws; online starts from icr_radius, online_load icr_load, online_cold no slip."""
     references: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{REFERENCES} ...")] = None
-    """Paths; a .csv file lists way points in the columns x, y [m]."""
+    """Paths; a .csv file lists waypoints in the columns x, y [m]."""
     grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", _GROUNDS)] = None
     """Grounds; sticky is stone whose friction rises after 20 s, robot is the ground of the --robot file."""
     starts: Annotated[tuple[Start, ...] | None, Distinct(), default_is("the suite's", "{zero,paper,random} ...")] = None

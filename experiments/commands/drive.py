@@ -39,7 +39,7 @@ class Config(Options):
     turn: Annotated[float, Within(-_MAX_TURN, _MAX_TURN, "rad/s")] = 0.0
     """Commanded yaw rate, positive to the left; the robot turns less, as its tracks slip [rad/s]."""
     path: Annotated[Path | None, default_is("straight on", "FILE.csv")] = None
-    """Way points x, y to follow by the true pose, in the course's frame [m]."""
+    """Waypoints x, y to follow by the true pose, in the course's frame [m]."""
     flippers: Annotated[str, tyro.conf.arg(metavar="{up,down,reflex,ANGLES}")] = "reflex"
     """Flippers: up, down (along the tracks), by reflex, or angles: one, front,rear, or one each, tips up [rad]."""
     preset: Literal["accurate", "fast"] = "accurate"

@@ -33,7 +33,7 @@ class Config(Simulation):
     localization: Literal["plate", "line", "truth"] = "plate"
     """Source of the controller's poses: scans by the plate or the line method, or the true pose."""
     reference: Annotated[str, tyro.conf.arg(metavar=REFERENCES)] = "paper"
-    """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has way points x, y [m]."""
+    """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has waypoints x, y [m]."""
     circle_radius: Annotated[float, Within(0.1, MAX_RADIUS, "m")] = 1.25
     """Radius of the circle, to the left; needs --reference circle [m]."""
     circle_speed: float = 0.15

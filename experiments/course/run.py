@@ -47,7 +47,7 @@ class PathPilot:
 
     @classmethod
     def of(cls, path: Path, speed: float, half_gauge: float) -> PathPilot:
-        """Follow the way points in a .csv file; raises ReferenceFileError if they can't be driven."""
+        """Follow the waypoints in a .csv file; raises ReferenceFileError if they can't be driven."""
         reference = read_waypoints(path)
         dense = reference.pose(np.linspace(0.0, reference.duration, 20_000))[:, :2]
         way = np.append(0.0, np.cumsum(np.hypot(*np.diff(dense, axis=0).T)))

@@ -62,7 +62,7 @@ class EnvConfig:
     """A path-tracking task."""
 
     reference: str | tuple[str, ...] = "paper"
-    """Name of a reference, or a .csv file of way points; if there are several, each episode draws one."""
+    """Name of a reference, or a .csv file of waypoints; if there are several, each episode draws one."""
     ground: str | tuple[str, ...] = "stone"
     """Name of a ground, or a .toml file; if there are several, each episode draws one."""
     action: str = "sprockets"

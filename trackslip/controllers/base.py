@@ -56,7 +56,7 @@ class OncePerReference(Generic[T]):
     _kept: tuple[Reference, T] | None = None
 
     def __call__(self, build: Callable[[Reference], T], reference: Reference) -> T:
-        """`build(reference)`, called unless `reference` is that of the last call."""
+        """`build(reference)`, called again only for another `reference` than last time."""
         if self._kept is None or self._kept[0] is not reference:
             self._kept = (reference, build(reference))
         return self._kept[1]

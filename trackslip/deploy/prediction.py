@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from trackslip.slip.law_file import NO_SLIP, StoredLaws, entry, number
 
 Quantity = tuple[str, float | None]
-"""What is predicted, and how far ahead [s]; None for steady driving at radii that were left out of the fit."""
+"""Predicted quantity and horizon [s]; None for steady driving at radii that were left out of the fit."""
 
 _USUAL = 5.0  # horizon at which laws are compared, if it was evaluated [s]
 _UNITS = {

@@ -21,11 +21,11 @@ class SlipLaw(ABC):
     """Maps curvature (...) [1/m] to the slip (..., 2) of the left and right track [-]."""
 
     records_icr: ClassVar[bool] = False
-    """Whether logs of runs under this law record its ICRs: `offset` and `radius_error`."""
+    """True if logs of runs under this law record its ICRs: `offset` and `radius_error`."""
     twist_iterations: ClassVar[int] = 12
     """Largest number of iterations of `twist`; where a law jumps, some sprocket speeds take them all."""
     closed_form: ClassVar[bool] = False
-    """Whether `twist` is overridden by a closed form, which is cheap enough to be differenced."""
+    """True if `twist` is overridden by a closed form, which is cheap enough to be differenced."""
 
     @abstractmethod
     def __call__(self, kappa: ArrayLike) -> Array:
@@ -71,7 +71,7 @@ class SlipLaw(ABC):
         return _of_plane(np.where(in_place, 1j * turning, real), geometry)
 
     def turns_in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
-        """Whether sprocket speeds (..., 2) lie in the jump between left and right turns in place, and b w there.
+        """Mask of sprocket speeds (..., 2) in the jump between left and right turns in place, and b w there.
 
         Both are (...), b w in [m/s]. The slips of both tracks have the same sum as at either end of the jump.
         """
@@ -107,7 +107,7 @@ def _limited(slope: Array) -> Array:
 
 
 def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
-    """Slips (..., 2) of (left, right) from those of the inner and outer track (...); their mean on a straight path."""
+    """Slips (..., 2) of (left, right) from inner and outer slips (...), or their mean on a straight path."""
     side = np.sign(np.asarray(kappa, float))
     mean, half = (inner + outer) / 2, (inner - outer) / 2
     half = side * half

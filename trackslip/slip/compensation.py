@@ -95,7 +95,7 @@ class LoadedLaw:
 
 
 class OnlineIcr:
-    """Constant ICRs, learnt while driving by an `IcrFilter`, from those of `prior` or without prior knowledge."""
+    """Constant ICRs learnt while driving by an `IcrFilter`, starting from `prior` or without prior knowledge."""
 
     def __init__(
         self, geometry: RobotGeometry, prior: ConstantIcr | None = None, tuning: FilterTuning | None = None

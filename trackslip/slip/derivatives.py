@@ -59,7 +59,7 @@ def twist_derivatives(
 
 
 def _implicit_derivatives(law: SlipLaw, ahead: SlipLaw, step: Array, twist: Array, geometry: RobotGeometry) -> Array:
-    """The same by the implicit function theorem: the sprocket speeds at the twists don't change.
+    """Derivatives (m, n, 2, p) by the implicit function theorem, as the sprocket speeds at the twists don't change.
 
     `ahead` is the law with each of its p parameters a step (p,) larger. It takes one evaluation of the sprocket speeds
     per difference, where a twist without closed form takes many.

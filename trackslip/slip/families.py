@@ -1,4 +1,4 @@
-"""The slip laws that can be fitted, an entry each: parameters, limits, symbols, looks, and what can express them.
+"""The slip laws that can be fitted, one entry each: parameters, limits, symbols, looks and deployment targets.
 
 To add a law, write it in `trackslip.slip` and an entry here; `examples/own_slip_law.py` does both in a file of its own.
 """
@@ -38,19 +38,19 @@ class Parameter:
     symbol: str = ""
     """Its letter in formulas, without the track; by default its name is printed."""
     meaning: str = ""
-    """What the letter stands for, in reports."""
+    """Meaning of the letter, for reports."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """How reports show a slip law, or a compensation by one."""
+    """Appearance of a slip law, or of a compensation by one, in reports."""
 
     label: str
     """Its name in tables and legends."""
     colour: str = "#009E73"
-    """Of its lines: a contrast of at least 3 : 1 on a light page, and on a dark one where pages invert figures."""
+    """Colour of its lines, with a contrast of at least 3 : 1 on light pages and on dark ones, which invert figures."""
     dashes: Any = "-"
-    """Its line style in matplotlib; no two are the same, so that lines are told apart without colour."""
+    """Its line style in matplotlib, unique so that lines differ without colour."""
     formula: tuple[str, ...] = ("-",)
     """Lines."""
 
@@ -66,15 +66,15 @@ class LawFamily:
     build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
     """Builds a law from values of the parameters: numbers, or arrays of one shape."""
     look: Look
-    """How reports show it."""
+    """Its appearance in reports."""
     targets: tuple[str, ...] = ("json",)
-    """What it can be deployed to, of `trackslip.deploy.TARGETS`."""
+    """Its deployment targets, out of `trackslip.deploy.TARGETS`."""
     loaded: bool = False
-    """Whether slip depends on the traction per unit load, which runs then have to tell."""
+    """True if slip depends on the traction per unit load, which runs must then provide."""
     two_sided: bool = False
-    """Whether left and right turns slip differently, so that fits need turns to both sides."""
+    """True if left and right turns slip differently, so that fits need turns to both sides."""
     of_drives: bool = True
-    """Whether it is fitted to whole drives, too."""
+    """True if it is fitted to whole drives, too."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -31,7 +31,7 @@ class StoredLaws:
     name: str
     """The file's name in messages and comments, without the folders that lead to it."""
     geometry: RobotGeometry
-    """Of the robot that the laws were identified for."""
+    """Geometry of the robot that the laws were identified for."""
     laws: Mapping[str, SlipLaw]
     """Laws by family name; `none` is always there."""
     content: Mapping[str, Any]
@@ -42,7 +42,7 @@ class StoredLaws:
     def law_named(self, name: str | None) -> str:
         """`name` if there is such a law; for None the best law: as stored, the only one, or the one that fits best.
 
-        Raises InvalidValueError for another name, LogError if the file doesn't tell which law is best.
+        Raises InvalidValueError for another name, LogError if the file doesn't state the best law.
         """
         if name is not None:
             if name not in self.laws:
@@ -103,7 +103,7 @@ def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) ->
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
     """Write laws by family name to a JSON file that `load_laws` and the commands' option `--laws` read.
 
-    The geometry is that of the robot they were identified for. Laws without parameters are not stored.
+    The geometry belongs to the robot that they were identified for. Laws without parameters are not stored.
 
     Raises:
         InvalidValueError: if a name is not that of a family, or a law does not belong to the family it is named for.

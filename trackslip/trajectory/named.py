@@ -51,5 +51,5 @@ def load_reference(name_or_path: str | Path) -> Reference:
     name = str(name_or_path)
     if Path(name).suffix.lower() == ".csv":
         return read_waypoints(Path(name))
-    require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}, or a .csv file of way points")
+    require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}, or a .csv file of waypoints")
     return REFERENCES[name]()

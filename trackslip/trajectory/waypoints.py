@@ -37,7 +37,7 @@ def waypoints(points: ArrayLike, limits: MotionLimits = LIMITS) -> ProfiledRefer
     """
     points = np.asarray(points, float)
     table = points.ndim == 2 and points.shape[1] == 2
-    require(table, "shape of the way points", points.shape, "(N, 2): columns x and y")
+    require(table, "shape of the waypoints", points.shape, "(N, 2): columns x and y")
     return _through(points, "point", limits)
 
 
@@ -75,7 +75,7 @@ def _point(row: list[str], label: str) -> list[float]:
 def _through(points: Array, label: str, limits: MotionLimits) -> ProfiledReference:
     """The reference through points (N, 2), called `label` in errors."""
     count = len(points)
-    require(MIN_POINTS <= count <= MAX_POINTS, "number of way points", count, f"from {MIN_POINTS} to {MAX_POINTS}")
+    require(MIN_POINTS <= count <= MAX_POINTS, "number of waypoints", count, f"from {MIN_POINTS} to {MAX_POINTS}")
     far = np.argwhere(~(np.abs(points) <= MAX_COORDINATE))  # NaN is too
     if far.size:
         row, column = far[0]

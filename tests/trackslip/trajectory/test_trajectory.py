@@ -22,10 +22,10 @@ MADE = {
     "hasty clothoid": clothoid(START, 0.2, 0.4, 0.3, 0.7, HASTY),
     "hasty square": rounded_square(START, 1.5, 0.15, HASTY),
     "hasty stops": stop_and_go(START, 0.3, 0.4, 2.0, 0.5, HASTY),
-    "way points": waypoints([(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)]),
+    "waypoints": waypoints([(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)]),
 }
 EVERY = {name: make() for name, make in REFERENCES.items()} | MADE
-LIMITED = {name: LIMITS for name in REFERENCES if name != "circle"} | {"way points": LIMITS}
+LIMITED = {name: LIMITS for name in REFERENCES if name != "circle"} | {"waypoints": LIMITS}
 LIMITED |= {name: HASTY for name in MADE if name.startswith("hasty")}
 
 

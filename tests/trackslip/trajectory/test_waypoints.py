@@ -79,8 +79,8 @@ def test_any_points_give_a_drivable_reference_or_are_refused(points):
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        ([(0, 0), (1, 1)], "number of way points = 2: must be from 3 to 10000"),
-        (np.zeros((4, 3)), r"shape of the way points = \(4, 3\): must be \(N, 2\)"),
+        ([(0, 0), (1, 1)], "number of waypoints = 2: must be from 3 to 10000"),
+        (np.zeros((4, 3)), r"shape of the waypoints = \(4, 3\): must be \(N, 2\)"),
         ([(0, 0), (np.nan, 0), (1, 1)], "point 2, column x = nan: must be from -100 to 100 m"),
         ([(0, 0), (1, 0), (1, 101)], "point 3, column y = 101.0: must be from -100 to 100 m"),
         ([(0, 0), (1, 0), (1, 0)], r"point 3 = \(1.0, 0.0\): must be at least 0.001 m from point 2"),
@@ -112,7 +112,7 @@ def test_csv_with_and_without_header(csv, content):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "number of way points = 0"),
+        ("", "number of waypoints = 0"),
         ("x,y\n0,0\n1,zero\n2,0", "row 2, column y = 'zero': must be a number"),
         ("lat,lon\n0,0\n", "row 1, column x = 'lat': must be a number"),
         ("0,0\n1,nan\n2,0", "row 2, column y = nan: must be from -100"),
@@ -120,7 +120,7 @@ def test_csv_with_and_without_header(csv, content):
         ("0,0\n1,\n2,0", "row 2, column y = '': must be a number"),
         ("0;0\n1;0\n2;0", "row 1, number of columns = 1: must be 2"),
         ("x,y\n0,0\n1,0\n1,0\n", r"row 3 = \(1.0, 0.0\): must be at least 0.001 m from row 2"),
-        ("0,0\n" * 10_001, "number of way points = 10001: must be from 3 to 10000"),
+        ("0,0\n" * 10_001, "number of waypoints = 10001: must be from 3 to 10000"),
         (b"\xff\xfe\x00\x81", "codec can't decode"),
         ("0," + "1" * 200_000, "field larger than field limit"),
     ],
