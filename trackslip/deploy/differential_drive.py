@@ -14,8 +14,8 @@ _NEGLIGIBLE = 1e-6  # distance between two points of the robot [m]
 def ros2_control_text(stored: StoredLaws, law: str) -> str:
     """YAML with the parameters under which diff_drive_controller drives, and computes odometry, by the law.
 
-    Its wheels are at the ICRs: their separation is the distance of the ICRs, their radii are the effective ones. Where the D of the
-    tracks differ, its odometry is that of the point midway between the ICRs, and a comment says where it is.
+    Its wheels are at the ICRs: their separation is the distance of the ICRs, their radii are the effective ones. Where
+    the D of the tracks differ, its odometry describes the point midway between the ICRs, and a comment says so.
 
     Raises TrackslipError for a law that isn't one of constant ICRs; the message names the nearest one that is.
     """

@@ -116,7 +116,7 @@ class Bag:
         return [topic for topic in self.topics.values() if topic.type in types]
 
     def messages(self, *topics: str, notes: list[str] | None = None) -> Iterator[Message]:
-        """Decoded messages of topics, in the order of the files, nearly that of arrival.
+        """Decoded messages of topics, in the order of the files, which is nearly the order of arrival.
 
         Messages that can't be decoded are left out; `notes` gets a line for each topic that has some. Raises LogError
         for an unknown topic, or one none of whose messages can be decoded.
@@ -201,7 +201,7 @@ def read_each(
 
 
 def _bag(parts: Parts) -> Bag:
-    """The bag; if a topic has messages of several types, those of the type with most messages."""
+    """The bag; of a topic with several message types, only the type with most messages."""
     topics: dict[str, Topic] = {}
     notes = [*parts.notes]
     for (name, kind), times in sorted(parts.arrivals.items(), key=lambda item: (item[0][0], -len(item[1]))):

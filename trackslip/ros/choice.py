@@ -21,15 +21,15 @@ class BagChoice:
     left: tuple[str, ...] | None = None
     """Names of the joints on the left; the mean of their speeds is used."""
     right: tuple[str, ...] | None = None
-    """The same on the right."""
+    """Names of the joints on the right; likewise."""
     reversed: str | None = None
     """Side whose encoders count backwards: left, right or both; none if None."""
     poses: str | None = None
     """Topic of poses, or tf:PARENT:CHILD for the pose of a frame in another."""
     scan: str | None = None
-    """Topic of `sensor_msgs/LaserScan` of a scanner beside the field, in which to find the plate."""
+    """Topic of `sensor_msgs/LaserScan` of a stationary scanner, in which to find the plate."""
     plate: Plate | None = None
-    """The plate on the robot. With it, poses are the plate's in scans, and `poses` tell where the scanner stands."""
+    """The plate on the robot. With it, poses are the plate's in the scans, and `poses` locate the scanner."""
     mount: tuple[float, float, float] | None = None
     """Pose of the scanner in the frame of the poses [m, m, rad]."""
     noise: float | None = None

@@ -52,7 +52,7 @@ def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns:
 
 
 def holds_bags(path: Path) -> bool:
-    """Whether a path is a bag, or a folder that holds some and is no folder of results."""
+    """True for a bag, or a folder with bags that is no folder of results."""
     try:
         return is_bag(path) and not (path / RUNS).is_file()
     except OSError:

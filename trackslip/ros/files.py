@@ -38,12 +38,12 @@ class Parts:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a bag's file, or a folder that holds bags."""
+    """True for a bag's file, or a folder with bags."""
     return _is_bag_file(path) or (path.is_dir() and bool(_bags_in(path)))
 
 
 def read_parts(path: Path) -> list[Parts]:
-    """The bags in a folder, or that of a file: those that can be read.
+    """The readable bags in a folder, or the bag of a file.
 
     A folder with a metadata.yaml is one bag. Other files are bags of their own, unless they are numbered and each
     begins when the one before ends. Raises LogError if there is none, or none can be read.
@@ -68,7 +68,7 @@ def read_parts(path: Path) -> list[Parts]:
 
 
 def _bags_in(path: Path, depth: int = _DEPTH) -> list[Parts]:
-    """The bags in a folder, or that of a file, unread."""
+    """The bags in a folder, or the bag of a file, unread."""
     if not path.is_dir():
         return [Parts(_stem(path), (path,))] if _is_bag_file(path) else []
     entries = sorted(path.iterdir())
@@ -141,7 +141,7 @@ def _missing_files(folder: Path) -> list[str]:
 
 
 def _is_bag_file(path: Path) -> bool:
-    """Whether the name is that of a bag's file."""
+    """True for the name of a bag's file."""
     suffixes = [suffix.lower() for suffix in path.suffixes]
     while suffixes and suffixes[-1] in _WRAPPINGS:
         suffixes.pop()

@@ -17,7 +17,7 @@ FIELD = np.array([52.0, 10.0, 0.0])
 def to_plane(geodetic: Array, origin: ArrayLike) -> Array:
     """Places (..., 2) east and north [m] of latitudes [deg], longitudes [deg] and heights [m] (..., 3).
 
-    The plane touches the ellipsoid, or one parallel to it, in the `origin`, given alike (3,).
+    The plane touches the ellipsoid, or one parallel to it, at the `origin` (3,).
     """
     return np.asarray((_earth_centred(geodetic) - _earth_centred(origin)) @ _east_north(origin))
 

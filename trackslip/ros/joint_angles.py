@@ -23,7 +23,7 @@ _AGAINST = -0.5  # correlation below which wheels turn against each other [-]
 
 
 def has_positions(position: Array, velocity: Array) -> bool:
-    """Whether positions (T,) are measured: mostly finite, and not at rest while velocities (T,) aren't."""
+    """True if positions (T,) are measured: mostly finite, and not at rest while velocities (T,) aren't."""
     known = np.isfinite(position)
     if known.mean() <= 0.5:
         return False

@@ -50,7 +50,7 @@ def encoder_topic(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[Topic, Sides
 
 
 def _joints(bag: Bag, topic: Topic, choice: BagChoice) -> Sides:
-    """The joints chosen, or those whose names tell; LogError if there are none."""
+    """The chosen joints, or the ones recognised by their names; LogError if there are none."""
     if choice.left is not None and choice.right is not None:
         return choice.left, choice.right
     names = [*dict.fromkeys(name for message in bag.first(topic.name, _LOOKED_AT) for name in message.content.name)]
@@ -64,7 +64,7 @@ def _joints(bag: Bag, topic: Topic, choice: BagChoice) -> Sides:
 
 
 def sides(names: Sequence[str]) -> Sides | None:
-    """Names of the driven joints on the left and on the right; None if the names don't tell.
+    """Names of the driven joints on the left and on the right; None if they aren't recognised.
 
     Joints whose names speak of wheels or tracks come before others, and arms, steering and the like don't count.
     """
@@ -77,7 +77,7 @@ def sides(names: Sequence[str]) -> Sides | None:
 
 
 def _side(name: str) -> str:
-    """left, right, or nothing if the name tells neither, or both."""
+    """left, right, or an empty text if the name contains neither or both."""
     words, plain = _words(name), name.lower()
     left = bool(words & _LEFT) or "left" in plain
     right = bool(words & _RIGHT) or "right" in plain
@@ -90,5 +90,5 @@ def _words(name: str) -> set[str]:
 
 
 def _drives_neither(word: str) -> bool:
-    """Whether a word speaks of a joint that drives neither side."""
+    """True if a word names a joint that drives neither side."""
     return word in _OTHERS or word.startswith(_OTHERS_BEGIN)

@@ -33,7 +33,7 @@ _ROW, _COLUMN = np.ix_((0, 1, 5), (0, 1, 5))  # x, y, yaw among x, y, z, roll, p
 
 
 def has_rosbags() -> bool:
-    """Whether rosbags is installed."""
+    """True if rosbags is installed."""
     try:
         import rosbags.typesys  # noqa: F401
     except ImportError:
@@ -94,7 +94,7 @@ class Publication:
     stamps: Stamps  # (M,) of their headers, ascending [ns]
     fields: Fields
     latched: bool = False
-    """Whether subscribers that come later receive the last one, too."""
+    """Latched: late subscribers receive the last message, too."""
 
     def messages(self) -> Iterator[Any]:
         """The M messages."""

@@ -53,7 +53,7 @@ def planar_covariances(stated: Array) -> Array:
 
 
 def knows_heading(covariance: Array) -> bool:
-    """Whether any of the covariances (n, 3, 3) doesn't call the heading unknown."""
+    """True if any of the covariances (n, 3, 3) states a known heading."""
     return not (covariance[:, 2, 2] > _MAX_VARIANCE[2]).all()
 
 

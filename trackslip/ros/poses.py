@@ -68,7 +68,7 @@ def read_poses(bag: Bag, source: str, notes: list[str]) -> list[Poses]:
 
 
 def _points(bag: Bag, topic: Topic, notes: list[str]) -> SpacePoses:
-    """The poses that messages state in metres, as far as they mean something."""
+    """The poses of messages in metres, without meaningless ones."""
     if topic.type not in POSE_TYPES:
         raise LogError(
             f"{bag.path}: topic {topic.name} has messages of {topic.type}; poses are read from {', '.join(POSE_TYPES)}"
@@ -128,7 +128,7 @@ def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> SpacePoses:
 
 
 def _in_plane(source: str, name: str, poses: SpacePoses, notes: list[str]) -> Poses:
-    """Poses seen from above; `name` is that of the source for messages."""
+    """Poses seen from above; `name` is the source's name in messages."""
     heading = _headings(name, poses, notes)
     known = poses.covariance
     if known is not None:

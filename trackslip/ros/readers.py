@@ -94,7 +94,7 @@ class _Chunks:
             self._notes.append(_CUT)
 
     def _index(self, file: BinaryIO, size: int) -> int:
-        """Where the index at the end begins; 0 if that isn't known."""
+        """Offset of the index at the end; 0 if unknown."""
         raise NotImplementedError
 
     def _records(self, stream: BinaryIO, size: int, is_file: bool = False) -> Generator[Record, None, bool]:

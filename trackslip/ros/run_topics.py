@@ -1,4 +1,4 @@
-"""The topics that a robot, its localization and a scanner beside the field publish of a run."""
+"""The topics that a robot, its localization and a stationary scanner publish during a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drives of a robot with a plate before a scanner beside the field: encoders and scans in a bag."""
+"""Drives of a robot with a plate in front of a stationary scanner: encoders and scans in a bag."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ class Stand:
 
     mount: Array  # (3,) in the frame of the poses [m, m, rad]
     source: str
-    """How the pose is known."""
+    """Source of the scanner's pose."""
     upside_down: bool = False
-    """Whether it looks at the field from below."""
+    """True if it is mounted upside down."""
     aligned: Alignment | None = None
     """Its errors, where it follows from other poses."""
 

@@ -54,12 +54,12 @@ class SpacePoses:
 
     @property
     def is_constant(self) -> bool:
-        """Whether it never changes."""
+        """True if it never changes."""
         return not self.changes[1:].any()
 
 
 def frames_of(bag: Bag, most: int) -> list[Pair]:
-    """The pairs of frames that transforms link, in those of the first `most` messages of each topic."""
+    """The pairs of frames linked by the first `most` transform messages of each topic."""
     messages = (message for topic in bag.of_type(*TRANSFORMS) for message in bag.first(topic.name, most))
     return [*dict.fromkeys(_pair(one) for message in messages for one in message.content.transforms)]
 
