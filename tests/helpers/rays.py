@@ -6,16 +6,6 @@ import numpy as np
 _HIGH = 30.0  # above everything [m]
 
 
-def compiled(course, **placed):
-    """Model and data of a course without robots."""
-    spec = mujoco.MjSpec()
-    course.add_to(spec, **placed)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    return model, data
-
-
 def look_down(model, data, points):
     """Heights (P,) and normals (P, 3) where vertical rays at `points` (P, 2) hit."""
     heights, normals = np.empty(len(points)), np.empty((len(points), 3))
