@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from mujoco import batch
 
 from sim.robot.robot import Robot
 from trackslip import se2
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, columns
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
@@ -29,29 +32,26 @@ class Bodies:
         self._place = self.batch.qpos  # (N, 7), live: position and quaternion
         self._velocity = self.batch.qvel  # (N, 6), live: in the world, turning in the robot's frame
         self._quaternion = self._place[:, 3:7]  # (N, 4), live
-        self._forward = self.batch.bind("xmat")[
-            :, robot.model.body("chassis").id, 0:4:3
-        ]  # (N, 2), live: x axes of the chassis
+        self._chassis = robot.model.body("chassis").id
+        self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]  # (N, 2), live: x axes of the chassis
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
         """Centres (N, 3) of the robots' plates one physics step ago [m], live."""
         self._fresh = self.batch.state[0].copy()  # of a robot that has not moved yet
         self._heading: Array = np.zeros(size)  # unwrapped
+        self.now = Moments(self._place, self._velocity, self._heading, self._sensors, self._forward)
+        """The robots' states and the forces on them, live."""
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
-        pose = np.empty((self.size, 3))
-        pose[:, :2], pose[:, 2] = self._place[:, :2], self._heading
-        return pose
+        return self.now.pose()
 
     def twist(self) -> Array:
         """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
-        twist = np.empty((self.size, 3))
-        twist[:, :2], twist[:, 2] = se2.rotate(-self._heading, self._velocity[:, :2]), self._velocity[:, 5]
-        return twist
+        return self.now.twist()
 
     def traction(self) -> Array:
         """Longitudinal forces of the ground on the (left, right) tracks in the last physics step, (N, 2) [N]."""
-        return along_robot(self._sensors, self._forward)
+        return self.now.traction()
 
     def load(self) -> Array:
         """Normal forces of the ground on the (left, right) tracks, (N, 2) [N]."""
@@ -68,15 +68,10 @@ class Bodies:
 
     def upright(self) -> Array:
         """Cosines (N,) of the angles between the chassis' vertical axes and the plane's normal."""
-        _, x, y, _ = self._quaternion.T
-        return 1 - 2 * (x * x + y * y)
-
-    def lean(self, height: float) -> Array:
-        """Offsets (N,) of the plates from the chassis, to the left, at a height above the ground [m]."""
-        w, x, y, z = self._quaternion.T
-        forward, left = 2 * (x * z + w * y), 2 * (y * z - w * x)  # of the chassis' vertical axis
-        along = (height - self._place[:, 2]) / self.upright()
-        return np.asarray(along * (np.cos(self._heading) * left - np.sin(self._heading) * forward))
+        _, x, y, _ = columns(self._quaternion)
+        upright = np.empty(self.size)
+        upright[:] = 1 - 2 * (x * x + y * y)
+        return upright
 
     def _place_at(self, rows: np.ndarray, start: Array, height: float = 0.0) -> None:
         """Reset the robots `rows` (R,) and put them upright at poses (R, 3)."""
@@ -99,6 +94,18 @@ class Bodies:
         self._heading[rows] = start[:, 2]
         self._follow_heading()
 
+    def _run_on(self, rows: Rows, periods: int, substeps: int) -> tuple[Array, Array]:
+        """Step the robots `rows` (R,) for P periods in which nothing changes.
+
+        Returns the sums of the forces on their tracks in each period (P, R, 6), and the directions in which the robots
+        point at its end (P, R, 2).
+        """
+        ids = None if rows is EVERYONE else rows
+        recorded = self.batch.rollout(periods * substeps, record=("sensordata", "xmat"), ids=ids)
+        forces = recorded["sensordata"][..., :6].reshape(-1, periods, substeps, 6)
+        forward = recorded["xmat"][:, substeps - 1 :: substeps, self._chassis, 0:4:3]
+        return np.add.reduce(forces, axis=2).swapaxes(0, 1), forward.swapaxes(0, 1)
+
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return self.batch.state[rows].copy(), self._heading[rows].copy()
 
@@ -115,14 +122,59 @@ class Bodies:
         return place[:, rows]
 
     def _wrapped_heading(self) -> Array:
-        w, x, y, z = self._quaternion.T
-        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        wrapped = np.empty(self.size)
+        wrapped[:] = _heading(self._quaternion)
+        return wrapped
 
     def _follow_heading(self) -> None:
         """Unwrap the headings. Between two calls no robot may turn by more than about a radian."""
-        wrapped, before = self._wrapped_heading(), self._heading
+        wrapped, before = _heading(self._quaternion), self._heading
         # plus whole turns, so that the bits don't depend on how often this is called
         self._heading[:] = wrapped + _TURN * np.rint((before - wrapped) / _TURN)
+
+
+def _heading(quaternion: Array) -> Any:
+    """Headings (N,), or a plain number if there is only one, of orientations (N, 4) [rad]."""
+    w, x, y, z = columns(quaternion)
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+@dataclass(frozen=True)
+class Moments:
+    """States of robots and the forces on them, (...) each: of N robots now, or of N robots at T moments."""
+
+    place: Array  # (..., 7) position of the chassis [m] and its quaternion
+    velocity: Array  # (..., 6) in the world [m/s], turning in the robot's frame [rad/s]
+    heading: Array  # (...) unwrapped [rad]
+    forces: Array  # (..., 6) on the left and on the right track [N]
+    forward: Array  # (..., 2) x axes of the chassis
+
+    def copied(self) -> tuple[Array, ...]:
+        """Copies of the arrays, in order."""
+        return tuple(values.copy() for values in vars(self).values())
+
+    def pose(self) -> Array:
+        """Poses (..., 3) of the chassis [m, m, rad]; phi unwrapped."""
+        pose = np.empty((*self.heading.shape, 3))
+        pose[..., :2], pose[..., 2] = self.place[..., :2], self.heading
+        return pose
+
+    def twist(self) -> Array:
+        """Twists (..., 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
+        twist = np.empty((*self.heading.shape, 3))
+        twist[..., :2], twist[..., 2] = se2.rotate(-self.heading, self.velocity[..., :2]), self.velocity[..., 5]
+        return twist
+
+    def traction(self) -> Array:
+        """Longitudinal forces of the ground on the (left, right) tracks in the last physics step, (..., 2) [N]."""
+        return along_robot(self.forces, self.forward)
+
+    def lean(self, height: float) -> Array:
+        """Offset (...) of the plates from the chassis, to the left, at a height above the ground [m]."""
+        w, x, y, z = (self.place[..., k] for k in range(3, 7))
+        forward, left, up = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)  # of the chassis
+        along = (height - self.place[..., 2]) / up
+        return np.asarray(along * (np.cos(self.heading) * left - np.sin(self.heading) * forward))
 
 
 def along_robot(forces: Array, forward: Array) -> Array:

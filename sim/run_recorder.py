@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.bodies import Moments
 from sim.contact_forces import pad_forces
 from sim.fleet import Fleet
 from sim.scanner.feed import ScannerFeed
@@ -22,7 +23,8 @@ from trackslip.slip.base import SlipLaw
 
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""
-_ENERGY, _SATURATED = 4, 5  # places of accumulated quantities among the fields of Truth, which has their rates
+_OF_MOMENT = 5  # arrays of the engine's state in what is recorded of the truth
+_ENERGY, _SATURATED = _OF_MOMENT + 1, _OF_MOMENT + 2  # places in that
 _TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
 _UPRIGHT = float(np.cos(_TIPPED))
 
@@ -64,7 +66,7 @@ class RunRecorder:
         self._icr = np.full((rows, n, 2), np.nan)
         self._covariance = np.zeros((rows, n, 3, 3))
         self._valid = np.zeros((rows, n), bool)
-        # of each row, (N, ...) each: the fields of Truth, but total energy and saturated time for their rates
+        # of each row, (N, ...) each: the engine's state, torques, total energy and saturated time, and contacts
         self._truth: list[tuple[Array, ...]] = []
         self._ranges: list[np.ndarray] = []  # (N, rows, B) each
 
@@ -77,12 +79,11 @@ class RunRecorder:
         self._angle = angle
         if self._loads:
             self.load[k] = fleet.needed_traction()
-        of_bodies, lean = (fleet.pose(), fleet.twist(), fleet.traction()), fleet.lean(fleet.robot.lrf_height)
         of_drive = drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
         contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
         if self._in_detail and fleet.shear is not None:
             contact += (np.linalg.norm(fleet.shear.displacement, axis=-1).astype(np.float32),)
-        self._truth.append((*of_bodies, *of_drive, lean, *contact))
+        self._truth.append((*fleet.now.copied(), *of_drive, *contact))  # what follows is computed for all rows at once
 
     def _require_upright(self, k: int) -> None:
         """Raise RunFailedError if a robot has tipped over in row k."""
@@ -156,9 +157,13 @@ class RunRecorder:
         """
         if self.complete < 2:
             return []
-        truths = [np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)]
-        for k in (_ENERGY, _SATURATED):
-            truths[k] = np.diff(truths[k], axis=0, prepend=truths[k][:1]) / self.period
+        columns = [np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)]
+        moments = Moments(*columns[:_OF_MOMENT])
+        torque, energy, saturated_time, *contact = columns[_OF_MOMENT:]
+        before = self._truth[0]
+        rates = (self._rate(total, before[k]) for k, total in ((_ENERGY, energy), (_SATURATED, saturated_time)))
+        lean = moments.lean(self.fleet.robot.lrf_height)
+        truths = (moments.pose(), moments.twist(), moments.traction(), torque, *rates, lean, *contact)
         empty = None if feed is None else feed.scan(np.empty((0, len(feed.bearings))))
         logs = []
         for i in range(self.fleet.size):
@@ -187,3 +192,7 @@ class RunRecorder:
             scans=scans,
             metadata=dict(description.metadata) | ({} if failure is None else {FAILURE: failure}),
         )
+
+    def _rate(self, total: Array, before: Array) -> Array:
+        """Mean rates (T, N, 2) since the row before, of accumulated quantities (T, N, 2) and (N, 2) before them."""
+        return np.diff(total, axis=0, prepend=before[None]) / self.period

@@ -140,8 +140,8 @@ class PathTracking:
         """Further quantities by name, as arrays (N, ...), some of them the task's own; the keys are always the same."""
         twist, geometry, omega = self.fleet.twist(), self.fleet.robot.geometry, self.fleet.drive.omega
         rests = np.abs(omega) < _STANDING
-        belts = np.where(rests, 1.0, omega) * geometry.sprocket_radius
-        slip = np.where(rests, 0.0, 1 - track_speeds(twist[:, ::2], geometry.half_gauge) / belts)
+        tracks = track_speeds(twist[:, ::2], geometry.half_gauge)
+        slip = ~rests * (1 - tracks / (geometry.sprocket_radius * omega + rests))
         return {
             "time": self._k * PERIOD,  # [s]
             "reference": self._reference,  # index in `table.names`
@@ -165,15 +165,13 @@ def reward_terms(reward: Reward, distance: Array, heading: Array, change: Array,
     have terminated (N,).
     """
     left, right = change.T
-    return np.stack(
-        [
-            np.full(len(change), reward.weight_alive),
-            -reward.weight_position * _bounded_square(distance / reward.position_scale),
-            -reward.weight_heading * _bounded_square(heading / reward.heading_scale),
-            -reward.weight_change * (left * left + right * right) / 8,
-            -reward.weight_termination * terminated,
-        ]
-    )
+    terms = np.empty((len(TERMS), len(change)))
+    terms[0] = reward.weight_alive
+    terms[1] = -reward.weight_position * _bounded_square(distance / reward.position_scale)
+    terms[2] = -reward.weight_heading * _bounded_square(heading / reward.heading_scale)
+    terms[3] = -reward.weight_change * (left * left + right * right) / 8
+    terms[4] = -reward.weight_termination * terminated
+    return terms
 
 
 def _bounded_square(z: Array) -> Array:

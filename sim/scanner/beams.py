@@ -1,4 +1,4 @@
-"""Beams of the scanner: their footprints, echoes and motion during a scan.
+"""Beams of the scanner: those that can hit a plate, their motion during a scan, and their footprints.
 
 A beam of a SICK LMS 200 diverges by 4.4 mrad. Where its footprint straddles an edge, part of the light returns from the
 surface in front and part from the one behind, and the measured range is that of neither (C. Ye and J. Borenstein,
@@ -12,11 +12,15 @@ Characterization of a 2-D Laser Scanner for Mobile Robot Obstacle Negotiation, I
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from trackslip import se2
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, wrap_angle
 
+SLACK = 0.2
+"""Margin around the plate, so that the beams need not be selected again for every scan [m]."""
 PULSE = 0.5
 """Separation below which echoes merge [m]: pulses of 3.3 ns, assumed."""
 MIN_SHARE = 0.25
@@ -26,25 +30,57 @@ SUBRAYS = 9
 _MIN_RANGE = 1e-3  # keeps the light from a surface at the scanner finite [m]
 
 
+@dataclass(frozen=True)
+class Aim:
+    """The beams that can hit plates near `centre`, whatever their headings; the same number for every robot."""
+
+    centre: Array  # (N, 3) of the plates, when the beams were selected [m]
+    beams: np.ndarray  # (N, W) among the B of all
+    place: np.ndarray  # (N, W) the same among the N x B beams of all robots
+
+    @classmethod
+    def at(cls, centre: Array, origin: Array, heading: float, radius: float, bearings: Array, width: float) -> Aim:
+        """Select the beams to cast at plates around `centre` (N, 3) [m].
+
+        The beams start at `origin` (3,) [m] with equally spaced, ascending `bearings` (B,) from the world direction
+        `heading` and are `width` wide [rad]. While they are cast, each plate stays within `radius` of its centre [m].
+        """
+        radius += SLACK
+        x, y = (centre - origin)[:, :2].T
+        distance = np.hypot(x, y)
+        bearing = wrap_angle(np.arctan2(y, x) - heading)
+        spread = np.where(distance > radius, np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0)), np.pi)
+        spread = spread + width / 2
+        last = len(bearings) - 1
+        step = (bearings[-1] - bearings[0]) / last
+        low, high = ((edge - bearings[0]) / step for edge in (bearing - spread, bearing + spread))
+        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where the bearing wraps
+        low, high = np.where(around, 0, np.clip(low, 0, last)), np.where(around, last, np.clip(high, 0, last))
+        first = np.floor(low).astype(int)
+        count = min(int((np.ceil(high) - first).max()), last) + 1
+        beams = np.minimum(first, last + 1 - count)[:, None] + np.arange(count)
+        return cls(centre, beams, np.arange(len(centre))[:, None] * len(bearings) + beams)
+
+    def holds(self, centre: Array) -> bool:
+        """Whether the selection is still valid for plates around `centre` (N, 3)."""
+        return bool(np.abs(centre - self.centre).max() <= SLACK / 2)
+
+
 def moved_back(origin: Array, rays: Array, pose: Array, twist: Array, lag: Array) -> tuple[Array, Array]:
-    """Origins and directions (N, B, K, 3) of rays, relative to robots whose twist is constant during the scan.
+    """Origins and directions (N, W, K, 3) of rays, relative to robots whose twist is constant during the scan.
 
-    The beams are moved instead of the plate: a ray transformed by the inverse of the plate's motion hits the plate at
+    Instead of the plate, the beams are moved: a ray transformed by the inverse of the plate's motion hits the plate at
     its pose at the scan's time, at the same range at which the true ray hits the plate at its pose at the beam's time.
-
-    Args:
-        origin: start (3,) of the true rays [m].
-        rays: their directions (B, K, 3).
-        pose: robots (N, 3) at the scan's time [m, m, rad].
-        twist: forward and lateral speed [m/s] and yaw rate [rad/s] (N, 3).
-        lag: times (B,) of the beams relative to the scan's [s].
+    The true rays start at `origin` (3,) [m] and have the directions `rays` (N, W, K, 3); their times relative to the
+    scan's are `lag` (N, W) [s]. The robots have `pose` (N, 3) at the scan's time [m, m, rad], and `twist` (N, 3):
+    forward and lateral speed [m/s], yaw rate [rad/s].
     """
-    back = se2.exp(-lag[:, None] * twist[:, None])  # (N, B, 3) to the robot's pose at the scan's time
-    origins, directions = np.empty((2, len(pose), *rays.shape))
-    start = se2.to_world(se2.compose(pose[:, None], back), se2.from_world(pose[:, None], origin[:2]))
-    origins[..., :2], origins[..., 2] = start[:, :, None], origin[2]
-    directions[..., :2], directions[..., 2] = se2.rotate(back[..., None, 2], rays[..., :2]), rays[..., 2]
-    return origins, directions
+    back = se2.exp(-lag[..., None] * twist[:, None])  # (N, W, 3) to the robot's pose at the scan's time
+    pose = pose[:, None]
+    origins = np.broadcast_to(origin, (*rays.shape[:2], 1, 3)).copy()
+    origins[..., 0, :2] = se2.to_world(se2.compose(pose, back), se2.from_world(pose, origin[:2]))
+    directions = np.concatenate([se2.rotate(back[..., None, 2], rays[..., :2]), rays[..., 2:]], axis=-1)
+    return np.broadcast_to(origins, rays.shape), directions
 
 
 def footprint(divergence: float) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.fleet import Fleet
 from sim.robot.robot import SCANNED_GROUP
-from sim.scanner.beams import echo, footprint, moved_back
+from sim.scanner.beams import Aim, echo, footprint, moved_back
 from sim.scanner.obstacles import Obstacles
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
@@ -48,7 +48,7 @@ class ScannerFeed:
         self._scanner, self._fleet = scanner, fleet
         self._random = [g.spawn(1)[0] for g in generators]
         robot = fleet.robot
-        x, y, heading = robot.lrf_mount
+        x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])
         self.kept = kept or robot.contact_sensors
         """Whether logs have all ranges."""
@@ -56,7 +56,7 @@ class ScannerFeed:
         """Time between scans [s]."""
         self.bearings = scanner.bearings
         """Directions (B,) of the beams in the LRF's frame [rad]."""
-        direction = heading + self.bearings[:, None] + footprint(scanner.divergence)
+        direction = self._heading + self.bearings[:, None] + footprint(scanner.divergence)
         self._rays = np.stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1)  # (B, K, 3)
         self._lag = scanner.lag
         obstacles = obstacles or Obstacles()
@@ -64,6 +64,12 @@ class ScannerFeed:
         self._walking = Obstacles(walkers=obstacles.walkers)
         standing = dataclasses.replace(obstacles, walkers=())
         self._standing = self._to_obstacles(standing, 0.0) if obstacles else None  # (B, K) [m], computed once
+        # a plate moves for half the scan before the scan's time and half of it after: twice that is safe
+        top_speed = fleet.drive.limit * robot.geometry.sprocket_radius
+        self._reach = robot.plate_radius + top_speed * scanner.scan_duration
+        self._aim: Aim | None = None
+        self._aimed_rays: Array = np.empty((fleet.size, 0, 1, 3))  # (N, W, K, 3)
+        self._aimed_origins: Array = np.empty((fleet.size, 0, 3))  # (N, W * K, 3)
         self._groups = (np.arange(6) == SCANNED_GROUP).astype(np.uint8)
         self._lrf = robot.model.body("lrf").id
 
@@ -74,23 +80,40 @@ class ScannerFeed:
 
     def true_ranges(self) -> Array:
         """Ranges (N, B) without measurement errors, NaN where there is nothing [m]."""
-        plate = self._to_plates()
+        aim = self._aimed()
+        plate = self._to_plates(aim)
+        ranges = np.empty((self._fleet.size, len(self._rays)))
         if self._standing is None:
-            return echo(plate)
-        walking = self._to_obstacles(self._walking, self._fleet.time)
-        return echo(np.fmin(plate, np.fmin(self._standing, walking)))
-
-    def _to_plates(self) -> Array:
-        """Distances (N, B, K) along the rays of all beams, NaN for a miss [m]."""
-        fleet, origins, rays = self._fleet, self._origin, self._rays
-        if self._scanner.scan_duration > 0:
-            origins, rays = moved_back(origins, rays, fleet.pose(), fleet.twist(), self._lag)
-            origins, rays = (part.reshape(fleet.size, -1, 3) for part in (origins, rays))
+            ranges.fill(np.nan)
         else:
-            rays = rays.reshape(-1, 3)
-        distance, *_ = fleet.batch.ray(origins, rays, geomgroup=self._groups, bodyexclude=self._lrf)
+            around = np.fmin(self._standing, self._to_obstacles(self._walking, self._fleet.time))
+            plate = np.fmin(plate, around[aim.beams])
+            ranges[:] = echo(around)
+        ranges.ravel()[aim.place] = echo(plate)
+        return ranges
+
+    def _aimed(self) -> Aim:
+        """The beams to cast at the plates now."""
+        centre = self._fleet.plate
+        if self._aim is None or not self._aim.holds(centre):
+            width = self._scanner.divergence
+            self._aim = Aim.at(centre.copy(), self._origin, self._heading, self._reach, self.bearings, width)
+            self._aimed_rays = self._rays[self._aim.beams]
+            self._aimed_origins = np.empty(self._aimed_rays.shape).reshape(self._fleet.size, -1, 3)
+            self._aimed_origins[:] = self._origin
+        return self._aim
+
+    def _to_plates(self, aim: Aim) -> Array:
+        """Distances (N, W, K) along the rays of the selected beams, NaN for a miss [m]."""
+        fleet, rays, origins = self._fleet, self._aimed_rays, self._aimed_origins
+        if self._scanner.scan_duration > 0:
+            origins, rays = moved_back(self._origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
+            origins = origins.reshape(fleet.size, -1, 3)
+        distance, *_ = fleet.batch.ray(
+            origins, rays.reshape(fleet.size, -1, 3), geomgroup=self._groups, bodyexclude=self._lrf
+        )
         distance[distance < 0] = np.nan
-        return distance.reshape(fleet.size, *self._rays.shape[:2])
+        return distance.reshape(rays.shape[:-1])
 
     def _to_obstacles(self, obstacles: Obstacles, time: float) -> Array:
         """Distances (B, K) along the rays of all beams, in a scan at `time` [s], NaN for a miss [m]."""
