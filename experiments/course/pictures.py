@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from matplotlib.image import imsave
 
-from experiments.course.run import CourseRun
+from experiments.course.run import DrivenCourse
 from experiments.storage.results import write_output
 from sim.robot.tracked_model import TrackedModel
 from sim.robot.tracked_view import TrackedView
@@ -30,7 +30,7 @@ def require_video() -> None:
         raise TrackslipError('a video needs PyAV: pip install -e ".[video]"; --pictures N needs nothing else')
 
 
-def write_pictures(folder: Path, run: CourseRun, looks: TrackedModel, course: Course, count: int) -> list[Path]:
+def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, course: Course, count: int) -> list[Path]:
     """Write PNG files, named by their number and time, evenly over the run; `looks` is the model with its looks."""
     folder.mkdir(parents=True, exist_ok=True)
     rows = np.unique(np.linspace(0, len(run.time) - 1, count + 1).astype(int)[1:])
@@ -41,7 +41,7 @@ def write_pictures(folder: Path, run: CourseRun, looks: TrackedModel, course: Co
 
 
 def write_video(
-    file: Path, run: CourseRun, looks: TrackedModel, course: Course, advance: Callable[[float], None]
+    file: Path, run: DrivenCourse, looks: TrackedModel, course: Course, advance: Callable[[float], None]
 ) -> None:
     """Write an .mp4 file in real time, complete or not at all; OutputError if it can't be written.
 
@@ -68,7 +68,7 @@ def write_video(
     write_output(file, write)
 
 
-def _pictures(run: CourseRun, looks: TrackedModel, course: Course, rows: np.ndarray) -> Iterator[np.ndarray]:
+def _pictures(run: DrivenCourse, looks: TrackedModel, course: Course, rows: np.ndarray) -> Iterator[np.ndarray]:
     """The pictures (HEIGHT, WIDTH, 3) of rows (K,) of a run."""
     model, data = looks.model, mujoco.MjData(looks.model)
     view, travel = TrackedView(looks, WIDTH, HEIGHT), run.travel

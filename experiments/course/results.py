@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 
-from experiments.course.run import CourseRun
+from experiments.course.run import DrivenCourse
 from experiments.storage.plain_json import plain
 from sim.terrain import Course
 from trackslip.kinematics import Array
@@ -30,7 +30,7 @@ _SLOPE = "slope of the ground under the tracks along the robot, uphill is positi
 _LOG = ("t", "omega_l", "omega_r", "x", "y", "phi")
 
 
-def drive_summary(run: CourseRun, course: Course) -> dict[str, Any]:
+def drive_summary(run: DrivenCourse, course: Course) -> dict[str, Any]:
     """Summary of a drive: outcome, lengths [m], angles [rad], penetration [m], energy [J], and each track."""
     state, moving = run.state, run.depth[1:]
     position = state.position
@@ -50,7 +50,7 @@ def drive_summary(run: CourseRun, course: Course) -> dict[str, Any]:
     }
 
 
-def _track_summary(run: CourseRun, k: int) -> dict[str, Any]:
+def _track_summary(run: DrivenCourse, k: int) -> dict[str, Any]:
     """Slip [-], share of the time in touch, penetration [m] and work [J] of a track; no slip where it never touched."""
     slip, known = run.slip[:, k], np.isfinite(run.slip[:, k])
     belt = np.abs(run.belt[known, k])
@@ -76,7 +76,7 @@ def slip_by_slope(slope: Array, slip: Array, width: float) -> tuple[Array, Array
     return np.array(bins, float) * width, np.array(quartiles).reshape(-1, 3)[:, [1, 0, 2]]
 
 
-def write_course_run(run: CourseRun, name: str, about: Mapping[str, Any], file: Path) -> None:
+def write_course_run(run: DrivenCourse, name: str, about: Mapping[str, Any], file: Path) -> None:
     """Write a drive as a table with units.
 
     `about` is the run's metadata. What is not defined is null, never NaN.
@@ -91,7 +91,7 @@ def write_course_run(run: CourseRun, name: str, about: Mapping[str, Any], file: 
     pa.parquet.write_table(table, file, row_group_size=len(run.time), **packing(schema))
 
 
-def _columns(run: CourseRun, radius: float) -> Iterator[tuple[Column, Array]]:
+def _columns(run: DrivenCourse, radius: float) -> Iterator[tuple[Column, Array]]:
     """Each column with its values (R,)."""
     state = run.state
     position, heading = state.position, np.unwrap(state.heading)

@@ -73,7 +73,7 @@ class PathPilot:
 
 
 @dataclass(frozen=True)
-class CourseRun:
+class DrivenCourse:
     """A drive of R rows, the first at rest; T tracks and F flippers. Means are those since the previous row."""
 
     time: Array  # (R,) since the start [s]
@@ -107,7 +107,7 @@ def drive_course(
     flippers: Callable[[Traverse], Array],
     progress: Callable[[float], None] = lambda seconds: None,
     watch: Callable[[Traverse], bool] = lambda world: True,
-) -> CourseRun:
+) -> DrivenCourse:
     """Drive the first robot of `world` until its run ends; without reference and scanner, it is no run of `sim.loop`.
 
     Args:
@@ -136,7 +136,7 @@ def drive_course(
     state = States(tracked, columns["qpos"], columns["qvel"])
     names = tuple(flipper.body for flipper in tracked.robot.flippers)
     slope = ground_slope(world.course[0], state, tracked.robot)
-    return CourseRun(
+    return DrivenCourse(
         state=state, slope=slope, outcome=outcome, tracks=tuple(world.track_names), flippers=names, **columns
     )
 

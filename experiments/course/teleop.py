@@ -7,7 +7,7 @@ import time
 import mujoco
 import numpy as np
 
-from experiments.course.run import PERIOD, CourseRun, drive_course
+from experiments.course.run import PERIOD, DrivenCourse, drive_course
 from experiments.course.world import CourseWorld
 from sim.opengl import Window
 from sim.robot.tracked_model import TrackedModel
@@ -109,7 +109,7 @@ class Teleop:
         self._window.close()
 
 
-def teleoperate(world: CourseWorld) -> CourseRun:
+def teleoperate(world: CourseWorld) -> DrivenCourse:
     """Drive by the keyboard, in the viewer; raises TrackslipError without a display."""
     by_reflex = world.config.flipper_angles() is None
     keyboard = Keyboard(world.traverse.tracked, world.top_speed, by_reflex, world.set_angles)

@@ -8,7 +8,7 @@ from experiments.storage.results import RECORDINGS_FOLDER, file_names
 from trackslip.logs.runlog import RunLog
 
 if TYPE_CHECKING:
-    from experiments.course.run import CourseRun
+    from experiments.course.run import DrivenCourse
     from sim.robot.tracked_model import TrackedModel
 
 
@@ -30,7 +30,7 @@ def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> None
     write_recording(file, title(logs), lambda stream: send_runs(stream, logs, laws))
 
 
-def record_course_drive(file: Path, run: "CourseRun", world: "TrackedModel", about: Mapping[str, Any]) -> None:
+def record_course_drive(file: Path, run: "DrivenCourse", world: "TrackedModel", about: Mapping[str, Any]) -> None:
     """Record a drive over a course; `world` is the model with its looks. Raises OutputError as `record` does."""
     from experiments.recording.course_drive import send_course_drive
     from experiments.recording.stream import write_recording

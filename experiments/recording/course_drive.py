@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from experiments.course.run import CourseRun
+from experiments.course.run import DrivenCourse
 from experiments.recording.model import drawn, send_geoms, send_paving, send_robot
 from experiments.recording.plots import LEFT, RIGHT, Panel, Series, begin_of_loop, blueprint, send_series
 from experiments.recording.stream import CAMERA, FIELD, RUN, rgb, send, send_line, send_properties, send_shapes
@@ -33,7 +33,7 @@ PANELS = (
 
 
 def send_course_drive(
-    stream: rr.RecordingStream, run: CourseRun, world: TrackedModel, about: Mapping[str, Any]
+    stream: rr.RecordingStream, run: DrivenCourse, world: TrackedModel, about: Mapping[str, Any]
 ) -> None:
     """Send a drive to a stream; `world` is the model with its looks."""
     rows = np.arange(0, len(run.time), _EVERY)
@@ -60,7 +60,7 @@ def _send_terrain(stream: rr.RecordingStream, model: mujoco.MjModel, way: np.nda
         send_paving(stream, np.concatenate([middle - reach, middle + reach, way]), float(model.geom_pos[i, 2]))
 
 
-def _send_contacts(stream: rr.RecordingStream, run: CourseRun, world: TrackedModel, rows: np.ndarray) -> None:
+def _send_contacts(stream: rr.RecordingStream, run: DrivenCourse, world: TrackedModel, rows: np.ndarray) -> None:
     """Send where the robot touches the ground, and the forces there."""
     contacts = ContactPoints(world)
     found = [contacts.at(run.qpos[k], run.qvel[k], run.belt[k], run.flipper_command[k]) for k in rows]
@@ -74,7 +74,7 @@ def _send_contacts(stream: rr.RecordingStream, run: CourseRun, world: TrackedMod
     send_shapes(stream, f"{entity}/forces", time, counts, rr.Arrows3D, style, **arrows)
 
 
-def _series(run: CourseRun) -> Iterator[Series]:
+def _series(run: DrivenCourse) -> Iterator[Series]:
     """Everything that is plotted."""
     state = run.state
     tracks, flippers = (tuple(name.replace("_", " ") for name in names) for names in (run.tracks, run.flippers))

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.course.results import slip_by_slope
-from experiments.course.run import CourseRun
+from experiments.course.run import DrivenCourse
 from experiments.report.colours import BLUE, GREY, ORANGE
 from experiments.report.figures.style import styled, subplots, thin
 from experiments.report.formats import number, percent
@@ -71,7 +71,7 @@ def tracks_table(result: Mapping[str, Any]) -> Table:
 
 
 def page(
-    run: CourseRun,
+    run: DrivenCourse,
     result: Mapping[str, Any],
     course: Course,
     manifest: Mapping[str, Any],
@@ -105,7 +105,7 @@ def page(
 
 
 @styled
-def profile(run: CourseRun, course: Course) -> Figure:
+def profile(run: DrivenCourse, course: Course) -> Figure:
     """The ground along the course, and the way of the chassis' frame over it."""
     figure, axes = subplots(2.6)
     position = run.state.position
@@ -123,7 +123,7 @@ def profile(run: CourseRun, course: Course) -> Figure:
 
 
 @styled
-def slip_over_slope(run: CourseRun) -> Figure:
+def slip_over_slope(run: DrivenCourse) -> Figure:
     """Slip of the chassis' tracks against the slope of the ground under them."""
     figure, axes = subplots(3.4)
     slope, shown = np.degrees(run.slope), thin(len(run.time), 1500)
@@ -139,7 +139,7 @@ def slip_over_slope(run: CourseRun) -> Figure:
 
 
 @styled
-def over_time(run: CourseRun) -> Figure:
+def over_time(run: DrivenCourse) -> Figure:
     """Attitude, flippers, slip, load and penetration over time."""
     figure, panels = subplots(8.2, 5, down=0.35, sharex=True)
     shown, state = thin(len(run.time), 2000), run.state

@@ -17,7 +17,7 @@ from experiments.validation.shear_loads import MODULI, Slips, StopAndGo, creep, 
 from experiments.validation.suite import Findings
 from experiments.validation.theory import (
     GRAVITY,
-    MeasuredTurns,
+    SimulatedTurns,
     belt_speeds,
     contact,
     joined,
@@ -61,7 +61,7 @@ _STOPS = (0.1, 1.5e-3)  # part of the distance slipped, and [m]
 
 
 @dataclass(frozen=True)
-class ShearTurns(MeasuredTurns):
+class ShearTurns(SimulatedTurns):
     """M turns on ground that shears."""
 
     shear: Array  # (M,) modulus [m]; 0 for Coulomb ground

@@ -25,7 +25,7 @@ _POINTS = 100  # of a line of contact
 
 
 @dataclass(frozen=True)
-class MeasuredTurns:
+class SimulatedTurns:
     """M steady turns, simulated and by theory."""
 
     half_width: Array  # (M,) b + D, half the distance between the tracks' ICRs [m]
@@ -92,12 +92,12 @@ def mean_twist(fleet: Fleet, settle: float) -> Array:
     return np.asarray(np.mean(twists, axis=0))
 
 
-def turns_of(parameters: RobotParameters, omega: Array, twist: Array, expected: Array) -> MeasuredTurns:
+def turns_of(parameters: RobotParameters, omega: Array, twist: Array, expected: Array) -> SimulatedTurns:
     """Turns with sprocket speeds (M, 2) [rad/s] from twists (M, 3), simulated and by theory."""
     geometry = RobotGeometry(parameters.half_gauge, parameters.sprocket_radius)
     belts = belt_speeds(parameters, omega)
     spread = belts[:, 1] - belts[:, 0]
-    return MeasuredTurns(
+    return SimulatedTurns(
         half_width=spread / (2 * twist[:, 2]),
         expected_half_width=spread / (2 * expected[:, 2]),
         slip=track_slip(omega, twist[:, [0, 2]], geometry),

@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.validation.theory import (
     GRAVITY,
-    MeasuredTurns,
+    SimulatedTurns,
     belt_speeds,
     contact,
     joined,
@@ -38,7 +38,7 @@ _STEADY = 1.5  # time until the robots turn steadily [s]
 
 
 @dataclass(frozen=True)
-class VariedTurns(MeasuredTurns):
+class VariedTurns(SimulatedTurns):
     """M turns of a robot and its variants in length and centre of mass."""
 
     radius: Array  # (M,) commanded [m]

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Run:
+class BeltSpan:
     """A straight piece of belt between two wheels."""
 
     start: NDArray[np.float64]  # (2,) where the belt leaves one wheel [m]
@@ -51,7 +51,7 @@ class Hull:
     """Wheels that bend the belt, clockwise, and the runs between them: run i leaves wheel i."""
 
     wheels: NDArray[np.float64]  # (W, 3) x, z, radius [m]
-    runs: tuple[Run, ...]
+    runs: tuple[BeltSpan, ...]
 
     @property
     def longest_below(self) -> float:
@@ -123,7 +123,7 @@ def _hull(wheels: NDArray[np.float64]) -> Hull:
     normals, following = _tangents(wheels), np.roll(wheels, -1, axis=0)
     starts, ends = (at[:, :2] + at[:, 2:] * normals for at in (wheels, following))
     radii = np.minimum(wheels[:, 2], following[:, 2])
-    return Hull(wheels, tuple(Run(*run) for run in zip(starts, ends, radii.tolist(), strict=True)))
+    return Hull(wheels, tuple(BeltSpan(*run) for run in zip(starts, ends, radii.tolist(), strict=True)))
 
 
 @dataclass(frozen=True)
