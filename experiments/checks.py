@@ -41,7 +41,7 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """Whether the value lies within the range; NaN does not."""
+        """True if the value lies within the range; NaN does not."""
         low, high = self.ends
         return bool(low <= self.measured <= high)
 

@@ -125,7 +125,7 @@ def _check(arguments: Sequence[str]) -> None:
 
 
 def _repeatable(command: str, option: str) -> bool:
-    """Whether an option of a command may be given more than once."""
+    """True if an option of a command may be given more than once."""
     hints = typing.get_type_hints(command_modules()[command].Config, include_extras=True)
     hint = hints.get(option.removeprefix("--").replace("-", "_"))
     return tyro.conf.UseAppendAction in getattr(hint, "__metadata__", ())

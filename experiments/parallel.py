@@ -41,7 +41,7 @@ class Workers:
 
     @property
     def inline(self) -> bool:
-        """Whether tasks run in this process, one after another."""
+        """True if tasks run in this process, one after another."""
         return isinstance(self.executor, InlineExecutor)
 
     def each(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[Result]:

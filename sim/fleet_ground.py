@@ -50,14 +50,14 @@ class FleetGround:
 
     @property
     def mean_friction(self) -> Array:
-        """The same, averaged over the pads (N, 2) [-]."""
+        """Friction averaged over the pads, (N, 2) [-]."""
         if self._mean_friction is None:
             self._mean_friction = np.add.reduce(self.friction, axis=1) / self.friction.shape[1]
         return self._mean_friction
 
     @property
     def varies(self) -> bool:
-        """Whether the ground depends on place or time."""
+        """True if the ground depends on place or time."""
         return self._ground.varies
 
     def put(self, grounds: Sequence[Ground], rows: np.ndarray | None = None) -> None:

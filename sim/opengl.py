@@ -17,7 +17,7 @@ from trackslip.errors import TrackslipError
 
 
 def has_display() -> bool:
-    """Whether windows can be opened."""
+    """True if windows can be opened."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 

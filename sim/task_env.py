@@ -33,9 +33,9 @@ class Task(Protocol):
     reward: Array
     """Rewards (N,) of the last step."""
     terminated: NDArray[np.bool_]
-    """Whether each episode has come to its end (N,)."""
+    """Mask (N,) of the episodes that have ended."""
     truncated: NDArray[np.bool_]
-    """Whether each episode was cut off (N,)."""
+    """Mask (N,) of the episodes that were cut off."""
 
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
         """Draw a robot's episode from its own generator; `options` replace drawn values."""

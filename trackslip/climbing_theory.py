@@ -132,7 +132,7 @@ def highest_step(view: SideView, friction: float) -> float:
 
 
 def climbs(view: SideView, friction: float, height: ArrayLike) -> np.ndarray:
-    """Whether the robot slowly climbs single steps of heights (H,) [m], (H,) bool."""
+    """Mask (H,) of the heights [m] of single steps that the robot climbs slowly."""
     push, over = push_on_step(view, friction, np.asarray(height, float))
     on_the_way = np.cumsum(over, axis=1) == 0
     return over.any(axis=1) & ((push >= 0) | ~on_the_way).all(axis=1)

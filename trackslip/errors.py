@@ -99,7 +99,7 @@ def require_whole(field: str, value: Any, low: int, high: float = float("inf")) 
 
 
 def _true(comparison: Callable[[], object]) -> bool:
-    """Whether a comparison holds; that of a text or of several numbers with a number does not."""
+    """True if a comparison holds; comparing a text or several numbers with a number does not."""
     try:
         return bool(comparison())
     except (TypeError, ValueError):

@@ -53,7 +53,7 @@ class TrackingErrors:
     itae: float
     """Integral of time times the position error [m s^2]."""
     success: bool
-    """Whether the position error stayed within LOST."""
+    """True if the position error stayed within LOST."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ class Sightings:
 
     @property
     def measured(self) -> np.ndarray:
-        """Whether a pose was measured, (n,) bool."""
+        """Mask (n,) of the measured poses."""
         return np.asarray(np.isfinite(self.error).all(axis=1))
 
     def ratio(self) -> Array:

@@ -122,7 +122,7 @@ def value_groups(values: Array) -> list[np.ndarray]:
 
 
 def is_narrow(values: Array) -> bool:
-    """Whether values (n,) >= 0 are nearly equal."""
+    """True if values (n,) >= 0 are nearly equal."""
     return bool(np.ptp(values) <= 2 * _GAP * values.max())
 
 

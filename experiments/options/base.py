@@ -114,12 +114,12 @@ class Exclusion:
                 refuse_changed(name, getattr(options, name), defaults_of(options)[name], self.reason(options))
 
     def matches(self, options: "Options") -> bool:
-        """Whether the option has one of the values."""
+        """True if the option has one of the values."""
         value = getattr(options, self.option)
         return value in self.values if self.values else value != defaults_of(options)[self.option]
 
     def applies(self, options: "Options") -> bool:
-        """Whether the names have no effect."""
+        """True if the names have no effect."""
         raise NotImplementedError
 
     def reason(self, options: "Options") -> str:

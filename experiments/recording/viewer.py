@@ -45,7 +45,7 @@ def _find(logs: Sequence[RunLog], wanted: str, path: Path) -> RunLog:
 
 
 def has_laws(path: Path) -> bool:
-    """Whether a folder has identified laws."""
+    """True if a folder has identified laws."""
     try:
         return path.is_dir() and bool(load_laws(path))
     except TrackslipError:

@@ -69,7 +69,7 @@ class ShearTurns(SimulatedTurns):
 
     @property
     def spins(self) -> np.ndarray:
-        """Whether the robot turns on the spot (M,)."""
+        """Mask (M,) of turns on the spot."""
         return np.asarray(self.radius == 0)
 
 

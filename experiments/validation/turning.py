@@ -48,7 +48,7 @@ class VariedTurns(SimulatedTurns):
     centre_of_mass: Array  # (M, 2) forward and left [m]
 
     def own(self, parameters: RobotParameters) -> np.ndarray:
-        """Whether a turn is one of the robot itself, not of a variant, (M,) bool."""
+        """Mask (M,) of the robot's own turns, without variants."""
         off = self.centre_of_mass - [parameters.com_x, parameters.com_y]
         distance = np.hypot(np.hypot(*off.T), self.length - parameters.contact_length)
         return np.asarray(distance <= distance.min() + 1e-9)

@@ -126,7 +126,7 @@ class Calibration:
     stderr: dict[str, float]
     """Standard error of each identifiable parameter, from the residuals."""
     correlation: dict[str, dict[str, float]]
-    """Correlation of the errors of each identifiable parameter with those of the others [-]."""
+    """Correlation of each identifiable parameter's error with the other parameters' [-]."""
     tied: tuple[str, ...]
     """Parameters that the target doesn't determine individually."""
     slip_rms: float

@@ -26,7 +26,7 @@ _TOP_SPEED = 0.3  # of the paper's robot, which scales faster commands by the sa
 class TurnTable:
     """Left turns, commanded by radius and speed without slip compensation, with published slips and radii.
 
-    The slips refer to the nominal geometry, which is that of the robot being calibrated.
+    The slips refer to the nominal geometry of the robot being calibrated.
     """
 
     commanded_radius: Array  # (M,) [m]
@@ -38,7 +38,7 @@ class TurnTable:
     radius_scale: float = _RADIUS_SCALE
     """Scale of the relative radius residuals [-]; infinite to ignore the radii."""
     of_plate: ClassVar[bool] = False
-    """Whether the twists are those of the plate, as the scanner sees them, rather than those of the tracks."""
+    """True if the twists are the plate's, as the scanner sees them, rather than the tracks'."""
 
     @classmethod
     def published(cls) -> TurnTable:
@@ -78,7 +78,7 @@ class MeasuredTurns:
     geometry: RobotGeometry
     """Geometry that defines the slips, whatever the calibrated robot's."""
     of_plate: bool = False
-    """Whether the twists are those of the plate, as the scanner sees them, rather than those of the tracks."""
+    """True if the twists are the plate's, as the scanner sees them, rather than the tracks'."""
 
     @property
     def independent(self) -> int:

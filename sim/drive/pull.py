@@ -58,5 +58,5 @@ class Drawbar:
         self._wrench[rows] = np.stack([-force * cos, -force * sin, zero, -pitch * sin, pitch * cos, yaw], axis=-1)
 
     def acts(self, time: Array) -> np.ndarray:
-        """Whether the force acts (R,) at times (R,) since the start of the runs [s]."""
+        """Mask (R,) of the robots on which the force acts, at times (R,) since the start of their runs [s]."""
         return time >= self._pull.since - 1e-9

@@ -20,7 +20,7 @@ class PadFriction:
         self._pads = pads
         n, changes, patches = len(grounds), max(len(g.changes) for g in grounds), max(len(g.patches) for g in grounds)
         self.varies = changes > 0 or patches > 0
-        """Whether the ground depends on place or time at all."""
+        """True if the ground depends on place or time at all."""
         self._time = np.full((n, changes), np.inf)  # ascending [s]
         self._base = np.zeros((n, changes + 1, 3))  # along, across, shear
         self._corners = np.full((n, patches, 2, 2), np.nan)  # minimum, maximum; x, y [m]

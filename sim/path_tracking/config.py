@@ -136,7 +136,7 @@ class EnvConfig:
 
     @property
     def shears(self) -> bool:
-        """Whether one of the grounds shears."""
+        """True if one of the grounds shears."""
         drawn = self.drawn.shear
         return any(load_ground(one).largest_shear > 0 for one in self.grounds) or (drawn is not None and drawn[1] > 0)
 

@@ -72,9 +72,9 @@ class PathTracking:
         self.reward: Array = np.zeros(size)
         """Rewards (N,) of the last step."""
         self.terminated: np.ndarray = np.zeros(size, bool)
-        """Whether each robot has left its path or tipped over (N,)."""
+        """Mask (N,) of the robots that have left their path or tipped over."""
         self.truncated: np.ndarray = np.zeros(size, bool)
-        """Whether each reference has ended (N,)."""
+        """Mask (N,) of the references that have ended."""
 
     def path(self, row: int) -> Array:
         """Poses (T, 3) of the reference of robot `row`, from its start to its end."""

@@ -25,7 +25,7 @@ _FIRM = 0.25  # largest part of the ground's righting moment that the weight of 
 
 @dataclass(frozen=True)
 class RobotParameters:
-    """Shape and mass of the robot. The defaults are those of models/tracked_robot.xml."""
+    """Shape and mass of the robot. The defaults equal models/tracked_robot.xml."""
 
     half_gauge: float = 0.168
     """Half the distance between the tracks [m]."""

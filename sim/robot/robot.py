@@ -64,7 +64,7 @@ class Robot:
     parameters: RobotParameters | None
     """Changes of the file's robot."""
     contact_sensors: bool = False
-    """Whether there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
+    """True if there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
     points_per_pad: int = CONTACT_POINTS
     """Number of points at which a pad touches the ground."""
 

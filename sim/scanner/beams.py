@@ -62,7 +62,7 @@ class Aim:
         return cls(centre, beams, np.arange(len(centre))[:, None] * len(bearings) + beams)
 
     def holds(self, centre: Array) -> bool:
-        """Whether the selection is still valid for plates around `centre` (N, 3)."""
+        """True if the selection is still valid for plates around `centre` (N, 3)."""
         return bool(np.abs(centre - self.centre).max() <= SLACK / 2)
 
 

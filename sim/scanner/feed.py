@@ -51,7 +51,7 @@ class ScannerFeed:
         x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])
         self.kept = kept or robot.contact_sensors
-        """Whether logs have all ranges."""
+        """True if logs have all ranges."""
         self.period = scanner.period
         """Time between scans [s]."""
         self.bearings = scanner.bearings

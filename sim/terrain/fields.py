@@ -90,7 +90,7 @@ class HeightField:
     length: float = 4.0
     """Length from the first to the last column [m]."""
     width: float = math.inf
-    """Width from the first to the last row [m]; inf: that of the course."""
+    """Width from the first to the last row [m]; inf: the course's width."""
 
     def __post_init__(self) -> None:
         try:
@@ -142,7 +142,7 @@ class Picture(_FromFile):
     length: float = 4.0
     """Length from the first to the last column [m]."""
     width: float = math.inf
-    """Width from the first to the last row [m]; inf: that of the course."""
+    """Width from the first to the last row [m]; inf: the course's width."""
 
     def __post_init__(self) -> None:
         require_height("height", self.height)

@@ -61,7 +61,7 @@ class Site:
     """Place of a piece on its course."""
 
     x: float
-    """Where it begins [m]."""
+    """Beginning along the course [m]."""
     z: float
     """Height there [m]."""
     width: float
@@ -76,7 +76,7 @@ class Placed:
 
     solids: tuple[Solid, ...]
     x: float
-    """Where it ends [m]."""
+    """End along the course [m]."""
     z: float
     """Height there [m]."""
 
@@ -157,7 +157,7 @@ class Stairs:
     number: int = 8
     """Number of steps."""
     width: float = math.inf
-    """Width [m]; inf: that of the course."""
+    """Width [m]; inf: the course's width."""
 
     def __post_init__(self) -> None:
         _require_change("rise", self.rise)

@@ -37,7 +37,7 @@ class Base:
     name: str = "course"
     """Prefix of the names of everything the course adds to the model."""
     looks: bool = True
-    """Whether to draw the supports of slopes."""
+    """Draw the supports of slopes."""
 
 
 class Solid(Protocol):
@@ -56,9 +56,9 @@ class Level:
     """A block that stands on the floor, with a level top."""
 
     x0: float
-    """Where it begins [m]."""
+    """Beginning along the course [m]."""
     x1: float
-    """Where it ends [m]."""
+    """End along the course [m]."""
     half_width: float
     """Half of its width; it is centred on the x axis [m]."""
     z: float
@@ -71,7 +71,7 @@ class Level:
         return np.array([[self.x0, -self.half_width, self.z], [self.x1, self.half_width, self.z]])
 
     def continues(self, behind: Level) -> bool:
-        """Whether the block `behind` continues this one without an edge."""
+        """True if the block `behind` continues this one without an edge."""
         return (self.x1, self.z, self.half_width) == (behind.x0, behind.z, behind.half_width)
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
@@ -139,7 +139,7 @@ class Grid:
     """A height field: heights at the corners of rectangles, each of which is two triangles."""
 
     x0: float
-    """Where it begins [m]."""
+    """Beginning along the course [m]."""
     length: float
     """Its length along x [m]."""
     width: float

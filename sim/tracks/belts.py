@@ -148,7 +148,7 @@ class Reading:
     slip: Floats
     """1 - speed over ground / speed of the belt (..., T) [-]; NaN where nothing touches or the belt stands."""
     touching: NDArray[np.bool_]
-    """Whether the track touches anything (..., T)."""
+    """Mask (..., T) of the tracks that touch anything."""
     depth: Floats
     """Largest penetration (..., T) [m]."""
 

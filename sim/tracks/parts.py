@@ -12,7 +12,7 @@ from sim.tracks.hull import Hull
 from sim.tracks.presets import Preset
 
 WHEEL_WEIGHT = 0.5
-"""Load of a wheel on a plane, relative to that of a capsule's end [-]."""
+"""Load of a wheel on a plane, relative to a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
 _ALONG = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
@@ -26,11 +26,11 @@ class Part:
     shape: dict[str, object]
     """Type, place and size, in the track's frame; the own z axis of a capsule along the run is the belt's direction."""
     weight: float
-    """Stiffness relative to that of a capsule's end [-]."""
+    """Stiffness relative to a capsule's end [-]."""
     crosswise: bool
-    """Whether it is a capsule across the track."""
+    """True if it is a capsule across the track."""
     cored: bool
-    """Whether it may land alone, so that it has a core; see `sim.tracks.connect`."""
+    """True if it may land alone, so that it has a core; see `sim.tracks.connect`."""
     direction: tuple[float, ...]
     """Surface velocity (6,) in its own frame, at a belt speed of 1 m/s."""
 

@@ -82,7 +82,7 @@ class StuckWatch:
         self._age[rows] = 0
 
     def observe(self, position: Array, belts: Array) -> NDArray[np.bool_]:
-        """Whether robots (N,) are stuck, at positions (N, 3) [m] with belt speeds (N, 2) over the last period [m/s]."""
+        """Mask (N,) of stuck robots, at positions (N, 3) [m] with belt speeds (N, 2) over the last period [m/s]."""
         self._travelled = self._travelled + (belts[:, 0] + belts[:, 1]) * (self._period / 2)
         self._position.append(position.copy())
         self._travel.append(self._travelled)

@@ -57,7 +57,7 @@ class Scripted:
     turn: float = 0.3
     """Largest difference of a belt's speed from the mean of both [m/s]."""
     reflex: Reflex = field(default_factory=Reflex)
-    """Of the flippers."""
+    """Reflex of the flippers."""
 
     def __post_init__(self) -> None:
         require_positive("speed", self.speed)

@@ -83,9 +83,9 @@ class Crossing:
         self.reward: Array = np.zeros(size)
         """Rewards (N,) of the last step."""
         self.terminated: NDArray[np.bool_] = np.zeros(size, bool)
-        """Whether each robot has crossed its course or failed (N,)."""
+        """Mask (N,) of the robots that have crossed their course or failed."""
         self.truncated: NDArray[np.bool_] = np.zeros(size, bool)
-        """Whether each robot's time is over (N,)."""
+        """Mask (N,) of the robots that ran out of time."""
 
     @property
     def outcome(self) -> Outcomes:

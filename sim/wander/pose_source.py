@@ -30,7 +30,7 @@ class PoseSource:
     heading_noise: float = 0.0
     """Standard deviation of the heading [rad]."""
     heading: bool = True
-    """Whether the heading is measured."""
+    """Measure headings, too."""
     delay: float = 0.0
     """Delay of pose stamps against encoder stamps of the same instant; -tau [s]."""
     jitter: float = 0.0
@@ -116,7 +116,7 @@ class PoseSource:
         return se2.chain(pose[0], steps)
 
     def _in_gap(self, moment: Array, rng: np.random.Generator) -> np.ndarray:
-        """Whether each moment (M,) lies in a gap; gaps begin in equal parts of the time, one in each."""
+        """Mask (M,) of the moments in a gap; gaps begin in equal parts of the time, one in each."""
         if not self.gaps:
             return np.zeros(len(moment), bool)
         part = (moment[-1] - moment[0]) / self.gaps

@@ -54,7 +54,7 @@ class DriveFit(FittedLaw):
     breaks: int
     """Steps left out: lasting jumps of the poses, or slip out of all proportion."""
     converged: bool
-    """Whether the fit converged."""
+    """True if the fit converged."""
     deviance: float
     """-2 log likelihood, but for a constant that all laws share [-]."""
     fit: TrajectoryFit

@@ -115,7 +115,7 @@ class DriveModel:
         return moved
 
     def _lags(self, free: np.ndarray) -> bool:
-        """Whether both the lag and the clock offset are among the parameters `free` (f,)."""
+        """True if both the lag and the clock offset are among the parameters `free` (f,)."""
         return bool(np.isin([self.index("lag"), self.index("clock_offset")], free).all())
 
     def steps(self, values: Array, line: Timeline, free: np.ndarray) -> Steps:

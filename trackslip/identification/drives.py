@@ -38,7 +38,7 @@ class PreparedDrive:
 
     @property
     def has_heading(self) -> bool:
-        """Whether any heading was measured."""
+        """True if any heading was measured."""
         return bool(np.isfinite(self.pose[:, 2]).any())
 
     @property

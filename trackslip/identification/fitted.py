@@ -41,7 +41,7 @@ class FittedLaw:
 
     @property
     def determined(self) -> bool:
-        """Whether the data determine the law."""
+        """True if the data determine the law."""
         return True
 
     @property
@@ -75,7 +75,7 @@ class SteadyFit(FittedLaw):
 
     @property
     def determined(self) -> bool:
-        """Whether the samples determine the law."""
+        """True if the samples determine the law."""
         return not self.notes
 
     @property
@@ -85,7 +85,7 @@ class SteadyFit(FittedLaw):
 
     @property
     def lacks_fit(self) -> bool:
-        """Whether the law significantly misses the samples."""
+        """True if the law significantly misses the samples."""
         return self.lack_of_fit is not None and self.lack_of_fit.probability < SIGNIFICANT
 
     def aicc(self, samples: int) -> float | None:

@@ -105,7 +105,7 @@ def _put(estimate: PoseEstimate, where: np.ndarray, part: PoseEstimate) -> None:
 
 
 def _between(known: PoseEstimate, keys: np.ndarray, angle: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
-    """Whether the poses `known` (N, K) before and after each row are valid (N, T), and where they lead (N, T, 3).
+    """Mask (N, T) of the rows between valid poses `known` (N, K), and the poses (N, T, 3) that these predict.
 
     Sprockets that turn by `angle` (N, T, 2) without slip lead from each of the two, and the closer one counts for more.
     The first of the rows `keys` (K,) may be -1, the one before them.

@@ -39,7 +39,7 @@ class Trajectory:
 
     @property
     def has_heading(self) -> bool:
-        """Whether any heading was measured."""
+        """True if any heading was measured."""
         return bool(np.isfinite(self.measured[:, 2]).any())
 
     @property
