@@ -87,9 +87,9 @@ def compose(frame: ArrayLike, pose: ArrayLike) -> Array:
 def between(frame: ArrayLike, pose: ArrayLike) -> Array:
     """Poses (..., 3) of the world, in frames with poses (..., 3): the inverse of `compose`."""
     frame, pose = np.asarray(frame, float), np.asarray(pose, float)
-    away = pose - frame
-    x, y = _turned(-frame[..., 2], away[..., 0], away[..., 1])
-    return _columns(x, y, away[..., 2])
+    local = pose - frame
+    local[..., 0], local[..., 1] = _turned(-frame[..., 2], local[..., 0], local[..., 1])
+    return local
 
 
 def _turned(angle: ArrayLike, x: Array, y: Array) -> tuple[Array, Array]:
@@ -99,7 +99,7 @@ def _turned(angle: ArrayLike, x: Array, y: Array) -> tuple[Array, Array]:
 
 def _columns(*parts: Any) -> Array:
     """np.stack of arrays (...) along a last axis, in less time for few numbers."""
-    stacked = np.empty((*np.broadcast_shapes(*(np.shape(part) for part in parts)), len(parts)))
+    stacked = np.empty((*np.broadcast(*parts).shape, len(parts)))
     for k, part in enumerate(parts):
         stacked[..., k] = part
     return stacked

@@ -15,7 +15,7 @@ from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.bound import beside_bound
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
-from trackslip.motion.methods import MOTION_METHODS
+from trackslip.motion.methods import MOTION_METHODS, best_method
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
 
@@ -167,9 +167,13 @@ def grid_summary(
         bound.add(log)
         if log.run in samples.run:
             truth = true_samples([log], geometry).slip
-            true_slip[names.index(log.run)] = truth[0]
+            row = names.index(log.run)
+            true_slip[row] = truth[0]
             with watch.stage("errors of all methods"):
-                for name, sample in samples_by_method(log, geometry).items():
+                measured = config.motion or best_method(log)
+                by_method[measured].append(slip[[row]] - truth)
+                others = [name for name in MOTION_METHODS if name != measured]
+                for name, sample in samples_by_method(log, geometry, others).items():
                     by_method[name].append(sample.slip - truth)
     by_radius = (len(config.radii), len(config.speeds))
     mean_slip = slip.reshape(*by_radius, 2).mean(axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -212,10 +212,10 @@ def true_samples(
     return SlipSamples.joined(found)
 
 
-def samples_by_method(log: RunLog, geometry: RobotGeometry) -> dict[str, SlipSamples]:
-    """The sample of a run's longest steady stretch by each of the motion methods that it allows."""
+def samples_by_method(log: RunLog, geometry: RobotGeometry, methods: Collection[str]) -> dict[str, SlipSamples]:
+    """The sample of a run's longest steady stretch by each of the motion methods `methods` that it allows."""
     part, found = steady_part(log, geometry), {}
-    for name in MOTION_METHODS:
+    for name in methods:
         with contextlib.suppress(LogError):
             found[name] = _sample(part, geometry, name)
     return found
