@@ -15,6 +15,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,7 +30,7 @@ class Saturating(trackslip.SlipLaw):
 
     size: float
 
-    def __call__(self, kappa: ArrayLike) -> NDArray[np.floating]:
+    def __call__(self, kappa: ArrayLike) -> NDArray[np.floating[Any]]:
         grown = self.size * np.tanh(np.asarray(kappa, float))
         return np.stack([-grown, grown], axis=-1)
 
@@ -39,9 +40,9 @@ class Proportional:
 
     def reset(self) -> None: ...
 
-    def twist(self, time: float, pose: ArrayLike, reference: trackslip.Reference) -> NDArray[np.floating]:
+    def twist(self, time: float, pose: ArrayLike, reference: trackslip.Reference) -> NDArray[np.floating[Any]]:
         error = trackslip.body_errors(pose, reference.pose(time))
-        twist: NDArray[np.floating] = reference.twist(time) + error @ np.array([[1.0, 0.0], [0.0, 4.0], [0.0, 2.0]])
+        twist: NDArray[np.floating[Any]] = reference.twist(time) + error @ np.array([[1.0, 0.0], [0.0, 4.0], [0.0, 2.0]])
         return twist
 
 
