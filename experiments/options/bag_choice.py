@@ -10,6 +10,7 @@ from trackslip.errors import InvalidValueError
 from trackslip.localization.scan import Plate
 from trackslip.ros.choice import BagChoice
 
+Reversed = Literal["left", "right", "both", "none"]
 _CLEAR = "where the bag leaves no doubt"
 
 
@@ -23,8 +24,10 @@ class BagOptions:
     """Names of the joints on the left, separated by commas; their mean is used."""
     right: Annotated[str | None, default_is("by their names", "NAMES")] = None
     """The same on the right."""
-    reversed: Annotated[Literal["left", "right", "both"] | None, default_is("none", "{left,right,both}")] = None
-    """Encoders that count backwards."""
+    reversed: Annotated[
+        Literal["left", "right", "both", "none"] | None, default_is("found", "{left,right,both,none}")
+    ] = None
+    """Encoders that count backwards; none says that the bag's signs are right whatever the motion."""
     poses: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
     """Topic of the poses, or tf:PARENT:CHILD for the pose of a frame, as in tf:map:base_link."""
     plate: Annotated[str | None, default_is("poses are read", "LENGTHxTHICKNESS")] = None

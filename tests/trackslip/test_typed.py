@@ -42,7 +42,8 @@ class Proportional:
 
     def twist(self, time: float, pose: ArrayLike, reference: trackslip.Reference) -> NDArray[np.floating[Any]]:
         error = trackslip.body_errors(pose, reference.pose(time))
-        twist: NDArray[np.floating[Any]] = reference.twist(time) + error @ np.array([[1.0, 0.0], [0.0, 4.0], [0.0, 2.0]])
+        gains = np.array([[1.0, 0.0], [0.0, 4.0], [0.0, 2.0]])
+        twist: NDArray[np.floating[Any]] = reference.twist(time) + error @ gains
         return twist
 
 

@@ -12,19 +12,33 @@ from trackslip.logs.runlog import RunLog
 
 REPEATED_POSES = "its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
 REPEATED_WAYS = "its ways repeat those of the wheels: they tell nothing of ε"
+_MIRRORED = "left and right are swapped, or the poses are mirrored"
 DOUBTS = {
     "left": "the left encoder counts backwards",
     "right": "the right encoder counts backwards",
     "both": "both encoders count backwards (--reversed both), or the poses' heading points backwards",
-    "swapped": "left and right are swapped, or the poses are mirrored",
+    "swapped": _MIRRORED,
+    "swapped, left": f"{_MIRRORED}, and the left encoder counts backwards",
+    "swapped, right": f"{_MIRRORED}, and the right encoder counts backwards",
 }
 """Possible faults of the encoders' sides, in words."""
+_AS_STATED = ((1, 1), (-1, 1))
+_FAULTY = {
+    "left": ((-1, 1), (1, 1)),
+    "right": ((1, -1), (-1, -1)),
+    "both": ((-1, -1), (1, -1)),
+    "backwards": ((-1, -1), (-1, 1)),
+    "swapped": ((1, 1), (1, -1)),
+    "swapped, left": ((-1, 1), (-1, -1)),
+    "swapped, right": ((1, -1), (1, 1)),
+}
+"""What a robot's forward motion and its turn are proportional to: signs of the stated left and right turns in each."""
 _STRIDE = 1.0  # time over which motions are compared [s]
 _MIN_STRIDES = 10  # fewer motions prove nothing
 _MIN_WAY, _MIN_TURN = 0.02, 0.05  # smaller motions prove nothing [m, rad]
 _EXACT = 5e-3  # relative residual of poses computed from the wheels; noise-free poses on slipping ground have 6e-3
-_CLEAR = 0.7  # share of the variance of motion that signs of encoders must explain to be believed
-_AGAINST = 0.2  # speed per sprocket speed of a side that counts backwards, by that of the other side, at least
+_CLEAR = 0.7  # share of the power of motion that signs of encoders must explain to be believed
+_HALF_GAUGES = (0.05, 5.0)  # forward motion per turn and sprockets' turns: a tracked robot's with its slip [m]
 
 
 class Strides(NamedTuple):
@@ -77,18 +91,36 @@ def repeated(found: Strides) -> str | None:
 
 
 def sign_doubt(found: Strides) -> str | None:
-    """The likely fault of the encoders' sides, a key of DOUBTS; None if there is none or it doesn't show."""
-    ways, way_share = _explained(found.sprockets, found.forward)
-    turns, turn_share = _explained(found.sprockets, found.turn)
-    if min(way_share, turn_share) < _CLEAR:
+    """The likely fault of the encoders' sides, a key of DOUBTS; None if there is none or it doesn't show.
+
+    A robot goes forward in proportion to the mean of its sprockets' turns and turns in proportion to their difference,
+    with positive factors. There is a doubt only if that explains little of the motion with the signs stated, and most
+    of it with other signs: on a path of constant radius, where both sides' turns are proportional, all signs may do.
+    """
+    if _share(found, *_AS_STATED) >= _CLEAR:
         return None
-    least = _AGAINST * np.abs(ways).max()
-    back, ahead = ways < -least, ways > least
-    if back.any() and ahead.any():
-        return "left" if back[0] else "right"
-    if back.all():
-        return "both"
-    return "swapped" if ahead.all() and turns[0] > 0 > turns[1] else None
+    shares = {fault: _share(found, *signs, limits=_HALF_GAUGES) for fault, signs in _FAULTY.items()}
+    likely = max(shares, key=lambda fault: shares[fault])
+    if shares[likely] < _CLEAR:
+        return None
+    return "both" if likely == "backwards" else likely
+
+
+def _share(
+    found: Strides, forward: tuple[int, int], turn: tuple[int, int], limits: tuple[float, float] = (0.0, np.inf)
+) -> float:
+    """The share of the power of motion that encoders with these signs explain, of forward motion or turns the less.
+
+    0 if they need a negative factor, or an effective half gauge [m] beyond `limits`.
+    """
+    shares, factors = [], []
+    for motion, signs, least in ((found.forward, forward, _MIN_WAY), (found.turn, turn, _MIN_TURN)):
+        if np.abs(motion).max() >= least:
+            (factor,), share = _explained(found.sprockets @ np.transpose([signs]), motion)
+            shares.append(share if factor > 0 else 0.0)
+            factors.append(factor)
+    fits = len(factors) < 2 or limits[0] * factors[1] <= factors[0] <= limits[1] * factors[1]
+    return min(shares) if fits else 0.0
 
 
 def _explained(turns: Array, motion: Array) -> tuple[Array, float]:

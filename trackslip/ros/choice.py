@@ -23,7 +23,7 @@ class BagChoice:
     right: tuple[str, ...] | None = None
     """Names of the joints on the right; likewise."""
     reversed: str | None = None
-    """Side whose encoders count backwards: left, right or both; none if None."""
+    """Side whose encoders count backwards: left, right, both or none; None to find out."""
     poses: str | None = None
     """Topic of poses, or tf:PARENT:CHILD for the pose of a frame in another."""
     scan: str | None = None
@@ -44,7 +44,7 @@ class BagChoice:
             raise InvalidValueError(missing, None, f"given where {SIDES[self.left is None]} is")
         if self.left is not None and self.right is not None and (both := set(self.left) & set(self.right)):
             raise InvalidValueError("right", min(both), "the name of a joint that is not on the left, too")
-        require(self.reversed in (None, *SIDES, "both"), "reversed", self.reversed, "left, right or both")
+        require(self.reversed in (None, *SIDES, "both", "none"), "reversed", self.reversed, "left, right, both or none")
         if self.plate is None:
             for name in ("scan", "mount", "noise"):
                 require(getattr(self, name) is None, name, getattr(self, name), "left out without plate")

@@ -145,7 +145,7 @@ def _checked(
         raise LogError(f"{poses.source}: {from_wheels}; --poses chooses others, or these if they were measured")
     if from_wheels is not None:
         notes.append(f"{poses.source}: {from_wheels}")
-    doubt = sign_doubt(motions)
+    doubt = None if choice.reversed == "none" else sign_doubt(motions)
     if doubt is None:
         return log
     line = f"topic {encoders.topic}: {DOUBTS[doubt]}"

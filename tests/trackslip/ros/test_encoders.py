@@ -179,7 +179,7 @@ def test_what_cannot_be_read_is_refused_in_a_line(tmp_path, messages, choice, li
         ({"right": ("a",)}, "left = None: must be given where right is"),
         ({"left": (), "right": ("a",)}, r"left = \(\): must be names of joints"),
         ({"left": ("a", "b"), "right": ("b",)}, "right = 'b': must be the name of a joint that is not on the left"),
-        ({"reversed": "up"}, "reversed = 'up': must be left, right or both"),
+        ({"reversed": "up"}, "reversed = 'up': must be left, right, both or none"),
         ({"poses": "tf:map"}, "poses = 'tf:map': must be tf:FRAME:FRAME"),
         ({"poses": "tf:map:map"}, "poses = 'tf:map:map': must be tf:FRAME:FRAME"),
         ({"scan": "/scan"}, "scan = '/scan': must be"),
