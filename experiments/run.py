@@ -90,7 +90,7 @@ class Run:
     @contextmanager
     def _in_folder(self, then: Callable[[], None]) -> Iterator["Run"]:
         failure: RunFailedError | None = None
-        with results_folder(self.folder, then) as folder:
+        with results_folder(self.folder, then, None if self.config.overwrite else self.command) as folder:
             self.folder = folder
             try:
                 yield self

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 import tyro
 
-from experiments.options.base import Excludes, Exclusion, Options, Positive, Whole, Within, default_is
+from experiments.options.base import Excludes, Exclusion, Positive, ResultsOptions, Whole, Within, default_is
 from experiments.options.world import MAX_DURATION
 from trackslip.errors import InvalidValueError, require_positive
 
@@ -27,7 +27,7 @@ UP, DOWN = 1.2, 0.0
 
 
 @dataclass(frozen=True)
-class Config(Options):
+class Config(ResultsOptions):
     """Drive a robot with tracks over a course, store the run with pictures, and print how it went."""
 
     robot: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "rescue"

@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from experiments.options.bag_choice import Bag, BagOptions
-from experiments.options.base import Distinct, Options, Positive, Within, default_is
+from experiments.options.base import Distinct, Positive, ResultsOptions, Within, default_is
 from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
@@ -24,7 +24,7 @@ _MAX_OFFSET = 3600.0  # [s]
 
 
 @dataclass(frozen=True)
-class Config(Options):
+class Config(ResultsOptions):
     """Measure how far odometry by slip laws is off on a log: absolute errors, and relative ones per metre and second.
 
     The log is one that identify reads; it should not be the one that the laws were identified from.

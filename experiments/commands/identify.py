@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 import tyro
 
 from experiments.options.bag_choice import Bag, BagOptions
-from experiments.options.base import Distinct, Excludes, Exclusion, NonNegative, Options, Positive, Within, default_is
+from experiments.options.base import (
+    Distinct,
+    Excludes,
+    Exclusion,
+    NonNegative,
+    Positive,
+    ResultsOptions,
+    Within,
+    default_is,
+)
 from experiments.options.world import Method
 from trackslip.errors import InvalidValueError
 from trackslip.motion.constant_speed import SETTLE
@@ -30,7 +39,7 @@ _MAX_LEVER = 100.0  # [m]
 
 
 @dataclass(frozen=True)
-class Config(Options):
+class Config(ResultsOptions):
     """Fit the slip laws to a stored grid or to the log of a real robot, and print and report them.
 
     A log is a ROS bag, or has the columns run, t, omega_l, omega_r, x, y, phi (any driving) or omega_l, omega_r, v, w

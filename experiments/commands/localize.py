@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from experiments.options.bag_choice import BagOptions
-from experiments.options.base import Options, default_is
+from experiments.options.base import ResultsOptions, default_is
 
 EXAMPLES = (
     ("a plate of 0.5 m by 2 cm", "trackslip localize run.mcap --plate 0.5x0.02"),
@@ -18,7 +18,7 @@ EXAMPLES = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config(BagOptions, Options):
+class Config(BagOptions, ResultsOptions):
     """Find the plate on a robot in the scans of a stationary laser range finder, and write its poses as a log."""
 
     path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="BAG")]
@@ -33,7 +33,7 @@ class Config(BagOptions, Options):
     """Also write the figure as PDF."""
 
     def __post_init__(self) -> None:
-        Options.__post_init__(self)
+        ResultsOptions.__post_init__(self)
         self.choice()
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from experiments.options.base import Exclusion, Needs, Options, Positive, default_is, refuse_changed
+from experiments.options.base import Exclusion, Needs, Positive, ResultsOptions, default_is, refuse_changed
 from experiments.options.world import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR
 from sim.drive.pull import Pull
 from sim.ground.ground import MAX_FRICTION, Ground
@@ -25,7 +25,7 @@ _ROBOTS = default_is("the robot's", "FLOAT")
 
 
 @dataclass(frozen=True)
-class Config(Options):
+class Config(ResultsOptions):
     """Predict slip from quasi-static theory, without simulating: on Coulomb ground a law, on other ground its slips.
 
     With --shear, --slope or --pull, slips depend on radius and load; the law is then that of the mean over the radii.

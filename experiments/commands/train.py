@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from experiments.options.base import Excludes, Exclusion, Needs, Options, Positive, Whole
+from experiments.options.base import Excludes, Exclusion, Needs, Positive, ResultsOptions, Whole
 from experiments.options.world import MAX_THREADS
 from trackslip.errors import InvalidValueError
 
@@ -22,7 +22,7 @@ MAX_SEED = 2**32 - 1  # the largest that PyTorch and NumPy's legacy generators a
 
 
 @dataclass(frozen=True)
-class Config(Options):
+class Config(ResultsOptions):
     """Train a policy with PPO that corrects the reference's twist, for `benchmark --controllers ppo:OUT`.
 
     With --env traverse, train one that corrects the scripted controller of a robot that crosses courses. The defaults

@@ -4,7 +4,7 @@ import dataclasses
 import functools
 import typing
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
@@ -169,6 +169,16 @@ class Options:
             bound.check(name, getattr(self, name))
         for exclusion in exclusions_of(type(self)):
             exclusion.check(self)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ResultsOptions(Options):
+    """Base of the options of a command that writes a folder of results, `out`."""
+
+    overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = dataclasses.field(
+        default=False, metadata={"stored_unless": False}
+    )
+    """Replace the results of another command in the folder."""
 
 
 def bounds_of(options: type) -> tuple[tuple[str, Bound], ...]:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from experiments.options.base import Options, Whole, Within, default_is
+from experiments.options.base import ResultsOptions, Whole, Within, default_is
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.drive.pull import Pull
 from sim.ground.ground import Ground
@@ -85,7 +85,7 @@ class PullOptions:
 
 
 @dataclass(frozen=True)
-class Repeatable(Options):
+class Repeatable(ResultsOptions):
     """The options of every command that simulates."""
 
     seed: Annotated[int, Whole()] = 0
@@ -95,7 +95,7 @@ class Repeatable(Options):
 
 
 @dataclass(frozen=True)
-class Equipment(Options):
+class Equipment(ResultsOptions):
     """The robot, its scanner and the field, without the ground."""
 
     robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None

@@ -16,8 +16,8 @@ from filelock import FileLock, Timeout
 
 from experiments.parallel import interrupts_later
 from experiments.storage.plain_json import write_json
-from trackslip.errors import OutputError, first_line
-from trackslip.logs.file_format import MANIFEST
+from trackslip.errors import LogError, OutputError, first_line
+from trackslip.logs.file_format import MANIFEST, known_manifest
 
 if TYPE_CHECKING:
     from trackslip.identification.samples import SlipSamples
@@ -51,17 +51,17 @@ _MAX_NAME = 120  # characters
 
 
 @contextlib.contextmanager
-def results_folder(out: Path, then: Callable[[], None] = lambda: None) -> Iterator[Path]:
+def results_folder(out: Path, then: Callable[[], None] = lambda: None, command: str | None = None) -> Iterator[Path]:
     """A folder to write into; its files are moved to `out` if the block succeeds, and deleted if it doesn't.
 
-    `then` is called once they are in place, before another command can write to `out`. Until then no other command can;
-    what killed commands left there is deleted.
+    Only results of `command`, if it is given, are replaced. `then` is called once the files are in place, before
+    another command can write to `out`. Until then no other command can; what killed commands left there is deleted.
 
-    Raises OutputError: at once, before anything is computed, if `out` can't be written or another command is writing
-    there; later, if the disk is full.
+    Raises OutputError: at once, before anything is computed, if `out` can't be written, another command is writing
+    there, or the results there are another's; later, if the disk is full.
     """
     with output_errors(f"out = {str(out)!r}"), _folders(out), locked(out):
-        _require_own(out)
+        _require_own(out, command)
         for left in out.glob(f"{_PARTIAL}*"):
             _restore(left, out)
             shutil.rmtree(left, ignore_errors=True)
@@ -130,8 +130,8 @@ def _folders(folder: Path) -> Iterator[None]:
                 one.rmdir()
 
 
-def _require_own(out: Path) -> None:
-    """Refuse files and FOLDERS that no command has made where results must go: they would be deleted."""
+def _require_own(out: Path, command: str | None) -> None:
+    """Refuse files and FOLDERS that no command, or another one, has made where results must go: they'd be deleted."""
     for name in (MANIFEST_FILE, *_FILES):
         if (out / name).is_dir():
             raise OutputError(f"out = {str(out)!r}: {name} is a folder there, and must be a file or absent")
@@ -142,6 +142,9 @@ def _require_own(out: Path) -> None:
         if files and not ((out / MANIFEST_FILE).is_file() and all(file.suffix in endings for file in files)):
             why = "contains files that aren't part of results; move it away"
             raise OutputError(f"out = {str(out)!r}: {name} there {why}")
+    with contextlib.suppress(LogError):  # damaged, or of a newer version
+        if command is not None and (other := known_manifest(out).get("command", command)) != command:
+            raise OutputError(f"out = {str(out)!r}: contains results of `{other}`; --overwrite replaces them")
 
 
 def _replace(staging: Path, out: Path) -> None:

@@ -89,7 +89,7 @@ def test_a_file_system_without_locks_is_used_without(tmp_path, monkeypatch):
 
 def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
     before = contents(old)
-    process = command("grid", "--out", str(old))
+    process = command("grid", "--out", str(old), "--overwrite")
     while not list(old.glob(".partial-*")):
         assert process.poll() is None
         time.sleep(0.005)
@@ -103,6 +103,14 @@ def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
         for name in before:
             (folder / name).write_bytes(before[name])
     assert contents(old) == before
+
+
+def test_results_of_another_command_are_replaced_only_on_request(old, refused):
+    before, predict = contents(old), ("predict", "--out", str(old))
+    assert refused(*predict) == f"out = {str(old)!r}: contains results of `track`; --overwrite replaces them"
+    assert contents(old) == before
+    main([*predict, "--overwrite"])
+    assert json.loads((old / "manifest.json").read_text())["command"] == "predict"
 
 
 def test_file_names_are_all_different():

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.options.base import ResultsOptions
 from experiments.run import Run
 from experiments.studies.plan_trials import MIN_REPEATS, PAPER, PLAN, plan_study, truth_of
 from experiments.studies.trials import (
@@ -33,7 +34,7 @@ KEY = "test {case} {number}"
 
 
 @dataclass(frozen=True)
-class Config:
+class Config(ResultsOptions):
     out: Path
     seed: int = 0
     threads: int = 1
