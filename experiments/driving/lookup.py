@@ -20,7 +20,7 @@ from trackslip.localization.base import Locator
 from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.compensation import Compensation, FixedLaw, LoadedLaw, LoadedOnlineIcr, OnlineIcr
+from trackslip.slip.compensation import Compensation, FixedLaw, LoadedOnlineIcr, OnlineIcr, known_law
 from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.icr_load import IcrLoad
 from trackslip.slip.law_file import SHIPPED, load_laws
@@ -58,8 +58,7 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
     if name not in stored:
         names = [*KNOWN_LAWS, *stored, *_learning(stored), _ONLINE_COLD]
         raise InvalidValueError("compensation", name, f"one of {', '.join(names)}")
-    law = stored[name]
-    return LoadedLaw(law) if isinstance(law, IcrLoad) else FixedLaw(law)
+    return known_law(stored[name])
 
 
 def _learning(stored: Mapping[str, SlipLaw]) -> list[str]:

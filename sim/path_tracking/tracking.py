@@ -20,6 +20,7 @@ from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip.base import SlipLaw
+from trackslip.slip.compensation import SensesLoad, known_law
 from trackslip.slip.constant import NoSlip
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.law_file import load_laws
@@ -185,8 +186,14 @@ def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:
     limit, geometry = fleet.drive.limit, fleet.robot.geometry
     if config.action == "sprockets":
         return lambda action: action * limit
-    law, scale = _law(config, fleet), np.array([config.twist_scale])
-    return lambda action: limit_sprocket_speeds(law.sprocket_speeds(action * scale, geometry), limit)
+    compensation, scale = known_law(_law(config, fleet)), np.array([config.twist_scale])
+
+    def compensated(action: Array) -> Array:
+        if isinstance(compensation, SensesLoad):
+            compensation.sense(fleet.needed_traction())
+        return limit_sprocket_speeds(compensation.law().sprocket_speeds(action * scale, geometry), limit)
+
+    return compensated
 
 
 def _law(config: EnvConfig, fleet: Fleet) -> SlipLaw:

@@ -94,6 +94,11 @@ class LoadedLaw:
         return np.asarray(np.clip(angle, -MAX_CRAB_ANGLE, MAX_CRAB_ANGLE))
 
 
+def known_law(law: SlipLaw) -> FixedLaw | LoadedLaw:
+    """Compensation by a known law; one of slip under load takes the load that is measured."""
+    return LoadedLaw(law) if isinstance(law, IcrLoad) else FixedLaw(law)
+
+
 class OnlineIcr:
     """Constant ICRs learnt while driving by an `IcrFilter`, starting from `prior` or without prior knowledge."""
 
