@@ -4,7 +4,8 @@ from sim import path_tracking, traverse
 from sim.path_tracking.config import EnvConfig
 from sim.path_tracking.renderer import PathRenderer
 from sim.path_tracking.tracking import PathTracking
-from sim.task_env import TaskEnv, TaskKind, TaskVectorEnv, metadata
+from sim.task import TaskKind, metadata
+from sim.task_env import TaskEnv, TaskVectorEnv
 from sim.traverse.config import TraverseConfig
 from sim.traverse.renderer import CourseRenderer
 from sim.traverse.task import Crossing

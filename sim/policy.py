@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from sim.network import Network, load_network
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.observation import TrackingLayout
-from sim.task_env import from_options
+from sim.task import from_options
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference

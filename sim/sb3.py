@@ -54,8 +54,8 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         infos = _by_robot(info, self.num_envs)
         for row in np.flatnonzero(ended):
             infos[row] = _by_robot(final, self.num_envs)[row] | {"terminal_observation": observations[row]}
-        for own, at_the_end in zip(infos, truncated, strict=True):
-            own["TimeLimit.truncated"] = bool(at_the_end)
+        for own, cut_off in zip(infos, truncated & ~terminated, strict=True):
+            own["TimeLimit.truncated"] = bool(cut_off)
         return observation, reward.astype(np.float32), ended, infos
 
     def close(self) -> None:

@@ -2,67 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Protocol, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from sim.opengl import TaskRenderer
-from trackslip.errors import InvalidValueError, TrackslipError, require
-from trackslip.kinematics import Array
-
-Floats = NDArray[np.float32]
-C = TypeVar("C")
-
-
-class Task(Protocol):
-    """A task of N robots, one row each."""
-
-    size: int
-    """Number of robots."""
-    actions: int
-    """Number of actions of a robot, each in [-1, 1]."""
-    bound: Floats
-    """Bounds (n,) of the observations' magnitudes."""
-    reward: Array
-    """Rewards (N,) of the last step."""
-    terminated: NDArray[np.bool_]
-    """Mask (N,) of the episodes that have ended."""
-    truncated: NDArray[np.bool_]
-    """Mask (N,) of the episodes that were cut off."""
-
-    def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
-        """Draw a robot's episode from its own generator; `options` replace drawn values."""
-
-    def begin(self, rows: Sequence[int], episodes: Sequence[Any]) -> None:
-        """Begin episodes with the robots `rows` (R,), one each."""
-
-    def step(self, actions: ArrayLike) -> None:
-        """Simulate one control period with actions (N, A)."""
-
-    def observation(self) -> Any:
-        """Observations (N, n), float32."""
-
-    def info(self) -> dict[str, NDArray[Any]]:
-        """Further quantities by name, as arrays (N, ...), which may be the task's own; the keys are always the same."""
-
-
-@dataclass(frozen=True)
-class TaskKind:
-    """Classes from which a task's environments are built."""
-
-    configuration: type
-    """Dataclass of the task's options."""
-    task: Callable[[Any, int, int], Any]
-    """Makes a Task from a configuration, the number of robots and the number of threads."""
-    renderer: Callable[[Any], TaskRenderer]
-    """Makes what draws a task."""
+from sim.task import Floats, TaskKind, from_options, metadata_here, row_of, spaces
+from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
 
 
 class TaskEnv(gymnasium.Env[Floats, Floats]):
@@ -80,6 +31,7 @@ class TaskEnv(gymnasium.Env[Floats, Floats]):
         self.render_mode = render_mode
         self.task = self.kind.task(from_options(self.kind.configuration, options), 1, 1)
         """The task of one robot."""
+        self.metadata = metadata_here(self.task)
         self.observation_space, self.action_space = spaces(self.task)
         self._renderer = self.kind.renderer(self.task) if render_mode is not None else None
 
@@ -137,21 +89,28 @@ class TaskVectorEnv(VectorEnv[Floats, Floats, np.ndarray]):
         render_mode: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int = 0,
+        max_episode_steps: int | None = None,
         **options: Any,
     ) -> None:
         """Build the simulator of `num_envs` robots on `threads` worker threads, 0 for one per processor.
 
-        `render_mode` is None or "rgb_array", `autoreset_mode` gymnasium's, `options` are the configuration's fields.
-        Raises InvalidValueError for options that are unknown or out of range.
+        `render_mode` is None or "rgb_array", `autoreset_mode` gymnasium's, `max_episode_steps` truncates longer
+        episodes, `options` are the configuration's fields. Raises InvalidValueError for options that are unknown or out
+        of range.
         """
         require(render_mode in (None, "rgb_array"), "render_mode", render_mode, 'None or "rgb_array", for many robots')
-        require(num_envs >= 1, "num_envs", num_envs, "at least 1")
+        require_whole("num_envs", num_envs, 1)
+        require_whole("threads", threads, 0)
+        if max_episode_steps is not None:
+            require_whole("max_episode_steps", max_episode_steps, 1)
+        self._longest = np.inf if max_episode_steps is None else max_episode_steps
+        self._steps: NDArray[np.int_] = np.zeros(num_envs, int)  # in each robot's episode
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.task = self.kind.task(from_options(self.kind.configuration, options), num_envs, threads)
         """The task of all robots."""
+        self.metadata = metadata_here(self.task) | {"autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = spaces(self.task)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -202,12 +161,14 @@ class TaskVectorEnv(VectorEnv[Floats, Floats, np.ndarray]):
             raise TrackslipError(f"step: robots {waiting} have ended; reset(options={{'reset_mask': ...}}) comes first")
         task = self.task
         task.step(actions)
+        self._steps += 1
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
             # robots that ended in the previous step are reset instead of stepped
             self._begin(np.flatnonzero(self._ended), {})
         if self._renderer is not None:
             self._renderer.follow()
-        reward, terminated, truncated = task.reward.copy(), task.terminated.copy(), task.truncated.copy()
+        reward, terminated = task.reward.copy(), task.terminated.copy()
+        truncated = task.truncated | (self._steps >= self._longest)
         self._ended = terminated | truncated
         last: dict[str, Any] = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
@@ -239,7 +200,7 @@ class TaskVectorEnv(VectorEnv[Floats, Floats, np.ndarray]):
             own = {name: value[row] if isinstance(value, list) else value for name, value in options.items()}
             episodes.append(self.task.draw(generator, own))
         self.task.begin(rows.tolist(), episodes)
-        self._ended[rows] = False
+        self._ended[rows], self._steps[rows] = False, 0
         if self._renderer is not None:
             self._renderer.begin(rows.tolist())
 
@@ -260,40 +221,3 @@ class TaskVectorEnv(VectorEnv[Floats, Floats, np.ndarray]):
             own[others] = None if values.dtype == object else 0
             infos[name], infos[f"_{name}"] = own, whose.copy()
         return infos
-
-
-def clipped_actions(actions: ArrayLike, size: int, count: int) -> Array:
-    """Actions (N, A) in [-1, 1]; raises InvalidValueError unless they are finite, and of this shape."""
-    action = np.asarray(actions, float)
-    require(action.shape == (size, count), "action", f"an array of shape {action.shape}", f"of shape {(size, count)}")
-    if np.count_nonzero(np.isfinite(action)) < action.size:
-        row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
-        raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
-    return np.minimum(np.maximum(action, -1.0), 1.0)
-
-
-def metadata(period: float) -> dict[str, Any]:
-    """gymnasium's metadata of an environment with a control period [s]."""
-    return {"render_modes": ["rgb_array", "human"], "render_fps": round(1 / period)}
-
-
-def spaces(task: Task) -> tuple[Any, Any]:
-    """Observation space and action space of one robot."""
-    observations = gymnasium.spaces.Box(-task.bound, task.bound, dtype=np.float32)
-    return observations, gymnasium.spaces.Box(-1.0, 1.0, (task.actions,), np.float32)
-
-
-def row_of(info: dict[str, Any]) -> dict[str, Any]:
-    """Entries of `info` for robot 0: numbers, texts and arrays."""
-    return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}
-
-
-def from_options(configuration: type[C], options: Mapping[str, Any]) -> C:
-    """Build the dataclass `configuration` from keyword arguments; lists become tuples.
-
-    Raises InvalidValueError for unknown names, and what the configuration itself refuses.
-    """
-    known = [f.name for f in fields(configuration)]  # type: ignore[arg-type]
-    for name in options:
-        require(name in known, "option", name, f"one of {', '.join(known)}")
-    return configuration(**{n: tuple(value) if isinstance(value, list) else value for n, value in options.items()})

@@ -16,7 +16,7 @@ from experiments.report.figures.style import styled, subplots
 from experiments.report.formats import number
 from experiments.report.table import Table
 from sim.seeds import generator
-from sim.task_env import from_options
+from sim.task import from_options
 from sim.traverse.config import TraverseConfig
 from sim.traverse.outcome import Outcome
 from sim.traverse.policy import CrossingPolicy

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
 
 from sim.drive.drive import Drive
+from sim.ground.ground import Ground
 from sim.ground.named import load_ground
 from sim.path_tracking.randomization import Randomization
-from sim.robot.parameters import RobotParameters
+from sim.robot.parameters import RobotParameters, load_robot_file
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
 from trackslip.slip.base import SlipLaw
 
@@ -64,14 +67,16 @@ class EnvConfig:
     reference: str | tuple[str, ...] = "paper"
     """Name of a reference, or a .csv file of waypoints; if there are several, each episode draws one."""
     ground: str | tuple[str, ...] = "stone"
-    """Name of a ground, or a .toml file; if there are several, each episode draws one."""
+    """Name of a ground, a .toml file, or "robot", the ground in the robot's file; if there are several, each episode
+    draws one."""
     action: str = "sprockets"
     """Meaning of the actions in [-1, 1]: "sprockets", set points (left, right) in units of the top speed; "twist", body
     twists (v, w) in units of `twist_scale`."""
     twist_scale: tuple[float, float] = (0.3, 1.0)
     """Unit of twists, in actions and observations [m/s, rad/s]."""
     compensation: str | SlipLaw = "none"
-    """Slip law that converts twists into sprocket speeds, or its name: "none", "published", or a shipped law."""
+    """Slip law that converts twists into sprocket speeds, or its name: "none", "published", or a shipped law. A law of
+    slip under load takes the load of the slope that the robot is on."""
     previews: int = 5
     """Number of future reference twists in the observation."""
     preview_spacing: float = 0.2
@@ -89,8 +94,8 @@ class EnvConfig:
     """The reward of a step."""
     randomization: Randomization | str | None = None
     """Properties that vary between episodes; "typical" for Randomization.typical()."""
-    robot: RobotParameters = field(default_factory=RobotParameters)
-    """Shape and mass of the robot."""
+    robot: str | RobotParameters = field(default_factory=RobotParameters)
+    """Shape and mass of the robot, or its .toml file."""
     drive: Drive = field(default_factory=Drive)
     """Servos and motors."""
 
@@ -104,7 +109,7 @@ class EnvConfig:
             valid = names and all(isinstance(one, str) for one in _several(names))
             require(valid, name, names, "a name, or a tuple of names")
         for one in self.grounds:
-            load_ground(one)
+            self.load_ground(one)
         require(len(self.twist_scale) == 2, "twist_scale", self.twist_scale, "two numbers")
         for scale in self.twist_scale:
             require_positive("twist_scale", scale)
@@ -120,9 +125,22 @@ class EnvConfig:
         require_at_most("off_path", self.off_path, 10.0, "m")
         known = not isinstance(self.randomization, str) or self.randomization == "typical"
         require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
-        self.drawn.require_standing(self.robot)
+        self.drawn.require_standing(self.parameters)
         distance = self.drawn.start_distance
         require(distance[1] < self.off_path, "start_distance", distance, f"less than off_path = {self.off_path} m")
+
+    @cached_property
+    def _robot_file(self) -> tuple[RobotParameters, Ground]:
+        return load_robot_file(Path(self.robot)) if isinstance(self.robot, str) else (self.robot, Ground())
+
+    @property
+    def parameters(self) -> RobotParameters:
+        """Shape and mass of the robot."""
+        return self._robot_file[0]
+
+    def load_ground(self, name: str) -> Ground:
+        """A ground by name, "robot" for the one in the robot's file; raises TrackslipError for any other name."""
+        return self._robot_file[1] if name == "robot" else load_ground(name)
 
     @property
     def references(self) -> tuple[str, ...]:
@@ -138,7 +156,9 @@ class EnvConfig:
     def shears(self) -> bool:
         """True if one of the grounds shears."""
         drawn = self.drawn.shear
-        return any(load_ground(one).largest_shear > 0 for one in self.grounds) or (drawn is not None and drawn[1] > 0)
+        return any(self.load_ground(one).largest_shear > 0 for one in self.grounds) or (
+            drawn is not None and drawn[1] > 0
+        )
 
     @property
     def stride(self) -> int:

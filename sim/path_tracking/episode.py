@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from sim.fleet import Setting
 from sim.ground.ground import Ground, Patch
-from sim.ground.named import load_ground
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.randomization import MAX_LATENCY, Randomization, Range
 from trackslip import se2
@@ -54,13 +53,13 @@ def draw(
         require(name in _OPTIONS, "options", name, f"one of {', '.join(_OPTIONS)}")
     drawn = config.drawn
     reference = table.index(options.get("reference", _choice(generator, config.references)))
-    base = load_ground(_choice(generator, config.grounds))
+    base = config.load_ground(_choice(generator, config.grounds))
     ground = _ground(config, base, table.path(reference), generator)
     if "ground" in options:
-        ground = options["ground"] if isinstance(options["ground"], Ground) else load_ground(options["ground"])
+        ground = options["ground"] if isinstance(options["ground"], Ground) else config.load_ground(options["ground"])
         shear, allowed = ground.largest_shear, "0 in an environment that is made without ground that shears"
         require(shear == 0 or config.shears, "ground.shear", shear, allowed)
-    radius_error = _uniform(generator, drawn.radius_error, config.robot.radius_error)
+    radius_error = _uniform(generator, drawn.radius_error, config.parameters.radius_error)
     com = _uniform(generator, drawn.com_x, 0.0), _uniform(generator, drawn.com_y, 0.0)
     lag = _uniform(generator, drawn.lag, config.drive.lag)
     latency = generator.integers(*drawn.latency, endpoint=True)
@@ -77,9 +76,9 @@ def draw(
         weight=_finite("com", options.get("com", com), 2),
     )
     require_positive("lag", setting.lag)
-    dataclasses.replace(config.robot, radius_error=setting.radius_error)
+    dataclasses.replace(config.parameters, radius_error=setting.radius_error)
     x, y = setting.weight
-    Randomization(com_x=(x, x), com_y=(y, y)).require_standing(config.robot)
+    Randomization(com_x=(x, x), com_y=(y, y)).require_standing(config.parameters)
     return Episode(reference, setting, int(latency), noise=int(generator.integers(2**63)))
 
 

@@ -50,7 +50,7 @@ class PathRenderer(TaskRenderer):
         """See TaskRenderer; the model is compiled when it is first needed."""
         if self.data is None:
             spec = mujoco.MjSpec.from_file(str(FIELD))
-            self._tracking.config.robot.apply(spec)
+            self._tracking.config.parameters.apply(spec)
             self.data = mujoco.MjData(spec.compile())
         self.place(self._tracking.fleet.batch.qpos[row])
 

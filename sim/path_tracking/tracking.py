@@ -15,7 +15,7 @@ from sim.path_tracking.observation import TrackingLayout
 from sim.path_tracking.pose_source import pose_source
 from sim.path_tracking.randomization import MAX_LATENCY
 from sim.robot.robot import load_robot
-from sim.task_env import clipped_actions
+from sim.task import clipped_actions
 from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.metrics import LOST, body_errors
@@ -40,7 +40,7 @@ class PathTracking:
 
     def __init__(self, config: EnvConfig, size: int, threads: int = 0) -> None:
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
-        robot = load_robot(parameters=config.robot)
+        robot = load_robot(parameters=config.parameters)
         self.config = config
         self.size = size
         self.table = ReferenceTable(config.references, np.arange(config.previews + 1) * config.stride)
@@ -48,6 +48,8 @@ class PathTracking:
         begin = np.tile(start, (size, 1))
         self.fleet = Fleet(robot, begin, None, 0.0, config.drive, threads, shears=config.shears)
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
+        self.period = PERIOD
+        """Control period [s]."""
         self.actions = 2
         """Number of actions of a robot."""
         self.bound = self.layout.bound

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.task_env import clipped_actions
+from sim.task import clipped_actions
 from sim.terrain import Course, load_course
 from sim.traverse.config import RANDOM, SAMPLE, Reward, TraverseConfig, require_range
 from sim.traverse.courses import MAX_BOXES, draw_course
@@ -64,6 +64,8 @@ class Crossing:
             sample=SAMPLE,
             threads=threads,
         )
+        self.period = config.period
+        """Control period [s]."""
         self.layout = CrossingLayout(self.world)
         self.bound = self.layout.bound
         """Bounds (n,) of the observations."""

@@ -1,5 +1,7 @@
 """Both environments through gymnasium: its checker, seeds, and rows of the batch that are the single environment."""
 
+import sys
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -12,9 +14,11 @@ from sim.terrain import Course, Flat, Step
 from sim.traverse.outcome import Limits
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.slip.exponential import PUBLISHED
+from trackslip.slip.icr_load import IcrLoad
 
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
 TWIST = {"action": "twist", "compensation": "icr_radius"}
+UNDER_LOAD = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
 DRAWN = {
     "reference": ("paper", "slalom", "stop_and_go"),
     "ground": ("stone", "gravel"),
@@ -25,6 +29,7 @@ VARIANTS = [
     (TRACKING, {}),
     (TRACKING, TWIST | {"pose_source": "noisy", "randomization": "typical"}),
     (TRACKING, {"action": "twist", "compensation": PUBLISHED, "previews": 0}),
+    (TRACKING, {"action": "twist", "compensation": UNDER_LOAD, "randomization": "typical"}),
     (TRACKING, {"pose_source": "scanner", "randomization": "typical", "reference": ("circle", "slalom")}),
     (TRAVERSE, {}),
     (TRAVERSE, {"action": "correction", "flippers": "pairs", "period": 0.2}),
@@ -58,6 +63,9 @@ SHORT = {"limits": Limits(time=1.2, stuck_time=0.4), "course": ("random", "rough
         *((TRACKING, DRAWN, mode) for mode in AutoresetMode),
         *((TRACKING, DRAWN | {"pose_source": "scanner"}, mode) for mode in AutoresetMode),  # most to restart
         (TRACKING, DRAWN | TWIST | {"pose_source": "noisy"}, AutoresetMode.SAME_STEP),
+        (TRACKING, DRAWN | TWIST | {"compensation": UNDER_LOAD}, AutoresetMode.NEXT_STEP),
+        *((TRACKING, DRAWN | {"max_episode_steps": 13}, mode) for mode in AutoresetMode),
+        (TRAVERSE, {"period": 0.2, "max_episode_steps": 4}, AutoresetMode.NEXT_STEP),
         (TRAVERSE, SHORT, AutoresetMode.NEXT_STEP),
         (TRAVERSE, SHORT, AutoresetMode.SAME_STEP),
     ],
@@ -89,6 +97,41 @@ def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_pat
     assert ends >= 1
     native.close()
     single.close()
+
+
+def test_a_law_of_slip_under_load_gets_the_load_of_the_slope():
+    """It speeds the sprockets up by the slip C t more uphill, to first order in the traction per unit load t."""
+    slope, compliance = 0.1, UNDER_LOAD.compliance
+    set_points = []
+    for steepness in (0.0, slope):
+        options = {"action": "twist", "compensation": UNDER_LOAD, "reference": "clothoid"}
+        env = gym.make(TRACKING, **options, randomization=Randomization(slope=(steepness, steepness))).unwrapped
+        env.reset(seed=2)
+        (ground,) = env.task.fleet.ground
+        info = env.step(np.array([0.5, 0.0], np.float32))[-1]
+        set_points.append(info["set_point"])
+    along = np.tan(slope) * np.cos(ground.uphill - info["true_pose"][2])
+    np.testing.assert_allclose(set_points[1] / set_points[0] - 1, compliance * along, rtol=0.02)
+
+
+def test_a_robot_may_come_from_a_file_with_its_ground(tmp_path):
+    file = tmp_path / "robot.toml"
+    file.write_text("mass = 20.0\n[ground]\nalong = 0.5\nacross = 0.6\n")
+    for robot in (str(file), file):
+        env = gym.make(TRACKING, robot=robot, ground="robot").unwrapped
+        env.reset(seed=0)
+        (ground,) = env.task.fleet.ground
+        assert (env.task.fleet.robot.mass, ground.along, ground.across) == (pytest.approx(20.0), 0.5, 0.6)
+
+
+@pytest.mark.parametrize("display", ["", ":0"])
+def test_windows_are_offered_where_there_is_a_display(display, monkeypatch):
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", display)
+    env = gym.make(TRAVERSE, period=0.2)
+    assert env.metadata["render_modes"] == ["rgb_array", *(["human"] if display else [])]
+    assert env.metadata["render_fps"] == 5
 
 
 def test_seeds_may_be_one_each():

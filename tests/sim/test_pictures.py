@@ -21,14 +21,14 @@ TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0
 
 @pytest.fixture(scope="module")
 def opengl():
-    """Skip where OpenGL doesn't work."""
+    """Name of an OpenGL that works without a display."""
     for backend in ("egl", "osmesa"):
         try:
             context = importlib.import_module(f"mujoco.{backend}").GLContext(8, 8)
         except Exception:
             continue
         context.free()
-        return
+        return backend
     pytest.skip("OpenGL doesn't work here")
 
 
@@ -103,6 +103,23 @@ def test_where_nothing_can_be_drawn_it_says_so(monkeypatch):
         if sys.platform == "linux":
             with pytest.raises(TrackslipError, match="needs a display"):
                 gym.make(name, render_mode="human").unwrapped.reset(seed=0)
+
+
+CHECK = """
+import gymnasium
+from gymnasium.utils.env_checker import check_env
+for name in ("PathTracking", "Traverse"):
+    check_env(gymnasium.make(f"sim:trackslip/{name}-v0").unwrapped)
+"""
+
+
+def test_gymnasium_finds_no_fault_in_pictures_without_a_display(opengl):
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("DISPLAY")}
+    environment["MUJOCO_GL"] = opengl
+    checked = subprocess.run(
+        [sys.executable, "-W", "error", "-c", CHECK], env=environment, text=True, capture_output=True
+    )
+    assert (checked.returncode, checked.stderr) == (0, "")
 
 
 DRIVE = """

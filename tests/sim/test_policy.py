@@ -7,7 +7,7 @@ import pytest
 from sim.env import PathTrackingEnv
 from sim.network import Network
 from sim.policy import Policy, PolicyController
-from sim.task_env import from_options
+from sim.task import from_options
 from sim.traverse.config import TraverseConfig
 from sim.traverse.policy import CrossingPolicy
 from sim.traverse.task import Crossing

@@ -1,0 +1,133 @@
+"""What a learning task offers to environments: its interface, options and spaces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from numbers import Integral, Real
+from pathlib import PurePath
+from types import NoneType, UnionType
+from typing import Any, Protocol, TypeVar, get_args, get_origin, get_type_hints
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sim.opengl import TaskRenderer, has_display
+from trackslip.errors import InvalidValueError, require
+from trackslip.kinematics import Array
+
+Floats = NDArray[np.float32]
+C = TypeVar("C")
+_KINDS: dict[Any, tuple[Any, str]] = {  # of options, by type hint: what values are instances of, in words
+    str: (str, "a text"),
+    float: (Real, "a number"),
+    int: (Integral, "a whole number"),
+    tuple: (tuple, "a tuple"),
+    NoneType: (NoneType, "None"),
+}
+
+
+class Task(Protocol):
+    """A task of N robots, one row each."""
+
+    size: int
+    """Number of robots."""
+    period: float
+    """Control period [s]."""
+    actions: int
+    """Number of actions of a robot, each in [-1, 1]."""
+    bound: Floats
+    """Bounds (n,) of the observations' magnitudes."""
+    reward: Array
+    """Rewards (N,) of the last step."""
+    terminated: NDArray[np.bool_]
+    """Mask (N,) of the episodes that have ended."""
+    truncated: NDArray[np.bool_]
+    """Mask (N,) of the episodes that were cut off."""
+
+    def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
+        """Draw a robot's episode from its own generator; `options` replace drawn values."""
+
+    def begin(self, rows: Sequence[int], episodes: Sequence[Any]) -> None:
+        """Begin episodes with the robots `rows` (R,), one each."""
+
+    def step(self, actions: ArrayLike) -> None:
+        """Simulate one control period with actions (N, A)."""
+
+    def observation(self) -> Any:
+        """Observations (N, n), float32."""
+
+    def info(self) -> dict[str, NDArray[Any]]:
+        """Further quantities by name, as arrays (N, ...), which may be the task's own; the keys are always the same."""
+
+
+@dataclass(frozen=True)
+class TaskKind:
+    """Classes from which a task's environments are built."""
+
+    configuration: type
+    """Dataclass of the task's options."""
+    task: Callable[[Any, int, int], Any]
+    """Makes a Task from a configuration, the number of robots and the number of threads."""
+    renderer: Callable[[Any], TaskRenderer]
+    """Makes what draws a task."""
+
+
+def clipped_actions(actions: ArrayLike, size: int, count: int) -> Array:
+    """Actions (N, A) in [-1, 1]; raises InvalidValueError unless they are finite, and of this shape."""
+    action = np.asarray(actions, float)
+    require(action.shape == (size, count), "action", f"an array of shape {action.shape}", f"of shape {(size, count)}")
+    if np.count_nonzero(np.isfinite(action)) < action.size:
+        row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
+        raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
+    return np.minimum(np.maximum(action, -1.0), 1.0)
+
+
+def metadata(period: float) -> dict[str, Any]:
+    """gymnasium's metadata of an environment with a control period [s]."""
+    return {"render_modes": ["rgb_array", "human"], "render_fps": round(1 / period)}
+
+
+def metadata_here(task: Task) -> dict[str, Any]:
+    """gymnasium's metadata of an environment on this machine: windows need a display."""
+    modes = ["rgb_array", "human"] if has_display() else ["rgb_array"]
+    return metadata(task.period) | {"render_modes": modes}
+
+
+def spaces(task: Task) -> tuple[Any, Any]:
+    """Observation space and action space of one robot."""
+    observations = gymnasium.spaces.Box(-task.bound, task.bound, dtype=np.float32)
+    return observations, gymnasium.spaces.Box(-1.0, 1.0, (task.actions,), np.float32)
+
+
+def row_of(info: dict[str, Any]) -> dict[str, Any]:
+    """Entries of `info` for robot 0: numbers, texts and arrays."""
+    return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}
+
+
+def from_options(configuration: type[C], options: Mapping[str, Any]) -> C:
+    """Build the dataclass `configuration` from keyword arguments; lists become tuples, and paths texts.
+
+    Raises InvalidValueError for unknown names, values of another type, and what the configuration itself refuses.
+    """
+    known = [f.name for f in fields(configuration)]  # type: ignore[arg-type]
+    for name in options:
+        require(name in known, "option", name, f"one of {', '.join(known)}")
+    values = {name: _plain(value) for name, value in options.items()}
+    hints = get_type_hints(configuration)
+    for name, value in values.items():
+        _require_type(name, value, hints[name])
+    return configuration(**values)
+
+
+def _plain(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else str(value) if isinstance(value, PurePath) else value
+
+
+def _require_type(field: str, value: object, hint: Any) -> None:
+    """Raise InvalidValueError unless a value is of a type, or of one of several."""
+    parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
+    kinds = [_KINDS.get(get_origin(part) or part, (part, "")) for part in parts]
+    valid = any(isinstance(value, kind) for kind, _ in kinds) and not isinstance(value, bool)
+    require(valid, field, value, " or ".join(words or f"a {kind.__name__}" for kind, words in kinds))
