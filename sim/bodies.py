@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from mujoco import batch
 
+from sim.engine_state import engine_state, restore_engine
+from sim.restorable import Restorable
 from sim.robot.robot import Robot
 from trackslip import se2
 from trackslip.kinematics import Array, columns
@@ -20,8 +23,10 @@ EVERYONE = slice(None)
 _TURN = 2 * np.pi
 
 
-class Bodies:
+class Bodies(Restorable):
     """The bodies of N robots, each in its own world."""
+
+    STATE: ClassVar[tuple[str, ...]] = ("_heading",)
 
     def __init__(self, robot: Robot, size: int, threads: int) -> None:
         """`size` robots of one model, on `threads` worker threads (0: one per processor)."""
@@ -40,6 +45,15 @@ class Bodies:
         self._heading: Array = np.zeros(size)  # unwrapped
         self.now = Moments(self._place, self._velocity, self._heading, self._sensors, self._forward)
         """The robots' states and the forces on them, live."""
+
+    def get_state(self) -> dict[str, Any]:
+        """See Restorable; with the engine's state."""
+        return super().get_state() | {"engine": engine_state(self.batch)}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """See Restorable; what the engine derives from a state is up to date after the next step."""
+        super().set_state(state)
+        restore_engine(self.batch, state["engine"])
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""

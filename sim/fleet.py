@@ -37,6 +37,8 @@ def substeps(drive: Drive, robot: Robot) -> int:
 class Fleet(Bodies):
     """N robots on their grounds. The same arguments give the same bits at any number of threads."""
 
+    STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground")
+
     def __init__(
         self,
         robot: Robot,
@@ -88,7 +90,6 @@ class Fleet(Bodies):
         self.pull = pull or Pull()
         """Pull on all robots."""
         self._drawbar = Drawbar(self.pull, robot, self.batch) if self.pull.force > 0 else None
-        self._centre: Array | None = None  # (N, 3), live, once a centre of mass is moved
         self._periods = 0  # since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
         largest_turn = drive.top_speed / robot.geometry.half_gauge * drive.period  # in a period [rad]
@@ -133,11 +134,10 @@ class Fleet(Bodies):
 
     def _balance(self, rows: np.ndarray, weight: Array) -> None:
         """Shift the centres of mass by (R, 2), forward and to the left [m]."""
-        if self._centre is None:
-            if not weight.any():
-                return
-            self._centre = self.batch.expand("body_ipos")[:, self.robot.model.body("chassis").id]
-        self._centre[rows, :2] = self.robot.model.body("chassis").ipos[:2] + weight
+        if self.batch.expanded("body_ipos") is None and not weight.any():
+            return
+        chassis = self.robot.model.body("chassis")
+        self.batch.expand("body_ipos")[rows, chassis.id, :2] = chassis.ipos[:2] + weight
         self._drive(rows, 1.0)  # with belts at rest the engine would conclude that they never move
         self.batch.set_const(ids=rows)
         self._drive(rows, 0.0)

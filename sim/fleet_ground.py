@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from mujoco import batch
@@ -13,6 +14,7 @@ from sim.drive.pull import Pull
 from sim.ground.ground import Ground
 from sim.ground.pad_friction import PadFriction
 from sim.ground.shear import Shear
+from sim.restorable import Restorable
 from sim.robot.robot import Robot
 from trackslip.errors import require
 from trackslip.kinematics import Array
@@ -29,14 +31,15 @@ def one_each(ground: Ground | Sequence[Ground], size: int) -> list[Ground]:
     return grounds
 
 
-class FleetGround:
+class FleetGround(Restorable):
     """The ground under each of N robots."""
+
+    STATE = ("grounds", "_surface", "_shear")
 
     def __init__(self, of: batch.Batch, robot: Robot, grounds: Sequence[Ground], shear: Shear | None) -> None:
         """One of `grounds` for each robot of the batch `of`; without `shear`, all of them must be Coulomb grounds."""
         self._batch, self._robot, self._shear = of, robot, shear
         self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
-        self._gravity: Array | None = None  # (N, 3), live, once a ground slopes
         self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # as PadFriction.surface
         self._mean_friction: Array | None = None  # (N, 2), once asked for
         self.grounds = tuple(grounds)
@@ -60,6 +63,12 @@ class FleetGround:
         """True if the ground depends on place or time."""
         return self._ground.varies
 
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """See Restorable."""
+        super().set_state(state)
+        self._mean_friction = None
+        self.put(self.grounds)
+
     def put(self, grounds: Sequence[Ground], rows: np.ndarray | None = None) -> None:
         """Assign `grounds`, one each, to all robots or to `rows` (R,); `lay` and `tilt` write them to the engine.
 
@@ -78,11 +87,9 @@ class FleetGround:
 
     def tilt(self, rows: np.ndarray) -> None:
         """Tilt the gravity of the robots `rows` (R,) as their grounds slope."""
-        if self._gravity is None and any(self.grounds[k].slope != 0 for k in rows):
-            self._gravity = self._batch.expand("opt.gravity")
-        if self._gravity is not None:
+        if any(self.grounds[k].slope != 0 for k in rows) or self._batch.expanded("opt.gravity") is not None:
             size = -float(self._robot.model.opt.gravity[2])
-            self._gravity[rows] = [self.grounds[k].gravity(size) for k in rows]
+            self._batch.expand("opt.gravity")[rows] = [self.grounds[k].gravity(size) for k in rows]
 
     def lay(self, rows: Rows, time: Array, position: Array, heading: Array) -> None:
         """Set the friction of every pad of the robots `rows` (R,).

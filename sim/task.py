@@ -31,8 +31,12 @@ _KINDS: dict[Any, tuple[Any, str]] = {  # of options, by type hint: what values 
 class Task(Protocol):
     """A task of N robots, one row each."""
 
+    config: Any
+    """The options."""
     size: int
     """Number of robots."""
+    threads: int
+    """Number of worker threads, 0 for one per processor."""
     period: float
     """Control period [s]."""
     actions: int
@@ -45,6 +49,12 @@ class Task(Protocol):
     """Mask (N,) of the episodes that have ended."""
     truncated: NDArray[np.bool_]
     """Mask (N,) of the episodes that were cut off."""
+
+    def get_state(self) -> dict[str, Any]:
+        """A copy of the state, by name."""
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state."""
 
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
         """Draw a robot's episode from its own generator; `options` replace drawn values."""

@@ -12,14 +12,61 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from sim.opengl import TaskRenderer
+from sim.restorable import Restorable
 from sim.task import Floats, TaskKind, from_options, metadata_here, row_of, spaces
 from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
 
 
-class TaskEnv(gymnasium.Env[Floats, Floats]):
-    """A task of one robot."""
+class Resumable(Restorable):
+    """An environment that can be copied, pickled, and returned to earlier states."""
 
     kind: ClassVar[TaskKind]
+    task: Any
+    render_mode: str | None
+    _renderer: TaskRenderer | None = None
+
+    def get_state(self) -> dict[str, Any]:
+        """A copy of the state: the robots, their episodes and the generators of the next ones; it can be pickled."""
+        return {"of": self._of} | super().get_state()
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state of this environment, or of another that was made with the same options.
+
+        Raises InvalidValueError for a state of another environment.
+        """
+        of = state.get("of") if isinstance(state, Mapping) else None
+        require(of == self._of, "state", f"that of {of}", f"that of {self._of}")
+        super().set_state(state)
+        self._draw_anew()
+
+    @property
+    def _of(self) -> str:
+        task = self.task
+        return f"{type(task).__name__}, {task.size} robots, {len(task.bound)} observed values, {task.actions} actions"
+
+    def _draw_anew(self) -> None:
+        if self._renderer is not None:
+            self._renderer.begin(range(self.task.size))
+
+    def __getstate__(self) -> dict[str, Any]:
+        task = self.task
+        rebuilt = {"task": (task.config, task.size, task.threads, task.get_state()), "_renderer": None}
+        return vars(self) | rebuilt
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        config, size, threads, state = saved["task"]
+        vars(self).update(saved | {"task": self.kind.task(config, size, threads)})
+        self.task.set_state(state)
+        if self.render_mode is not None:
+            self._renderer = self.kind.renderer(self.task)
+            self._draw_anew()
+
+
+class TaskEnv(Resumable, gymnasium.Env[Floats, Floats]):
+    """A task of one robot."""
+
+    STATE = ("task", "np_random")
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
         """Build the simulator; `render_mode` is None, "rgb_array" or "human", `options` are the configuration's fields.
@@ -74,14 +121,14 @@ class TaskEnv(gymnasium.Env[Floats, Floats]):
             self._renderer.close()
 
 
-class TaskVectorEnv(VectorEnv[Floats, Floats, np.ndarray]):
+class TaskVectorEnv(Resumable, VectorEnv[Floats, Floats, np.ndarray]):
     """A task of N robots.
 
     Row i is bitwise identical to the environment of one robot with the seed of row i in gymnasium's SyncVectorEnv, with
     the same spaces, autoreset modes and infos.
     """
 
-    kind: ClassVar[TaskKind]
+    STATE = ("task", "_generators", "_ended", "_begun", "_steps")
 
     def __init__(
         self,

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim.drive.motor import Motor
+from sim.restorable import Restorable
 from trackslip.errors import require, require_at_most, require_positive
 from trackslip.kinematics import Array
 
@@ -63,12 +64,14 @@ class Forecast(NamedTuple):
     error: Array  # (N, 2) last speeds minus set points [rad/s]
 
 
-class DriveState:
+class DriveState(Restorable):
     """The sprockets of N robots, (N, 2) each.
 
     The servo compensates its load: as long as the motor is strong enough, the speed follows the set point with an exact
     first-order lag. Speeds can thus be forecast, and the torques follow once the ground's forces are known.
     """
+
+    STATE = (*_STATE, "_decay", "_mean_decay", "_fastest")
 
     def __init__(self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None) -> None:
         """Start at rest; the sprockets drive the belts at `effective_radius` (N, 1), by default the nominal one [m]."""

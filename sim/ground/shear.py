@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 
+from sim.restorable import Restorable
 from trackslip import se2
 from trackslip.kinematics import Array
 
@@ -36,8 +37,10 @@ _FRONT, _REAR = -1, 0
 _Rows = np.ndarray | slice
 
 
-class Shear:
+class Shear(Restorable):
     """Displacements and shares at the P points of N robots' tracks, whose pads touch the ground at one point each."""
+
+    STATE = ("_moved", "share")
 
     def __init__(self, place: Array, cell: float, size: int, period: float, top_speed: float) -> None:
         """Start with no shear.

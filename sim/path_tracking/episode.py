@@ -15,6 +15,7 @@ from sim.fleet import Setting
 from sim.ground.ground import Ground, Patch
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.randomization import MAX_LATENCY, Randomization, Range
+from sim.restorable import Restorable
 from trackslip import se2
 from trackslip.errors import require, require_finite, require_positive
 from trackslip.kinematics import Array
@@ -125,13 +126,15 @@ def _uniform(generator: np.random.Generator, ends: Range | None, otherwise: floa
     return low + (high - low) * float(generator.random())
 
 
-class ReferenceTable:
+class ReferenceTable(Restorable):
     """Poses and twists of R references, one row each, at multiples of the control period."""
+
+    STATE = ("names", "last", "_pose", "_twists")
 
     def __init__(self, names: Iterable[str], steps: Index) -> None:
         """Tabulate the references `names`, with twists `steps` (K,) control periods ahead, ascending from 0."""
         self._steps = steps
-        self.names: list[str] = []
+        self.names: tuple[str, ...] = ()
         """Names of the references, in order of their indices."""
         self.last: Index = np.empty(0, int)
         """Control period (R,) in which each reference ends."""
@@ -151,7 +154,7 @@ class ReferenceTable:
             later = np.minimum(now[:, None] + self._steps, now[-1])
             self._twists = _stacked(self._twists, reference.twist(time)[later])
             self.last = np.append(self.last, last)
-            self.names.append(name)
+            self.names += (name,)
         return self.names.index(name)
 
     def path(self, index: int) -> Array:

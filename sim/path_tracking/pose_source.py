@@ -9,6 +9,7 @@ import numpy as np
 from sim.fleet import Fleet
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.episode import Index
+from sim.restorable import Restorable
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array
@@ -16,7 +17,7 @@ from trackslip.localization.plate import PlateLocator
 from trackslip.localization.pose_tracker import Tracker
 
 
-class TruePose:
+class TruePose(Restorable):
     """True poses of N robots; the base of the other sources."""
 
     def __init__(self, fleet: Fleet) -> None:
@@ -39,6 +40,8 @@ class TruePose:
 
 class NoisyPose(TruePose):
     """True poses plus Gaussian noise, drawn at the start of each episode."""
+
+    STATE = ("_noise",)
 
     def __init__(self, fleet: Fleet, config: EnvConfig) -> None:
         super().__init__(fleet)
@@ -64,6 +67,8 @@ class NoisyPose(TruePose):
 
 class ScannedPose(TruePose):
     """The pose of the plate in the scans of the laser range finder, tracked from the known start."""
+
+    STATE = ("_feed", "_tracker")
 
     def __init__(self, fleet: Fleet) -> None:
         super().__init__(fleet)

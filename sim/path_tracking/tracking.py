@@ -14,6 +14,7 @@ from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
 from sim.path_tracking.observation import TrackingLayout
 from sim.path_tracking.pose_source import pose_source
 from sim.path_tracking.randomization import MAX_LATENCY
+from sim.restorable import Restorable
 from sim.robot.robot import load_robot
 from sim.task import clipped_actions
 from trackslip.errors import require
@@ -32,17 +33,22 @@ TERMS = ("alive", "position", "heading", "change", "termination")
 _REWARDS = tuple(f"reward_{term}" for term in TERMS)  # and of the entries of info
 
 
-class PathTracking:
+class PathTracking(Restorable):
     """The task, independent of the interface that offers it. Rows are bitwise independent.
 
     Its users step it, and episodes end one by one, so that it can't run in `sim.loop`.
     """
 
+    STATE = (
+        *("fleet", "table", "_source", "_reference", "last", "_k", "_latency", "_line", "_action", "_angle", "_omega"),
+        *("_pose", "_measured", "_error", "_seen_error", "_success", "_terms", "reward", "terminated", "truncated"),
+    )
+
     def __init__(self, config: EnvConfig, size: int, threads: int = 0) -> None:
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
         robot = load_robot(parameters=config.parameters)
         self.config = config
-        self.size = size
+        self.size, self.threads = size, threads
         self.table = ReferenceTable(config.references, np.arange(config.previews + 1) * config.stride)
         start = self.table.path(0)[0]
         begin = np.tile(start, (size, 1))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.fleet import Fleet
+from sim.restorable import Restorable
 from sim.robot.robot import SCANNED_GROUP
 from sim.scanner.beams import Aim, echo, footprint, moved_back
 from sim.scanner.obstacles import Obstacles
@@ -18,8 +19,10 @@ from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
 
 
-class ScannerFeed:
+class ScannerFeed(Restorable):
     """The scanners of a fleet: each robot is observed by its own LRF in its own world."""
+
+    STATE = ("_random",)
 
     def __init__(
         self,

@@ -9,6 +9,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.restorable import Restorable
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 
@@ -65,8 +66,10 @@ class Limits:
         require(self.lean < np.pi, "lean", self.lean, "less than pi")
 
 
-class StuckWatch:
+class StuckWatch(Restorable):
     """Detects robots that make no progress although their belts run."""
+
+    STATE = ("_position", "_travel", "_age", "_travelled")
 
     def __init__(self, limits: Limits, size: int, period: float) -> None:
         """`size` robots, observed once in every control `period` [s]."""

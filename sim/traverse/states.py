@@ -7,13 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.restorable import Restorable
 from sim.robot.tracked_model import TrackedModel
 from trackslip.errors import require_at_most, require_positive
 from trackslip.kinematics import Array
 
 
-class States:
+class States(Restorable):
     """States of N robots at the end of a control period; of a diverged run, the last finite one."""
+
+    STATE = ("qpos", "qvel")
 
     def __init__(self, tracked: TrackedModel, qpos: Array, qvel: Array) -> None:
         """Start with states `qpos` (N, nq) and `qvel` (N, nv)."""
@@ -103,8 +106,10 @@ class Servos:
         require_at_most("top_speed", self.top_speed, 5.0, "m/s")
 
 
-class ServoState:
+class ServoState(Restorable):
     """Servos of N robots with F flippers each."""
+
+    STATE = ("speed", "angle", "_speed_goal", "_angle_goal")
 
     def __init__(self, servos: Servos, size: int, flippers: int) -> None:
         self._servos = servos

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim.restorable import Restorable
 from sim.task import clipped_actions
 from sim.terrain import Course, load_course
 from sim.traverse.config import RANDOM, SAMPLE, Reward, TraverseConfig, require_range
@@ -38,16 +39,21 @@ class CourseRun:
     """Start pose (x, y, heading) [m, m, rad]."""
 
 
-class Crossing:
+class Crossing(Restorable):
     """The task, independent of the interface that offers it. Rows are bitwise independent.
 
     Its users step it, and episodes end one by one, so that it can't run in `sim.loop`.
     """
 
+    STATE = (
+        *("world", "difficulty", "_action", "_difficulty", "_length", "_penetration", "_work", "_terms"),
+        *("reward", "terminated", "truncated"),
+    )
+
     def __init__(self, config: TraverseConfig, size: int, threads: int = 0) -> None:
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
         self.config = config
-        self.size = size
+        self.size, self.threads = size, threads
         names = [one for one in config.courses if isinstance(one, str) and one != RANDOM]
         self._named = {name: load_course(name) for name in names}
         own = [one for one in config.courses if isinstance(one, Course)]

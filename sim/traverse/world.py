@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco import batch, mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
+from sim.engine_state import engine_state, restore_engine
+from sim.restorable import Restorable
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain import Course
@@ -36,8 +39,10 @@ class Command:
     flippers: Array  # (N, F) angles, tips up [rad]
 
 
-class Traverse:
+class Traverse(Restorable):
     """N robots on courses. Rows are bitwise independent, and the same at any number of threads."""
+
+    STATE = ("state", "servo", "contact", "outcome", "time", "_stuck", "_bottom", "_side", "_goal")
 
     def __init__(
         self,
@@ -102,6 +107,7 @@ class Traverse:
         """Belt speeds, and what the flippers' motors are set to."""
         self.contact = TrackContact.none(size, len(self.track_names))
         """Track contacts of the last control period."""
+        self._courses = tuple(courses)
         self.course: list[Course] = [courses[0]] * size
         """Course of each robot."""
         self._laid: list[Course | None] = [None] * size
@@ -145,10 +151,7 @@ class Traverse:
         require(valid, "start", poses.tolist(), f"finite poses (x, y, heading), one for each of {len(where)} robots")
         for row, course in zip(where, chosen, strict=True):
             self._lay(int(row), course)
-        same: dict[int, list[int]] = {}
-        for row, own in enumerate(self.course):
-            same.setdefault(id(own), []).append(row)
-        self._groups = [np.array(group) for group in same.values()]
+        self._group()
         asked = self._clear if flippers is None else np.asarray(flippers, float)
         angles = np.broadcast_to(asked, self.servo.angle.shape[1:])
         self.servo.begin(where, np.clip(angles, *self.tracked.flipper_range.T))
@@ -156,6 +159,20 @@ class Traverse:
         self._stuck.begin(where)
         self.contact.clear(where)
         self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
+
+    def get_state(self) -> dict[str, Any]:
+        """See Restorable; courses that the world was made with are kept by their number."""
+        number = {id(course): k for k, course in enumerate(self._courses)}
+        courses = tuple(number.get(id(course), course) for course in self.course)
+        return super().get_state() | {"engine": engine_state(self.batch), "courses": courses}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """See Restorable."""
+        super().set_state(state)
+        restore_engine(self.batch, state["engine"])
+        self.course = [self._courses[one] if isinstance(one, int) else one for one in state["courses"]]
+        self._laid = list(self.course)
+        self._group()
 
     def step(self, command: Command) -> None:
         """Simulate one control period of the robots whose runs have not ended.
@@ -186,6 +203,13 @@ class Traverse:
         self.state.qpos[fine], self.state.qvel[fine] = self.batch.qpos[fine], self.batch.qvel[fine]
         self.contact.put(fine, TrackContact.of(readings, belts, self.sample))
         self._judge(rows, broken)
+
+    def _group(self) -> None:
+        """Find the robots that are on the same course."""
+        same: dict[int, list[int]] = {}
+        for row, own in enumerate(self.course):
+            same.setdefault(id(own), []).append(row)
+        self._groups = [np.array(group) for group in same.values()]
 
     def elevation(self, points: Array) -> Array:
         """Heights (N, P) of the ground at `points` (N, P, 2) of each robot's course [m]."""

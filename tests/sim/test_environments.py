@@ -1,6 +1,9 @@
 """Both environments through gymnasium: its checker, seeds, and rows of the batch that are the single environment."""
 
+import copy
+import pickle
 import sys
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -9,6 +12,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
+from sim.ground.ground import Change, Ground
 from sim.path_tracking.randomization import Randomization
 from sim.terrain import Course, Flat, Step
 from sim.traverse.outcome import Limits
@@ -19,6 +23,7 @@ from trackslip.slip.icr_load import IcrLoad
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
 TWIST = {"action": "twist", "compensation": "icr_radius"}
 UNDER_LOAD = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
+CHANGING = Ground(0.7, 0.8, slope=0.1, changes=(Change(0.5, 0.5, 0.6),))
 DRAWN = {
     "reference": ("paper", "slalom", "stop_and_go"),
     "ground": ("stone", "gravel"),
@@ -97,6 +102,58 @@ def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_pat
     assert ends >= 1
     native.close()
     single.close()
+
+
+STATES = [
+    (TRACKING, DRAWN | {"ground": ("stone", "clay"), "pose_source": "noisy"}, {"reference": "circle"}),
+    (TRACKING, DRAWN | TWIST | {"compensation": UNDER_LOAD, "pose_source": "scanner"}, {"ground": CHANGING}),
+    (TRAVERSE, SHORT, {}),
+    (TRAVERSE, {"course": "step10", "limits": Limits(stuck_time=0.8, stuck_share=2.0)}, {}),
+]
+
+
+def continued(env, steps):
+    """Everything that an environment says now and in the next steps."""
+    task, forward = env.unwrapped.task, np.array([0.9, 0.8, 0.0, 0.0, 0.0, 0.0])
+    results = [(task.observation(), {name: values.copy() for name, values in task.info().items()})]
+    for shake in np.random.default_rng(5).uniform(-0.1, 0.1, (steps, task.size, task.actions)):
+        actions = (forward[: task.actions] + shake).astype(np.float32)
+        results.append(env.step(actions.reshape(env.action_space.shape)))
+        if isinstance(env.unwrapped, gym.Env) and (results[-1][2] or results[-1][3]):
+            results.append(env.reset())
+    return results
+
+
+@pytest.mark.parametrize("how", ["same", "other", "deepcopy", "pickle"])
+@pytest.mark.parametrize(("name", "options", "given"), STATES)
+@pytest.mark.parametrize("make", [gym.make, partial(gym.make_vec, num_envs=3, threads=2, max_episode_steps=15)])
+def test_an_environment_continues_from_a_state_to_the_bit(make, name, options, given, how):
+    def driven(seed, given, steps):
+        env = make(name, **options)
+        env.reset(seed=seed, options=given)
+        continued(env, steps)
+        return env
+
+    env = driven(1, given, 7)
+    state = env.unwrapped.get_state()
+    if how in ("deepcopy", "pickle"):
+        copied = copy.deepcopy(env) if how == "deepcopy" else pickle.loads(pickle.dumps(env))
+    else:
+        copied = env if how == "same" else driven(2, {}, 10)
+    expected = continued(env, 12)
+    if how in ("same", "other"):
+        copied.unwrapped.set_state(state)
+    results = continued(copied, 12)
+    assert len(results) == len(expected)
+    for one, two in zip(expected, results, strict=True):
+        assert_same(one, two)
+
+
+def test_states_of_other_environments_are_refused():
+    state = gym.make_vec(TRACKING, num_envs=2).unwrapped.get_state()
+    for wrong in (state, {}, None):
+        with pytest.raises(InvalidValueError, match="state = 'that of"):
+            gym.make(TRACKING).unwrapped.set_state(wrong)
 
 
 def test_a_law_of_slip_under_load_gets_the_load_of_the_slope():
