@@ -28,6 +28,20 @@ _KINDS: dict[Any, tuple[Any, str]] = {  # of options, by type hint: what values 
 }
 
 
+@dataclass(frozen=True)
+class Element:
+    """An element of observations or actions, which is a quantity divided by its scale, and clipped."""
+
+    name: str
+    """The quantity."""
+    unit: str
+    """Its unit, "-" for none."""
+    scale: float
+    """The quantity's value at which the element is 1, in its unit."""
+    bound: float = 1.0
+    """Largest magnitude of the element."""
+
+
 class Task(Protocol):
     """A task of N robots, one row each."""
 
@@ -39,10 +53,10 @@ class Task(Protocol):
     """Number of worker threads, 0 for one per processor."""
     period: float
     """Control period [s]."""
-    actions: int
-    """Number of actions of a robot, each in [-1, 1]."""
-    bound: Floats
-    """Bounds (n,) of the observations' magnitudes."""
+    observed: tuple[Element, ...]
+    """Elements (n) of an observation."""
+    commanded: tuple[Element, ...]
+    """Elements (A) of an action, each in [-1, 1]."""
     reward: Array
     """Rewards (N,) of the last step."""
     terminated: NDArray[np.bool_]
@@ -107,8 +121,8 @@ def metadata_here(task: Task) -> dict[str, Any]:
 
 def spaces(task: Task) -> tuple[Any, Any]:
     """Observation space and action space of one robot."""
-    observations = gymnasium.spaces.Box(-task.bound, task.bound, dtype=np.float32)
-    return observations, gymnasium.spaces.Box(-1.0, 1.0, (task.actions,), np.float32)
+    observed, commanded = (np.array([e.bound for e in one], np.float32) for one in (task.observed, task.commanded))
+    return gymnasium.spaces.Box(-observed, observed), gymnasium.spaces.Box(-commanded, commanded)
 
 
 def row_of(info: dict[str, Any]) -> dict[str, Any]:

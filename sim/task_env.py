@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from sim.opengl import TaskRenderer
 from sim.restorable import Restorable
-from sim.task import Floats, TaskKind, from_options, metadata_here, row_of, spaces
+from sim.task import Element, Floats, TaskKind, from_options, metadata_here, row_of, spaces
 from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
 
 
-class Resumable(Restorable):
-    """An environment that can be copied, pickled, and returned to earlier states."""
+class TaskInterface(Restorable):
+    """An environment that describes its task, can be copied, pickled, and returned to earlier states."""
 
     kind: ClassVar[TaskKind]
     task: Any
@@ -41,9 +41,20 @@ class Resumable(Restorable):
         self._draw_anew()
 
     @property
+    def observed(self) -> tuple[Element, ...]:
+        """Names, units, scales and bounds of the elements (n) of an observation."""
+        return self.task.observed
+
+    @property
+    def commanded(self) -> tuple[Element, ...]:
+        """Names, units, scales and bounds of the elements (A) of an action."""
+        return self.task.commanded
+
+    @property
     def _of(self) -> str:
         task = self.task
-        return f"{type(task).__name__}, {task.size} robots, {len(task.bound)} observed values, {task.actions} actions"
+        observed, commanded = len(task.observed), len(task.commanded)
+        return f"{type(task).__name__}, {task.size} robots, {observed} observed values, {commanded} actions"
 
     def _draw_anew(self) -> None:
         if self._renderer is not None:
@@ -63,7 +74,7 @@ class Resumable(Restorable):
             self._draw_anew()
 
 
-class TaskEnv(Resumable, gymnasium.Env[Floats, Floats]):
+class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
     """A task of one robot."""
 
     STATE = ("task", "np_random")
@@ -121,7 +132,7 @@ class TaskEnv(Resumable, gymnasium.Env[Floats, Floats]):
             self._renderer.close()
 
 
-class TaskVectorEnv(Resumable, VectorEnv[Floats, Floats, np.ndarray]):
+class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
     """A task of N robots.
 
     Row i is bitwise identical to the environment of one robot with the seed of row i in gymnasium's SyncVectorEnv, with

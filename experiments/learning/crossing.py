@@ -124,7 +124,7 @@ def gain_text(gain: CrossingGain) -> str:
 def _drive(task: Crossing, policy: CrossingPolicy | None) -> NDArray[np.int_]:
     """Outcomes (N,) of all episodes of `task`; without a policy, the scripted controller is not corrected."""
     while (task.outcome == Outcome.DRIVING).any():
-        action = np.zeros((task.size, task.actions)) if policy is None else policy.action(task.observation())
+        action = np.zeros((task.size, len(task.commanded))) if policy is None else policy.action(task.observation())
         task.step(action)
     return task.outcome.copy()
 

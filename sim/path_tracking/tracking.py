@@ -16,7 +16,7 @@ from sim.path_tracking.pose_source import pose_source
 from sim.path_tracking.randomization import MAX_LATENCY
 from sim.restorable import Restorable
 from sim.robot.robot import load_robot
-from sim.task import clipped_actions
+from sim.task import Element, clipped_actions
 from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.metrics import LOST, body_errors
@@ -56,10 +56,10 @@ class PathTracking(Restorable):
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
         self.period = PERIOD
         """Control period [s]."""
-        self.actions = 2
-        """Number of actions of a robot."""
-        self.bound = self.layout.bound
-        """Bounds (n,) of the observations."""
+        self.observed = self.layout.elements
+        """Elements (n) of an observation."""
+        self.commanded = _commanded(config, self.fleet.drive.limit)
+        """Elements (2) of an action."""
         self._source = pose_source(config, self.fleet)
         self._to_omega = _action_map(config, self.fleet)
         self._reference: Index = np.zeros(size, int)
@@ -117,7 +117,7 @@ class PathTracking(Restorable):
 
         Raises InvalidValueError for actions that aren't finite or have another shape.
         """
-        action = clipped_actions(actions, self.size, self.actions)
+        action = clipped_actions(actions, self.size, len(self.commanded))
         self._line[:, 1:] = self._line[:, :-1].copy()
         self._line[:, 0] = self._to_omega(action)
         self.fleet.drive.command(self._line[self._rows, self._latency])
@@ -187,6 +187,14 @@ def _bounded_square(z: Array) -> Array:
     """s(z) of `config.Reward`."""
     square = z * z
     return square / (1 + square)
+
+
+def _commanded(config: EnvConfig, limit: float) -> tuple[Element, Element]:
+    """Elements of an action; `limit` is the sprockets' top speed [rad/s]."""
+    if config.action == "sprockets":
+        return Element("left sprocket speed", "rad/s", limit), Element("right sprocket speed", "rad/s", limit)
+    speed, rate = config.twist_scale
+    return Element("speed", "m/s", speed), Element("yaw rate", "rad/s", rate)
 
 
 def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:

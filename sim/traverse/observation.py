@@ -1,26 +1,15 @@
-"""Layout of the observations of trackslip/Traverse-v0.
+"""Layout of the observations of trackslip/Traverse-v0, float32 (10 + 2 F + 45,) for F flippers.
 
-An observation is float32, (N_FIXED + 2 F + E,) for F flippers and a map of E heights; each element is divided by its
-scale and clipped to its bound:
-
-    element     what                                                                    scale             bound
-    0, 1, 2     the world's vertical in the robot's frame: forward, left, up [-]        1                 1
-    3, 4, 5     angular velocity in the robot's frame [rad/s]                           2                 2
-    6           distance from the course's middle, positive to the left [m]             1                 2
-    7           heading relative to the course [rad]                                    pi                1
-    8, 9        belt speeds, left and right [m/s]                                       top speed         1
-    10 ..       angles of the flippers, tips up [rad]                                   pi / 2            2
-    10 + F ..   set points that their motors have [rad]                                 pi / 2            2
-    10 + 2 F .. heights of the ground below the robot's frame, on a grid that is        0.3               3
-                centred on the robot and aligned with its heading [m]
-
-The grid has columns at `AHEAD` in front of the robot and rows at `ASIDE` to its left, row by row.
+They are attitude, rates, place on the course, belts, flippers (tips up) and a map of the ground's heights over the
+lowest point of the level robot. The map is centred on the robot and aligned with its heading: columns at `AHEAD` in
+front of it, rows at `ASIDE` to its left, row by row.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from sim.task import Element
 from sim.traverse.world import Traverse
 from trackslip import se2
 from trackslip.kinematics import Array
@@ -29,19 +18,28 @@ AHEAD = np.linspace(-0.5, 0.9, 15)
 """Columns of the map [m]."""
 ASIDE = np.array([-0.22, 0.0, 0.22])
 """Rows of the map [m]."""
-_FIXED = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 1.0, np.pi])
-_FIXED_BOUND = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 1.0])
+_AXES = ("forward", "left", "up")
 
 
 class CrossingLayout:
-    """Scales and bounds of an observation, (n,) each."""
+    """Elements (n) of an observation."""
 
     def __init__(self, world: Traverse) -> None:
         """For the robots of `world`."""
-        flippers, cells = len(world.flippers.length), len(AHEAD) * len(ASIDE)
-        top = world.servos.top_speed
-        self.scale = np.array([*_FIXED, top, top, *[np.pi / 2] * (2 * flippers), *[0.3] * cells])
-        self.bound = np.array([*_FIXED_BOUND, 1.0, 1.0, *[2.0] * (2 * flippers), *[3.0] * cells], np.float32)
+        flippers, quarter = [flipper.body for flipper in world.tracked.robot.flippers], np.pi / 2
+        self.elements = (
+            *(Element(f"vertical, {axis}", "-", 1.0) for axis in _AXES),
+            *(Element(f"{rate} rate", "rad/s", 2.0, 2.0) for rate in ("roll", "pitch", "yaw")),
+            Element("distance from the middle, to the left", "m", 1.0, 2.0),
+            Element("heading on the course", "rad", np.pi),
+            *(Element(f"{side} belt speed", "m/s", world.servos.top_speed) for side in ("left", "right")),
+            *(Element(f"{name} angle", "rad", quarter, 2.0) for name in flippers),
+            *(Element(f"{name} set point", "rad", quarter, 2.0) for name in flippers),
+            *(Element(f"height at ({round(x, 2) + 0.0:g}, {y:g}) m", "m", 0.3, 3.0) for y in ASIDE for x in AHEAD),
+        )
+        """Names, units, scales and bounds."""
+        self._scale = np.array([element.scale for element in self.elements])
+        self._bound = np.array([element.bound for element in self.elements], np.float32)
         self._lowest = world.tracked.robot.lowest
         across, along = np.meshgrid(ASIDE, AHEAD, indexing="ij")
         self._around = np.stack([along.ravel(), across.ravel()], axis=-1)
@@ -59,4 +57,4 @@ class CrossingLayout:
             ],
             axis=1,
         )
-        return np.clip((whole / self.scale).astype(np.float32), -self.bound, self.bound)
+        return np.clip((whole / self._scale).astype(np.float32), -self._bound, self._bound)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.restorable import Restorable
-from sim.task import clipped_actions
+from sim.task import Element, clipped_actions
 from sim.terrain import Course, load_course
 from sim.traverse.config import RANDOM, SAMPLE, Reward, TraverseConfig, require_range
 from sim.traverse.courses import MAX_BOXES, draw_course
@@ -73,16 +73,19 @@ class Crossing(Restorable):
         self.period = config.period
         """Control period [s]."""
         self.layout = CrossingLayout(self.world)
-        self.bound = self.layout.bound
-        """Bounds (n,) of the observations."""
+        self.observed = self.layout.elements
+        """Elements (n) of an observation."""
         self.difficulty = config.difficulty
         """Range from which the difficulty of the next courses is drawn [-]."""
-        front = self.world.flippers.front
-        each = np.arange(len(front)) if config.flippers == "each" else np.where(front, 0, 1)
-        self._member = np.unique(each, return_inverse=True)[1]  # which action moves a flipper
-        self.actions = 2 + len(np.unique(each))
-        """Number of actions of a robot."""
-        self._action: Array = np.zeros((size, self.actions))
+        names = [flipper.body for flipper in self.world.tracked.robot.flippers]
+        each = names
+        if config.flippers == "pairs":
+            names = [f"{end} flippers" for end in np.where(self.world.flippers.front, "front", "rear")]
+            each = sorted(set(names))
+        self._member = np.array([each.index(name) for name in names], int)  # which action moves a flipper
+        self.commanded = _commanded(config, each)
+        """Elements (A) of an action."""
+        self._action: Array = np.zeros((size, len(self.commanded)))
         self._difficulty: Array = np.full(size, np.nan)
         self._length: Array = np.ones(size)  # way from start to goal [m]
         self._penetration: Array = np.zeros(size)  # largest in the episode [m]
@@ -154,7 +157,7 @@ class Crossing(Restorable):
 
         Raises InvalidValueError for actions that aren't finite or have another shape.
         """
-        action = clipped_actions(actions, self.size, self.actions)
+        action = clipped_actions(actions, self.size, len(self.commanded))
         running = self.outcome == Outcome.DRIVING
         before = self.world.way
         self.world.step(self._command(action))
@@ -203,6 +206,15 @@ class Crossing(Restorable):
             speed = scripted.speed + config.speed_authority * belts
             return Command(speed, scripted.flippers + config.flipper_authority * flippers)
         return Command(config.servos.top_speed * belts, _QUARTER * flippers)
+
+
+def _commanded(config: TraverseConfig, flippers: Sequence[str]) -> tuple[Element, ...]:
+    """Elements of an action that moves belts and `flippers`."""
+    speed, angle, kind = config.servos.top_speed, _QUARTER, "set point"
+    if config.action == "correction":
+        speed, angle, kind = config.speed_authority, config.flipper_authority, "correction"
+    belts = (Element(f"{side} belt speed, {kind}", "m/s", speed) for side in ("left", "right"))
+    return *belts, *(Element(f"{name}, {kind}", "rad", angle) for name in flippers)
 
 
 def reward_terms(reward: Reward, gain: Array, work: Array, change: Array, outcome: Outcomes) -> dict[str, Array]:

@@ -116,8 +116,8 @@ def continued(env, steps):
     """Everything that an environment says now and in the next steps."""
     task, forward = env.unwrapped.task, np.array([0.9, 0.8, 0.0, 0.0, 0.0, 0.0])
     results = [(task.observation(), {name: values.copy() for name, values in task.info().items()})]
-    for shake in np.random.default_rng(5).uniform(-0.1, 0.1, (steps, task.size, task.actions)):
-        actions = (forward[: task.actions] + shake).astype(np.float32)
+    for shake in np.random.default_rng(5).uniform(-0.1, 0.1, (steps, task.size, len(task.commanded))):
+        actions = (forward[: len(task.commanded)] + shake).astype(np.float32)
         results.append(env.step(actions.reshape(env.action_space.shape)))
         if isinstance(env.unwrapped, gym.Env) and (results[-1][2] or results[-1][3]):
             results.append(env.reset())
@@ -147,6 +147,47 @@ def test_an_environment_continues_from_a_state_to_the_bit(make, name, options, g
     assert len(results) == len(expected)
     for one, two in zip(expected, results, strict=True):
         assert_same(one, two)
+
+
+def physical(elements, values):
+    """Values of elements in their units, by name."""
+    assert len(elements) == len(values)
+    return {element.name: element.scale * value for element, value in zip(elements, values, strict=True)}
+
+
+def test_scales_turn_observations_and_actions_into_quantities():
+    env = gym.make(TRACKING, action="twist", reference="circle", off_path=0.3).unwrapped
+    env.reset(seed=0, options={"start_error": (-0.06, 0.02, 0.1)})
+    action = np.array([0.5, -0.4], np.float32)
+    for _ in range(20):
+        observation, *_, info = env.step(action)
+    seen, said = physical(env.observed, observation), physical(env.commanded, action)
+    assert [seen["position error, ahead"], seen["position error, to the left"], seen["heading error"]] == pytest.approx(
+        info["true_error"], rel=1e-5
+    )
+    sprockets = [seen[f"{side} sprocket speed"] for side in ("left", "right")]
+    np.testing.assert_allclose(sprockets, info["measured_omega"], rtol=1e-5)
+    geometry = env.task.fleet.robot.geometry
+    radius, b = geometry.sprocket_radius, geometry.half_gauge
+    tracks = np.array([said["speed"] - b * said["yaw rate"], said["speed"] + b * said["yaw rate"]])
+    np.testing.assert_allclose(info["set_point"], tracks / radius, rtol=1e-6)
+    expected = np.array([element.bound for element in env.observed], np.float32)
+    np.testing.assert_array_equal(env.observation_space.high, expected)
+
+    env = gym.make(TRAVERSE, course="step10", flippers="pairs").unwrapped
+    env.reset(seed=0)
+    action = np.array([0.5, 0.4, 0.3, -0.2], np.float32)
+    for _ in range(15):
+        observation, *_ = env.step(action)
+    seen, said = physical(env.observed, observation), physical(env.commanded, action)
+    world = env.task.world
+    for k, side in enumerate(("left", "right")):
+        assert seen[f"{side} belt speed"] == pytest.approx(said[f"{side} belt speed, set point"], rel=0.01)
+        assert seen[f"front_{side}_flipper set point"] == pytest.approx(said["front flippers, set point"])
+        assert seen[f"rear_{side}_flipper angle"] == pytest.approx(world.state.flippers[0, 2 + k], rel=1e-5)
+    place = world.state.position[:, None, :2]
+    below = world.elevation(place)[0, 0] - world.state.position[0, 2] - world.tracked.robot.lowest
+    assert seen["height at (0, 0) m"] == pytest.approx(below, abs=1e-6)
 
 
 def test_states_of_other_environments_are_refused():
