@@ -46,14 +46,10 @@ _SENSOR: dict[str, tuple[str, float, float, str, str]] = {
 def doubts_of_samples(laws: Mapping[str, SteadyFit], best: str) -> list[str]:
     """Warnings about laws fitted to samples."""
     doubts = []
-    for name, law in laws.items():
-        lack = law.lack_of_fit
-        if lack is not None and law.lacks_fit and name not in WITHOUT_RADIUS and law.determined:
-            freedom = ", ".join(map(str, lack.freedom))
-            doubts.append(
-                f"law {name}: lacks fit ({lack.test}({freedom}) = {lack.statistic:.3g}, p = {lack.probability:.2g}): "
-                f"it misses the samples by {law.rms:.2g} rms, more than they scatter; its intervals are widened"
-            )
+    lacking = {n: law for n, law in laws.items() if law.lacks_fit and n not in WITHOUT_RADIUS and law.determined}
+    if lacking:
+        missed = ", ".join(f"{name} (by {law.rms:.2g} rms)" for name, law in lacking.items())
+        doubts.append(f"the samples scatter less than these laws miss them, so their intervals are widened: {missed}")
     doubts += _implausible_values(laws[best])
     if "icr_sides" in laws:
         offset, error = offset_between_sides(laws["icr_sides"])
@@ -71,7 +67,11 @@ def doubts_of_samples(laws: Mapping[str, SteadyFit], best: str) -> list[str]:
 
 def doubts_of_drives(drives: Sequence[PreparedDrive], laws: Mapping[str, DriveFit], best: str) -> list[str]:
     """Warnings about laws fitted to drives."""
-    doubts = [f"law {name}: the fit did not converge" for name, law in laws.items() if not law.converged]
+    doubts = [
+        f"law {name}: the fit to whole drives did not converge, so its values and errors are rough"
+        for name, law in laws.items()
+        if law.values and not law.converged
+    ]
     law = laws[best]
     if law.fit.nodes.whitening is None and any(drive.whitening is not None for drive in drives):
         doubts.append("the covariances of the poses don't tell how they scatter: all poses count alike")

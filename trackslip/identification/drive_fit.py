@@ -14,8 +14,9 @@ from trackslip.identification.drive_residuals import Nodes, Noise, Residuals, co
 from trackslip.identification.outliers import outlying
 from trackslip.kinematics import Array
 
-_ROUNDS = 30  # maximum number of Gauss-Newton steps
+_ROUNDS = 45  # maximum number of Gauss-Newton steps
 _GATED = 12  # rounds after which gates stay as they are
+_KINKED = 15  # rounds after which a clock offset that still moves is at a kink of the cost
 _HALVINGS = 6
 _STUCK = 3  # rounds without a step that lowers the cost, after which there will be none
 _SETTLED = 0.03  # change of the values, in standard errors
@@ -86,9 +87,11 @@ def fit_trajectory(
     """Fit the values `free` (f,) of (p,) and the states (K, 3), starting from those given.
 
     `mean` (p,) are the means of the priors. With `gated`, outlying poses and steps are left out, else the weights of
-    `nodes` stay. With `quiet`, the noise stays as given. At most `rounds` steps are made.
+    `nodes` stay. With `quiet`, the noise stays as given. At most `rounds` steps are made. The cost has a kink in the
+    clock offset wherever a pose's time meets an encoder's: a minimum there is no zero of the slope, so the clock offset
+    is held where it goes on moving while the others have settled.
     """
-    yaw, prior = model.index("sensor_yaw"), model.prior
+    yaw, clock, prior = model.index("sensor_yaw"), model.index("clock_offset"), model.prior
     measured = Nodes.of(nodes.drives)
     trimmed, converged, changed = _trimming(nodes, measured), False, 0.0 if quiet else np.inf
     iterate, stuck = Iterate.at(noise), 0
@@ -99,9 +102,10 @@ def fit_trajectory(
     for k in range(rounds or _ROUNDS):
         step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
         before, linear = iterate.noise, found
-        change, by = step.limited(*model.room(values, free))
+        change, by = step.limited(*model.room(values, linear.free))
         errors = 1 / np.sqrt(np.maximum(np.diag(step.information), 1e-300))
-        moved = float(np.abs((model.moved(values, free, by) - values)[free] / errors).max(initial=0.0))
+        moves = np.abs((model.moved(values, linear.free, by) - values)[linear.free] / errors)
+        moved = float(moves.max(initial=0.0))
         states, values, found = _advanced(model, nodes, before, states, values, found, change, by, mean)
         stuck = stuck + 1 if found is linear else 0
         if not quiet and (moved < _SETTLED or k % (1 if changed > _LOUD else 2 if changed > _QUIET else 4) == 0):
@@ -117,6 +121,9 @@ def fit_trajectory(
             break
         if stuck >= _STUCK and changed < _QUIET and not gated:
             break
+        if k >= _KINKED and moved >= _SETTLED and linear.free[moves.argmax()] == clock:
+            found, stuck = found.without(clock), 0
+    found = residuals(model, nodes, states, values, free)
     step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
     return TrajectoryFit(model, nodes, states, values, free, iterate.noise, found, step, mean, converged)
 

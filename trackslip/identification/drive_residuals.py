@@ -6,7 +6,7 @@ Unknown are the state of every node, the sensor's position and the robot's headi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,6 +76,11 @@ class Residuals:
     distance: Array  # (K - 1,) [m]
     path: Array  # (K, 3) of the turning centre by dead reckoning [m, m, rad]
     free: np.ndarray  # (f,) indices of those parameters
+
+    def without(self, parameter: int) -> Residuals:
+        """The same without the derivatives by a parameter, which is held."""
+        kept = self.free != parameter
+        return replace(self, by_values=self.by_values[..., kept], free=self.free[kept])
 
     def squares(self, nodes: Nodes) -> list[Array]:
         """Squares of the residuals of each kind of Noise, per unit variance, with their weights applied."""

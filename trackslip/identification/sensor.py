@@ -104,7 +104,7 @@ def with_sensor(
     sensor = Mounting(**{name: getattr(found.sensor, name) for name in used})
     notes = [_told(name, found) for name in used]
     notes += [
-        f"sensor: its {_NAMES[name]} is not determined: {why}"
+        f"sensor: its {_NAMES[name]} is taken as 0: {why}"
         for name, why in found.reasons.items()
         if estimate or name in _MATTERS
     ]
