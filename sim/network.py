@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from trackslip.errors import LogError
+from trackslip.files import regular_file
 from trackslip.kinematics import Array
+
+_MOST = 256_000_000  # bytes of a policy's numbers
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,11 @@ def load_network(path: Path, kind: str, *fields: str) -> tuple[Network, list[Any
     """
     file = policy_file(path)
     try:
+        if not zipfile.is_zipfile(regular_file(file)):
+            raise LogError(f"{file}: not a policy")
         with file.open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
+            if sum(member.file_size for member in stored.zip.infolist()) > _MOST:
+                raise LogError(f"{file}: its content is larger than {_MOST:,} bytes, no policy's is")
             about = json.loads(str(stored["about"]))
             if about["format"] != kind:
                 raise LogError(f"{file}: its format is {about['format']!r}, not {kind!r}")
@@ -56,7 +64,7 @@ def load_network(path: Path, kind: str, *fields: str) -> tuple[Network, list[Any
     except OSError as error:
         raise LogError(f"{file}: {error.strerror or error}") from error
     except Exception as error:  # whatever NumPy, zipfile and json raise for a damaged file
-        raise LogError(f"{file}: not a policy ({type(error).__name__}: {error})") from error
+        raise LogError(f"{file}: not a policy, or damaged") from error
 
 
 def policy_file(path: Path) -> Path:

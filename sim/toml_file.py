@@ -13,22 +13,36 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from trackslip.errors import InvalidValueError, SettingsFileError, require
+from trackslip.files import read_text, reason
 
 T = TypeVar("T")
 
+_MOST = 1_000_000  # bytes of a file of settings
+_DEEPEST = 32  # keys nested, as in a.b.c = 1; parsing takes a time that grows as its square
 _type_hints = functools.cache(typing.get_type_hints)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file; raises SettingsFileError for a file that can't be read."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = read_text(path, _MOST)
+        if max(line.partition("=")[0].count(".") for line in text.split("\n") if "," not in line) > _DEEPEST:
+            raise SettingsFileError(f"{path}: not TOML of settings (keys nested more than {_DEEPEST} deep)")
+        if not (table := tomllib.loads(text)):
+            raise SettingsFileError(f"{path}: no settings in it")
+        return table
     except OSError as error:
         raise SettingsFileError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise SettingsFileError(f"{path}: not text ({error.reason})") from error
-    except (ValueError, RecursionError) as error:  # tomllib has no error of its own for long integers and deep nesting
+    except SettingsFileError:
+        raise
+    except tomllib.TOMLDecodeError as error:
         raise SettingsFileError(f"{path}: not TOML ({error})") from error
+    except UnicodeDecodeError as error:
+        raise SettingsFileError(f"{path}: {reason(error)}") from error
+    except RecursionError as error:
+        raise SettingsFileError(f"{path}: not TOML ({reason(error)})") from error
+    except ValueError as error:  # the only one that isn't tomllib's own
+        raise SettingsFileError(f"{path}: not TOML (a number has too many digits)") from error
 
 
 def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
@@ -93,4 +107,7 @@ def _value(hint: Any, value: object, where: str, name: str) -> Any:
 def _number(value: object, where: str, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise SettingsFileError(f"{where}: {name} = {reprlib.repr(value)}: must be a number")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise SettingsFileError(f"{where}: {name} = {reprlib.repr(value)}: must be a number below 1e308") from error

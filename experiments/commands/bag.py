@@ -53,7 +53,7 @@ def run(config: Config) -> None:
     if config.export is not None:
         _export(config.path, choice, config.export, config.overwrite)
         return
-    for bag in open_bags(config.path):
+    for bag in open_bags(config.path, choice.max_expanded):
         _print_topics(bag, choice)
 
 

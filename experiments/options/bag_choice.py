@@ -38,6 +38,8 @@ class BagOptions:
     """Pose of the scanner in the frame of the poses; with --plate and --poses, it is found by these [m, m, rad]."""
     noise: Annotated[float | None, default_is("found", "FLOAT")] = None
     """Standard deviation of the scanner's ranges [m]."""
+    max_expanded: Annotated[float | None, default_is("268, and 100 times the file", "MB")] = None
+    """Largest size of a bag's file once decompressed [MB]."""
 
     def __post_init__(self) -> None:
         self.choice()
@@ -54,6 +56,7 @@ class BagOptions:
             None if self.plate is None else plate_of(self.plate),
             self.mount,
             self.noise,
+            self.max_expanded,
         )
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 FILE = ".trials.jsonl"
 """File in the folder of results with the trials that a killed study had finished."""
 _CHANCE = 1e-3  # of a false alarm
-_UNSAID = ("out", "threads", "pdf", "rrd")  # options that no trial depends on
+_UNSAID = ("out", "overwrite", "threads", "pdf", "rrd")  # options that no trial depends on
 
 
 @dataclass(frozen=True)

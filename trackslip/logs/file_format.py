@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import importlib.metadata
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from trackslip.errors import LogError
+from trackslip.files import read_json
 
 FORMAT = 1
 """Format of the manifests, laws and runs written by this version; it increases when older versions cannot read them."""
@@ -52,13 +52,3 @@ def known_manifest(folder: Path) -> Mapping[str, Any]:
         raise LogError(f"{file}: not a manifest")
     require_known_format(content, file)
     return content
-
-
-def read_json(file: Path) -> Any:
-    """The content of a JSON file; raises LogError if it cannot be read."""
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LogError(f"{file}: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise LogError(f"{file}: not JSON ({error})") from error

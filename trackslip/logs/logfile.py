@@ -19,6 +19,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError, LogWarning, first_line
+from trackslip.files import regular_file
 from trackslip.logs.file_format import known_manifest
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import file_metadata, stored_text, to_table
@@ -26,6 +27,7 @@ from trackslip.logs.table_reader import ReadRuns, runs_from_table
 
 RUNS = "runs.parquet"
 """Name of the file of runs in a folder of results."""
+_MOST_VALUES, _VALUES_PER_BYTE = 20_000_000, 8  # of a Parquet file; measured numbers take 4 bytes and more
 _AHEAD = 8  # runs read ahead of writing
 
 
@@ -62,21 +64,34 @@ def write_csv(logs: Sequence[RunLog], path: Path) -> None:
 def read_table(path: Path) -> pa.Table:
     """The table in a `.parquet` or `.csv` file; raises LogError if it cannot be read."""
     try:
-        if not path.is_file():
-            raise LogError(f"{path}: no such file")
         table = None
+        regular_file(path)
         if path.suffix.lower() == ".parquet":
+            _require_moderate(path)
             table = pa.parquet.read_table(path, page_checksum_verification=True)
         elif path.suffix.lower() == ".csv":
             table = pa.csv.read_csv(path, convert_options=_as_text(path))
         if table is not None and table.column_names is not None:  # names that are not text
             return table
+    except FileNotFoundError as error:
+        raise LogError(f"{path}: no such file") from error
     except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
+        if isinstance(error, OSError) and error.strerror:
+            raise LogError(f"{path}: {error.strerror}") from error
         reason = first_line(error).split("': ")[-1]  # pyarrow may repeat the name of the file
         if path.suffix.lower() == ".parquet":
             reason = f"damaged, cut short or no Parquet file ({reason})"
         raise LogError(f"{path}: {reason}") from error
     raise LogError(f"{path}: must end in .parquet or .csv")
+
+
+def _require_moderate(path: Path) -> None:
+    """Raise LogError for a file with more values than a log of its size has: a small one can fill any memory."""
+    with pa.parquet.ParquetFile(path) as file:
+        groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
+    values = sum(group.column(k).num_values for group in groups for k in range(group.num_columns))
+    if values > (most := _MOST_VALUES + _VALUES_PER_BYTE * path.stat().st_size):
+        raise LogError(f"{path}: holds {values:,} values, must be at most {most:,} in a file of this size")
 
 
 def runs_file(path: Path) -> Path:
@@ -142,7 +157,7 @@ class StoredRuns:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            self._file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
+            self._file = pa.parquet.ParquetFile(regular_file(path), page_checksum_verification=True)
             self._metadata = json.loads(stored_text(self._file.schema_arrow.metadata))["runs"]
         except (pa.ArrowException, OSError, ValueError, RecursionError, KeyError, TypeError) as error:
             raise LogError(f"{path}: {first_line(error)}") from error

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from trackslip.errors import LogError
+from trackslip.files import reason
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Cluster, Plate, Scan
 from trackslip.logs.scanlog import ScanLog
@@ -98,4 +99,4 @@ def _scanner(metadata: Mapping[str, Any]) -> tuple[Scan, Plate]:
         )
         return scan, Plate(**metadata["plate"])
     except (KeyError, TypeError, ValueError) as error:
-        raise LogError(f"invalid description of its scanner ({type(error).__name__}: {error})") from error
+        raise LogError(f"invalid description of its scanner ({reason(error)})") from error

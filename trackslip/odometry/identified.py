@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from trackslip.errors import LogError, TrackslipError
+from trackslip.files import reason
 from trackslip.identification.result import Identification, identification_to_json
 from trackslip.kinematics import RobotGeometry, wrap_angle
 from trackslip.odometry.slip_odometry import SlipOdometry
@@ -69,9 +70,7 @@ def identified_law(
     try:
         return LawInUse(chosen, stored.laws[chosen], stored.geometry, **_beside(stored, chosen))
     except (TrackslipError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise LogError(
-            f"{stored.name}: what it says of law {chosen!r} is damaged ({type(error).__name__}: {error})"
-        ) from error
+        raise LogError(f"{stored.name}: what it says of law {chosen!r} is damaged ({reason(error)})") from error
 
 
 def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:

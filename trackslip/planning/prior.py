@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from trackslip.errors import LogError
+from trackslip.files import reason
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors, SlipNoise
 from trackslip.planning.limits import Knowledge, first_knowledge
@@ -50,7 +51,7 @@ def read_identification(path: str | Path, law: str) -> PriorIdentification:
     except LogError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, np.linalg.LinAlgError) as error:
-        about = f"what it says of the law {law} is damaged ({type(error).__name__}: {error})"
+        about = f"what it says of the law {law} is damaged ({reason(error)})"
         raise LogError(f"{stored.name}: {about}") from error
 
 

@@ -89,6 +89,8 @@ class Bag:
     """Damage and missing files, one line each."""
     span: tuple[int, int]
     """Times at which the first and the last message were recorded [ns]."""
+    max_expanded: float | None = None
+    """Largest size of a file's content once decompressed [MB]; None for 268 MB and 100 times the file's size."""
 
     @property
     def path(self) -> Path:
@@ -125,7 +127,7 @@ class Bag:
         damaged: Counter[str] = Counter()
         reasons: dict[str, str] = {}
         for file in self.files:
-            for channel, arrival, data in read_file(file, lambda topic: topic in chosen, []):
+            for channel, arrival, data in read_file(file, lambda topic: topic in chosen, [], self.max_expanded):
                 if chosen.get(channel.topic) != channel.type:
                     continue
                 try:
@@ -155,7 +157,7 @@ def listed(names: Sequence[str]) -> str:
     return ", ".join(names[:_SHOWN] or ["none"]) + more
 
 
-def open_bag(path: str | Path) -> Bag:
+def open_bag(path: str | Path, max_expanded: float | None = None) -> Bag:
     """The bag in a file, or in a folder that holds one; reads its topics and counts messages.
 
     Files: `.bag` of ROS 1, `.mcap` and `.db3` of ROS 2, compressed or not, with or without `metadata.yaml`. What is
@@ -164,26 +166,26 @@ def open_bag(path: str | Path) -> Bag:
     Raises:
         LogError: if there is no bag, if there are several, or nothing in it can be read.
     """
-    bags = open_bags(path)
+    bags = open_bags(path, max_expanded)
     if len(bags) > 1:
         raise LogError(f"{path}: holds {len(bags)} bags ({', '.join(bag.name for bag in bags[:_SHOWN])}): name one")
     return bags[0]
 
 
-def open_bags(path: str | Path) -> list[Bag]:
+def open_bags(path: str | Path, max_expanded: float | None = None) -> list[Bag]:
     """The bags in a folder, like `open_bag`; bags that can't be read are left out if others can be."""
     require_rosbags()
-    return [_bag(parts) for parts in read_parts(Path(path))]
+    return [_bag(parts, max_expanded) for parts in read_parts(Path(path), max_expanded)]
 
 
 def read_each(
-    path: Path, read: Callable[[Bag, str, list[str]], Sequence[T]]
+    path: Path, read: Callable[[Bag, str, list[str]], Sequence[T]], max_expanded: float | None = None
 ) -> tuple[list[T], tuple[Refused, ...], tuple[str, ...]]:
     """Results of `read` for the bags in a folder, the bags that it refuses, and notes on what was left out.
 
     `read` takes a bag, its name and a list for notes. Raises LogError if it refuses all bags.
     """
-    bags = open_bags(path)
+    bags = open_bags(path, max_expanded)
     found: list[T] = []
     refused: list[Refused] = []
     notes: list[str] = []
@@ -200,7 +202,7 @@ def read_each(
     return found, tuple(refused), tuple(notes)
 
 
-def _bag(parts: Parts) -> Bag:
+def _bag(parts: Parts, max_expanded: float | None) -> Bag:
     """The bag; of a topic with several message types, only the type with most messages."""
     topics: dict[str, Topic] = {}
     notes = [*parts.notes]
@@ -209,4 +211,4 @@ def _bag(parts: Parts) -> Bag:
             notes.append(f"topic {name}: {len(times)} messages of another type, {kind}, left out")
         else:
             topics[name] = Topic(name, kind, np.sort(np.array(times, np.int64)))
-    return Bag(parts.name, parts.files, topics, tuple(notes), parts.span)
+    return Bag(parts.name, parts.files, topics, tuple(notes), parts.span, max_expanded)

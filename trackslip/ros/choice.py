@@ -35,6 +35,9 @@ class BagChoice:
     noise: float | None = None
     """Standard deviation of a range [m]; None to estimate it from the ranges to the background."""
 
+    max_expanded: float | None = None
+    """Largest size of a file's content once decompressed [MB]; None for 268 MB and 100 times the file's size."""
+
     def __post_init__(self) -> None:
         for name in SIDES:
             joints = getattr(self, name)
@@ -48,8 +51,9 @@ class BagChoice:
         if self.plate is None:
             for name in ("scan", "mount", "noise"):
                 require(getattr(self, name) is None, name, getattr(self, name), "left out without plate")
-        if self.noise is not None:
-            require_positive("noise", self.noise)
+        for name in ("noise", "max_expanded"):
+            if getattr(self, name) is not None:
+                require_positive(name, getattr(self, name))
         if self.mount is not None:
             fits = len(self.mount) == 3 and all(map(math.isfinite, self.mount))
             require(fits, "mount", self.mount, "three finite numbers: x, y [m] and yaw [rad]")

@@ -71,7 +71,9 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
 
     Raises LogError if nothing can be read, TrackslipError without the package rosbags.
     """
-    found, refused, notes = read_each(path, lambda bag, name, said: _drives(bag, choice, name, said))
+    found, refused, notes = read_each(
+        path, lambda bag, name, said: _drives(bag, choice, name, said), choice.max_expanded
+    )
     taken = dict.fromkeys(what for _, what in found)
     return ReadRuns(tuple(log for log, _ in found), refused, notes, tuple(taken))
 

@@ -42,7 +42,7 @@ def is_bag(path: Path) -> bool:
     return _is_bag_file(path) or (path.is_dir() and bool(_bags_in(path)))
 
 
-def read_parts(path: Path) -> list[Parts]:
+def read_parts(path: Path, max_expanded: float | None = None) -> list[Parts]:
     """The readable bags in a folder, or the bag of a file.
 
     A folder with a metadata.yaml is one bag. Other files are bags of their own, unless they are numbered and each
@@ -57,7 +57,7 @@ def read_parts(path: Path) -> list[Parts]:
     if not bags:
         raise LogError(f"{path}: holds no bag (.bag, .mcap or .db3)" if path.is_dir() else f"{path}: is no bag")
     for bag in bags:
-        _read(bag)
+        _read(bag, max_expanded)
     found = [bag for bag in bags if bag.arrivals]
     refused = [_refusal(bag) for bag in bags if not bag.arrivals]
     if not found:
@@ -83,12 +83,12 @@ def _bags_in(path: Path, depth: int = _DEPTH) -> list[Parts]:
     return found
 
 
-def _read(bag: Parts) -> None:
+def _read(bag: Parts, max_expanded: float | None) -> None:
     """Read the times of its messages, and note damage."""
     for file in bag.files:
         said: list[str] = []
         try:
-            for record in read_file(file, lambda topic: False, said):
+            for record in read_file(file, lambda topic: False, said, max_expanded):
                 bag.arrivals[record.channel.topic, record.channel.type].append(record.arrival)
         except LogError as error:
             said.append(str(error).removeprefix(f"{file}: "))
@@ -100,7 +100,7 @@ def _refusal(bag: Parts) -> str:
     """The line for a bag that has no messages."""
     file = bag.files[0]
     reasons = [note.removeprefix(f"{file}: ") for note in bag.notes]
-    return f"{file}: no message can be read" + (f" ({reasons[-1]})" if reasons else "")
+    return f"{file}: " + (f"no message can be read ({reasons[-1]})" if reasons else "it has no messages")
 
 
 def _joined(bags: Sequence[Parts]) -> list[Parts]:

@@ -18,7 +18,8 @@ from typing import BinaryIO, NamedTuple
 from zlib import crc32
 
 from trackslip.errors import LogError, first_line
-from trackslip.ros.compression import decompressed, uncompressed
+from trackslip.files import regular_file
+from trackslip.ros.compression import Allowance, TooLargeError, decompressed, uncompressed
 
 _ROS1_MAGIC, _MCAP_MAGIC, _SQLITE_MAGIC = b"#ROSBAG V2.0\n", b"\x89MCAP0\r\n", b"SQLite format 3\0"
 _CUT = "its end is missing: the recording was cut off, or the file is damaged"
@@ -49,18 +50,19 @@ class Record(NamedTuple):
     """The serialised message; empty if its topic isn't wanted."""
 
 
-def read_file(path: Path, wanted: Wanted, notes: list[str]) -> Iterator[Record]:
+def read_file(path: Path, wanted: Wanted, notes: list[str], max_expanded: float | None = None) -> Iterator[Record]:
     """All messages of a file that can be read, in the file's order; `notes` gets a line for each damage.
 
-    Raises LogError, naming the file, if it is no bag.
+    Raises LogError, naming the file, if it is no bag, or expands to more than `max_expanded` [MB].
     """
     try:
-        with uncompressed(path, notes) as plain, plain.open("rb") as file:
+        allowance = Allowance(regular_file(path), max_expanded)
+        with uncompressed(path, notes, allowance) as plain, plain.open("rb") as file:
             magic, size = file.read(16), file.seek(0, os.SEEK_END)
             if magic.startswith(_ROS1_MAGIC):
-                yield from _Ros1(wanted, notes).read(file, size)
+                yield from _Ros1(wanted, notes, allowance).read(file, size)
             elif magic.startswith(_MCAP_MAGIC):
-                yield from _Mcap(wanted, notes).read(file, size)
+                yield from _Mcap(wanted, notes, allowance).read(file, size)
             elif magic == _SQLITE_MAGIC:
                 yield from _read_sqlite(plain, wanted, notes)
             else:
@@ -76,8 +78,8 @@ class _Chunks:
 
     magic: bytes
 
-    def __init__(self, wanted: Wanted, notes: list[str]) -> None:
-        self._wanted, self._notes = wanted, notes
+    def __init__(self, wanted: Wanted, notes: list[str], allowance: Allowance) -> None:
+        self._wanted, self._notes, self._allowance = wanted, notes, allowance
         self._channels: dict[int | bytes, tuple[Channel, bool]] = {}  # and whether its messages are wanted
 
     def read(self, file: BinaryIO, size: int) -> Iterator[Record]:
@@ -101,10 +103,12 @@ class _Chunks:
         """The messages in a file or chunk of `size` bytes; returns whether it is complete."""
         raise NotImplementedError
 
-    def _chunk(self, content: bytes, compression: str, size: int = 0, checksum: int = 0) -> Iterator[Record]:
+    def _chunk(self, content: bytes, compression: str, size: int, checksum: int = 0) -> Iterator[Record]:
         """The messages of a chunk as far as it is undamaged; decompressed, it should have the size and checksum."""
         try:
-            records = decompressed(content, compression, self._notes)
+            records = decompressed(content, compression, self._notes, self._allowance, size)
+        except TooLargeError:
+            raise
         except LogError as error:
             self._notes.append(f"a chunk can't be read ({error})")
             return
@@ -129,8 +133,8 @@ class _Mcap(_Chunks):
     _CHUNK_HEAD = struct.Struct("<QQQI")  # times of the first and last message [ns], decompressed size, checksum
     _TAIL = struct.Struct("<BQQQI8s")  # the footer with its frame: start of the summary, ..., and the magic at the end
 
-    def __init__(self, wanted: Wanted, notes: list[str]) -> None:
-        super().__init__(wanted, notes)
+    def __init__(self, wanted: Wanted, notes: list[str], allowance: Allowance) -> None:
+        super().__init__(wanted, notes, allowance)
         self._types: dict[int, str] = {}
 
     def _index(self, file: BinaryIO, size: int) -> int:
@@ -143,6 +147,8 @@ class _Mcap(_Chunks):
             kind, length = self._FRAME.unpack(frame)
             if is_file and kind in (self._FOOTER, self._DATA_END):
                 return True
+            if not length:  # no record is empty: zeros of a damaged file, or of a small one that expands
+                return False
             length = min(length, size)
             if kind == self._MESSAGE:
                 content = stream.read(length)
@@ -185,26 +191,27 @@ class _Mcap(_Chunks):
 
 class _Ros1(_Chunks):
     magic = _ROS1_MAGIC
-    _MESSAGE, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([kind]) for kind in (2, 5, 6, 7))
+    _MESSAGE, _CHUNK, _CONNECTION = (bytes([kind]) for kind in (2, 5, 7))
 
     def _index(self, file: BinaryIO, size: int) -> int:
         file.seek(len(self.magic))
         try:
             fields = _fields(_sized(file, size))
-            return int(struct.unpack("<Q", fields[b"index_pos"])[0])
+            index = int(struct.unpack("<Q", fields[b"index_pos"])[0])
         except _DAMAGED:
-            return 0
+            index = 0
+        self._closed = 0 < index <= size
+        return index
 
     def _records(self, stream: BinaryIO, size: int, is_file: bool = False) -> Generator[Record, None, bool]:
-        indexed = False
         try:
             while stream.tell() < size:
                 fields = _fields(_sized(stream, size))
                 kind = fields[b"op"]
-                indexed |= kind == self._CHUNK_INFO
                 if is_file and kind == self._CHUNK:
                     compression = fields[b"compression"].decode()
-                    yield from self._chunk(_sized(stream, size, partly=True), compression)
+                    (unpacked,) = struct.unpack("<I", fields[b"size"])
+                    yield from self._chunk(_sized(stream, size, partly=True), compression, unpacked)
                     continue
                 content = _sized(stream, size)
                 if kind == self._CONNECTION:
@@ -219,7 +226,7 @@ class _Ros1(_Chunks):
             if not is_file:
                 self._notes.append("a chunk is damaged")
             return False
-        return indexed
+        return not is_file or self._closed
 
 
 def _read_sqlite(path: Path, wanted: Wanted, notes: list[str]) -> Iterator[Record]:

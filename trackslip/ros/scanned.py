@@ -62,7 +62,7 @@ def read_scanned(path: Path, choice: BagChoice) -> tuple[list[ScannedDrive], tup
 
     Raises LogError if there is no drive.
     """
-    return read_each(path, lambda bag, name, notes: scanned_drives(bag, choice, notes, name))
+    return read_each(path, lambda bag, name, notes: scanned_drives(bag, choice, notes, name), choice.max_expanded)
 
 
 def scanned_drives(bag: Bag, choice: BagChoice, notes: list[str], name: str | None = None) -> list[ScannedDrive]:

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError, OutputError
+from trackslip.files import read_json, reason
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.file_format import FORMAT, known_manifest, read_json, require_known_format
+from trackslip.logs.file_format import FORMAT, known_manifest, require_known_format
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
 from trackslip.slip.families import FAMILIES, RETIRED, family, law_from_values, retired_note
@@ -172,7 +173,7 @@ def _parsed(content: Any, file: object) -> tuple[RobotGeometry, dict[str, SlipLa
     except LogError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise LogError(f"{file}: no slip laws in it ({type(error).__name__}: {error})") from error
+        raise LogError(f"{file}: no slip laws in it ({reason(error)})") from error
 
 
 def entry(content: Any, *keys: str | int) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, ReferenceFileError, first_line, require
+from trackslip.files import read_text
 from trackslip.kinematics import Array
 from trackslip.trajectory.path import MAX_LENGTH, ParametricPath
 from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
@@ -49,15 +51,17 @@ def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> ProfiledReferen
             the column.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = [row for row in csv.reader(file) if any(text.strip() for text in row)]
+        lines = io.StringIO(read_text(path), newline="")
+        rows = [row for row in csv.reader(lines) if any(text.strip() for text in row)]
         if rows and tuple(text.strip().lower() for text in rows[0]) == COLUMNS:
             rows = rows[1:]
         points = np.array([_point(row, f"row {k}") for k, row in enumerate(rows, 1)], float).reshape(-1, 2)
         return _through(points, "row", limits)
     except FileNotFoundError:
         raise ReferenceFileError(f"{path}: no such file") from None
-    except (InvalidValueError, OSError, csv.Error, UnicodeError) as error:
+    except OSError as error:
+        raise ReferenceFileError(f"{path}: {error.strerror}") from error
+    except (InvalidValueError, csv.Error, UnicodeError) as error:
         raise ReferenceFileError(f"{path}: {first_line(error)}") from error
 
 

@@ -66,10 +66,10 @@ def test_a_law_of_steady_stretches_has_errors_alone(tmp_path):
         (summary() | {"slip_laws": {"icr": ICR}}, "no law icr_radius in it; found icr"),
         (summary(stderr={}), "no standard errors of the law icr_radius in it"),
         (summary(values={"offset": 0.04}), "radius_error = None: must be a number"),
-        (summary(correlation=[[1, 2, 0], [2, 1, 0], [0, 0, 1]]), "is damaged (InvalidValueError: covariance"),
-        (summary(correlation=[[1, 1, 0], [1, 1, 0], [0, 0, 1]]), "is damaged (LinAlgError"),
-        (summary(correlation=[[1]]), "is damaged (ValueError"),
-        (summary(noise={"slip_turn": 1.0}), "is damaged (InvalidValueError: noise"),
+        (summary(correlation=[[1, 2, 0], [2, 1, 0], [0, 0, 1]]), "is damaged (covariance"),
+        (summary(correlation=[[1, 1, 0], [1, 1, 0], [0, 0, 1]]), "is damaged ("),
+        (summary(correlation=[[1]]), "is damaged ("),
+        (summary(noise={"slip_turn": 1.0}), "is damaged (noise"),
     ],
 )
 def test_summaries_that_cannot_be_used(tmp_path, content, message):

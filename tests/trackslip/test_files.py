@@ -1,0 +1,116 @@
+"""Files that aren't what they are taken for: pipes, devices, pointers, and small files that fill any memory."""
+
+from __future__ import annotations
+
+import bz2
+import os
+import struct
+
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+
+import trackslip
+from sim.ground.named import load_ground
+from sim.network import load_network
+from trackslip.errors import LogError, SettingsFileError
+from trackslip.files import read_json, regular_file
+from trackslip.ros.bag import open_bag
+from trackslip.ros.compression import decompressed
+from trackslip.trajectory.named import load_reference
+
+zstd = pytest.importorskip("backports.zstd", reason="part of Python from 3.14 on")
+lz4 = pytest.importorskip("lz4.frame")
+MEGABYTE = 1 << 20
+
+
+def pointer(path):
+    path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12\n")
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (os.mkfifo, "not a regular file"),
+        (lambda path: path.symlink_to("/dev/zero"), "not a regular file"),
+        (lambda path: path.symlink_to(path), "Too many levels of symbolic links"),
+        (lambda path: path.mkdir(), "Is a directory"),
+        (pointer, "a Git LFS pointer instead of the file"),
+    ],
+)
+def test_only_regular_files_are_read(tmp_path, make, reason):
+    path = tmp_path / "input.csv"
+    make(path)
+    with pytest.raises(OSError, match=reason):
+        regular_file(path)
+    readers = (read_json, trackslip.load, load_reference, open_bag, lambda path: load_network(path, "policy"))
+    for read in readers[:3] if path.is_dir() else readers:
+        with pytest.raises(trackslip.TrackslipError, match=r"input\.csv"):
+            read(path)
+
+
+@pytest.mark.parametrize("digits", [400, 5000])
+def test_integers_of_any_length_are_read(tmp_path, digits):
+    path = tmp_path / "laws.json"
+    path.write_text(f'{{"geometry": {{"half_gauge": {"9" * digits}, "sprocket_radius": 0.06}}, "slip_laws": {{}}}}')
+    with pytest.raises(LogError, match="half_gauge = inf: must be a finite number > 0"):
+        trackslip.load_laws(path)
+    ground = tmp_path / "ground.toml"
+    ground.write_text(f"along = {'9' * digits}\n")
+    with pytest.raises(SettingsFileError, match=r"along = 9+|too many digits"):
+        load_ground(str(ground))
+
+
+def test_settings_are_neither_empty_nor_nested_without_end(tmp_path):
+    path = tmp_path / "ground.toml"
+    path.write_text("# nothing\n")
+    with pytest.raises(SettingsFileError, match="no settings in it"):
+        load_ground(str(path))
+    for content in ("a." * 100_000 + "a = 1\n", "[" + "a." * 100_000 + "a]\n", "a = " + "[" * 100_000, "#" * 2_000_000):
+        path.write_text(content)
+        with pytest.raises(SettingsFileError, match=r"nested|must be at most 1000000"):
+            load_ground(str(path))
+
+
+COMPRESS = {"zstd": zstd.compress, "bz2": bz2.compress, "lz4": lz4.compress}
+
+
+@pytest.mark.parametrize("name", COMPRESS)
+def test_chunks_are_not_decompressed_beyond_their_size(name):
+    content, notes = os.urandom(3 * MEGABYTE), []
+    packed = COMPRESS[name](content)
+    assert decompressed(packed, name, notes, size=len(content)) == content
+    assert decompressed(packed * 2, name, notes, size=2 * len(content)) == content * 2
+    assert notes == []
+    assert decompressed(packed, name, notes, size=MEGABYTE + 5) == content[: MEGABYTE + 5]
+    assert notes == ["a compressed chunk is damaged or cut off"]
+
+
+def mcap_of(packed, size):
+    """A file of one chunk that says it has `size` bytes."""
+    chunk = (
+        struct.pack("<QQQI", 0, 1, size, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
+    )
+    return b"\x89MCAP0\r\n" + struct.pack("<BQ", 6, len(chunk)) + chunk
+
+
+def test_small_files_do_not_expand_without_limit(tmp_path):
+    packed = zstd.compress(bytes(300 * MEGABYTE))
+    for name, content in {"chunk": mcap_of(packed, 300 * MEGABYTE), "whole": packed}.items():
+        path = tmp_path / f"{name}.mcap"
+        path.write_bytes(content)
+        with pytest.raises(LogError, match=r"expands to more than 2[67]\d MB; --max-expanded allows more"):
+            open_bag(path)
+        with pytest.raises(LogError, match=r"has no messages|cut off|is no bag"):
+            open_bag(path, max_expanded=500)
+    path.write_bytes(mcap_of(packed, 10))
+    with pytest.raises(LogError, match="no message can be read"):
+        open_bag(path)
+
+
+def test_tables_hold_no_more_values_than_their_size_allows(tmp_path):
+    path = tmp_path / "log.parquet"
+    pa.parquet.write_table(pa.table({"run": pa.nulls(30_000_000)}), path)
+    assert path.stat().st_size < 100_000
+    with pytest.raises(LogError, match=r"holds 30,000,000 values, must be at most 20,\d+,\d+ in a file of this size"):
+        trackslip.load(path)

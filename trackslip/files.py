@@ -1,0 +1,72 @@
+"""Files that users name: regular ones, no larger than files of their kind are, with reasons in plain words."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+from trackslip.errors import LogError, first_line
+
+_MOST = 256_000_000  # bytes of a text file, some gigabytes in memory as JSON
+_POINTER = b"version https://git-lfs.github.com/spec/"
+_DIGITS = 18  # of an integer that fits in 64 bits
+
+
+def regular_file(path: Path) -> Path:
+    """The path, if a regular file is there: no pipe or device, whose content may never end, and no Git LFS pointer.
+
+    Raises OSError with the reason otherwise.
+    """
+    mode = path.stat().st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "not a regular file")
+    with path.open("rb") as file:
+        if file.read(len(_POINTER)) == _POINTER:
+            raise OSError(errno.EINVAL, "a Git LFS pointer instead of the file; `git lfs pull` fetches it")
+    return path
+
+
+def read_text(path: Path, most: int = _MOST) -> str:
+    """The text of a file in UTF-8, without its byte order mark.
+
+    Raises OSError if there is no regular file or it has more than `most` bytes, UnicodeDecodeError if it is no text.
+    """
+    size = regular_file(path).stat().st_size
+    if size > most:
+        raise OSError(errno.EFBIG, f"{size} bytes long, must be at most {most}")
+    return path.read_text(encoding="utf-8-sig")
+
+
+def read_json(path: Path) -> Any:
+    """The content of a JSON file, integers beyond 64 bits as floating-point numbers; LogError if it can't be read."""
+    try:
+        return json.loads(read_text(path), parse_int=_integer)
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise LogError(f"{path}: not JSON ({reason(error)})") from error
+
+
+def reason(error: Exception) -> str:
+    """Why the content of a file can't be used, in words that don't need Python."""
+    match error:
+        case KeyError():
+            return f"{error.args[0]} is missing"
+        case OverflowError() | RecursionError():
+            return "a number is too large" if isinstance(error, OverflowError) else "nested too deeply"
+        case TypeError() | AttributeError() | LookupError():
+            return "a part has another form than expected"
+        case UnicodeDecodeError():
+            return f"not text: {error.reason}"
+        case _:
+            return first_line(error)
+
+
+def _integer(digits: str) -> int | float:
+    return int(digits) if len(digits) <= _DIGITS else float(digits)
