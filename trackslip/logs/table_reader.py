@@ -200,8 +200,9 @@ class _Reader:
         cells = {column: self._cells[column] for column in _POSE}
         pose = np.stack([cell.values[rows] for cell in cells.values()], axis=-1)
         stated = np.ones(len(self._label)) if self._valid is None else self._valid.values
-        unread = {column: cells[column].damaged | cells[column].nan for column in ("x", "y")}
-        unread["phi"] = cells["phi"].damaged
+        unread = {column: cells[column].damaged for column in _POSE}
+        if self._valid is not None:  # a pose that is said to be valid; elsewhere NaN is an empty cell
+            unread |= {column: unread[column] | cells[column].nan for column in ("x", "y")}
         claimed = {column: marks & (stated == 1) for column, marks in unread.items()}
         if self._valid is not None:
             claimed["valid"] = self._valid.damaged

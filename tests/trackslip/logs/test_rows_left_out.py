@@ -66,6 +66,14 @@ def test_poses_that_are_said_not_to_be_valid_may_hold_anything(tmp_path):
     assert np.flatnonzero(~found.runs[0].is_valid).tolist() == [4]
 
 
+def test_nan_is_an_empty_cell_of_a_log_without_validity(tmp_path):
+    rows = [row.replace(",true", "") for row in lines()]
+    rows[4] = "a,0.4,1,6,nan,NaN,nan\n"
+    (run,), notes = (found := read(tmp_path, rows, HEADER.replace(",valid", ""))).runs, found.notes
+    assert np.flatnonzero(~run.is_valid).tolist() == [4]
+    assert notes == ()
+
+
 def test_an_empty_pose_was_not_measured(tmp_path):
     rows = lines()
     rows[4] = "a,0.4,1,6,,,,\n"
@@ -173,15 +181,15 @@ def test_what_is_left_out_warns_whoever_loads_it(tmp_path):
     assert caught[0].filename == __file__
 
 
-def test_parquet_null_and_nan_differ_only_in_being_said(tmp_path):
+def test_parquet_null_and_nan_are_poses_that_were_not_measured(tmp_path):
     columns = {"run": ["a"] * 10, "t": np.arange(10.0)} | {name: np.ones(10) for name in ("omega_l", "omega_r", "y")}
     x = [0.0, None, *map(float, range(2, 10))]
-    for value, notes in ((None, 0), (np.nan, 1)):
+    for value in (None, np.nan):
         x[1] = value
         pyarrow.parquet.write_table(pa.table(columns | {"x": pa.array(x)}), tmp_path / "log.parquet")
         found = read_log(tmp_path / "log.parquet")
         assert np.flatnonzero(~found.runs[0].is_valid).tolist() == [1]
-        assert len(found.notes) == notes
+        assert found.notes == ()
 
 
 @pytest.mark.parametrize("text", ["+1.5", " 1.5 ", "1.5e0", "15e-1", "1.50", "1_5e-1"])
