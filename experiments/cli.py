@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import importlib
+import importlib.metadata
 import io
 import os
 import pkgutil
@@ -27,7 +28,7 @@ EXAMPLES = (
 """Descriptions and command lines at the end of `trackslip --help`; each command has EXAMPLES, too."""
 
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
-`trackslip COMMAND --help` lists a command's options and examples."""
+`trackslip COMMAND --help` lists a command's options and examples, `trackslip --version` prints the version."""
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 _SHELLS = ("bash", "zsh", "fish", "tcsh")
 
@@ -43,6 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command; exits with 2 for a mistake in it, 130 when interrupted."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
+        if arguments == ["--version"]:
+            print(f"trackslip {importlib.metadata.version('trackslip')}", flush=True)
+            return
         config = parse(arguments)
         command_modules()[arguments[0]].run(config)
         sys.stdout.flush()

@@ -127,5 +127,5 @@ def reproduce(config: Config) -> None:
     tracking_table(tracking).print()
     if summary["warnings"]:
         print(f"{len(summary['warnings'])} warnings: see the report")
-    print(stages_text(run.watch.stages))
+    print(f"by stage, some at the same time as others: {stages_text(run.watch.stages)}")
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s for {simulated:.0f} s of simulated driving")

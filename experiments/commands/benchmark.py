@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from experiments.options.base import Distinct, Whole, Within, default_is, refuse_changed
-from experiments.options.choices import COMPENSATIONS, CONTROLLERS, REFERENCES, WITHOUT_LAWS
+from experiments.options.choices import COMPENSATIONS, CONTROLLERS, GROUND_NAMES, REFERENCES, WITHOUT_LAWS
 from experiments.options.world import MAX_JOBS, MAX_PREVIEW, Equipment
 
 EXAMPLES = (
@@ -18,7 +18,7 @@ PARTS = ".benchmark-parts"
 """Folder in OUT with the runs of a benchmark that isn't finished."""
 
 Start = Literal["zero", "paper", "random"]
-_GROUNDS = "{stone,concrete,rubber,packed_soil,gravel,wet,ice,sticky,robot,FILE.toml} ..."
+_GROUNDS = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
 _COMPENSATIONS = default_is("the suite's", f"{COMPENSATIONS} ...")
 
 
@@ -35,7 +35,8 @@ class Config(Equipment):
     controllers: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{CONTROLLERS} ...")] = None
     """Controllers; ppo:FOLDER is a policy trained by train, MODULE:CLASS a controller of your own."""
     compensations: Annotated[tuple[str, ...] | None, Distinct(), _COMPENSATIONS] = None
-    """Slip compensations: LAW of --laws; online starts from icr_radius, online_load icr_load, online_cold no slip."""
+    """Slip compensations: LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from
+    icr_load, which --laws must contain: the shipped laws don't."""
     references: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{REFERENCES} ...")] = None
     """Paths; a .csv file lists waypoints in the columns x, y [m]."""
     grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", _GROUNDS)] = None
@@ -69,7 +70,7 @@ def run(config: Config) -> None:
     from experiments.benchmark.drive import ClosedLoops, record_comparisons
     from experiments.benchmark.page import page
     from experiments.benchmark.rows import board, case_row, losses, over_seeds
-    from experiments.benchmark.table import board_table, leaderboard
+    from experiments.benchmark.table import BOARD_LEGEND, board_table, leaderboard
     from experiments.report.formats import stages_text
     from experiments.storage.manifest import relative
     from experiments.storage.plain_json import plain
@@ -106,6 +107,7 @@ def run(config: Config) -> None:
         summary = {"rows": rows, "cases": [case_row(one) for one in runs], "failures": failures, "runs": len(runs)}
         run.write(summary | {"wall_s": run.wall}, manifest=about)
     board_table(entries).print()
+    print(BOARD_LEGEND)
     for line in [*lost, *(f"failed: {failure['run']}: {failure['error']}" for failure in failures)]:
         print(line)
     print(stages_text(run.watch.stages))

@@ -114,7 +114,7 @@ def run(config: Config) -> None:
         if not found.logs:
             write_samples(run.folder, found.samples)
         run.write(identification_to_json(found), found.logs, manifest=manifest)
-        title = f"Slip laws identified from {config.path.name}"
+        title = f"Slip laws identified from “{config.path.resolve().name}”"
         page(found, title, command_line("identify"), manifest).write(run.folder, config.pdf)
         report(1)
     print_identification(found)

@@ -27,7 +27,8 @@ class Config(Simulation):
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
     """Controller: linear is the paper's Eq. 31, ppo:FOLDER a policy of train, MODULE:CLASS your own."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
-    """Slip compensation: LAW of --laws; online starts from icr_radius, online_load icr_load, online_cold no slip."""
+    """Slip compensation: LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from
+    icr_load, which --laws must contain: the shipped laws don't."""
     preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0
     """Time by which the controller looks ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
     localization: Literal["plate", "line", "truth"] = "plate"
@@ -108,7 +109,8 @@ def run(config: Config) -> None:
             with run.busy("recording"):
                 record_all(run.folder, logs)
     tracking_table(results).print()
-    print(f"{poses.valid_fraction:.1%} of the scans gave a valid pose; odometry bridged the rest")
+    bridged = "; odometry bridged the rest" if poses.valid_fraction < 1 else ""
+    print(f"{poses.valid_fraction:.1%} of the scans gave a valid pose{bridged}")
     if config.bag:
         print(bags_text(config.out, summary["bags"]))
     print(f"{config.out / RUNS_FILE}: {run.wall:.1f} s")

@@ -7,6 +7,11 @@ CONTROLLER_NAMES = (
 """The controllers of trackslip.controllers."""
 REFERENCE_NAMES = ("paper", "circle", "figure_eight", "slalom", "rounded_square", "clothoid", "spiral", "stop_and_go")
 """The references of trackslip.trajectory."""
+GROUND_NAMES = (
+    *("stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky"),
+    *("firm_sand", "loose_sand", "clay", "snow", "ice"),
+)
+"""The grounds of sim.ground."""
 WITHOUT_LAWS = ("none", "published", "online_cold")
 """Compensations that need no identified law."""
 CONTROLLERS = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"

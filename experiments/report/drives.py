@@ -99,7 +99,7 @@ def heading_table(found: DriveComparison) -> Table | None:
 def _errors(found: DriveComparison, law: str, quantity: str, factor: float, digits: int) -> tuple[str | Cell, ...]:
     """A law and its errors of `quantity`, rms | median, at each horizon."""
     title = law_cell(law, law == found.best, formula=False)
-    cells: list[str | Cell] = [Cell(NO_SLIP, mark=title.mark) if law == "none" else title]
+    cells: list[str | Cell] = [Cell(NO_SLIP, "none", ["none"], title.mark) if law == "none" else title]
     for horizon in HORIZONS:
         errors = found.errors[law].get(horizon)
         known = [getattr(errors, f"{quantity}_{kind}", None) for kind in ("rms", "median")]

@@ -18,6 +18,7 @@ from experiments.report.formats import number, pair
 from experiments.report.laws import parameter_bullets
 from experiments.report.page import Block, Bullets, Page, Plot, Section, warnings
 from experiments.report.steady_laws import best_text, criteria_table, lack_of_fit_text, law_table, size_text
+from trackslip.identification.comparison import SteadyComparison
 from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.families import FAMILIES
@@ -79,7 +80,17 @@ def print_identification(found: Identification) -> None:
             table.print()
     for warning in found.warnings:
         print(f"warning: {warning}")
-    print(f"best: {found.best}, {FAMILIES[found.best].title}")
+    print(f"best: {found.best}, {FAMILIES[found.best].title}{_why(found)}")
+
+
+def _why(found: Identification) -> str:
+    """Why the best law isn't the first of its table; empty if it is."""
+    chosen = found.drive if found.method == "drive" else found.steady
+    if chosen is None or chosen.ranking[0] == chosen.best:
+        return ""
+    if isinstance(chosen, SteadyComparison):
+        return f"; {chosen.ranking[0]} has a smaller AICc, but does not predict better (chosen by {chosen.criterion})"
+    return f"; {chosen.ranking[0]} scores less than 2 % better, and {chosen.best} is the simplest of the likeliest"
 
 
 def _driven(runs: int, turns: InnerOuterSamples) -> str:

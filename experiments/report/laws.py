@@ -51,9 +51,10 @@ def prediction_title(name: str) -> str:
 
 
 def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
-    """A law in a table: its title and formula on a page, its name in files and options on the terminal."""
+    """A law in a table: its title, name and formula on a page, its name in files and options on the terminal."""
     law = shown(name)
-    return Cell(law.label, name, law.formula if formula else (), "best" if best else "")
+    option = (name,) if name != law.label else ()
+    return Cell(law.label, name, (*option, *(law.formula if formula else ())), "best" if best else "")
 
 
 def parameter_bullets(laws: Iterable[str], robot: RobotGeometry) -> Bullets:

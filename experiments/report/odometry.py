@@ -36,13 +36,15 @@ def tables(found: Sequence[Evaluated]) -> list[Table]:
         absolute.append((one.label, *(_cell(errors, name, "rms", "largest") for errors, name in kinds)))
     made = [Table("Absolute errors, rms | largest", _ABSOLUTE, absolute)]
     for ahead, name, statistics, title in _RELATIVE:
+        known = [length for one in found for length in getattr(one.errors, ahead)]
+        lengths = [length for length in LENGTHS if length in known]
         rows = []
         for one in found:
             errors = getattr(one.errors, ahead)
-            rows.append((one.label, *(_cell(errors.get(length), name, *statistics) for length in LENGTHS)))
-        header = ("law", *(f"{length:g} {'m' if ahead == 'after_metres' else 's'}" for length in LENGTHS))
+            rows.append((one.label, *(_cell(errors.get(length), name, *statistics) for length in lengths)))
+        header = ("law", *(f"{length:g} {'m' if ahead == 'after_metres' else 's'}" for length in lengths))
         made.append(Table(title, header, rows))
-    return [table for table in made if any(set(row[1:]) != {MISSING} for row in table.rows)]
+    return [table for table in made if any(set(row[1:]) - {MISSING} for row in table.rows)]
 
 
 def _cell(errors: PoseErrors | None, name: str, *statistics: str) -> str:
@@ -154,4 +156,4 @@ def page(
         Section("Warnings", [Bullets(notes)]) if notes else None,
     ]
     best = told and Markup("<strong>{}.</strong>").format(told)
-    return Page(f"Odometry by slip laws on {name}", command, manifest, sections, [intro + " ".join(sensing), best])
+    return Page(f"Odometry by slip laws on “{name}”", command, manifest, sections, [intro + " ".join(sensing), best])

@@ -1,6 +1,7 @@
 """The command line: help, examples, completion, lazy imports, unwritable folders and interrupts."""
 
 import contextlib
+import importlib.metadata
 import re
 import shlex
 import signal
@@ -31,6 +32,11 @@ def printed_by(capsys, *command):
         main([*command])
     assert not stop.value.code
     return capsys.readouterr().out
+
+
+def test_version(capsys):
+    main(["--version"])
+    assert capsys.readouterr().out == f"trackslip {importlib.metadata.version('trackslip')}\n"
 
 
 @pytest.mark.parametrize("command", ["", *MODULES])

@@ -37,8 +37,8 @@ _SENSOR: dict[str, tuple[str, float, float, str, str]] = {
         "ms",
         1e3,
         20.0,
-        "the encoders' stamps are {} later than the poses'",
-        "the poses' stamps are {} later than the encoders'",
+        "the encoders' clock is {} ahead of the poses'",
+        "the encoders' clock is {} behind the poses'",
     ),
 }  # unit as printed, SI to unit, size worth a line, words for positive and for negative values
 

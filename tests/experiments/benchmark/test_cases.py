@@ -7,8 +7,9 @@ from experiments.benchmark.cases import BenchmarkCase, cases_of, identified
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.rows import board, bootstrap95, losses, over_seeds
 from experiments.commands.benchmark import Config
-from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
+from experiments.options.choices import CONTROLLER_NAMES, GROUND_NAMES, REFERENCE_NAMES
 from experiments.sweep.engine import fleets
+from sim.ground.named import NAMED_GROUNDS
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.trajectory.named import REFERENCES
@@ -17,6 +18,7 @@ from trackslip.trajectory.named import REFERENCES
 def test_suites_know_all_names():
     assert tuple(CONTROLLERS) == CONTROLLER_NAMES
     assert tuple(REFERENCES) == REFERENCE_NAMES
+    assert tuple(NAMED_GROUNDS) == GROUND_NAMES
 
 
 @pytest.mark.parametrize(("suite", "runs"), [("paper", 75), ("quick", 60), ("full", 2160)])

@@ -41,6 +41,8 @@ def test_the_true_law_is_right_and_none_is_not(trackslip, files):
     result = trackslip("evaluate", str(files / "two.parquet"), "--law", true, "--law", "none", "--pdf")
     laws = result.summary["laws"]
     assert list(laws) == ["icr_radius", "none"]
+    page = (result.folder / "report.html").read_text()
+    assert "Odometry by slip laws on “two.parquet”" in page
     assert laws["icr_radius"]["from_first"]["position"]["largest"] < 1e-9
     for lengths in ("after_metres", "after_seconds"):
         assert list(laws["none"][lengths]) == ["1", "2", "5", "10"]

@@ -18,7 +18,7 @@ from experiments.report.figures import laws as figures
 from experiments.report.figures import steady_runs
 from experiments.report.figures.localization import error_against_viewing_angle
 from experiments.report.figures.slip_under_load import slip_under_load
-from experiments.report.identification import page
+from experiments.report.identification import page, print_identification
 from experiments.report.laws import law_looks, shown, symbol
 from experiments.report.library import identification_page
 from experiments.report.page import Plot
@@ -191,3 +191,18 @@ def test_errors_are_those_of_the_poses_and_stand_beside_the_bound(factor):
     np.testing.assert_allclose(ratio, factor, rtol=0.08)
     np.testing.assert_allclose(seen.ratio(), factor, rtol=0.1)
     assert [len(axis.lines) for axis in assert_readable(error_against_viewing_angle(seen)).axes] == [4, 2]
+
+
+def test_tables_name_laws_by_label_and_by_option(found, capsys):
+    page_text = text_of(found)
+    for name in ("icr", "icr_radius"):
+        assert f"{shown(name).label}{' best' * (name == 'icr_radius')} {name}" in page_text
+    print_identification(found)
+    assert capsys.readouterr().out.splitlines()[-1].startswith("best: icr_radius")
+
+
+def test_the_terminal_says_why_a_law_with_a_larger_aicc_is_the_best(found, capsys):
+    aicc = {name: 0.0 if name == "icr" else 1.0 for name in found.steady.aicc}
+    print_identification(replace(found, steady=replace(found.steady, aicc=aicc)))
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.endswith("; icr has a smaller AICc, but does not predict better (chosen by left-out radii)")
