@@ -80,7 +80,9 @@ def print_identification(found: Identification) -> None:
             table.print()
     for warning in found.warnings:
         print(f"warning: {warning}")
-    print(f"best: {found.best}, {FAMILIES[found.best].title}{_why(found)}")
+    if reason := _why(found):
+        print(reason)
+    print(f"best: {found.best}, {FAMILIES[found.best].title}")
 
 
 def _why(found: Identification) -> str:
@@ -88,9 +90,12 @@ def _why(found: Identification) -> str:
     chosen = found.drive if found.method == "drive" else found.steady
     if chosen is None or chosen.ranking[0] == chosen.best:
         return ""
-    if isinstance(chosen, SteadyComparison):
-        return f"; {chosen.ranking[0]} has a smaller AICc, but does not predict better (chosen by {chosen.criterion})"
-    return f"; {chosen.ranking[0]} scores less than 2 % better, and {chosen.best} is the simplest of the likeliest"
+    first, best = chosen.ranking[0], chosen.best
+    if not isinstance(chosen, SteadyComparison):
+        return f"{first} scores less than 2 % better than {best}, which is the simplest of the likeliest"
+    if chosen.criterion.startswith("left-out"):
+        return f"{first} has a smaller AICc than {best}, but does not predict {chosen.criterion} better"
+    return f"{first} has a smaller AICc than {best}, but by so little that the simpler law is preferred"
 
 
 def _driven(runs: int, turns: InnerOuterSamples) -> str:

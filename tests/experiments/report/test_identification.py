@@ -204,5 +204,6 @@ def test_tables_name_laws_by_label_and_by_option(found, capsys):
 def test_the_terminal_says_why_a_law_with_a_larger_aicc_is_the_best(found, capsys):
     aicc = {name: 0.0 if name == "icr" else 1.0 for name in found.steady.aicc}
     print_identification(replace(found, steady=replace(found.steady, aicc=aicc)))
-    last = capsys.readouterr().out.splitlines()[-1]
-    assert last.endswith("; icr has a smaller AICc, but does not predict better (chosen by left-out radii)")
+    reason, last = capsys.readouterr().out.splitlines()[-2:]
+    assert reason == "icr has a smaller AICc than icr_radius, but does not predict left-out radii better"
+    assert last.startswith("best: icr_radius")
