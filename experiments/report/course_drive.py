@@ -28,7 +28,8 @@ SENTENCES = {
 }
 _EARTH = "#b9b2a6"  # an area
 _TRACKS = ((BLUE, "o", "left", -0.25), (ORANGE, "^", "right", 0.25))  # with the offset of a bin's symbol [deg]
-_SLIP = (-0.5, 1.0)  # range of slips that is drawn [-]
+_SLIP = (-0.5, 1.0)  # largest range of slips that is drawn [-]
+_RARE = 0.01  # share of the slips that may lie outside the axes on either side
 _BIN = 3.0  # width of bins of slope [deg]
 _HEADER = ("track", "slip", "slip, p95", "touching", "penetration [mm]", "work [J]")
 _NOTE = (
@@ -104,6 +105,13 @@ def page(
     )
 
 
+def slip_limits(slip: Array) -> tuple[float, float]:
+    """Limits of an axis of slips (T, k), NaN where a belt stands still: all but the rarest, with room around them."""
+    low, high = np.nanquantile(slip, (_RARE, 1 - _RARE)) if np.isfinite(slip).any() else (0.0, 0.0)
+    room = 0.02 + 0.15 * (high - low)
+    return max(_SLIP[0], float(low - room)), min(_SLIP[1], float(high + room))
+
+
 @styled
 def profile(run: DrivenCourse, course: Course) -> Figure:
     """The ground along the course, and the way of the chassis' frame over it."""
@@ -133,7 +141,7 @@ def slip_over_slope(run: DrivenCourse) -> Figure:
         median, bars = quartiles[:, 0], np.abs(quartiles[:, 1:] - quartiles[:, :1]).T
         axes.errorbar(middle + offset, median, bars, color=colour, marker=marker, ms=4, lw=1.2, label=name)
     axes.axhline(0, color=GREY, lw=0.8)
-    axes.set(xlabel="slope of the ground along the robot [deg]", ylabel="slip [-]", ylim=_SLIP)
+    axes.set(xlabel="slope of the ground along the robot [deg]", ylabel="slip [-]", ylim=slip_limits(run.slip))
     axes.legend(loc="upper left", ncols=2)
     return figure
 
@@ -155,10 +163,12 @@ def over_time(run: DrivenCourse) -> Figure:
     ]
     for panel, (title, values, lines) in zip(panels, contents, strict=True):
         for k, (name, colour) in enumerate(lines):
-            panel.plot(run.time[shown], values[shown, k], color=colour, lw=0.9, label=name)
+            # dashes over wider lines, as the two sides often coincide
+            look: dict[str, Any] = {"lw": 0.9, "ls": (0, (4, 4))} if k % 2 else {"lw": 1.6}
+            panel.plot(run.time[shown], values[shown, k], color=colour, label=name, **look)
         panel.set_ylabel(title)
         if lines:
             panel.legend(loc="upper left", ncols=4, bbox_to_anchor=(0.0, 1.18), borderaxespad=0.0)
-    panels[2].set_ylim(_SLIP)
+    panels[2].set_ylim(slip_limits(run.slip))
     panels[4].set_xlabel("t [s]")
     return figure

@@ -218,7 +218,7 @@ class Page:
             sections=[section for section in self.sections if section],
             figures=figures,
             conditions=conditions(self.manifest, self.command),
-            manifest=list(flatten(self.manifest)),
+            manifest=[(k, v) for k, v in flatten(self.manifest) if v != MISSING or not k.startswith("config.")],
         )
 
 

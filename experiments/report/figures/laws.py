@@ -1,6 +1,6 @@
 """Figures of fitted slip laws: curves, residuals, criteria, and correlations of the parameters."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from trackslip.slip.exponential import PUBLISHED
 _POLE = 0.5  # slip beyond which a law is near its pole [-]
 _STRONG = ("published", "exponential", "icr_radius")
 _COLUMNS = 3
+_SAME = 0.01  # distance of curves that hide each other, over the height of the axes
 _INDISTINCT = 2.0  # difference of AICc that decides nothing
 _DECIDED = 10.0  # difference of AICc up to which the axis is linear
 _DARK = 0.6  # correlation whose cell is too dark for black text
@@ -55,10 +56,12 @@ def fitted_laws(runs: InnerOuterSamples, comparison: SteadyComparison) -> Figure
         near = [slip - runs.residual(law)[:, track] for name, law in laws.items() if name in strong]
         known = [value[np.abs(value) < _POLE] for value in near]  # the laws at the runs' radii
         low, high = style.limits_around(np.concatenate([with_bars(runs, track, factor), *known]))
-        for name, law in laws.items():
-            for curve in runs.curves(law, radius):
+        curves = {name: np.stack(runs.curves(law, radius))[..., track] for name, law in laws.items()}
+        for name, hidden in hidden_by(curves, _SAME * (high - low)).items():
+            for curve in curves[name]:
                 beyond = (curve <= 2 * low - high) | (curve >= 2 * high - low)  # far outside the axes, near a pole
-                axis.plot(radius, np.where(beyond, np.nan, curve)[:, track], **looks[name])
+                wider = {"lw": looks[name]["lw"] + 2.5 * hidden, "alpha": 0.4} if hidden else {}
+                axis.plot(radius, np.where(beyond, np.nan, curve), **looks[name] | wider)
         axis.plot(runs.radius, slip, "o", color=_RUN, ms=4, mew=0, zorder=6)
         if runs.errors is not None:
             axis.errorbar(runs.radius, slip, factor * runs.errors.slip[:, track], factor * runs.errors.radius, **BARS)
@@ -70,22 +73,38 @@ def fitted_laws(runs: InnerOuterSamples, comparison: SteadyComparison) -> Figure
     return figure
 
 
+def hidden_by(curves: Mapping[str, Array], near: float) -> dict[str, int]:
+    """By law, the number of laws drawn later whose curves all lie within `near`: so much wider is its line."""
+    names = list(curves)
+    return {
+        name: sum(
+            curves[other].shape == curves[name].shape and bool((np.abs(curves[other] - curves[name]) < near).all())
+            for other in names[k + 1 :]
+        )
+        for k, name in enumerate(names)
+    }
+
+
 @style.styled
 def residuals(runs: InnerOuterSamples, comparison: SteadyComparison) -> Figure:
     """Residuals of every run, one panel per law on a common scale that is linear within the band of errors."""
     band, meaning = residual_band(runs, comparison)
     off = {name: runs.residual(law) for name, law in shown_laws(comparison).items()}
     largest = max(float(np.abs(residual).max()) for residual in off.values())
-    rows = -(-len(off) // _COLUMNS)
+    columns = _COLUMNS + (len(off) % _COLUMNS == 1 < len(off))  # no panel alone in its row
+    rows = -(-len(off) // columns)
     figure, panels = style.subplots(
-        0.8 + 1.75 * rows, rows, _COLUMNS, across=0.3, down=0.35, sharex=True, sharey=True, squeeze=False
+        0.8 + 1.75 * rows, rows, columns, across=0.3, down=0.35, sharex=True, sharey=True, squeeze=False
     )
-    panels[0, 0].set_yscale("symlog", linthresh=max(band, 1e-4 * largest, 1e-9))
+    linear = max(band, 1e-4 * largest, 1e-9)
+    panels[0, 0].set_yscale("symlog", linthresh=linear)
     panels[0, 0].set_ylim(-2 * largest, 2 * largest)
+    decades = 10.0 ** np.arange(np.ceil(np.log10(linear)), np.log10(2 * largest))
+    panels[0, 0].set_yticks([*-decades[::-1], 0.0, *decades])
     for axis, (name, residual) in zip(panels.flat, off.items(), strict=False):
         style.zero_line(axis)
         axis.axhspan(-band, band, color=style.BAND, lw=0, zorder=0)
-        axis.set_title(_title(name, comparison), fontsize=8.5)
+        axis.set_title(_title(name, comparison), fontsize=8.5 if columns == _COLUMNS else 7.0)
         for track, side in enumerate(TRACKS):
             look = _TRACK_STYLE[side]
             if runs.errors is not None:
@@ -96,7 +115,7 @@ def residuals(runs: InnerOuterSamples, comparison: SteadyComparison) -> Figure:
             axis.plot(*np.reshape(means, (-1, 2)).T, color=look["color"], lw=0.8)
     for axis in panels.flat[len(off) :]:
         axis.set_axis_off()
-    for axis in panels.flat[: len(off)][-_COLUMNS:]:  # the lowest of each column
+    for axis in panels.flat[: len(off)][-columns:]:  # the lowest of each column
         show_radii(axis, runs)
         axis.tick_params(labelbottom=True)
     for axis in panels[:, 0]:

@@ -2,6 +2,7 @@
 
 import html
 import re
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -155,6 +156,22 @@ def test_all_laws_are_drawn_through_the_samples(either):
     panels = [axes for axes in assert_readable(figures.residuals(turns, either.comparison)).axes if axes.axison]
     assert len(panels) == len(laws)
     assert len({axes.get_ylim() for axes in panels}) == 1
+
+
+@pytest.mark.parametrize("names", [("exponential_speed",), ("exponential_speed", "turn_loss", "icr_sides", "icr_load")])
+def test_no_panel_of_residuals_is_alone_in_its_row(found, names):
+    laws = {name: found.comparison.laws["icr"] for name in (*found.comparison.laws, *names)}
+    comparison = replace(found.comparison, laws=laws, aicc=dict.fromkeys(laws, 0.0))
+    figure = assert_readable(figures.residuals(turns_of(found), comparison))
+    rows = Counter(round(axes.get_position().y0, 6) for axes in figure.axes if axes.axison)
+    assert len(names) + 6 == sum(rows.values())
+    assert 1 not in rows.values()
+
+
+def test_a_curve_is_wider_by_the_number_of_curves_that_hide_it():
+    line = np.linspace(0.0, 1.0, 9)
+    curves = {"a": line[None], "b": line[None] + 1e-4, "c": 1 - line[None], "d": np.stack([line, line])}
+    assert figures.hidden_by(curves, 1e-3) == {"a": 1, "b": 0, "c": 0, "d": 0}
 
 
 def test_criteria_and_correlations(either):

@@ -79,7 +79,7 @@ def test_a_page_is_sections_of_blocks():
     assert (first.get("class"), second.get("class")) == ("chosen", None)
     assert first.find("tr/th").get("rowspan") == "2"
     assert [cell.text for cell in first.iter("td")] == ["D", "−43 ± 2 mm", "ε", "–"]
-    assert page.find(".//caption").text == second.find("tr/th").text == HOSTILE
+    assert page.find(".//caption/span").text == second.find("tr/th").text == HOSTILE
     assert re.findall(r"(?:src|href)=\"(?!#)[^\"]*|url\((?!#)|@import|<link|<script", text) == []  # no other file
 
 
@@ -113,3 +113,8 @@ def test_numbers_as_printed():
     assert [significant(value) for value in (0.0, 0.00123, 4.56, 12345.6)] == ["0", "0.0012", "4.6", "12,346"]
     assert percent(0.0123) == "1.2 %"
     assert progress_line(161.0, 300.0, "s", 100.0, 61.0) == "161/300 s, 1 x real time, 0:02:19 left"
+
+
+def test_how_it_was_made_leaves_out_options_that_were_not_given():
+    text = Page("A page", "", {"config": {"robot": None, "seed": 1}, "git": None}, []).html()
+    assert [name.text for name in elements(text).iter("dt")] == ["config.seed", "git"]
