@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from numbers import Integral, Real
@@ -19,6 +20,8 @@ from trackslip.kinematics import Array
 
 Floats = NDArray[np.float32]
 C = TypeVar("C")
+MAX_WEIGHT = 1e6
+"""Largest weight in a reward."""
 _KINDS: dict[Any, tuple[Any, str]] = {  # of options, by type hint: what values are instances of, in words
     str: (str, "a text"),
     float: (Real, "a number"),
@@ -98,9 +101,17 @@ class TaskKind:
     """Makes what draws a task."""
 
 
+def numeric(actions: ArrayLike) -> Array:
+    """Actions as an array; raises InvalidValueError unless they are numbers."""
+    try:
+        return np.asarray(actions, float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidValueError("action", actions, "an array of finite numbers") from error
+
+
 def clipped_actions(actions: ArrayLike, size: int, count: int) -> Array:
-    """Actions (N, A) in [-1, 1]; raises InvalidValueError unless they are finite, and of this shape."""
-    action = np.asarray(actions, float)
+    """Actions (N, A) in [-1, 1]; raises InvalidValueError unless they are finite numbers, and of this shape."""
+    action = numeric(actions)
     require(action.shape == (size, count), "action", f"an array of shape {action.shape}", f"of shape {(size, count)}")
     if np.count_nonzero(np.isfinite(action)) < action.size:
         row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
@@ -135,14 +146,23 @@ def from_options(configuration: type[C], options: Mapping[str, Any]) -> C:
 
     Raises InvalidValueError for unknown names, values of another type, and what the configuration itself refuses.
     """
-    known = [f.name for f in fields(configuration)]  # type: ignore[arg-type]
-    for name in options:
-        require(name in known, "option", name, f"one of {', '.join(known)}")
-    values = {name: _plain(value) for name, value in options.items()}
     hints = get_type_hints(configuration)
+    return configuration(**checked("option", options, {f.name: hints[f.name] for f in fields(configuration)}))  # type: ignore[arg-type]
+
+
+def checked(field: str, options: object, hints: Mapping[str, Any]) -> dict[str, Any]:
+    """Options by name, with lists as tuples, and paths as texts.
+
+    Raises InvalidValueError unless they are a mapping with names among `hints` and values of these types.
+    """
+    require(isinstance(options, Mapping), field, options, "a dictionary")
+    assert isinstance(options, Mapping)
+    for name in options:
+        require(name in hints, field, name, f"one of {', '.join(hints)}")
+    values = {name: _plain(value) for name, value in options.items()}
     for name, value in values.items():
         _require_type(name, value, hints[name])
-    return configuration(**values)
+    return values
 
 
 def _plain(value: object) -> object:
@@ -154,4 +174,5 @@ def _require_type(field: str, value: object, hint: Any) -> None:
     parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
     kinds = [_KINDS.get(get_origin(part) or part, (part, "")) for part in parts]
     valid = any(isinstance(value, kind) for kind, _ in kinds) and not isinstance(value, bool)
+    valid = valid and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
     require(valid, field, value, " or ".join(words or f"a {kind.__name__}" for kind, words in kinds))

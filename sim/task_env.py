@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from numbers import Integral
 from typing import Any, ClassVar
 
 import gymnasium
@@ -14,8 +15,10 @@ from numpy.typing import NDArray
 
 from sim.opengl import TaskRenderer
 from sim.restorable import Restorable
-from sim.task import Element, Floats, TaskKind, from_options, metadata_here, row_of, spaces
+from sim.task import Element, Floats, TaskKind, from_options, metadata_here, numeric, row_of, spaces
 from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
+
+_MOST, _MOST_THREADS = 100_000, 1024
 
 
 class TaskInterface(Restorable):
@@ -36,7 +39,7 @@ class TaskInterface(Restorable):
         Raises InvalidValueError for a state of another environment.
         """
         of = state.get("of") if isinstance(state, Mapping) else None
-        require(of == self._of, "state", f"that of {of}", f"that of {self._of}")
+        require(isinstance(of, str) and of == self._of, "state", f"that of {of}", f"that of {self._of}")
         super().set_state(state)
         self._draw_anew()
 
@@ -100,7 +103,7 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         out of range.
         """
         super().reset(seed=seed)
-        self.task.begin([0], [self.task.draw(self.np_random, options or {})])
+        self.task.begin([0], [self.task.draw(self.np_random, {} if options is None else options)])
         if self._renderer is not None:
             self._renderer.begin([0])
             self._show()
@@ -109,7 +112,7 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Simulate one control period; raises InvalidValueError for an action that isn't finite."""
         task = self.task
-        task.step(np.asarray(action, float)[None])
+        task.step(numeric(action)[None])
         if self._renderer is not None:
             self._renderer.follow()
             self._show()
@@ -157,15 +160,18 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         of range.
         """
         require(render_mode in (None, "rgb_array"), "render_mode", render_mode, 'None or "rgb_array", for many robots')
-        require_whole("num_envs", num_envs, 1)
-        require_whole("threads", threads, 0)
+        require_whole("num_envs", num_envs, 1, _MOST)
+        require_whole("threads", threads, 0, _MOST_THREADS)
+        modes = [mode.value for mode in AutoresetMode]
+        mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
+        require(isinstance(mode, str) and mode in modes, "autoreset_mode", mode, f"one of {', '.join(modes)}")
         if max_episode_steps is not None:
             require_whole("max_episode_steps", max_episode_steps, 1)
         self._longest = np.inf if max_episode_steps is None else max_episode_steps
         self._steps: NDArray[np.int_] = np.zeros(num_envs, int)  # in each robot's episode
         self.num_envs = num_envs
         self.render_mode = render_mode
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode = AutoresetMode(mode)
         self.task = self.kind.task(from_options(self.kind.configuration, options), num_envs, threads)
         """The task of all robots."""
         self.metadata = metadata_here(self.task) | {"autoreset_mode": self.autoreset_mode}
@@ -188,14 +194,13 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
             options: `reset_mask`, (N,) bool, resets some robots only; the others are those of the single environment,
                 each a value for all robots or a list with one per robot.
         """
+        require(options is None or isinstance(options, Mapping), "options", options, "a dictionary")
         options = dict(options or {})
         mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
         valid = isinstance(mask, np.ndarray) and mask.dtype == bool and mask.shape == (self.num_envs,) and mask.any()
         require(valid, "reset_mask", mask, f"an array ({self.num_envs},) of bool, one of them true")
         rows = np.flatnonzero(mask)
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
-        seeds = [None] * self.num_envs if seeds is None else list(seeds)
-        require(len(seeds) == self.num_envs, "seed", seeds, f"an integer, or {self.num_envs}")
+        seeds = self._seeds(seed)
         for row in rows:
             own = seeds[row]
             if own is not None or self._generators[row] is None:
@@ -204,6 +209,20 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         self._begin(rows, options)
         self._begun = True
         return self.task.observation(), self._infos(mask)
+
+    def _seeds(self, seed: Any) -> list[int | None]:
+        """Seeds (N) of the robots."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, Integral):
+            require_whole("seed", seed, 0)
+            return [int(seed) + i for i in range(self.num_envs)]
+        valid = isinstance(seed, Sequence | np.ndarray) and np.shape(seed) == (self.num_envs,)
+        require(valid, "seed", seed, f"an integer, or {self.num_envs}")
+        for one in seed:
+            if one is not None:
+                require_whole("seed", one, 0)
+        return list(seed)
 
     def step(self, actions: Floats) -> tuple[Floats, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Simulate one control period with actions (N, A).

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
-from numbers import Integral
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from trackslip.logs.runlog import RunLog
+
+
+_LONG = 200  # characters of a value that are shown
 
 
 class TrackslipError(Exception):
@@ -24,8 +28,10 @@ class InvalidValueError(TrackslipError, ValueError):
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
-        shown = float(value) if isinstance(value, float) else value  # the repr of NumPy's numbers includes their type
-        super().__init__(f"{field} = {shown!r}: must be {allowed}")
+        shown = repr(float(value) if isinstance(value, float) else value)  # NumPy's repr includes the type
+        if len(shown) > _LONG:
+            shown = f"{shown[: _LONG // 2]} ... {shown[-_LONG // 4 :]}"
+        super().__init__(f"{field} = {' '.join(shown.split())}: must be {allowed}")
         self.field, self.value, self.allowed = field, value, allowed
 
     def __reduce__(self) -> tuple[type[InvalidValueError], tuple[str, object, str]]:
@@ -69,13 +75,13 @@ def require(allowed: object, field: str, value: object, what: str) -> None:
 
 def require_positive(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite and greater than zero."""
-    if not _true(lambda: 0.0 < value < float("inf")):
+    if not _true(lambda: value > 0.0 and _finite(value)):
         raise InvalidValueError(field, value, "a finite number > 0")
 
 
 def require_non_negative(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite and at least zero."""
-    if not _true(lambda: 0.0 <= value < float("inf")):
+    if not _true(lambda: value >= 0.0 and _finite(value)):
         raise InvalidValueError(field, value, "a finite number >= 0")
 
 
@@ -87,8 +93,15 @@ def require_at_most(field: str, value: float, limit: float, unit: str = "") -> N
 
 def require_finite(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite."""
-    if not _true(lambda: -float("inf") < value < float("inf")):
+    if not _true(lambda: _finite(value)):
         raise InvalidValueError(field, value, "a finite number")
+
+
+def require_range(field: str, ends: Any, low: float, high: float) -> None:
+    """Raise InvalidValueError unless `ends` are two ascending numbers from `low` to `high`."""
+    numbers = _true(lambda: len(ends) == 2 and all(isinstance(end, Real) for end in ends))
+    valid = numbers and low <= ends[0] <= ends[1] <= high
+    require(valid, field, ends, f"two ascending numbers from {low:g} to {high:g}")
 
 
 def require_whole(field: str, value: Any, low: int, high: float = float("inf")) -> None:
@@ -96,6 +109,12 @@ def require_whole(field: str, value: Any, low: int, high: float = float("inf")) 
     whole = isinstance(value, Integral) and not isinstance(value, bool)
     allowed = f"from {low} to {high}" if high < float("inf") else f">= {low}"
     require(whole and low <= value <= high, field, value, f"a whole number {allowed}")
+
+
+def _finite(value: Any) -> bool:
+    """True for a finite number that isn't too large for a float."""
+    large = isinstance(value, Integral) and abs(int(value)) > sys.float_info.max
+    return bool(-float("inf") < value < float("inf")) and not large
 
 
 def _true(comparison: Callable[[], object]) -> bool:

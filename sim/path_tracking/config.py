@@ -12,6 +12,7 @@ from sim.ground.ground import Ground
 from sim.ground.named import load_ground
 from sim.path_tracking.randomization import Randomization
 from sim.robot.parameters import RobotParameters, load_robot_file
+from sim.task import MAX_WEIGHT
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
 from trackslip.slip.base import SlipLaw
 
@@ -20,6 +21,7 @@ PERIOD = 0.05
 _ACTIONS = ("sprockets", "twist")
 _POSE_SOURCES = ("truth", "noisy", "scanner")
 _MAX_PREVIEWS = 100
+_MIN_OFF_PATH, _MIN_SCALE = 0.001, 1e-6  # [m], in a scale's own unit
 _MAX_PREVIEW = 20.0  # longest time that previews may look ahead [s]
 
 
@@ -58,6 +60,9 @@ class Reward:
         for f in fields(self):
             check = require_positive if f.name.endswith("scale") else require_non_negative
             check(f.name, getattr(self, f.name))
+            require_at_most(f.name, getattr(self, f.name), MAX_WEIGHT)
+            if f.name.endswith("scale"):
+                require(getattr(self, f.name) >= _MIN_SCALE, f.name, getattr(self, f.name), f"at least {_MIN_SCALE:g}")
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,8 @@ class EnvConfig:
             ("pose_source", self.pose_source, _POSE_SOURCES),
         ):
             require(value in choices, name, value, f"one of {', '.join(choices)}")
+        used = self.action == "twist" or self.compensation == "none"
+        require(used, "compensation", self.compensation, '"none" unless action is "twist"')
         for name, names in (("reference", self.reference), ("ground", self.ground)):
             valid = names and all(isinstance(one, str) for one in _several(names))
             require(valid, name, names, "a name, or a tuple of names")
@@ -113,15 +120,19 @@ class EnvConfig:
         require(len(self.twist_scale) == 2, "twist_scale", self.twist_scale, "two numbers")
         for scale in self.twist_scale:
             require_positive("twist_scale", scale)
+            require_at_most("twist_scale", scale, 100.0)
+            require(scale >= _MIN_SCALE, "twist_scale", scale, f"at least {_MIN_SCALE:g}")
         require_whole("previews", self.previews, 0, _MAX_PREVIEWS)
         spacing = self.preview_spacing
         require_positive("preview_spacing", spacing)
-        require(abs(self.stride * PERIOD - spacing) <= 1e-9, "preview_spacing", spacing, f"a multiple of {PERIOD} s")
+        require_at_most("preview_spacing", spacing, _MAX_PREVIEW, "s")
+        multiple = self.stride >= 1 and abs(self.stride * PERIOD - spacing) <= 1e-9
+        require(multiple, "preview_spacing", spacing, f"a multiple of {PERIOD} s")
         require_at_most("previews * preview_spacing", self.previews * spacing, _MAX_PREVIEW, "s")
         for name, noise in (("position_noise", self.position_noise), ("heading_noise", self.heading_noise)):
             require_non_negative(name, noise)
             require_at_most(name, noise, 1.0)
-        require_positive("off_path", self.off_path)
+        require(self.off_path >= _MIN_OFF_PATH, "off_path", self.off_path, f"at least {_MIN_OFF_PATH:g} m")
         require_at_most("off_path", self.off_path, 10.0, "m")
         known = not isinstance(self.randomization, str) or self.randomization == "typical"
         require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
@@ -131,7 +142,10 @@ class EnvConfig:
 
     @cached_property
     def _robot_file(self) -> tuple[RobotParameters, Ground]:
-        return load_robot_file(Path(self.robot)) if isinstance(self.robot, str) else (self.robot, Ground())
+        if not isinstance(self.robot, str):
+            return self.robot, Ground()
+        require(self.robot.endswith(".toml"), "robot", self.robot, "a RobotParameters, or a .toml file")
+        return load_robot_file(Path(self.robot))
 
     @property
     def parameters(self) -> RobotParameters:

@@ -16,12 +16,21 @@ from sim.ground.ground import Ground, Patch
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.randomization import MAX_LATENCY, Randomization, Range
 from sim.restorable import Restorable
+from sim.task import checked
 from trackslip import se2
-from trackslip.errors import require, require_finite, require_positive
+from trackslip.errors import require, require_at_most, require_finite, require_positive
 from trackslip.kinematics import Array
 from trackslip.trajectory.named import load_reference
 
-_OPTIONS = ("reference", "ground", "start_error", "radius_error", "com", "lag", "latency")
+_OPTIONS = {
+    "reference": str,
+    "ground": str | Ground,
+    "start_error": object,
+    "radius_error": float,
+    "com": object,
+    "lag": float,
+    "latency": int,
+}
 _PARKING = 0.6  # steepest slope that is drawn, as a fraction of the smallest friction angle
 Index = NDArray[np.int_]
 
@@ -50,9 +59,7 @@ def draw(
     `radius_error` [-]; `com` (2,), offset of the centre of mass, forward, to the left [m]; `lag` [s]; and `latency`
     [control periods]. Raises InvalidValueError for unknown options and values out of range.
     """
-    for name in options:
-        require(name in _OPTIONS, "options", name, f"one of {', '.join(_OPTIONS)}")
-    drawn = config.drawn
+    options, drawn = checked("options", options, _OPTIONS), config.drawn
     reference = table.index(options.get("reference", _choice(generator, config.references)))
     base = config.load_ground(_choice(generator, config.grounds))
     ground = _ground(config, base, table.path(reference), generator)
@@ -66,17 +73,23 @@ def draw(
     latency = generator.integers(*drawn.latency, endpoint=True)
     distance, bearing = _uniform(generator, drawn.start_distance, 0.0), generator.uniform(-math.pi, math.pi)
     turned = _uniform(generator, drawn.start_heading, 0.0)
-    error = options.get("start_error", (distance * math.cos(bearing), distance * math.sin(bearing), turned))
+    error = (
+        _finite("start_error", options["start_error"], 3)
+        if "start_error" in options
+        else (distance * math.cos(bearing), distance * math.sin(bearing), turned)
+    )
+    require_at_most("distance of start_error", math.hypot(*error[:2]), config.off_path, "m, which is off_path")
     latency = options.get("latency", latency)
     require(latency in range(MAX_LATENCY + 1), "latency", latency, f"an integer from 0 to {MAX_LATENCY}")
     setting = Setting(
-        start=tuple(se2.compose(table.path(reference)[0], _finite("start_error", error, 3)).tolist()),
+        start=tuple(se2.compose(table.path(reference)[0], error).tolist()),
         ground=ground,
         radius_error=float(options.get("radius_error", radius_error)),
         lag=float(options.get("lag", lag)),
         weight=_finite("com", options.get("com", com), 2),
     )
     require_positive("lag", setting.lag)
+    require_at_most("lag", setting.lag, 1.0, "s")
     dataclasses.replace(config.parameters, radius_error=setting.radius_error)
     x, y = setting.weight
     Randomization(com_x=(x, x), com_y=(y, y)).require_standing(config.parameters)
@@ -108,7 +121,7 @@ def _finite(name: str, values: Any, n: int) -> Any:
     """Values (n,) as floats; raises InvalidValueError unless they are n finite numbers."""
     try:
         numbers = tuple(float(value) for value in values)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = ()
     require(len(numbers) == n, name, values, f"{n} numbers")
     for value in numbers:

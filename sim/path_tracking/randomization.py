@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.ground.ground import MAX_FRICTION, MAX_SHEAR, MAX_SLOPE
 from sim.robot.parameters import RobotParameters
-from trackslip.errors import require
+from trackslip.errors import require, require_range
 
 Range = tuple[float, float]
 """From, to; values are drawn uniformly."""
@@ -69,9 +69,8 @@ class Randomization:
     def __post_init__(self) -> None:
         for name, (low, high) in _LIMITS.items():
             ends = getattr(self, name)
-            if ends is not None:
-                valid = len(ends) == 2 and low <= ends[0] <= ends[1] <= high
-                require(valid, name, tuple(ends), f"two ascending numbers from {low:g} to {high:g}")
+            if ends is not None or getattr(Randomization, name) is not None:  # the default
+                require_range(name, ends, low, high)
         for name, ends in (("patches", self.patches), ("latency", self.latency)):
             require(all(int(end) == end for end in ends), name, ends, "two integers")
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields
 
-import numpy as np
-
 from sim.robot.tracked import TrackedRobot, load_tracked
+from sim.task import MAX_WEIGHT
 from sim.terrain import Course, load_course
 from sim.traverse.courses import OBSTACLES, require_kinds
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import Scripted
-from sim.traverse.states import Servos
-from trackslip.errors import require, require_non_negative, require_positive
+from sim.traverse.states import MAX_SPEED, Servos
+from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_range
 
 PERIOD = 0.1
 """Default control period [s]."""
@@ -49,6 +49,7 @@ class Reward:
     def __post_init__(self) -> None:
         for f in fields(self):
             require_non_negative(f.name, getattr(self, f.name))
+            require_at_most(f.name, getattr(self, f.name), MAX_WEIGHT)
 
 
 @dataclass(frozen=True)
@@ -99,16 +100,18 @@ class TraverseConfig:
         for course in self.courses:
             if isinstance(course, str) and course != RANDOM:
                 load_course(course)
-        require_range(self.difficulty)
+        require_range("difficulty", self.difficulty, 0.0, 1.0)
         require_kinds(self.kinds)
         require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")
-        for name in ("speed_authority", "flipper_authority"):
+        for name, most, unit in (("speed_authority", MAX_SPEED, "m/s"), ("flipper_authority", math.pi, "rad")):
             require_positive(name, getattr(self, name))
+            require_at_most(name, getattr(self, name), most, unit)
         allowed = f"a multiple of {SAMPLE} s, up to 1 s"
         require(0 < self.period <= 1, "period", self.period, allowed)
         require(abs(self.period / SAMPLE - round(self.period / SAMPLE)) < 1e-9, "period", self.period, allowed)
         for name in ("start_offset", "start_heading"):
             require_non_negative(name, getattr(self, name))
+        require_at_most("start_heading", self.start_heading, math.pi, "rad")
 
     @property
     def courses(self) -> tuple[str | Course, ...]:
@@ -118,9 +121,3 @@ class TraverseConfig:
     def load_robot(self) -> TrackedRobot:
         """The robot."""
         return self.robot if isinstance(self.robot, TrackedRobot) else load_tracked(self.robot)
-
-
-def require_range(difficulty: tuple[float, float]) -> None:
-    """Raise InvalidValueError unless `difficulty` is a range within 0 to 1."""
-    valid = np.shape(difficulty) == (2,) and 0.0 <= difficulty[0] <= difficulty[1] <= 1.0
-    require(valid, "difficulty", difficulty, "two ascending numbers from 0 to 1")

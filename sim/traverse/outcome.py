@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.restorable import Restorable
-from trackslip.errors import require, require_positive
+from trackslip.errors import require, require_at_most, require_positive
 from trackslip.kinematics import Array
 
 Outcomes = NDArray[np.int_]
@@ -63,6 +63,7 @@ class Limits:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             require_positive(name, value)
+            require_at_most(name, value, 1e6)
         require(self.lean < np.pi, "lean", self.lean, "less than pi")
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.robot.tracked_model import TrackedModel
+from trackslip.errors import require_at_most, require_finite
 from trackslip.kinematics import Array
 
 SAMPLES = np.array([1.0, 1.25, 1.5])
@@ -59,6 +60,11 @@ class Reflex:
     """Largest lift of front flippers above the chassis' plane [rad]."""
     lowest: float = -0.5
     """Lowest reach of rear flippers [rad]."""
+
+    def __post_init__(self) -> None:
+        for name, angle in vars(self).items():
+            require_finite(name, angle)
+            require_at_most(name, abs(angle), np.pi, "rad")
 
     def angles(self, ground: Array, pitch: Array, hinge_height: Array, geometry: FlipperGeometry) -> Array:
         """Set points (N, F) of the flippers' angles, tips up [rad].

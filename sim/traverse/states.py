@@ -12,6 +12,9 @@ from sim.robot.tracked_model import TrackedModel
 from trackslip.errors import require_at_most, require_positive
 from trackslip.kinematics import Array
 
+MAX_SPEED = 5.0
+"""Largest belt speed that servos may have [m/s]."""
+
 
 class States(Restorable):
     """States of N robots at the end of a control period; of a diverged run, the last finite one."""
@@ -103,7 +106,8 @@ class Servos:
         for name in ("lag", "top_speed", "flipper_speed"):
             require_positive(name, getattr(self, name))
         require_at_most("lag", self.lag, 1.0, "s")
-        require_at_most("top_speed", self.top_speed, 5.0, "m/s")
+        require_at_most("top_speed", self.top_speed, MAX_SPEED, "m/s")
+        require_at_most("flipper_speed", self.flipper_speed, 100.0, "rad/s")
 
 
 class ServoState(Restorable):

@@ -10,19 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.restorable import Restorable
-from sim.task import Element, clipped_actions
+from sim.task import Element, checked, clipped_actions
 from sim.terrain import Course, load_course
-from sim.traverse.config import RANDOM, SAMPLE, Reward, TraverseConfig, require_range
+from sim.traverse.config import RANDOM, SAMPLE, Reward, TraverseConfig
 from sim.traverse.courses import MAX_BOXES, draw_course
 from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Outcome, Outcomes
 from sim.traverse.world import Command, Traverse
-from trackslip.errors import require, require_finite
+from trackslip.errors import require, require_at_most, require_finite, require_range
 from trackslip.kinematics import Array
 
 TERMS = ("progress", "energy", "change", "end")
 """Names of the terms of the reward."""
-_OPTIONS = ("course", "difficulty", "start_offset", "start_heading")
+_OPTIONS = {"course": str | Course, "difficulty": float, "start_offset": float, "start_heading": float}
 _QUARTER = np.pi / 2  # flipper angle of an action of 1 [rad]
 _FAILED = (Outcome.STUCK, Outcome.FELL, Outcome.TIPPED, Outcome.EXPLODED)
 
@@ -105,7 +105,7 @@ class Crossing(Restorable):
 
     def set_difficulty(self, low: float, high: float) -> None:
         """Set the range from which the difficulty of later courses is drawn; raises InvalidValueError out of 0 to 1."""
-        require_range((low, high))
+        require_range("difficulty", (low, high), 0.0, 1.0)
         self.difficulty = low, high
 
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> CourseRun:
@@ -115,18 +115,18 @@ class Crossing(Restorable):
         random course [-]; `start_offset`, to the left [m]; and `start_heading` [rad]. Raises InvalidValueError for
         unknown options and values out of range.
         """
-        for name in options:
-            require(name in _OPTIONS, "options", name, f"one of {', '.join(_OPTIONS)}")
+        options = checked("options", options, _OPTIONS)
         config, own = self.config, np.random.default_rng(int(generator.integers(2**63)))
         chosen = config.courses[generator.integers(len(config.courses))]
         low, high = self.difficulty
         difficulty = options.get("difficulty", low + (high - low) * float(generator.random()))
         offset, heading = (
-            float(options.get(name, generator.uniform(-1.0, 1.0) * largest))
+            options.get(name, generator.uniform(-1.0, 1.0) * largest)
             for name, largest in (("start_offset", config.start_offset), ("start_heading", config.start_heading))
         )
-        for name, value in (("start_offset", offset), ("start_heading", heading)):
-            require_finite(name, value)
+        require_finite("start_offset", offset)
+        require_finite("start_heading", heading)
+        require_at_most("magnitude of start_heading", abs(heading), np.pi, "rad")
         course = options.get("course", chosen)
         if course == RANDOM:
             course = draw_course(own, difficulty, config.obstacles, config.kinds)

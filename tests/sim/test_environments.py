@@ -1,8 +1,10 @@
 """Both environments through gymnasium: its checker, seeds, and rows of the batch that are the single environment."""
 
 import copy
+import itertools
 import pickle
 import sys
+from dataclasses import fields
 from functools import partial
 
 import gymnasium as gym
@@ -13,9 +15,14 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.ground.ground import Change, Ground
+from sim.path_tracking.config import EnvConfig, Reward
 from sim.path_tracking.randomization import Randomization
+from sim.task import from_options
 from sim.terrain import Course, Flat, Step
+from sim.traverse.config import TraverseConfig
 from sim.traverse.outcome import Limits
+from sim.traverse.reflex import Reflex
+from sim.traverse.states import Servos
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr_load import IcrLoad
@@ -277,6 +284,63 @@ def test_actions_that_make_no_sense_are_refused(name):
     ):
         with pytest.raises(InvalidValueError, match="action"):
             env.step(actions)
+
+
+NAN, INF = float("nan"), float("inf")
+HOSTILE = [
+    *(None, True, NAN, INF, -1.0, 0, 1e308, 1e-308, 10**400, 1j, "", "x", "x" * 100_000, "a\nb", "\0", b"x", object()),
+    *((), (NAN, NAN), ("x", "y"), ("a",) * 10_000, [[1.0], [2.0]], {}, np.array([0.1, 0.2]), np.array("x"), np.nan),
+]
+
+
+def refused_in_one_line(function, *args, **kwargs):
+    """Whether a function refuses something in one short line; no other error is allowed."""
+    try:
+        function(*args, **kwargs)
+    except TrackslipError as error:
+        message = str(error)
+    else:
+        return False
+    assert "\n" not in message
+    assert len(message) < 600
+    return True
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("configuration", [EnvConfig, Reward, Randomization, TraverseConfig, Limits, Servos, Reflex])
+def test_hostile_options_are_accepted_or_refused_in_one_line(configuration):
+    tries = list(itertools.product([f.name for f in fields(configuration)], HOSTILE))
+    make = (
+        partial(from_options, configuration) if "Config" in configuration.__name__ else lambda one: configuration(**one)
+    )
+    assert sum(refused_in_one_line(make, {name: value}) for name, value in tries) > 0.7 * len(tries)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", [TRACKING, TRAVERSE])
+def test_hostile_values_do_no_harm_in_an_environment(name):
+    env, envs = gym.make(name).unwrapped, gym.make_vec(name, num_envs=2)
+    env.reset(seed=0)
+    for value in HOSTILE:
+        refused_in_one_line(envs.reset, options=value)
+        refused_in_one_line(envs.reset, seed=value)
+        assert refused_in_one_line(envs.reset, options={"reset_mask": value})
+        refused_in_one_line(env.step, value)
+        assert refused_in_one_line(env.set_state, value)
+        for option in ("start_error", "radius_error", "com", "lag", "latency", "ground", "start_offset", "difficulty"):
+            if not refused_in_one_line(env.reset, options={option: value}):
+                observation, reward, *_ = env.step(np.zeros(env.action_space.shape))
+                assert np.isfinite(observation).all()
+                assert np.isfinite(reward)
+        for option in ("num_envs", "threads", "autoreset_mode", "max_episode_steps"):
+            refused_in_one_line(gym.make_vec, name, **({"num_envs": 1} | {option: value}))
+
+
+def test_the_start_is_within_the_limit_of_the_path():
+    env = gym.make(TRACKING, off_path=0.3)
+    env.reset(seed=0, options={"start_error": (0.2, -0.2, 3.0)})
+    with pytest.raises(InvalidValueError, match=r"start_error = 0\.3.*: must be at most 0.3 m, which is off_path"):
+        env.reset(seed=0, options={"start_error": (0.3, -0.1, 0.0)})
 
 
 LONG = {"off_path": 0.5}

@@ -19,8 +19,17 @@ def test_numbers_of_any_kind_are_taken(check: Callable[[str, object], None], val
     check("mass", value)
 
 
+def test_long_values_are_shown_in_part_and_in_one_line():
+    message = str(InvalidValueError("name", np.zeros((400, 400)) + np.arange(400), "short"))
+    assert "\n" not in message
+    message = str(InvalidValueError("name", "a" * 100_000 + "z", "short"))
+    assert len(message) < 250
+    assert message.startswith("name = 'aaa")
+    assert message.endswith("aaz': must be short")
+
+
 @pytest.mark.parametrize("check", CHECKS)
-@pytest.mark.parametrize("value", ["1", None, [1.0, 2.0], np.array([1.0, 2.0]), float("nan"), 1j])
+@pytest.mark.parametrize("value", ["1", None, [1.0, 2.0], np.array([1.0, 2.0]), float("nan"), 1j, 10**400])
 def test_what_is_no_number_is_refused_by_name(check: Callable[[str, object], None], value: object) -> None:
     with pytest.raises(InvalidValueError, match=r"^mass = .*: must be "):
         check("mass", value)
