@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import NormalizeObservation, NormalizeReward, RecordEpisodeStatistics
 
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.ground.ground import Change, Ground
@@ -237,6 +238,22 @@ def test_windows_are_offered_where_there_is_a_display(display, monkeypatch):
     env = gym.make(TRAVERSE, period=0.2)
     assert env.metadata["render_modes"] == ["rgb_array", *(["human"] if display else [])]
     assert env.metadata["render_fps"] == 5
+
+
+@pytest.mark.parametrize("name", [TRACKING, TRAVERSE])
+def test_gymnasiums_wrappers_see_the_same_episodes_in_a_batch(name):
+    episodes = []
+    for mode in ("vector_entry_point", "sync"):
+        envs = gym.make_vec(name, num_envs=3, vectorization_mode=mode, max_episode_steps=6)
+        envs = NormalizeReward(NormalizeObservation(RecordEpisodeStatistics(envs)))
+        envs.reset(seed=4)
+        actions = np.random.default_rng(1).uniform(-1.0, 1.0, (20, *envs.action_space.shape)).astype(np.float32)
+        results = [envs.step(action) for action in actions]
+        lengths = np.concatenate([info["episode"]["l"] for *_, info in results if "episode" in info])
+        episodes.append([*results[-1][:4], lengths])
+        envs.close()
+    assert_same(*episodes)
+    assert set(lengths) == {6}
 
 
 def test_seeds_may_be_one_each():
