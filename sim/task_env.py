@@ -192,7 +192,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
             seed: an integer s seeds row i as reset(seed=s + i) seeds the single environment; or a sequence with one
                 seed per robot, None to keep a robot's generator.
             options: `reset_mask`, (N,) bool, resets some robots only; the others are those of the single environment,
-                each a value for all robots or a list with one per robot.
+                each a value for all robots or a list with one per robot, None to draw a robot's value.
         """
         require(options is None or isinstance(options, Mapping), "options", options, "a dictionary")
         options = dict(options or {})
@@ -275,7 +275,8 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
             generator = self._generators[row]
             assert generator is not None
             own = {name: value[row] if isinstance(value, list) else value for name, value in options.items()}
-            episodes.append(self.task.draw(generator, own))
+            drawn = [name for name, value in options.items() if isinstance(value, list) and value[row] is None]
+            episodes.append(self.task.draw(generator, {name: own[name] for name in own if name not in drawn}))
         self.task.begin(rows.tolist(), episodes)
         self._ended[rows], self._steps[rows] = False, 0
         if self._renderer is not None:

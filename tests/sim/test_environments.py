@@ -266,6 +266,18 @@ def test_seeds_may_be_one_each():
         native.reset(seed=[1, 2])
 
 
+def test_options_may_be_one_each_and_none_is_drawn():
+    env = gym.make_vec(TRACKING, num_envs=2, **DRAWN)
+    radius = env.unwrapped.task.fleet.robot.geometry.sprocket_radius
+    env.reset(seed=3)
+    drawn = env.unwrapped.task.fleet.drive.radius.copy()
+    env.reset(seed=3, options={"radius_error": [None, 0.2], "ground": [None, "ice"]})
+    np.testing.assert_allclose(env.unwrapped.task.fleet.drive.radius, [drawn[0], [1.2 * radius]])
+    assert [ground.along for ground in env.unwrapped.task.fleet.ground][1] == 0.12
+    with pytest.raises(InvalidValueError, match="radius_error = None"):
+        env.reset(options={"radius_error": None})
+
+
 def test_who_has_ended_must_be_reset_where_nobody_else_does():
     drawn = Randomization(start_distance=(0.1, 0.1))
     env = gym.make_vec(TRACKING, num_envs=2, autoreset_mode="Disabled", off_path=0.11, randomization=drawn)

@@ -28,6 +28,15 @@ def test_single_environments_pass_its_checks():
     assert [info["outcome"] for info in infos] == ["driving", "driving"]
 
 
+def test_robots_may_have_different_options():
+    env = PathTrackingVecEnv(2, randomization="typical")
+    env.set_options([{"lag": 0.2}, {"radius_error": 0.1, "latency": 0}])
+    env.seed(0)
+    env.reset()
+    geometry = env.env.task.fleet.robot.geometry
+    assert env.env.task.fleet.drive.radius[1] == pytest.approx(1.1 * geometry.sprocket_radius)
+
+
 def test_it_is_the_vector_environment():
     ours = PathTrackingVectorEnv(4, autoreset_mode="SameStep", **OPTIONS)
     theirs = PathTrackingVecEnv(4, **OPTIONS)
