@@ -26,7 +26,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file; raises SettingsFileError for a file that can't be read."""
     try:
         text = read_text(path, _MOST)
-        if max(line.partition("=")[0].count(".") for line in text.split("\n") if "," not in line) > _DEEPEST:
+        if any(line.partition("=")[0].count(".") > _DEEPEST for line in text.split("\n") if "," not in line):
             raise SettingsFileError(f"{path}: not TOML of settings (keys nested more than {_DEEPEST} deep)")
         if not (table := tomllib.loads(text)):
             raise SettingsFileError(f"{path}: no settings in it")

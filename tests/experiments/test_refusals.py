@@ -77,7 +77,7 @@ FILES = [
     ("grid --ground {}", "odd.toml", '"two\\nlines" = 1', "two lines is unknown"),
     ("grid --robot {}", "odd.toml", "half_gauge = 0.01", "com_height = 0.12: must be at most 0.0125 m, to stand on"),
     ("grid --sweep {}", "sweep.toml", "radius = [[1.0]]", "radius = [1.0]: must be a number"),
-    ("grid --sweep {}", "sweep.toml", "", "sweep.toml: defines no axis"),
+    ("grid --sweep {}", "sweep.toml", "[empty]", "sweep.toml: defines no axis"),
     ("identify {}", "log.csv", TRACE, "half_gauge = None: must be given (--half-gauge"),
     (f"identify {ROBOT} {{}}", "log.csv", TRACE.replace(",0,0\n", ",oops,0\n"), "row 1, column y: 'oops' is not a"),
     (f"identify {ROBOT} {{}}", "log.csv", TRACE.replace(",", ";"), "must be separated by commas"),

@@ -68,7 +68,7 @@ def test_files_hold_all_fields(tmp_path):
 
 def test_missing_fields_are_the_defaults(tmp_path):
     path = tmp_path / "any.toml"
-    path.write_text("# nothing\n")
+    path.write_text("slope = 0.0\n")
     assert load_ground(str(path)) == NAMED_GROUNDS["stone"].ground == Ground()
     path.write_text("com_y = 0.01\n")
     assert load_robot_file(path) == (RobotParameters(com_y=0.01), Ground())
@@ -98,7 +98,8 @@ STAIRS, PICTURE = '[[pieces]]\nkind = "stairs"\n', '[[pieces]]\nkind = "picture"
 MISTAKES = [
     # what any file can have
     (load_ground, "along = ", "not TOML"),
-    (load_ground, "a = " + "[" * 5000, "not TOML (maximum recursion"),
+    (load_ground, "a = " + "[" * 5000, "not TOML (nested too deeply)"),
+    (load_ground, "# nothing", "no settings in it"),
     (load_ground, "along = true", "along = True: must be a number"),
     (load_ground, "grip = 1.0", "grip is unknown; known are along, across"),
     # grounds
