@@ -90,11 +90,9 @@ class Config(Repeatable):
 def run(config: Config) -> None:
     """Plan, try, store and print."""
     from experiments.driving.plan import plan_to_json, planned, write_plan
-    from experiments.report.figures.plan import draw_plan
-    from experiments.report.page import drawn
-    from experiments.report.plan import print_plan
+    from experiments.report.plan import page, print_plan
     from experiments.run import Run
-    from experiments.storage.results import BAGS_FOLDER, FIGURES_FOLDER
+    from experiments.storage.results import BAGS_FOLDER, REPORT_FILE
     from experiments.studies.plan_trials import try_plan
     from experiments.studies.trials import forget_trials
     from trackslip.planning.plan import expected_of_paper
@@ -112,16 +110,15 @@ def run(config: Config) -> None:
             summary |= {"trials": trials, "checks": trials["checks"]}
             logs = [log]
         write_plan(run.folder / PLAN_FILE, plan)
-        figures = run.folder / FIGURES_FOLDER
-        figures.mkdir()
-        drawn("plan", draw_plan(plan), config.pdf).write(figures)
+        manifest = run.manifest(seed=config.seed)
+        page(plan, paper, manifest, study.shown if config.drive else ()).write(run.folder, config.pdf)
         if bag:
             write_commands(run.folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist)
-        run.write(summary, logs, seed=config.seed)
+        run.write(summary, logs, manifest=manifest)
     print_plan(plan, paper)
     if config.drive:
         study.print()
-    print(f"{config.out / PLAN_FILE}: {run.wall:.1f} s")
+    print(f"{config.out / PLAN_FILE}, {REPORT_FILE}: {run.wall:.1f} s")
     if bag:
         print(f"{config.out / BAGS_FOLDER / BAG_FILE}: commands as a ROS 2 bag")
     elif config.bag:

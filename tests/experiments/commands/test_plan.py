@@ -44,6 +44,8 @@ def test_it_writes_a_plan_that_can_be_driven_and_identified_from(trackslip):
     np.testing.assert_allclose(np.array([stamp for stamp, _ in sent]) - sent[0][0], t, atol=1e-5)
     np.testing.assert_allclose([(one.linear.x, one.angular.z) for _, one in sent], np.column_stack([v, w]), atol=1e-4)
     assert (result.folder / "figures" / "plan.svg").exists()
+    report = (result.folder / "report.html").read_text()
+    assert all(words in report for words in ("A drive to identify slip", "the paper&#39;s 25 runs", "Tried in the"))
     assert "the paper's 25 runs" in result.printed
     trials = result.summary["trials"]
     assert trials["failures"] == []
