@@ -17,6 +17,7 @@ from trackslip.kinematics import Array
 _ROUNDS = 45  # maximum number of Gauss-Newton steps
 _GATED = 12  # rounds after which gates stay as they are
 _KINKED = 15  # rounds after which a clock offset that still moves is at a kink of the cost
+_SEARCHED, _SEARCHES, _CLOCKS, _FOLLOWING = 0.1, 6, 9, 2  # clock offsets: range [s], rounds, number; steps at each
 _HALVINGS = 6
 _STUCK = 3  # rounds without a step that lowers the cost, after which there will be none
 _SETTLED = 0.03  # change of the values, in standard errors
@@ -88,8 +89,8 @@ def fit_trajectory(
 
     `mean` (p,) are the means of the priors. With `gated`, outlying poses and steps are left out, else the weights of
     `nodes` stay. With `quiet`, the noise stays as given. At most `rounds` steps are made. The cost has a kink in the
-    clock offset wherever a pose's time meets an encoder's: a minimum there is no zero of the slope, so the clock offset
-    is held where it goes on moving while the others have settled.
+    clock offset wherever a pose's time meets an encoder's: a minimum there is no zero of the slope, and need not be the
+    lowest. So a clock offset that goes on moving while the others have settled is searched for, and then held.
     """
     yaw, clock, prior = model.index("sensor_yaw"), model.index("clock_offset"), model.prior
     measured = Nodes.of(nodes.drives)
@@ -119,13 +120,45 @@ def fit_trajectory(
         if moved < _SETTLED and changed < _QUIET and (not gated or k > _MIN_ROUNDS):
             converged = True
             break
-        if stuck >= _STUCK and changed < _QUIET and not gated:
+        at_rest = stuck >= _STUCK and changed < _QUIET and not gated
+        if at_rest and (quiet or clock not in found.free):
             break
-        if k >= _KINKED and moved >= _SETTLED and linear.free[moves.argmax()] == clock:
-            found, stuck = found.without(clock), 0
+        if (at_rest or k >= _KINKED) and moved >= _SETTLED and linear.free[moves.argmax()] == clock:
+            states, values, found = _at_best_clock(
+                model, nodes, iterate.noise, states, values, found.without(clock), mean
+            )
+            stuck = 0
     found = residuals(model, nodes, states, values, free)
     step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
     return TrajectoryFit(model, nodes, states, values, free, iterate.noise, found, step, mean, converged)
+
+
+def _at_best_clock(
+    model: DriveModel, nodes: Nodes, noise: Noise, states: Array, values: Array, found: Residuals, mean: Array
+) -> tuple[Array, Array, Residuals]:
+    """States, values and residuals at the clock offset of the smallest cost around the present one, to a millisecond.
+
+    The other parameters of `found` follow each clock offset in Gauss-Newton steps.
+    """
+    clock, yaw, prior = model.index("clock_offset"), model.index("sensor_yaw"), model.prior
+    best, width = (np.inf, states, values, found), _SEARCHED
+    for _ in range(_SEARCHES):
+        middle = best[2][clock]
+        for offset in np.clip(middle + width * np.linspace(-1, 1, _CLOCKS), *model.limits[:2, clock]):
+            _, at, tried, there = best
+            tried = tried.copy()
+            tried[clock] = offset
+            there = residuals(model, nodes, at, tried, found.free)
+            for _ in range(_FOLLOWING):
+                step = solve(there, nodes, noise, yaw, prior, tried - mean)
+                by = step.limited(*model.room(tried, found.free))
+                at, tried, there = _advanced(model, nodes, noise, at, tried, there, *by, mean)
+            total = cost(there, nodes, noise)
+            if total < best[0]:
+                best = (total, at, tried, there)
+        if abs(best[2][clock] - middle) < 0.9 * width:  # not at the edge
+            width /= 4
+    return best[1:]
 
 
 def _advanced(
