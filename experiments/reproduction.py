@@ -17,7 +17,7 @@ from experiments.measuring.tracking import tracking_results
 from experiments.options.world import IDENTIFIED
 from experiments.parallel import InlineExecutor, WorkerProcesses, Workers, processors
 from experiments.recording import record_all
-from experiments.report.formats import stages_text
+from experiments.report.formats import counted, stages_text
 from experiments.report.page import draw_plots
 from experiments.report.paper_comparison import comparison_table
 from experiments.report.reproduction import closed_loops, grid_results, page
@@ -126,6 +126,6 @@ def reproduce(config: Config) -> None:
     comparison.print()
     tracking_table(tracking).print()
     if summary["warnings"]:
-        print(f"{len(summary['warnings'])} warnings: see the report")
+        print(f"{counted(len(summary['warnings']), 'warning')}: see the report")
     print(f"by stage, some at the same time as others: {stages_text(run.watch.stages)}")
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s for {simulated:.0f} s of simulated driving")

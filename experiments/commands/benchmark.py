@@ -35,8 +35,7 @@ class Config(Equipment):
     controllers: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{CONTROLLERS} ...")] = None
     """Controllers; ppo:FOLDER is a policy trained by train, MODULE:CLASS a controller of your own."""
     compensations: Annotated[tuple[str, ...] | None, Distinct(), _COMPENSATIONS] = None
-    """Slip compensations: LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from
-    icr_load, which --laws must contain: the shipped laws don't."""
+    """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
     references: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{REFERENCES} ...")] = None
     """Paths; a .csv file lists waypoints in the columns x, y [m]."""
     grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", _GROUNDS)] = None

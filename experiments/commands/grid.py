@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from experiments.options.base import Distinct, Excludes, Exclusion, Needs, Whole, default_is
+from experiments.options.choices import GROUNDS
 from experiments.options.grid import GridConfig
 from experiments.options.world import MAX_JOBS
 from trackslip.errors import InvalidValueError
@@ -30,7 +31,7 @@ class Config(GridConfig):
     An interrupted grid resumes: runs that are already stored in OUT are not driven again.
     """
 
-    grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("--ground", "NAME|FILE ...")] = None
+    grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("--ground", f"{GROUNDS} ...")] = None
     """Grounds to drive on, by name or .toml file."""
     seeds: Annotated[tuple[int, ...] | None, Distinct(), default_is("--seed", "INT ...")] = None
     """Seeds; every run is driven once with each."""

@@ -27,8 +27,7 @@ class Config(Simulation):
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
     """Controller: linear is the paper's Eq. 31, ppo:FOLDER a policy of train, MODULE:CLASS your own."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
-    """Slip compensation: LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from
-    icr_load, which --laws must contain: the shipped laws don't."""
+    """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
     preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0
     """Time by which the controller looks ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
     localization: Literal["plate", "line", "truth"] = "plate"

@@ -17,4 +17,5 @@ WITHOUT_LAWS = ("none", "published", "online_cold")
 CONTROLLERS = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"
 REFERENCES = f"{{{','.join(REFERENCE_NAMES)},FILE.csv}}"
 COMPENSATIONS = "{none,published,LAW,online,online_load,online_cold}"
+GROUNDS = f"{{{','.join(GROUND_NAMES)},FILE.toml}}"
 """Placeholders of option values in `--help`."""

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import tyro
 
 from experiments.options.base import ResultsOptions, Whole, Within, default_is
+from experiments.options.choices import GROUNDS
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.drive.pull import Pull
 from sim.ground.ground import Ground
@@ -39,9 +40,9 @@ class GroundOptions:
     """The ground, and properties that differ from the named one's."""
 
     source: Annotated[
-        str | None, tyro.conf.arg(name="", metavar="NAME|FILE", help_behavior_hint="(default: the robot's, else stone)")
+        str | None, tyro.conf.arg(name="", metavar=GROUNDS, help_behavior_hint="(default: the robot's, else stone)")
     ] = None
-    """Ground to drive on: stone, gravel, ice, clay, loose_sand or another of those named, or a .toml file."""
+    """Ground to drive on."""
     along: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
     """Friction coefficient along the track [-]."""
     across: Annotated[float | None, default_is("the ground's", "FLOAT")] = None

@@ -1,11 +1,14 @@
 """Benchmarks: runs independent of their fleet, means over seeds, and the leaderboard."""
 
+import re
+
 import numpy as np
 import pytest
 
 from experiments.benchmark.cases import BenchmarkCase, cases_of, identified
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.rows import board, bootstrap95, losses, over_seeds
+from experiments.cli import main
 from experiments.commands.benchmark import Config
 from experiments.options.choices import CONTROLLER_NAMES, GROUND_NAMES, REFERENCE_NAMES
 from experiments.sweep.engine import fleets
@@ -105,3 +108,13 @@ def test_who_keeps_the_path_stands_above_who_is_near_it():
     assert lines[0] == "near with none on stone loses the path in 1 of 1 runs: paper"
     assert lines[1] == "failed with none on stone loses the path in 1 of 1 runs, 1 of them failed: paper"
     assert lines[2:] == ["all others keep the path in every run"]
+
+
+@pytest.mark.parametrize(
+    ("command", "option"), [("grid", "--grounds"), ("track", "--ground"), ("benchmark", "--grounds")]
+)
+def test_help_lists_all_grounds(command, option, capsys):
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    words = "".join(re.sub(r"[│\s]", "", capsys.readouterr().out))
+    assert f"{option}{{{','.join(GROUND_NAMES)}" in words
