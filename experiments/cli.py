@@ -5,8 +5,10 @@ import functools
 import importlib
 import importlib.metadata
 import io
+import itertools
 import os
 import pkgutil
+import re
 import sys
 import typing
 from collections.abc import Sequence
@@ -30,6 +32,8 @@ EXAMPLES = (
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples, `trackslip --version` prints the version."""
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
+_KINDS = {"INT": "a whole number", "FLOAT": "a number"}
+_LONGEST = 4096  # argument, as paths are limited to
 _SHELLS = ("bash", "zsh", "fish", "tcsh")
 
 
@@ -82,7 +86,7 @@ def parse(arguments: Sequence[str]) -> Any:
                 config=(tyro.conf.DisallowNone, tyro.conf.HelptextFromCommentsOff),
             )
     except SystemExit as stop:
-        if stop.code and (refused := _refused_value(stop)):
+        if stop.code and (refused := _refused_value(stop) or _mistyped(explanation.getvalue(), arguments)):
             raise refused from None
         sys.stderr.write(explanation.getvalue())
         if not stop.code and arguments[0] not in _COMPLETION:
@@ -107,6 +111,22 @@ def _refused_value(stop: SystemExit) -> InvalidValueError | None:
     return InvalidValueError(f"{group}.{refused.field}", refused.value, refused.allowed) if group else refused
 
 
+def _mistyped(explanation: str, arguments: Sequence[str]) -> InvalidValueError | None:
+    """The error for a value of another type than the option's, which tyro explains in Python's words; else None."""
+    parsed = re.search(r"Error parsing (--[\w.-]+):", explanation)
+    if parsed is None:
+        return None
+    option = parsed[1]
+    lines = (line.strip("│| ") for line in explanation.splitlines())  # in a box, of ASCII where a terminal needs it
+    kind = next((line for line in lines if line.startswith(f"{option} ")), "").partition(" ")[2]
+    given = next((k for k, argument in enumerate(arguments) if argument.partition("=")[0] == option), None)
+    if not kind or given is None:
+        return None
+    values = [arguments[given].partition("=")[2]] if "=" in arguments[given] else []
+    values += itertools.takewhile(lambda argument: not argument.startswith("--"), arguments[given + 1 :])
+    return InvalidValueError(option.removeprefix("--"), " ".join(values), _KINDS.get(kind, kind))
+
+
 def _check(arguments: Sequence[str]) -> None:
     """Raise TrackslipError for arguments that tyro would accept silently, or reject with a traceback."""
     if arguments[:1] and not arguments[0].startswith("-") and arguments[0] not in command_modules():
@@ -118,6 +138,8 @@ def _check(arguments: Sequence[str]) -> None:
     for argument in arguments:
         if not argument or (argument.startswith("--") and argument.endswith("=")):
             raise InvalidValueError(argument.removesuffix("=") or option, "", "non-empty")
+        if len(argument) > _LONGEST:
+            raise InvalidValueError(option, f"{argument[:20]}...", f"at most {_LONGEST} characters long")
         if any("\ud800" <= character <= "\udfff" for character in argument):
             raise InvalidValueError(option, argument, "valid UTF-8")
         if argument.startswith("--"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -185,7 +186,7 @@ def identified_from(log: Path, specs: Sequence[LawFile]) -> list[str]:
     for path, _ in specs:
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
             about = json.loads((path / MANIFEST_FILE).read_text(encoding="utf-8")) if path is not None else {}
-            if about["command"] == "identify" and Path(about["config"]["path"]).resolve() == log.resolve():
+            if about["command"] == "identify" and os.path.realpath(about["config"]["path"]) == os.path.realpath(log):
                 told.append(f"{path}: identified from this log; on other driving its laws' errors may be larger")
     return list(dict.fromkeys(told))
 

@@ -91,6 +91,12 @@ def require_at_most(field: str, value: float, limit: float, unit: str = "") -> N
         raise InvalidValueError(field, value, f"at most {limit:g} {unit}".strip())
 
 
+def require_within(field: str, value: float, low: float, high: float, unit: str = "") -> None:
+    """Raise InvalidValueError unless `value` is from `low` to `high`."""
+    if not _true(lambda: low <= value <= high):
+        raise InvalidValueError(field, value, f"from {low:g} to {high:g} {unit}".strip())
+
+
 def require_finite(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite."""
     if not _true(lambda: _finite(value)):

@@ -12,12 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.errors import require_positive
+from trackslip.errors import require_within
 from trackslip.se2 import Array as Array
 from trackslip.se2 import advance as advance
 from trackslip.se2 import wrap_angle as wrap_angle
 
 SIDES = np.array([-1.0, 1.0])  # (2,) track speeds are v + SIDES * b * w: the left track is slower when w > 0
+
+
+GEARS = (1e-4, 1e4)
+"""Turns of an encoder per turn of the sprocket, at least and at most."""
+_SIZES = (1e-3, 100.0)  # of robots: anything else is a mistake of units [m]
 
 
 @dataclass(frozen=True)
@@ -30,8 +35,8 @@ class RobotGeometry:
     """r: effective radius of the driving sprockets [m]."""
 
     def __post_init__(self) -> None:
-        require_positive("half_gauge", self.half_gauge)
-        require_positive("sprocket_radius", self.sprocket_radius)
+        require_within("half_gauge", self.half_gauge, *_SIZES, "m")
+        require_within("sprocket_radius", self.sprocket_radius, *_SIZES, "m")
 
 
 def columns(values: Array) -> Sequence[Any]:

@@ -11,6 +11,7 @@ import tyro
 from experiments.options.bag_choice import Bag, BagOptions
 from experiments.options.base import Distinct, Positive, ResultsOptions, Within, default_is
 from trackslip.errors import InvalidValueError
+from trackslip.kinematics import GEARS
 
 EXAMPLES = (
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
@@ -44,7 +45,7 @@ class Config(ResultsOptions):
     """Half the distance between the tracks [m]."""
     sprocket_radius: Annotated[float | None, Positive(100.0, "m"), _LOGS] = None
     """Radius of the sprockets [m]."""
-    gear: Annotated[float, Positive(1e4)] = 1.0
+    gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     sensor: Annotated[tuple[float, float, float] | None, default_is(_LAWS, "X Y YAW")] = None
     """Place of the poses' sensor, ahead and to the left of the turning centre, and its heading there [m, m, rad]."""

@@ -21,6 +21,7 @@ from experiments.options.base import (
 )
 from experiments.options.world import Method
 from trackslip.errors import InvalidValueError
+from trackslip.kinematics import GEARS
 from trackslip.motion.constant_speed import SETTLE
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class Config(ResultsOptions):
     """Half the distance between the tracks [m]."""
     sprocket_radius: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
     """Radius of the sprockets [m]."""
-    gear: Annotated[float, Positive(1e4)] = 1.0
+    gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     method: Annotated[
         Literal["steady", "drive"] | None, default_is("steady where most of the driving is", "{steady,drive}")
@@ -66,7 +67,7 @@ class Config(ResultsOptions):
     """Estimate the sensor's place from steady stretches; whole drives always do unless --sensor is given."""
     motion: Method = None
     """Method that estimates the twist of a run; bundle needs ranges (see grid)."""
-    settle: Annotated[float, NonNegative()] = SETTLE
+    settle: Annotated[float, NonNegative(3600.0, "s")] = SETTLE
     """Time left out of each run after the sprockets have become steady [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""

@@ -11,7 +11,7 @@ import tyro
 
 from experiments.options.base import Exclusion, Needs, Positive, Whole, Within, default_is
 from experiments.options.world import Repeatable
-from trackslip.errors import InvalidValueError, require_finite
+from trackslip.errors import InvalidValueError
 from trackslip.planning.limits import DriveLimits
 
 EXAMPLES = (
@@ -71,8 +71,6 @@ class Config(Repeatable):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.offset is not None:
-            require_finite("offset", self.offset)
         for name in ("half_gauge", "sprocket_radius"):
             if self.after is None and getattr(self, name) is None:
                 raise InvalidValueError(name, None, f"given (--{name.replace('_', '-')} on the command line)")

@@ -8,7 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from trackslip.errors import require, require_at_most, require_finite, require_non_negative, require_positive
+from trackslip.errors import (
+    require,
+    require_at_most,
+    require_non_negative,
+    require_positive,
+    require_within,
+)
 from trackslip.kinematics import Array
 
 MAX_FRICTION = 10.0
@@ -19,6 +25,7 @@ MAX_SHEAR = 0.2
 """Largest shear modulus [m]."""
 UNLESS_ZERO = {"stored_unless": 0.0}
 """Metadata of a field that is left out of files where it is zero; older files stay unchanged."""
+_TURN = 2 * math.pi
 _MAX_PATCHES = 10_000  # largest number of patches of a ground, and of changes
 
 
@@ -94,7 +101,7 @@ class Ground:
         _require_friction(self.along, self.across)
         require_non_negative("slope", self.slope)
         require_at_most("slope", self.slope, MAX_SLOPE, "rad")
-        require_finite("uphill", self.uphill)
+        require_within("uphill", self.uphill, -_TURN, _TURN, "rad")
         _require_shear(self.shear)
         for name in ("patches", "changes"):
             require_at_most(f"number of {name}", len(getattr(self, name)), _MAX_PATCHES)

@@ -52,6 +52,17 @@ OPTIONS = [
     (f"{PLAN} --area 3x-3", "area = '3x-3': must be length x width in metres, such as 3x3 or 4.5x2"),
     (f"{PLAN} --area 0.6x3", "area = '0.6x3': must be more than 0.672 m long and wide, for the robot to turn"),
     ("plan --after nowhere", "nowhere: No such file or directory"),
+    # numbers beyond what they may be, and of another type
+    ("grid --seed 1.5", "seed = '1.5': must be a whole number"),
+    ("predict --shear word", "shear = 'word': must be a number"),
+    ("localize run.mcap --plate 1x0.1 --mount 1 2 a", "mount = '1 2 a': must be X Y YAW"),
+    ("grid --ground.uphill 1e308", "ground.uphill = 1e+308: must be from -6.28319 to 6.28319 rad"),
+    (f"identify log.csv {ROBOT} --settle 1e308", "settle = 1e+308: must be at most 3600 s"),
+    (f"identify log.csv {ROBOT} --gear 1e-308", "gear = 1e-308: must be from 0.0001 to 10000"),
+    ("predict --half-gauge 1e-308", "half_gauge = 1e-308: must be at least 0.001 m"),
+    ("plan --half-gauge 1e-308 --sprocket-radius 0.06", "half_gauge = 1e-308: must be from 0.001 to 100 m"),
+    (f"{PLAN} --offset 1e308", "offset = 1e+308: must be greater than -half_gauge = -0.168 m, at most 100 m"),
+    (f"grid --out {'x' * 5000}", "out = 'xxxxxxxxxxxxxxxxxxxx...': must be at most 4096 characters long"),
     # sweeps
     ("grid --vary noise", "vary = 'noise': must be NAME=VALUE,VALUE,..."),
     ("grid --radii 1 --vary radius=2,3", "radii = (1.0,): must be left out where radius is an axis"),

@@ -17,7 +17,10 @@ def times(reference: ProfiledReference | SegmentedReference, others: int = 2000)
 
 
 def integral_miss(reference: ProfiledReference | SegmentedReference) -> float:
-    """Largest error of any pose against the integral of the twist up to it, by quadrature between knots [m, rad]."""
+    """Largest error of any pose against the integral of the twist up to it, by quadrature between knots [m].
+
+    An error of the arc length shows in the heading times the curvature, so that headings count as far as 1 / curvature.
+    """
     time = times(reference)
     half = np.diff(time)[:, None] / 2
     at = time[:-1, None] + half * (1 + _NODES)  # (T - 1, 6)
@@ -26,4 +29,5 @@ def integral_miss(reference: ProfiledReference | SegmentedReference) -> float:
     rate = np.stack([v * np.cos(phi), v * np.sin(phi), w], axis=-1)
     moved = np.cumsum(half * np.einsum("tnc,n->tc", rate, _WEIGHTS), axis=0)
     pose = reference.pose(time)
-    return float(np.abs(pose[1:] - pose[0] - moved).max())
+    tightest = max(1.0, float(np.abs(w[v > 0] / v[v > 0]).max(initial=0.0)))  # [1/m]
+    return float((np.abs(pose[1:] - pose[0] - moved) / [1.0, 1.0, tightest]).max())

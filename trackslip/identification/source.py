@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, LogError, require_positive
+from trackslip.errors import InvalidValueError, LogError, require_within
 from trackslip.identification.samples import Sampling, usable_rows, usable_samples
-from trackslip.kinematics import RobotGeometry
+from trackslip.kinematics import GEARS, RobotGeometry
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table, runs_file
 from trackslip.logs.runlog import Refused, RunLog
@@ -43,7 +43,7 @@ class ReadOptions:
     """Topics to read from bags."""
 
     def __post_init__(self) -> None:
-        require_positive("gear", self.gear)
+        require_within("gear", self.gear, *GEARS)
 
 
 @dataclass(frozen=True)

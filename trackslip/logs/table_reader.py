@@ -19,6 +19,7 @@ from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, SHEAR, T
 
 _OPTIONAL = ("command", "twist_command", "icr", "load")
 _ENCODER, _POSE = BLOCKS["omega"], BLOCKS["pose"]
+_LONGEST = 500  # name of a run [characters]
 _MOST = 0.5  # share of damaged rows above which a run cannot be read
 
 
@@ -221,6 +222,8 @@ def _labels(table: pa.Table, source: str) -> tuple[np.ndarray, list[str]]:
     encoded = names.fill_null("").combine_chunks().dictionary_encode()
     listed = encoded.dictionary.to_pylist()
     named = [name for name in listed if name.strip()]
+    if (longest := max(map(len, named), default=0)) > _LONGEST:
+        raise LogError(f"{source}: column run: a name of {longest} characters, must have at most {_LONGEST}")
     numbers = {name: number for number, name in enumerate(named)}
     number = np.array([numbers.get(name, -1) for name in listed], int)
     return number[encoded.indices.to_numpy()], named

@@ -14,6 +14,7 @@ MIN_DURATION = 10.0
 _MAX_DURATION = 3600.0  # [s]
 _MAX_SPEED = 10.0  # [m/s]
 _MAX_ACCELERATION = 100.0  # [m/s^2]
+_MOST_OFFSET = 100.0  # of a track's ICR from the track [m]
 _MAX_SIDE = 1000.0  # of an area [m]
 _TURNING = 2.0  # half gauges from the middle of a usual robot to its farthest point
 _REACH = 1.3  # (b + D) / b of a robot on hard ground
@@ -92,7 +93,8 @@ class Knowledge:
             value = getattr(self, name)
             require(0 <= value < 1, name, value, "at least 0 and less than 1")
         b = self.geometry.half_gauge
-        require(-b < self.offset < np.inf, "offset", self.offset, f"greater than -half_gauge = {-b:g} m")
+        allowed = f"greater than -half_gauge = {-b:g} m, at most {_MOST_OFFSET:g} m"
+        require(-b < self.offset <= _MOST_OFFSET, "offset", self.offset, allowed)
         require(abs(self.radius_error) < 1, "radius_error", self.radius_error, "between -1 and 1")
         for value in self.slip:
             require_positive("slip", value)

@@ -140,7 +140,7 @@ def test_the_best_law_is_the_default():
         ({"slip_laws": {"icr": {"values": {"offset": float("nan")}}}}, r"icr.offset = nan: must be from"),
         ({"slip_laws": {"icr": {"values": {"offset": "4 cm"}}}}, r"icr.offset = '4 cm': must be a number"),
         ({"geometry": {"half_gauge": 0.168}}, "no slip laws in it"),
-        ({"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.0}}, "sprocket_radius = 0.0: must be a finite number"),
+        ({"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.0}}, "sprocket_radius = 0.0: must be from 0.001"),
         ({"geometry": {"half_gauge": float("nan"), "sprocket_radius": 0.06}}, "half_gauge = nan"),
         ({"format": 99}, "reads formats up to"),
         *((text, "laws.json: no") for text in ("", "{", "[]", "3", "\x00", '{"a": ' * 100_000)),
