@@ -47,7 +47,7 @@ def sightings(logs: Sequence[RunLog]) -> Sightings | None:
 
 
 def _seen_by(metadata: Mapping[str, Any]) -> tuple[Plate, Scan] | None:
-    """The plate, and a scan without ranges of the scanner that saw it; None where either isn't known."""
+    """The plate, and a scan without ranges of the scanner that saw it; None without them or noise."""
     if "source" in metadata:  # of poses, as teleoperated drives have
         return None
     plate, scanner, lrf = (metadata.get(key) for key in ("plate", "scanner", "lrf"))
@@ -55,6 +55,8 @@ def _seen_by(metadata: Mapping[str, Any]) -> tuple[Plate, Scan] | None:
         return None
     known = {field.name for field in fields(LaserScanner)}  # others are an older version's
     device = LaserScanner(**{name: value for name, value in scanner.items() if name in known})
+    if device.noise == 0.0:  # errors have no bound then
+        return None
     mount = np.array(lrf["mount"], float)
     return Plate(**plate), Scan(device.bearings, np.empty((0, device.bearings.size)), device.noise, mount)
 

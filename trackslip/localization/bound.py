@@ -42,16 +42,19 @@ _AT_ONCE = 250  # poses, so that they stay in the cache
 
 
 def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float, dropout: float = 0.0) -> Array:
-    """Covariances (S, 3, 3) of (x, y, phi) that no unbiased estimator from one scan beats; NaN if undetermined.
+    """Covariances (S, 3, 3) of (x, y, phi) that no unbiased estimator from a scan beats; NaN where undetermined.
 
     Args:
         pose: true poses (S, 3) of the plate in the LRF's frame [m, m, rad].
         plate: the plate in the scan.
         bearings: of the beams (B,), equally spaced, ascending [rad].
-        noise: standard deviation of a range [m].
+        noise: standard deviation of a range [m]; 0 leaves nothing determined.
         dropout: probability that a beam that hits returns nothing [-].
     """
-    information = np.zeros((len(pose), 3, 3))
+    covariance = np.full((len(pose), 3, 3), np.nan)
+    if noise == 0.0:
+        return covariance
+    information = np.zeros_like(covariance)
     directions = directed(bearings)
     for start in range(0, len(pose), _AT_ONCE):
         some = pose[start : start + _AT_ONCE]
@@ -59,7 +62,6 @@ def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float, dropout
         ranges = np.sqrt(1 - dropout) / noise * range_jacobian(some, plate, aimed)
         edges = _edge_jacobian(some, plate, bearings) / np.sqrt(1 + 12 * dropout / (1 - dropout) ** 2)
         information[start : start + _AT_ONCE] = ranges.swapaxes(1, 2) @ ranges + edges.swapaxes(1, 2) @ edges
-    covariance = np.full_like(information, np.nan)
     held = np.linalg.matrix_rank(information, hermitian=True) == 3
     covariance[held] = np.linalg.inv(information[held])
     return covariance

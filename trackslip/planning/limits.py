@@ -6,12 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require, require_at_most, require_non_negative, require_positive
+from trackslip.errors import (
+    InvalidValueError,
+    require,
+    require_at_most,
+    require_non_negative,
+    require_positive,
+    require_within,
+)
 from trackslip.kinematics import Array, RobotGeometry
 
 MIN_DURATION = 10.0
 """Shortest duration of a planned drive [s]."""
 _MAX_DURATION = 3600.0  # [s]
+_LEAST = 1e-3  # speed, acceleration and duration, in their units
 _MAX_SPEED = 10.0  # [m/s]
 _MAX_ACCELERATION = 100.0  # [m/s^2]
 _MOST_OFFSET = 100.0  # of a track's ICR from the track [m]
@@ -43,7 +51,7 @@ class DriveLimits:
             ("duration", _MAX_DURATION, "s"),
         ):
             require_positive(name, getattr(self, name))
-            require_at_most(name, getattr(self, name), most, unit)
+            require_within(name, getattr(self, name), _LEAST, most, unit)
         require(self.duration >= MIN_DURATION, "duration", self.duration, f"at least {MIN_DURATION:g} s")
         require_non_negative("clearance", self.clearance)
         for side in self.area:

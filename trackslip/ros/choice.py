@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from trackslip.errors import InvalidValueError, require, require_positive
+from trackslip.errors import InvalidValueError, require, require_at_most, require_positive
 from trackslip.localization.scan import Plate
 
 SIDES = ("left", "right")
@@ -54,6 +54,8 @@ class BagChoice:
         for name in ("noise", "max_expanded"):
             if getattr(self, name) is not None:
                 require_positive(name, getattr(self, name))
+        if self.noise is not None:
+            require_at_most("noise", self.noise, 10.0, "m")
         if self.mount is not None:
             fits = len(self.mount) == 3 and all(map(math.isfinite, self.mount))
             require(fits, "mount", self.mount, "three finite numbers: x, y [m] and yaw [rad]")

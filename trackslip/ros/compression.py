@@ -27,7 +27,7 @@ class Allowance:
 
     def __init__(self, path: Path, megabytes: float | None = None) -> None:
         """At most `megabytes`, by default _LEAST and _USUAL times the size of the file."""
-        self.left = int(_LEAST + _USUAL * path.stat().st_size if megabytes is None else megabytes * 1e6)
+        self.left = _LEAST + _USUAL * path.stat().st_size if megabytes is None else megabytes * 1e6
         self._most = self.left
 
     def take(self, size: int) -> None:

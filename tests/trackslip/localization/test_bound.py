@@ -69,6 +69,12 @@ def test_more_noise_raises_the_bound_and_what_is_out_of_sight_has_none():
     assert np.isnan(pose_bound(np.array([[-3.0, 0.0, 1.0]]), PLATE, BEARINGS, 0.005)).all()
 
 
+def test_there_is_no_bound_without_noise():
+    assert np.isnan(
+        pose_bound(np.array([[1.0, 0.0, 1.5]]), Plate(0.5, 0.02), np.radians(np.arange(-90, 91)), 0.0)
+    ).all()
+
+
 def test_ratio_is_one_for_errors_drawn_from_the_bound():
     rng = np.random.default_rng(2)
     frame = Scan(BEARINGS, np.empty((0, 721)), 0.005, np.array([-1.5, -1.5, 0.7]))
