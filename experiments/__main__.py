@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import os
 import signal
 import sys
 from types import FrameType
@@ -45,6 +46,7 @@ class _Interrupts:
 def main() -> None:
     """Load the command line and run it."""
     interrupts = _Interrupts()
+    _open_closed_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # not every terminal knows every character
@@ -60,6 +62,17 @@ def main() -> None:
         _interrupted()
     finally:
         interrupts.ignore()
+
+
+def _open_closed_streams() -> None:
+    """Lead standard streams that the shell has closed, as by `>&-`, to nowhere: files would take their numbers."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free, which is this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w", encoding="utf-8", closefd=False))
 
 
 def _interrupted() -> NoReturn:

@@ -58,6 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _fail(str(error), 2)
     except KeyboardInterrupt as interrupt:
         _fail(str(interrupt) or "interrupted", 130)
+    except RuntimeError as error:
+        if "MUJOCO_GL" not in str(error):  # MuJoCo's own, when it is imported
+            raise
+        _fail(f"{error}: must be egl, osmesa, glfw or disabled", 2)
     except MemoryError:
         _fail("out of memory", 2)
     except OSError as error:

@@ -9,6 +9,7 @@ import numpy as np
 import rerun as rr
 
 from experiments.storage.results import write_output
+from trackslip.errors import OutputError, first_line
 from trackslip.kinematics import Array
 
 TIMELINE = "time"
@@ -28,7 +29,10 @@ def write_recording(file: Path, title: str, send: Callable[[rr.RecordingStream],
             stream.flush()
             stream.disconnect()
 
-    write_output(file, write)
+    try:
+        write_output(file, write)
+    except RuntimeError as error:  # rerun writes in a thread of its own, which ends where a disk is full
+        raise OutputError(f"{file}: can't be written ({first_line(error)})") from error
 
 
 def send(stream: rr.RecordingStream, entity: str, time: Array, columns: Any) -> None:

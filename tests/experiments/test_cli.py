@@ -2,6 +2,7 @@
 
 import contextlib
 import importlib.metadata
+import os
 import re
 import shlex
 import signal
@@ -102,3 +103,27 @@ def test_an_interrupt_prints_one_line_while_modules_are_imported():
             process.send_signal(signal.SIGINT)
             _, said = process.communicate(timeout=30)
         assert (process.returncode, said) == (130, "trackslip: interrupted\n"), module
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "printed"),
+    [
+        ("deploy >&-", 0, ""),
+        ("predict --out {out} <&- >&- 2>&-", 0, ""),
+        ("deploy --law 5 2>&-", 2, ""),
+        ("deploy > /dev/full", 2, "trackslip: can't write (No space left on device)"),
+    ],
+)
+def test_streams_may_be_closed_or_full(tmp_path, line, code, printed):
+    shell = f"{shlex.quote(sys.executable)} -m experiments {line.format(out=shlex.quote(str(tmp_path / 'out')))}"
+    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True)
+    assert (done.returncode, done.stderr.strip()) == (code, printed)
+
+
+def test_a_wrong_way_to_draw_is_refused():
+    command = [sys.executable, "-m", "experiments", "track", "--out", "nowhere"]
+    environment = os.environ | {"MUJOCO_GL": "nonsense"}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert done.returncode == 2
+    assert done.stderr.startswith("trackslip: invalid value for environment variable MUJOCO_GL: nonsense: must be egl")
+    assert len(done.stderr.splitlines()) == 1

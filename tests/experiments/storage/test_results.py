@@ -48,6 +48,17 @@ def old(tracked, tmp_path):
     return Path(shutil.copytree(tracked, tmp_path / "track"))
 
 
+def test_a_recording_on_a_full_disk_costs_a_line(old, refused, tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+    try:
+        line = refused("view", str(old), "--save", str(tmp_path / "run.rrd"))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert line.startswith(f"{tmp_path / 'run.rrd'}: can't be written")
+    assert {file.name for file in tmp_path.iterdir()} == {"track"}
+
+
 @pytest.mark.parametrize("size", [500, 20_000])  # too little for the summary; for the runs
 def test_a_full_disk_costs_a_line_and_nothing_old(old, refused, size):
     """A limit on file sizes fails in the midst of writing, as a full disk does."""
