@@ -10,6 +10,7 @@ from trackslip.logs.checks import in_order, restarts
 
 _BEGINS = 10**10  # latest second stamp of a clock that begins at 0 [ns]
 _MOST = 0.5  # share of messages out of order or without stamp above which a topic can't be read
+_LATE = 1.0  # time by which a message may be out of order to be sorted [s]
 _SIMULATED = 10**17  # stamps before, in 1973, are of a simulation [ns]
 
 
@@ -60,23 +61,31 @@ def clock_parts(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[
 
 
 def ascending(topic: str, stamp: np.ndarray, notes: list[str]) -> np.ndarray:
-    """As many rows (n,) as possible whose stamps (N,) ascend; raises LogError if most different stamps don't.
+    """Rows (n,) by ascending stamp, of all stamps (N,) but repeated ones and those more than _LATE out of order.
 
-    `notes` gets a line for those left out, if it hasn't got it.
+    `notes` gets a line for those sorted and one for those left out, if it hasn't got it. Raises LogError if most
+    different stamps are out of order.
     """
-    kept = in_order(stamp)
-    left_out = len(stamp) - len(kept)
-    if left_out:
-        time = seconds(stamp, int(stamp[0]))
-        k = int(np.argmax(np.diff(stamp) <= 0)) + 1
-        what = "is stamped twice" if stamp[k] == stamp[k - 1] else f"goes back from {time[k - 1]:.6g} s"
-        line = f"time {what} at {time[k]:.6g} s"
-        different = len(np.unique(stamp))  # a bag may hold all messages several times
-        if different - len(kept) > _MOST * different:
-            raise LogError(f"topic {topic}: {line}; so do {left_out} of its {len(stamp)} messages")
-        line = f"topic {topic}: {left_out} of {len(stamp)} messages left out: {line}"
-        notes += [line] if line not in notes else []
-    return np.asarray(kept)
+    kept = np.asarray(in_order(stamp))
+    if len(kept) == len(stamp):
+        return kept
+    time = seconds(stamp, int(stamp[0]))
+    others = np.setdiff1d(np.arange(len(stamp)), kept)
+    late = others[np.abs(time[others] - np.interp(others, kept, time[kept])) <= _LATE]
+    rows = np.union1d(kept, late)
+    rows = rows[np.unique(stamp[rows], return_index=True)[1]]
+    k = int(np.argmax(np.diff(stamp) <= 0)) + 1
+    what = "is stamped twice" if stamp[k] == stamp[k - 1] else f"goes back from {time[k - 1]:.6g} s"
+    line, lines = f"time {what} at {time[k]:.6g} s", []
+    different = len(np.unique(stamp))  # a bag may hold all messages several times
+    if different - len(kept) > _MOST * different:
+        raise LogError(f"topic {topic}: {line}; so do {len(others)} of its {len(stamp)} messages")
+    if moved := np.isin(rows, late).sum():
+        lines.append(f"topic {topic}: {moved} of {len(stamp)} messages sorted by their stamps: {line}")
+    if left_out := len(stamp) - len(rows):
+        lines.append(f"topic {topic}: {left_out} of {len(stamp)} messages left out: {line}")
+    notes += [line for line in lines if line not in notes]
+    return rows
 
 
 def require_overlap(topic: str, stamp: np.ndarray, other: str, theirs: np.ndarray) -> None:
