@@ -13,6 +13,7 @@ from experiments.options.base import Exclusion, Needs, Positive, Whole, Within, 
 from experiments.options.world import Repeatable
 from trackslip.errors import InvalidValueError
 from trackslip.planning.limits import DriveLimits
+from trackslip.ros.choice import require_topic
 
 EXAMPLES = (
     ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
@@ -62,6 +63,8 @@ class Config(Repeatable):
     """Model that moves the robot with --drive: a law with random slip, or the simulated ground."""
     bag: bool = True
     """Also write the commands as a ROS 2 bag to OUT/bags, if the package rosbags is installed."""
+    topic: str = "/cmd_vel"
+    """Topic of the bag, such as that of a controller: /diff_drive_controller/cmd_vel."""
     pdf: bool = False
     """Also write the figure as PDF."""
     out: Path = Path("out/plan")
@@ -74,6 +77,7 @@ class Config(Repeatable):
         for name in ("half_gauge", "sprocket_radius"):
             if self.after is None and getattr(self, name) is None:
                 raise InvalidValueError(name, None, f"given (--{name.replace('_', '-')} on the command line)")
+        require_topic(self.topic)
         self.limits()
 
     def limits(self) -> DriveLimits:
@@ -111,14 +115,15 @@ def run(config: Config) -> None:
         manifest = run.manifest(seed=config.seed)
         page(plan, paper, manifest, study.shown if config.drive else ()).write(run.folder, config.pdf)
         if bag:
-            write_commands(run.folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist)
+            write_commands(run.folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist, config.topic)
         run.write(summary, logs, manifest=manifest)
     print_plan(plan, paper)
     if config.drive:
         study.print()
     print(f"{config.out / PLAN_FILE}, {REPORT_FILE}: {run.wall:.1f} s")
     if bag:
-        print(f"{config.out / BAGS_FOLDER / BAG_FILE}: commands as a ROS 2 bag")
+        place = config.out / BAGS_FOLDER / BAG_FILE
+        print(f"{place}: commands on {config.topic}; send them with ros2 bag play {shlex.quote(str(place))}")
     elif config.bag:
         print("no ROS 2 bag of the commands: that needs the package rosbags, pip install 'trackslip[ros]'")
     robot = plan.knowledge.geometry

@@ -62,6 +62,7 @@ OPTIONS = [
     ("predict --half-gauge 1e-308", "half_gauge = 1e-308: must be at least 0.001 m"),
     ("plan --half-gauge 1e-308 --sprocket-radius 0.06", "half_gauge = 1e-308: must be from 0.001 to 100 m"),
     (f"{PLAN} --offset 1e308", "offset = 1e+308: must be greater than -half_gauge = -0.168 m, at most 100 m"),
+    (f"{PLAN} --topic 'cmd vel'", "topic = 'cmd vel': must be names of letters, digits and _, joined by /"),
     (f"{PLAN} --max-speed 1e-308", "max_speed = 1e-308: must be from 0.001 to 10 m/s"),
     ("localize run.mcap --plate 1x0.1 --noise 1e308", "noise = 1e+308: must be at most 10 m"),
     (f"grid --out {'x' * 5000}", "out = 'xxxxxxxxxxxxxxxxxxxx...': must be at most 4096 characters long"),

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 from trackslip.errors import InvalidValueError, require, require_at_most, require_positive
 from trackslip.localization.scan import Plate
 
 SIDES = ("left", "right")
+_TOPIC = re.compile(r"(?:~?/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
 _TF = "tf:FRAME:FRAME, as in tf:map:base_link"
+
+
+def require_topic(name: str, field: str = "topic") -> None:
+    """Raise InvalidValueError unless a topic may have this name: https://design.ros2.org/articles/topic_and_service_names.html."""
+    require(_TOPIC.fullmatch(name), field, name, "names of letters, digits and _, joined by /, as in /cmd_vel")
 
 
 @dataclass(frozen=True)

@@ -147,9 +147,9 @@ class RunTopics:
         return (whole.astype(np.int64) + self._start) * 10**9 + parts
 
 
-def command_topic(name: str, stamps: Stamps, commanded: Array) -> Publication:
-    """A topic of geometry_msgs/TwistStamped with body twists (M, 2) [m/s, rad/s]."""
-    fields = {"header": header(stamps, "base_link"), "twist": twist(_planar(commanded))}
+def command_topic(name: str, stamps: Stamps, commanded: Array, stamped: bool = True) -> Publication:
+    """A topic of geometry_msgs/TwistStamped with body twists (M, 2) [m/s, rad/s], and stamps of 0 unless `stamped`."""
+    fields = {"header": header(stamps if stamped else 0 * stamps, "base_link"), "twist": twist(_planar(commanded))}
     return Publication(name, "geometry_msgs/msg/TwistStamped", stamps, fields)
 
 

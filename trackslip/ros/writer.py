@@ -17,6 +17,7 @@ from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog, stored_geometry
+from trackslip.ros.choice import require_topic
 from trackslip.ros.messages import Publication, definitions, require_rosbags
 from trackslip.ros.run_topics import POSE_TOPICS, PoseMessage, RunTopics, command_topic
 
@@ -88,14 +89,18 @@ def write_bag(
 def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/cmd_vel") -> None:
     """Write twists (T, 2) [m/s, rad/s] at times (T,) [s] as TwistStamped to a bag that can be played to a robot.
 
-    The path is that of the bag's folder, or of a file if it ends in .mcap; it must not exist.
+    The stamps in the headers are 0, which diff_drive_controller of ros2_control takes for the time of arrival; it
+    ignores commands whose stamps are older than its `cmd_vel_timeout`. The path is that of the bag's folder, or of a
+    file if it ends in .mcap; it must not exist.
 
     Raises:
+        InvalidValueError: if the topic is no name in ROS.
         OutputError: if the path exists, or can't be written.
         TrackslipError: where rosbags is missing.
     """
+    require_topic(topic)
     stamps = START * 1_000_000_000 + np.round(1e9 * time).astype(np.int64)
-    _write(Path(path), [command_topic(topic, stamps, twist)], {})
+    _write(Path(path), [command_topic(topic, stamps, twist, stamped=False)], {})
 
 
 def _write(path: Path, topics: Sequence[Publication], about: Mapping[str, str]) -> None:

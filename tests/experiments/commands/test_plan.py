@@ -27,7 +27,7 @@ def few_routes(monkeypatch):
 
 
 def test_it_writes_a_plan_that_can_be_driven_and_identified_from(trackslip):
-    result = trackslip("plan", *SHORT, "--drive")
+    result = trackslip("plan", *SHORT, "--drive", "--topic", "/base/cmd_vel")
     with (result.folder / "plan.csv").open(newline="") as stream:
         header, *rows = csv.reader(stream)
     assert header == ["t", "omega_l", "omega_r", "v", "w"]
@@ -38,11 +38,13 @@ def test_it_writes_a_plan_that_can_be_driven_and_identified_from(trackslip):
     assert max(np.abs(left).max(), np.abs(right).max()) * 0.06 <= 0.3 + 1e-6
     with AnyReader([result.folder / "bags" / "cmd_vel.mcap"]) as reader:
         (connection,) = reader.connections
-        assert (connection.topic, connection.msgtype) == ("/cmd_vel", "geometry_msgs/msg/TwistStamped")
-        found = [reader.deserialize(raw, connection.msgtype) for _, _, raw in reader.messages()]
-    sent = [(one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec, one.twist) for one in found]
-    np.testing.assert_allclose(np.array([stamp for stamp, _ in sent]) - sent[0][0], t, atol=1e-5)
-    np.testing.assert_allclose([(one.linear.x, one.angular.z) for _, one in sent], np.column_stack([v, w]), atol=1e-4)
+        assert (connection.topic, connection.msgtype) == ("/base/cmd_vel", "geometry_msgs/msg/TwistStamped")
+        sent = [(1e-9 * at, reader.deserialize(raw, connection.msgtype)) for _, at, raw in reader.messages()]
+    assert {(one.header.stamp.sec, one.header.stamp.nanosec) for _, one in sent} == {(0, 0)}  # the time of arrival
+    np.testing.assert_allclose(np.array([at for at, _ in sent]) - sent[0][0], t, atol=1e-5)
+    np.testing.assert_allclose(
+        [(one.twist.linear.x, one.twist.angular.z) for _, one in sent], np.column_stack([v, w]), atol=1e-4
+    )
     assert (result.folder / "figures" / "plan.svg").exists()
     report = (result.folder / "report.html").read_text()
     assert all(words in report for words in ("A drive to identify slip", "the paper&#39;s 25 runs", "Tried in the"))
