@@ -25,12 +25,17 @@ class Config(Options):
     """Parameters of diff_drive_controller as YAML, JSON, a header with functions, or the same in Python."""
     law: Annotated[str | None, default_is("the best that the target can express", "NAME")] = None
     """The law; ros2_control takes none, icr, icr_radius and icr_sides."""
+    controller: str = "diff_drive_controller"
+    """Name of the robot's controller, such as platform_velocity_controller; for ros2_control."""
     out: Annotated[Path | None, default_is("print it", "FILE")] = None
     """File to write."""
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Replace the file if it exists; needs --out."""
 
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("overwrite",), "out"),)
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Needs(("overwrite",), "out"),
+        Needs(("controller",), "to", ("ros2_control",)),
+    )
 
 
 def run(config: Config) -> None:
@@ -44,7 +49,7 @@ def run(config: Config) -> None:
         raise OutputError(f"out = {str(config.out)!r}: is a folder, must be a file")
     if config.out is not None and config.out.exists() and not config.overwrite:
         raise OutputError(f"{config.out}: exists already; --overwrite replaces it")
-    found = deployed(config.path or SHIPPED, config.to, config.law)
+    found = deployed(config.path or SHIPPED, config.to, config.law, config.controller)
     if config.out is None:
         print(found.text, end="")
         return

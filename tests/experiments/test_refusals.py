@@ -27,6 +27,8 @@ OPTIONS = [
     ("coverage --radii 0.6", "radii = (0.6,): must be at least two"),
     ("sensitivity --duration 1", "duration = 1.0: must be from 4"),
     ("deploy --law online", "law = 'online': must be one of none, "),
+    ("deploy --controller my-robot", "controller = 'my-robot': must be a name of letters, digits and _"),
+    ("deploy --to c --controller other", "controller = 'other': must be left out without --to ros2_control"),
     ("deploy --law icr --out .", "out = '.': is a folder, must be a file"),
     # grounds, robots, motors, what is towed, obstacles: options of groups are named with the group
     ("grid --ground mud", "ground = 'mud': must be one of stone, concrete"),

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trackslip.deploy.differential_drive import best_expressible, instead_of_best, nearest, ros2_control_text
+from trackslip.deploy.differential_drive import (
+    CONTROLLER,
+    best_expressible,
+    instead_of_best,
+    nearest,
+    ros2_control_text,
+)
 from trackslip.deploy.facts import json_text
 from trackslip.deploy.programs import c_text, python_text
 from trackslip.errors import InvalidValueError, TrackslipError
@@ -38,7 +44,12 @@ class Deployed:
     """Accuracy lost by using an expressible law instead of the best; empty if the best law is used."""
 
 
-def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_control", law: str | None = None) -> str:
+def deploy_law(
+    source: str | Path | Identification = SHIPPED,
+    to: str = "ros2_control",
+    law: str | None = None,
+    controller: str = CONTROLLER,
+) -> str:
     """The text of a file by which another program drives, and computes odometry, under a slip law.
 
     Its comments state the law, its intervals, its origin, and the accuracy that odometry gains.
@@ -48,16 +59,19 @@ def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_co
         to: `ros2_control`: parameters of diff_drive_controller as YAML; `json`; `c`: a header with functions from twist
             to sprocket speeds and back; `python`: the same as a module that needs nothing but `math`.
         law: name of the law; by default the best one that the target can express.
+        controller: name of the robot's controller, for ros2_control.
 
     Raises:
         LogError: if the source holds no laws.
-        InvalidValueError: for an unknown target or law.
+        InvalidValueError: for an unknown target or law, or a controller that is no name.
         TrackslipError: if the target can't express the law; the message names the nearest one that it can.
     """
-    return deployed(source, to, law).text
+    return deployed(source, to, law, controller).text
 
 
-def deployed(source: str | Path | Identification, to: str, law: str | None = None) -> Deployed:
+def deployed(
+    source: str | Path | Identification, to: str, law: str | None = None, controller: str = CONTROLLER
+) -> Deployed:
     """A law for another program, chosen as by `deploy_law`."""
     if to not in TARGETS:
         raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
@@ -72,4 +86,6 @@ def deployed(source: str | Path | Identification, to: str, law: str | None = Non
     if not ros and to not in FAMILIES[name].targets:
         why = "has no input for the load" if FAMILIES[name].loaded else "can express constant ICRs and the exponential"
         raise TrackslipError(f"law = {name!r}: {to} {why}; {nearest(stored, name)}")
-    return Deployed(name, TARGETS[to](stored, name), instead_of_best(stored, name) if ros else "")
+    if ros:
+        return Deployed(name, ros2_control_text(stored, name, controller), instead_of_best(stored, name))
+    return Deployed(name, TARGETS[to](stored, name), "")

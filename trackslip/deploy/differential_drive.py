@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from trackslip.deploy.facts import comment, fact_lines
 from trackslip.deploy.prediction import best_predicting, cost_of
-from trackslip.errors import LogError, TrackslipError
+from trackslip.errors import LogError, TrackslipError, require
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.law_file import NO_SLIP, StoredLaws
 
+CONTROLLER = "diff_drive_controller"
+"""Name of a controller, unless a robot has given it another."""
 _NEGLIGIBLE = 1e-6  # distance between two points of the robot [m]
 
 
-def ros2_control_text(stored: StoredLaws, law: str) -> str:
+def ros2_control_text(stored: StoredLaws, law: str, controller: str = CONTROLLER) -> str:
     """YAML with the parameters under which diff_drive_controller drives, and computes odometry, by the law.
 
     Its wheels are at the ICRs: their separation is the distance of the ICRs, their radii are the effective ones. Where
     the D of the tracks differ, its odometry describes the point midway between the ICRs, and a comment says so.
 
-    Raises TrackslipError for a law that isn't one of constant ICRs; the message names the nearest one that is.
+    `controller` is the name of the robot's own. Raises InvalidValueError if it is no name, TrackslipError for a law that
+    isn't one of constant ICRs; the message names the nearest one that is.
     """
+    is_name = controller.isidentifier() and controller.isascii()
+    require(is_name, "controller", controller, "a name of letters, digits and _, as in platform_velocity_controller")
     if not expressible(law):
         raise TrackslipError(f"law = {law!r}: ros2_control can only express constant ICRs; {nearest(stored, law)}")
     b = stored.geometry.half_gauge
@@ -39,9 +44,12 @@ def ros2_control_text(stored: StoredLaws, law: str) -> str:
             f"are those of the point midway between the ICRs, {abs(middle):.6f} m to the {side} of the middle of the",
             "tracks: base_frame_id belongs there.",
         ]
-    comments.append("Put these lines among the parameters of your controller, under its own name.")
+    comments += [
+        "Put these lines among the parameters of your controller. A wheel_radius_multiplier there overrides those of",
+        "left and right: delete it.",
+    ]
     lines = [f"    {key}: {yaml_number(value)}\n" for key, value in parameters.items()]
-    return comment(comments, "#") + "diff_drive_controller:\n  ros__parameters:\n" + "".join(lines)
+    return comment(comments, "#") + f"{controller}:\n  ros__parameters:\n" + "".join(lines)
 
 
 def expressible(law: str) -> bool:

@@ -107,3 +107,8 @@ def test_without_a_name_the_nearest_law_stands_in_for_the_best_one_and_says_so(t
     file.write_text(json.dumps(dict(stored({"exponential": VALUES["exponential"]}).content)))
     with pytest.raises(TrackslipError, match="law = 'exponential': ros2_control can only express constant ICRs"):
         deploy_law(file)
+
+
+def test_a_controller_keeps_its_name():
+    ours, theirs = deploy_law(), deploy_law(controller="platform_velocity_controller")
+    assert theirs == ours.replace("diff_drive_controller:", "platform_velocity_controller:")
