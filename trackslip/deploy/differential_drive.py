@@ -19,8 +19,8 @@ def ros2_control_text(stored: StoredLaws, law: str, controller: str = CONTROLLER
     Its wheels are at the ICRs: their separation is the distance of the ICRs, their radii are the effective ones. Where
     the D of the tracks differ, its odometry describes the point midway between the ICRs, and a comment says so.
 
-    `controller` is the name of the robot's own. Raises InvalidValueError if it is no name, TrackslipError for a law that
-    isn't one of constant ICRs; the message names the nearest one that is.
+    `controller` is the name of the robot's own. Raises InvalidValueError if it is no name, TrackslipError for a law
+    that isn't one of constant ICRs; the message names the nearest one that is.
     """
     is_name = controller.isidentifier() and controller.isascii()
     require(is_name, "controller", controller, "a name of letters, digits and _, as in platform_velocity_controller")
