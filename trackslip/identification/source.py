@@ -174,8 +174,8 @@ def _of_bags(path: Path, reading: ReadOptions, chosen: Callable[[Path], Collecti
     if chosen is not None:
         raise LogError(f"{path}: holds bags, not runs of a sweep: --where must be left out")
     try:
-        _geometry(reading, None, path)  # before a long bag is read
-        read = read_bags(path, reading.bag)
+        geometry = _geometry(reading, None, path)  # before a long bag is read
+        read = read_bags(path, replace(reading.bag, wheels=geometry))
         return source_of_runs(read.runs, reading, str(path), read)
     except LogError as error:
         raise _of(str(path), error) from error

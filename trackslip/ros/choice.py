@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 
 from trackslip.errors import InvalidValueError, require, require_at_most, require_positive
+from trackslip.kinematics import RobotGeometry
 from trackslip.localization.scan import Plate
 
 SIDES = ("left", "right")
@@ -24,7 +25,7 @@ class BagChoice:
     """Topics and joints of a bag; None where the bag leaves no doubt."""
 
     encoders: str | None = None
-    """Topic of `sensor_msgs/JointState` with the wheels or sprockets."""
+    """Topic of `sensor_msgs/JointState` with the wheels or sprockets, or of `nav_msgs/Odometry` computed from them."""
     left: tuple[str, ...] | None = None
     """Names of the joints on the left; the mean of their speeds is used."""
     right: tuple[str, ...] | None = None
@@ -44,6 +45,8 @@ class BagChoice:
 
     max_expanded: float | None = None
     """Largest size of a file's content once decompressed [MB]; None for 268 MB and 100 times the file's size."""
+    wheels: RobotGeometry | None = None
+    """The geometry by which odometry was computed from the wheels, to compute their speeds from it."""
 
     def __post_init__(self) -> None:
         for name in SIDES:

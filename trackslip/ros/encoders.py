@@ -10,11 +10,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, RobotGeometry, track_speeds
 from trackslip.ros import joint_angles
 from trackslip.ros.bag import Bag, listed
 from trackslip.ros.choice import AUTOMATIC, SIDES, BagChoice
-from trackslip.ros.joints import Sides, encoder_topic
+from trackslip.ros.joints import WHEELS, Sides, encoder_topic
 from trackslip.ros.poses import Poses
 from trackslip.ros.scans import Scans
 from trackslip.ros.stamps import ascending, clock_parts, require_overlap, seconds
@@ -44,6 +44,8 @@ class Encoders:
     @property
     def taken(self) -> str:
         """The topic and its joints, in words."""
+        if self.joints == WHEELS:
+            return f"encoders: odometry {self.topic}"
         left, right = (", ".join(side) for side in self.joints)
         return f"encoders: {self.topic}, left {left}, right {right}"
 
@@ -74,7 +76,7 @@ def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | No
     """
     notes = [] if notes is None else notes
     topic, joints = encoder_topic(bag, choice)
-    stamp, arrival, readings = _readings(bag, topic.name, joints, notes)
+    stamp, arrival, readings = _readings(bag, topic.name, joints, choice.wheels, notes)
     signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in SIDES])
     found = []
     for rows in clock_parts(topic.name, stamp, arrival, notes):
@@ -94,7 +96,9 @@ def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | No
     return found
 
 
-def _readings(bag: Bag, topic: str, joints: Sides, notes: list[str]) -> tuple[np.ndarray, np.ndarray, Array]:
+def _readings(
+    bag: Bag, topic: str, joints: Sides, wheels: RobotGeometry | None, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray, Array]:
     """Stamps and arrivals (N,) [ns] of the messages that name any of J joints, and their content (N, J, 3).
 
     The last axis is 1 if the joint is named, its position [rad] and its velocity [rad/s], NaN where not stated. Raises
@@ -104,7 +108,7 @@ def _readings(bag: Bag, topic: str, joints: Sides, notes: list[str]) -> tuple[np
     known: dict[str, None] = {}
     times, rows = [], []
     for message in bag.messages(topic, notes=notes):
-        names, *fields = message.content.name, message.content.position, message.content.velocity
+        names, *fields = _joint_states(message.content, joints, wheels)
         known |= dict.fromkeys(names)
         stated = [field.tolist() if len(field) == len(names) else [np.nan] * len(names) for field in fields]
         of_name = dict(zip(names, zip(repeat(1.0), *stated), strict=False))
@@ -118,6 +122,15 @@ def _readings(bag: Bag, topic: str, joints: Sides, notes: list[str]) -> tuple[np
     stamp, arrival = np.array(times, np.int64).T
     readings = np.array(rows, float)
     return stamp, arrival, np.where(np.abs(readings) <= _MAX_ANGLE, readings, np.nan)
+
+
+def _joint_states(content: Any, joints: Sides, wheels: RobotGeometry | None) -> tuple[Sequence[str], Array, Array]:
+    """Names (J,), positions (J,) [rad] and velocities (J,) [rad/s] in a message; empty where not stated."""
+    if joints != WHEELS or wheels is None:
+        return content.name, content.position, content.velocity
+    twist = content.twist.twist
+    speeds = track_speeds((twist.linear.x, twist.angular.z), wheels.half_gauge)
+    return [*joints[0], *joints[1]], np.empty(0), speeds / wheels.sprocket_radius
 
 
 def _angles(
@@ -148,7 +161,7 @@ def _angles(
         else:
             angle = joint_angles.from_velocities(time, velocity[known])
         angles[name] = at[known], angle
-    if not by_position:
+    if not by_position and names != [name for side in WHEELS for name in side]:
         notes.append(f"topic {topic}: speeds are its velocities, because it states no positions")
     return angles
 

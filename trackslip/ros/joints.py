@@ -9,9 +9,11 @@ from trackslip.errors import LogError
 from trackslip.ros.bag import Bag, Topic, listed
 from trackslip.ros.choice import AUTOMATIC, BagChoice
 
-JOINT_STATE = "sensor_msgs/msg/JointState"
+JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 Sides = tuple[tuple[str, ...], tuple[str, ...]]
 """Names of the joints on the left and on the right."""
+WHEELS: Sides = ("left wheels",), ("right wheels",)
+"""What stands for the joints in odometry."""
 _COMMANDS = re.compile(r"command|cmd|desired|target|setpoint|reference|goal", re.IGNORECASE)
 _LOOKED_AT = 100  # messages whose joints are looked at to choose a topic
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
@@ -28,11 +30,17 @@ def encoder_topic(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[Topic, Sides
     Raises LogError if the choice doesn't fit the bag, or leaves a doubt: the message lists what there is.
     """
     if choice.encoders is not None:
+        topic = bag.topic(choice.encoders)
+        if topic.type == ODOMETRY:
+            if choice.wheels is None:
+                raise LogError(f"{bag.path}: topic {topic.name}: speeds of wheels need the geometry that it assumes")
+            return topic, WHEELS
         topic = bag.topic(choice.encoders, JOINT_STATE)
         return topic, _joints(bag, topic, choice)
     topics = bag.of_type(JOINT_STATE)
     if not topics:
-        raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}; its topics are {bag.listed()}")
+        reckoned = "; --encoders TOPIC takes odometry from the wheels" if bag.of_type(ODOMETRY) else ""
+        raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{reckoned}; its topics are {bag.listed()}")
     fitting: dict[str, tuple[Topic, Sides]] = {}
     refused = []
     for topic in topics:

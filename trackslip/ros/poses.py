@@ -12,11 +12,11 @@ from trackslip.kinematics import Array
 from trackslip.ros import planar
 from trackslip.ros.bag import Bag, Topic
 from trackslip.ros.geodesy import to_plane
+from trackslip.ros.joints import ODOMETRY
 from trackslip.ros.stamps import stretches
 from trackslip.ros.transforms import SpacePoses, place_and_turn, read_chain
 
 FIX = "sensor_msgs/msg/NavSatFix"
-ODOMETRY = "nav_msgs/msg/Odometry"
 POSE_TYPES = (
     ODOMETRY,
     "geometry_msgs/msg/PoseWithCovarianceStamped",

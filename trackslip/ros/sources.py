@@ -9,8 +9,8 @@ from enum import Enum
 from trackslip.errors import LogError
 from trackslip.ros.bag import Bag, Topic
 from trackslip.ros.choice import BagChoice
-from trackslip.ros.joints import encoder_topic
-from trackslip.ros.poses import FIX, ODOMETRY, POSE_TYPES
+from trackslip.ros.joints import ODOMETRY, encoder_topic
+from trackslip.ros.poses import FIX, POSE_TYPES
 from trackslip.ros.scans import LASER_SCAN, scan_topic
 from trackslip.ros.transforms import frames_of
 

@@ -11,12 +11,15 @@ from hypothesis.extra.numpy import arrays
 from wandered import wandered
 
 from trackslip.errors import InvalidValueError, LogError
+from trackslip.kinematics import RobotGeometry
 from trackslip.localization.scan import Plate
+from trackslip.logs.runlog import RunLog
 from trackslip.ros.bag import open_bag
 from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.ros.encoders import read_encoders
 from trackslip.ros.joint_angles import from_positions, from_velocities
 from trackslip.ros.joints import sides
+from trackslip.ros.writer import write_bag as write_run
 
 LOG = wandered(duration=8.0)
 TURNED = sprocket_angles(LOG)
@@ -228,3 +231,18 @@ def test_common_names(names, left, right):
 )
 def test_names_that_leave_a_doubt(names):
     assert sides(names) is None
+
+
+def test_odometry_from_the_wheels_stands_for_encoders(tmp_path):
+    rng, time = np.random.default_rng(0), np.arange(0, 20, 0.02)
+    omega = 3.0 + np.sin(time[:, None] * [0.5, 0.7])
+    geometry = RobotGeometry(0.2, 0.05)
+    pose = np.column_stack([0.1 * time, np.zeros_like(time), 0.3 * np.sin(time)]) + rng.normal(0, 1e-3, (len(time), 3))
+    write_run(RunLog("drive", time, omega, pose), tmp_path / "run", geometry)
+    bag = open_bag(tmp_path / "run")
+    (stated,) = read_encoders(bag)
+    (reckoned,) = read_encoders(bag, BagChoice(encoders="/odom", wheels=geometry))
+    np.testing.assert_allclose(reckoned.omega[1:], stated.omega[1:], atol=0.02)  # means of velocities, of positions
+    assert reckoned.taken == "encoders: odometry /odom"
+    with pytest.raises(LogError, match="topic /odom: speeds of wheels need the geometry that it assumes"):
+        read_encoders(bag, BagChoice(encoders="/odom"))
