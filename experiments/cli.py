@@ -11,6 +11,7 @@ import pkgutil
 import re
 import sys
 import typing
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -52,7 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(f"trackslip {importlib.metadata.version('trackslip')}", flush=True)
             return
         config = parse(arguments)
-        command_modules()[arguments[0]].run(config)
+        with warnings.catch_warnings():
+            warnings.showwarning = functools.partial(_warn, set())
+            command_modules()[arguments[0]].run(config)
         sys.stdout.flush()
     except TrackslipError as error:
         _fail(str(error), 2)
@@ -159,6 +162,14 @@ def _repeatable(command: str, option: str) -> bool:
     hints = typing.get_type_hints(command_modules()[command].Config, include_extras=True)
     hint = hints.get(option.removeprefix("--").replace("-", "_"))
     return tyro.conf.UseAppendAction in getattr(hint, "__metadata__", ())
+
+
+def _warn(shown: set[str], message: Warning | str, *_: object, **__: object) -> None:
+    """Show a warning in one line, once, without the line of code that gives it; see `warnings.showwarning`."""
+    line = " ".join(str(message).split())
+    if line not in shown:
+        shown.add(line)
+        print(f"warning: {line}", file=sys.stderr)
 
 
 def _fail(message: str, code: int) -> None:

@@ -46,6 +46,10 @@ class LogWarning(UserWarning):
     """Rows or runs of a log that were left out; the message names the file, and row and column where it can."""
 
 
+class RobotWarning(UserWarning):
+    """A robot whose motion is not verified to follow theory; the message names the field."""
+
+
 class SettingsFileError(TrackslipError, ValueError):
     """A file of settings that cannot be read; the message names the file and the field."""
 

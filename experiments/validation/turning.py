@@ -1,7 +1,7 @@
 """Steady turns over radius, speed, friction, contact length and centre of mass."""
 
-import contextlib
 import itertools
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,7 @@ from sim.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, RobotWarning
 from trackslip.kinematics import Array
 from trackslip.skid_theory import steady_twist
 
@@ -89,8 +89,12 @@ def variants(parameters: RobotParameters) -> Iterator[RobotParameters]:
         contact_length = length * parameters.contact_length
         com_x = parameters.com_x + forwards * contact_length
         com_y = parameters.com_y + left * parameters.half_gauge
-        with contextlib.suppress(InvalidValueError):
-            yield replace(parameters, contact_length=contact_length, com_x=com_x, com_y=com_y)
+        try:
+            with warnings.catch_warnings(action="ignore", category=RobotWarning):  # the robot's own is enough
+                variant = replace(parameters, contact_length=contact_length, com_x=com_x, com_y=com_y)
+        except InvalidValueError:
+            continue
+        yield variant
 
 
 def _turn_variant(parameters: RobotParameters, ground: Ground, threads: int, default_contact: bool) -> VariedTurns:

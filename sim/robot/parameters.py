@@ -11,6 +11,7 @@ import numpy as np
 
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR
 from sim.ground.ground import Ground
+from sim.robot.pads import lay_pads, points_per_track, warn_if_unverified
 from sim.toml_file import build, read_toml
 from trackslip.errors import require, require_at_most, require_positive
 
@@ -53,6 +54,7 @@ class RobotParameters:
         error, limit = self.radius_error, MAX_RADIUS_ERROR
         require(-limit <= error <= limit, "radius_error", error, f"from {-limit:g} to {limit:g}")
         self._require_standing()
+        warn_if_unverified(self.half_gauge, self.contact_length)
 
     def _require_standing(self) -> None:
         """Raise InvalidValueError if the centre of mass is so high, or so far off centre, that a track lifts off."""
@@ -88,6 +90,9 @@ class RobotParameters:
                 thing.size = np.array(thing.size) * [stretch, 1.0, 1.0]
         for name in ("left_sprocket", "right_sprocket"):
             spec.geom(name).size[0] = self.sprocket_radius
+        points = points_per_track(self.half_gauge, self.contact_length)
+        if points > points_per_track(default.half_gauge, default.contact_length):
+            lay_pads(spec, points)
         chassis.ipos = [self.com_x, self.com_y, self.com_height]
         # the mass distribution scales with the shape: its second moments with the squares of length, gauge and height
         growth = np.array([stretch, self.half_gauge / default.half_gauge, self.com_height / default.com_height]) ** 2

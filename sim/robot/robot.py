@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 import models
+from sim.robot.pads import lay_pads
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
@@ -26,8 +27,6 @@ CONTACT_POINTS = 2
 CONTACT_WIDTH = 9
 """Numbers that a contact sensor gives per point, in this order: force, position in the world, velocity; force and
 velocity are normal to the ground, along the pad and across it."""
-_TILT = np.radians(45.0)  # of a pad: only its lower end touches, and its axis still gives the contact's directions
-_LENGTH = 0.02  # between the ends of a pad [m]
 _FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
 
 
@@ -112,7 +111,7 @@ def load_robot(
             parameters.apply(spec)
         sprocket_radius = float(spec.geom("left_sprocket").size[0])
         if single_contacts:
-            _split_pads(spec)
+            lay_pads(spec, single=True)
         for geom in list(spec.geoms):
             if geom.group == VISUAL_GROUP:
                 spec.delete(geom)
@@ -125,46 +124,6 @@ def load_robot(
         return replace(robot, path=path, parameters=parameters, contact_sensors=contact_sensors)
     except (ValueError, KeyError, AttributeError) as error:
         raise TrackslipError(f"{path}: {' '.join(str(error).split())}") from error
-
-
-def _split_pads(spec: mujoco.MjSpec) -> None:
-    """Replace every pad by two tilted capsules, whose lower ends touch the ground where its ends did."""
-    chassis = spec.body("chassis")
-    raised = _LENGTH * np.array([np.cos(_TILT), 0.0, np.sin(_TILT)])
-    pairs = {pair.geomname2: pair for pair in spec.pairs}
-    pads = [geom for geom in chassis.geoms if "_pad" in geom.name]
-    for side in ("left", "right"):
-        ends = np.concatenate([_ends(pad) for pad in pads if pad.name.startswith(side)])
-        for k, place in enumerate(ends[np.argsort(ends[:, 0])]):
-            name = f"{side}_pad{k}_single"
-            like = pads[0]
-            chassis.add_geom(
-                name=name,
-                type=like.type,
-                size=[like.size[0], 0.0, 0.0],
-                fromto=[*place, *(place + raised)],
-                mass=0.0,
-                contype=0,
-                conaffinity=0,
-                group=like.group,
-            )
-            pair = pairs[like.name]
-            spec.add_pair(
-                geomname1=pair.geomname1,
-                geomname2=name,
-                condim=pair.condim,
-                friction=pair.friction,
-                solref=pair.solref,
-                solreffriction=pair.solreffriction,
-                solimp=pair.solimp,
-            )
-    for pad in pads:
-        spec.delete(pairs[pad.name])
-        spec.delete(pad)
-
-
-def _ends(pad: mujoco.MjsGeom) -> np.ndarray:
-    return np.array(pad.fromto).reshape(2, 3)
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, points: int) -> None:

@@ -127,3 +127,11 @@ def test_a_wrong_way_to_draw_is_refused():
     assert done.returncode == 2
     assert done.stderr.startswith("trackslip: invalid value for environment variable MUJOCO_GL: nonsense: must be egl")
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_warning_is_one_line_without_code(tmp_path, capsys):
+    (tmp_path / "wide.toml").write_text("half_gauge = 0.6\n")
+    main(["predict", "--robot", str(tmp_path / "wide.toml"), "--radii", "3", "--out", str(tmp_path / "out")])
+    line = "warning: half_gauge = 0.6: turns are verified up to 0.51 m, 1.5 contact lengths"
+    assert [one for one in capsys.readouterr().err.splitlines() if "arning" in one] == [line]

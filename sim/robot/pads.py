@@ -1,0 +1,93 @@
+"""Pads of the tracks: capsules along the direction of travel, which touch the ground at two points or at one."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+
+from trackslip.errors import RobotWarning
+from trackslip.kinematics import SIDES, Array
+
+WIDEST = 3.0
+"""Gauge over contact length up to which turns are verified to follow theory [-]."""
+_TILT = np.radians(45.0)  # of a pad with one point: its lower end touches, and its axis still gives the directions
+_LENGTH = 0.02  # between the ends of such a pad [m]
+_POINTS, _GROWTH = 10, 1.6  # points of a track as long as the gauge, and the power of the gauge with which they grow
+_ENOUGH = 1.2  # gauge over contact length up to which those of a track as long as the gauge will do [-]
+_FASTER = 2.0  # grip of more pads than a model has, over that of its own [-]
+
+
+def points_per_track(half_gauge: float, contact_length: float) -> int:
+    """Even number of points at which a track of this size touches the ground [-].
+
+    The ICRs of a short, wide robot are so close to its tracks that only the elements of track within a few
+    millimetres of its middle slide along themselves more than across: the wider the robot, the finer its points.
+    Beyond WIDEST there are no more.
+    """
+    width = min(2 * half_gauge / contact_length, WIDEST)
+    return _POINTS if width <= _ENOUGH else 2 * math.ceil(_POINTS * width**_GROWTH / 2)
+
+
+def warn_if_unverified(half_gauge: float, contact_length: float) -> None:
+    """Give a RobotWarning for a robot so wide that its turns are not verified to follow theory."""
+    if half_gauge > WIDEST * contact_length / 2 * (1 + 1e-9):
+        allowed = f"turns are verified up to {WIDEST / 2 * contact_length:.4g} m, {WIDEST / 2:g} contact lengths"
+        warnings.warn(f"half_gauge = {half_gauge:.4g}: {allowed}", RobotWarning, stacklevel=4)
+
+
+def lay_pads(spec: Any, points: int | None = None, single: bool = False) -> None:
+    """Replace the pads of a model by others that touch the ground at `points` points a track.
+
+    The points are the middles of equal segments of the tracks, by default as many as before; a pad has two of them,
+    unless it is `single`. All points together carry the robot at the same depth, and creep as slowly, as before. More
+    points than before grip faster: near the middle of a short track the time that the grip takes, at the speed of the
+    robot, is a way that counts.
+    """
+    chassis = spec.body("chassis")
+    pads = [geom for geom in chassis.geoms if "_pad" in geom.name]
+    pairs = {pair.geomname2: pair for pair in spec.pairs}
+    ends = np.concatenate([np.reshape(pad.fromto, (2, 3)) for pad in pads])
+    old, like, (_, half_gauge, height) = len(ends) // 2, pads[0], np.abs(ends[0])
+    x = _spread(ends[:, 0].min(), ends[:, 0].max(), old, points or old)
+    softer = _softer(pairs[like.name], old / len(x), _FASTER if len(x) > old else 1.0)
+    raised = _LENGTH * np.array([np.cos(_TILT), 0.0, np.sin(_TILT)])
+    for side, y in zip(("left", "right"), half_gauge * -SIDES, strict=True):
+        place = np.stack([x, np.full_like(x, y), np.full_like(x, height)], axis=1)
+        spans = np.hstack([place, place + raised]) if single else place.reshape(-1, 6)
+        for k, span in enumerate(spans):
+            name, size = f"{side}_pad{k}_of{len(spans)}", [like.size[0], 0.0, 0.0]
+            unseen = {"mass": 0.0, "contype": 0, "conaffinity": 0, "group": like.group}
+            chassis.add_geom(name=name, type=like.type, size=size, fromto=span, **unseen)
+            pair = pairs[like.name]
+            spec.add_pair(
+                geomname1=pair.geomname1, geomname2=name, condim=pair.condim, friction=pair.friction, **softer
+            )
+    for pad in pads:
+        spec.delete(pairs[pad.name])
+        spec.delete(pad)
+
+
+def _spread(first: float, last: float, old: int, new: int) -> Array:
+    """Middles (new,) of equal segments of the track on which `old` of them are from `first` to `last` [m]."""
+    if new == old:
+        return np.linspace(first, last, old)
+    half = (last - first) / 2 * old / (old - 1)
+    return np.asarray((first + last) / 2 + half * ((2 * np.arange(new) + 1) / new - 1))
+
+
+def _softer(pair: Any, share: float, faster: float) -> dict[str, Any]:
+    """Contact parameters for `share` of the load of a pair, and a grip that is so many times `faster`.
+
+    Stiffness, damping and the rate of the grip are all multiplied by the impedance, which doesn't change with depth.
+    """
+    impedance = pair.solimp[0]
+    ratio = share / faster
+    scaled = ratio * impedance / (1 - impedance + ratio * impedance)
+    factor = faster * scaled / impedance
+    solref, solreffriction, solimp = (np.array(getattr(pair, n)) for n in ("solref", "solreffriction", "solimp"))
+    solimp[:2] = scaled
+    solreffriction[1] *= factor
+    return {"solref": solref * factor, "solreffriction": solreffriction, "solimp": solimp}

@@ -1,0 +1,55 @@
+"""Wide, short robots turn as theory says, since their tracks have as many points as that takes."""
+
+import numpy as np
+import pytest
+
+from sim.drive.drive import tireless
+from sim.fleet import Fleet
+from sim.ground.ground import Ground
+from sim.robot.pads import points_per_track
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
+from trackslip.errors import RobotWarning
+from trackslip.skid_theory import line_contact, steady_twist
+
+
+@pytest.mark.parametrize(("shear", "within"), [(0.0, 0.01), (0.01, 0.02)])
+@pytest.mark.parametrize("width", [1.25, 1.47, 2.0, 2.5, 3.0])
+def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(width, shear, within):
+    half_length, half_gauge = 0.17, 0.17 * width
+    yaw_rate = 0.1 / (np.array([2.4, 8.0]) * half_gauge)  # at 0.1 m/s
+    spread = 2 * (half_gauge + 0.05 * half_length) * yaw_rate
+    belts = 0.1 + np.stack([-spread, spread], axis=1) / 2
+    robot = load_robot(parameters=RobotParameters(half_gauge=half_gauge))
+    fleet = Fleet(robot, np.zeros((2, 3)), Ground(shear=shear), 0.0, tireless())
+    fleet.command(belts / robot.geometry.sprocket_radius)
+    fleet.advance(20.0 if shear else 3.0)
+    contact = line_contact(half_gauge, half_length, 0.7, 0.778, (0.0, 0.0, 0.12), points=800)
+    expected = steady_twist(belts, contact, 9.81, shear)[:, 2]
+    offset, by_theory = (spread / (2 * w) - half_gauge for w in (fleet.twist()[:, 2], expected))
+    np.testing.assert_allclose(offset, by_theory, rtol=within)
+
+
+def test_points_follow_from_the_shape_and_bear_as_before(robot):
+    wide = load_robot(parameters=RobotParameters(half_gauge=0.34))
+    assert len(wide.contact_points) == 2 * points_per_track(0.34, 0.34) == 2 * 32
+    assert len(wide.with_single_contacts().pad_side) == 64
+    assert wide.contact_half_length == robot.contact_half_length
+    d, d_wide = (one.model.pair_solimp[0, 0] for one in (robot, wide))
+    softness, softness_wide = (1 - d) / d / 20, (1 - d_wide) / d_wide / 64  # of all points, in 1 / mass
+    rate, rate_wide = (one.model.pair_solreffriction[0, 1] / one.model.pair_solimp[0, 0] for one in (robot, wide))
+    np.testing.assert_allclose(softness_wide / softness, rate_wide / rate)  # so that creep is the same
+    sink = [-Fleet(one, np.zeros((1, 3))).attitude()[0, 0] for one in (robot, wide)]
+    np.testing.assert_allclose(sink, sink[0], rtol=1e-3)
+
+
+@pytest.mark.parametrize(("half_gauge", "contact_length"), [(0.168, 0.34), (0.25, 0.5), (0.1, 1.0), (0.2, 0.34)])
+def test_narrower_robots_keep_their_pads(half_gauge, contact_length):
+    assert points_per_track(half_gauge, contact_length) == 10
+
+
+def test_a_robot_wider_than_verified_is_told_of():
+    with pytest.warns(RobotWarning, match=r"half_gauge = 0\.6: turns are verified up to 0\.51 m, 1\.5 contact lengths"):
+        wide = RobotParameters(half_gauge=0.6)
+    assert points_per_track(wide.half_gauge, wide.contact_length) == points_per_track(0.51, 0.34)
+    RobotParameters(half_gauge=0.51)
