@@ -61,8 +61,8 @@ def add_tracks(
         name: of the track; two are called NAME_left and NAME_right. By default the body's name.
         side: "both", "left" or "right".
         load: part of the robot's weight that these tracks carry when the robot stands on them [-].
-        segments: capsules along the longest run below. By default as many as the preset has, which spread the load for
-            turns to be exact, and for a single track, such as a flipper's, one.
+        segments: capsules along the longest run below. By default as many as the preset has, and for a single track,
+            such as a flipper's, two.
         terrain: geoms, or their names, to `connect` the tracks with at once; otherwise call `Tracks.connect`.
 
     Raises:
@@ -77,7 +77,7 @@ def add_tracks(
     require_at_most("load", load, 1.0)
     require_friction(friction)
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
-    count = segments if segments is not None else (recipe.segments if side == "both" else 1)
+    count = segments if segments is not None else (recipe.segments if side == "both" else 2)
     require_whole("segments", count, 1, _MAX_SEGMENTS)
     prefix = name or carrier.name
     require(prefix, "name", name, "given: the body has no name")

@@ -85,7 +85,7 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...
     for i, run in enumerate(hull.runs):
         below = bool(run.outwards[1] < 0)
         count = max(1, round(segments * run.length / longest)) if below else 1
-        radius = min(run.radius, _MAX_RUN_RADIUS)
+        radius = min(run.radius / 2, _MAX_RUN_RADIUS)  # so that opposite runs have nothing in common
         middle = (run.start + run.end) / 2 - radius * run.outwards
         turn = np.arctan2(run.along[0], run.along[1])  # about y, from z to the belt's direction
         for j, (start, end) in enumerate(_chain(run.length, count)):

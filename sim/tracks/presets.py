@@ -1,9 +1,15 @@
-"""Contact presets: impedance that stiffens with depth, so that many points share a plane and few carry a stair.
+"""Contact presets: springs that many points share on a plane; what is deeper is left to hard cores.
 
-A contact with impedance d(r) at depth r, between bodies of inverse weight A, pushes with
-f = (d / (1 - d)) / A * (a* - a), a* = K d(r) / dmax^2 r - B / dmax v. Standing, N points at the depth `sink` carry the
-robot of mass m; of their `regularisation` e, d / (1 - d) = e m A / N there. Then K = g dmax^2 / (e d sink), and heave
-has the frequency w^2 = (1 + 2 sink d' / d) g / sink / (1 + e) and the damping e B / dmax / (1 + e) = 2 zeta w.
+A contact with impedance d between bodies of inverse weight A pushes with f = (d / (1 - d)) / A * (a* - a),
+a* = -K r - B v at depth r. N points with d / (1 - d) = e m A / N have a softness of 1 / (e m) together, e being the
+`regularisation` and m the robot's mass. Standing on them, the robot sinks in by g / (e K), and heave has about the
+squared frequency w^2 = e K and the damping e B = 2 zeta w.
+
+Landing must not create energy. In a physics step h, a point moves by h v at most before it is pushed, so that damping
+and spring take (h B + h^2 K) a of the speed v, where a = e l / (1 + e l) is the share of a* that the bodies follow, and
+l their mobility in the direction of the push, relative to heave. If that is more than 1 the robot leaves at once, and
+if it is more than 2 faster than it came. A light limb has a large l. With e K and e B given, and thus the depth at
+which the robot stands, a larger e bounds a: l / (1 + e l) is never more than 1 / e.
 """
 
 from __future__ import annotations
@@ -16,81 +22,78 @@ import numpy as np
 
 from trackslip.errors import require
 
-_MAX_PUSH = 0.5
-"""Largest share of its depth by which a contact pushes a light body out in a physics step, not to throw it [-]."""
-_MAX_BRAKE = 1.0
-"""Largest share of its speed that a contact takes from a light body in a physics step, not to reverse it [-]."""
 IMPRATIO = 1e4
 """Ratio of frictional to normal constraint impedance [-]."""
+_MAX_TAKEN = 2.0  # share of its speed that landing takes from a robot in one physics step [-]
+_CORE_IMPEDANCE = 0.95  # [-]
+_CORE_PUSH = 0.4  # share of its depth by which a core is pushed out in one physics step [-]
+_CORE_BRAKE = 0.7  # share of its speed that a core loses in one physics step [-]
+_WIDTH = 0.001  # over which the engine would change the impedance, which is constant [m]
 
 
 @dataclass(frozen=True)
 class Preset:
-    """A contact recipe. `stiffening` points have d0 at no depth and `stiffening` d0 at `width`."""
+    """A contact recipe."""
 
     timestep: float
-    """Physics step that it is made for [s]."""
-    longest_timestep: float
-    """Longest physics step at which it is stable [s]."""
+    """Longest physics step that it is made for [s]."""
     segments: int
     """Capsules along the longest run of a track; even."""
     sink: float
     """Depth of a robot that stands on one run of each track [m]."""
     damping_ratio: float
     """Damping ratio of heave [-]."""
-    stiffening: float
-    """Ratio of the impedances at depth `width` and at no depth [-]."""
-    width: float
-    """Depth at which the impedance is largest [m]."""
-    power: float
-    """Power of depth with which the impedance grows [-]."""
     regularisation: float = 0.02
     """Inverse softness of all points of the standing robot together, in robot masses [-]."""
     grip: float = 100.0
     """Rate at which sliding decays where the ground holds [1/s]."""
-    core: float = 0.003
+    core_depth: float = 0.003
     """Depth at which the belt's hard core touches; more than a robot that stands sinks in [m]."""
 
-    def contact(
-        self,
-        gravity: float,
-        share: float,
-        hardness: float,
-        weight: float = 1.0,
-        lightness: float = 1.0,
-        brake: float = 0.0,
-    ) -> ContactParameters:
+    def regularise(self, gravity: float, mobility: float) -> float:
+        """Regularisation with which landing creates no energy.
+
+        Args:
+            gravity: acceleration of gravity [m/s^2].
+            mobility: l above, which may be infinite [-].
+        """
+        stiffness, damping = self._rates(gravity)
+        taken = self.timestep * damping + self.timestep**2 * stiffness
+        return max(self.regularisation, taken / _MAX_TAKEN - 1 / mobility)
+
+    def contact(self, gravity: float, share: float, regularisation: float) -> ContactParameters:
         """Parameters of a contact.
 
         Args:
             gravity: acceleration of gravity [m/s^2].
-            share: m A / N above [-].
-            hardness: stiffness and damping relative to those of the preset [-].
-            weight: load of this point on a plane, relative to the others [-].
-            lightness: largest inverse mass of a point over that of the bodies, A [-].
-            brake: least share of its speed that the contact takes from a lone point in one physics step [-].
+            share: m A / N above, for the point's part of the load [-].
+            regularisation: e above [-].
         """
-        softness = self.regularisation * share
-        standing = softness / (1 + softness)
-        growth = (self.stiffening - 1) * (self.sink / self.width) ** self.power
-        first = standing / (1 + growth)
-        last = min(first * self.stiffening, 0.99)
-        softer = np.sqrt(weight)  # the force of a point goes with the square of its impedance
-        steepness = 1 + 2 * self.power * growth / (1 + growth)
-        e = self.regularisation
-        frequency = np.sqrt(steepness * gravity / (self.sink * (1 + e)))
-        stiffness = gravity * last**2 / (e * standing * self.sink)
-        damping = 2 * self.damping_ratio * frequency * last * (1 + e) / e
-        response = lightness / (lightness * last + 1 - last)  # of a point's acceleration to the contact's, over `last`
-        stop = 1 / (response * self.timestep)  # damping that takes all of a point's speed in one step
-        stiffness = min(hardness * stiffness, _MAX_PUSH * stop / self.timestep)
-        damping = min(max(hardness * damping, brake * stop), _MAX_BRAKE * stop)
-        midpoint = 0.5 if self.power == 1 else 0.999  # the whole rise is a power of depth
+        d = regularisation * share / (1 + regularisation * share)
+        stiffness, damping = self._rates(gravity)
         return ContactParameters(
-            solref=(-stiffness, -damping),
-            solimp=(first * softer, last, self.width, midpoint, self.power),
-            solreffriction=(-1.0, -self.grip * last),
+            solref=(-d * stiffness / regularisation, -d * damping / regularisation),  # the engine divides by d
+            solimp=(d, d, _WIDTH, 0.5, 1.0),
+            solreffriction=(-1.0, -d * self.grip),
         )
+
+    def core(self) -> ContactParameters:
+        """Parameters of the hard core below a belt's surface.
+
+        A robot that tips over an edge meets the next one with a wheel or two, and contacts that share a plane with many
+        points then yield by centimetres. The impedance of a core is near 1, so that a is, too: cores never take more
+        than they are asked for, whatever their number and the robot.
+        """
+        d = _CORE_IMPEDANCE
+        return ContactParameters(
+            solref=(-d * _CORE_PUSH / self.timestep**2, -d * _CORE_BRAKE / self.timestep),
+            solimp=(d, d, _WIDTH, 0.5, 1.0),
+            solreffriction=(-1.0, -d * self.grip),
+        )
+
+    def _rates(self, gravity: float) -> tuple[float, float]:
+        """The products e K [1/s^2] and e B [1/s]."""
+        return gravity / self.sink, float(2 * self.damping_ratio * np.sqrt(gravity / self.sink))
 
 
 @dataclass(frozen=True)
@@ -103,8 +106,8 @@ class ContactParameters:
 
 
 PRESETS = {
-    "accurate": Preset(0.002, 0.002, 8, 0.00034, 0.4, 2.7, 0.003, 3.0, core=0.0023),
-    "fast": Preset(0.004, 0.004, 4, 0.00125, 0.35, 2.2, 0.004, 4.0, core=0.004),
+    "accurate": Preset(0.002, 8, 0.00034, 0.4, core_depth=0.0015),
+    "fast": Preset(0.004, 4, 0.00125, 0.35, core_depth=0.003),
 }
 """Presets by name."""
 
@@ -135,8 +138,8 @@ def set_options(spec: mujoco.MjSpec, preset: Preset) -> None:
 
 def require_stable(timestep: float, preset: Preset) -> None:
     """Raise InvalidValueError for a time step [s] at which the preset isn't stable."""
-    allowed = f"at most {preset.longest_timestep:g} s, for contacts of this preset to be stable"
-    require(0 < timestep <= preset.longest_timestep, "timestep", timestep, allowed)
+    allowed = f"at most {preset.timestep:g} s, for contacts of this preset to be stable"
+    require(0 < timestep <= preset.timestep, "timestep", timestep, allowed)
 
 
 def require_options(option: Any) -> None:

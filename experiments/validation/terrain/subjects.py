@@ -78,6 +78,8 @@ class BoxRobot:
     """Half the distance between the tracks [m]."""
     mass: float = 25.0
     """[kg]"""
+    half_size: tuple[float, float, float] = (0.22, 0.16, 0.05)
+    """Of the box, whose density is even [m]."""
     name: str = "box"
 
     def stand(
@@ -89,8 +91,8 @@ class BoxRobot:
         ground = terrain.add_to(spec)
         body = spec.worldbody.add_body(name="box")
         body.add_freejoint()
-        half_size, loose = [0.22, 0.16, 0.05], {"contype": 0, "conaffinity": 0}
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half_size, pos=[x, 0, z], mass=self.mass, **loose)
+        loose = {"contype": 0, "conaffinity": 0}
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=self.half_size, pos=[x, 0, z], mass=self.mass, **loose)
         friction = (terrain.friction, terrain.friction)
         tracks = add_tracks(
             spec,

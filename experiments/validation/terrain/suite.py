@@ -18,10 +18,11 @@ from experiments.validation.suite import Findings
 from experiments.validation.terrain import figures
 from experiments.validation.terrain.engine import EngineSpeed, belt_error, differing_numbers, speed
 from experiments.validation.terrain.obstacles import RISE, Sinking, rough, stairs
+from experiments.validation.terrain.releases import LEAST_GAIN, Releases, releases
 from experiments.validation.terrain.slopes import climbing_limits, creep, tipping
 from experiments.validation.terrain.steps import BOXES, StepLimit, step
 from experiments.validation.terrain.subjects import BoxRobot, Subject, subjects
-from experiments.validation.terrain.trial import Limit
+from experiments.validation.terrain.trial import LevelGround, Limit
 from experiments.validation.terrain.turning import Turning, turning
 from sim.seeds import generator
 from trackslip.kinematics import Array
@@ -48,7 +49,9 @@ BOUNDS: dict[str, tuple[float, float]] = {
 _CREEP, _FASTEST, _BELTS = 0.5e-3, 1.0, 1e-12  # [m/s]
 _SIDEWAYS, _BACKWARDS = np.radians([0.5, 3.0]).tolist()  # backwards, the contact gives way at the rear [rad]
 ValueT = TypeVar("ValueT")
-_STAGES = 6  # of the measurements of a robot with a preset
+_REBOUND = 0.25  # of the drop [-]
+_LENGTH = 0.6  # of robots whose largest penetration the bounds are for; longer ones fall further from step to step [m]
+_STAGES = 7  # of the measurements of a robot with a preset
 _INTRO = Markup(
     "Tracks that are added to a robot with <code>sim.tracks</code> should turn by friction, climb and tip over as "
     "Coulomb's law and statics say. This page compares them with that theory, with both contact presets: "
@@ -67,6 +70,8 @@ class TerrainMeasurements:
 
     robot: str
     preset: str
+    length: float
+    """Of the robot's contact with the ground [m]."""
     on_plane: Turning
     on_box: Turning
     climb_on_plane: tuple[Limit, ...]
@@ -79,6 +84,9 @@ class TerrainMeasurements:
     descent: Sinking
     """Down the same stairs."""
     rough: Sinking
+    falls: Releases
+    random_falls: Releases | None
+    """Of random robots; with the box only."""
     speed: EngineSpeed
     differing: int
     """Count of state values in which a batch's rows differ from robots simulated alone."""
@@ -125,6 +133,7 @@ def measure(subject: Subject, preset: str, config: Config, done: Callable[[float
     return TerrainMeasurements(
         robot=subject.name,
         preset=preset,
+        length=2 * subject.stand(LevelGround(), preset).half_length,
         on_plane=turning(subject, preset, False, threads),
         on_box=stage(turning(subject, preset, True, threads)),
         climb_on_plane=climbing_limits(subject, preset, False, threads),
@@ -136,6 +145,8 @@ def measure(subject: Subject, preset: str, config: Config, done: Callable[[float
         stairs=stairs(subject, preset, threads),
         descent=stage(stairs(subject, preset, threads, rise=-RISE)),
         rough=stage(rough(subject, preset, rng, threads)),
+        falls=releases(subject, preset, rng),
+        random_falls=stage(releases(None, preset, rng) if isinstance(subject, BoxRobot) else None),
         speed=speed(subject, preset),
         differing=differing_numbers(subject, preset, rng),
         belt_error=stage(belt_error(subject, preset, rng)),
@@ -152,6 +163,7 @@ def by_default(subject: Subject, threads: int) -> ByDefault:
 def checks_of(found: TerrainMeasurements) -> list[Check]:
     """All checks of one robot with one preset."""
     bounds = {name: both[PRESETS.index(found.preset)] for name, both in BOUNDS.items()}
+    bounds["largest"] *= max(1.0, found.length / _LENGTH)
     checks: list[Check] = []
 
     def check(what: str, value: float, bound: float | tuple[float, float], unit: str, source: str) -> None:
@@ -187,6 +199,11 @@ def checks_of(found: TerrainMeasurements) -> list[Check]:
     check("fastest robot on rough ground", found.rough.fastest, _FASTEST, "m/s", needed)
     for name, value in zip(("level ground", "ten steps", "rough ground"), vars(found.speed).values(), strict=True):
         check(f"times real time on {name}, one core", value, at_least(bounds[name]), "1", needed)
+    for robots, falls in (("the robot", found.falls), ("random robots", found.random_falls)):
+        if falls is not None:
+            gain = max(0.0, float(falls.gain.max()))
+            check(f"energy that {robots} gained, over weight", gain, LEAST_GAIN, "m", "conservation of energy")
+            check(f"rebound of {robots}, over the drop", falls.rebound.max(), _REBOUND, "1", needed)
     check("numbers of a batch's rows that differ from robots alone", found.differing, 0.0, "1", "the same computation")
     check("sliding velocity of belts on moving bodies", found.belt_error, _BELTS, "m/s", "kinematics")
     return checks

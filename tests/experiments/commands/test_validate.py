@@ -40,7 +40,7 @@ SMALLER_TERRAIN = {
 PARTS = (
     *("slow", "pivot", "centre of mass off", "climbing", "creep", "highest step", "sideways", "backwards"),
     *("stairs, 99th", "stairs down, largest", "rough ground, largest", "warnings", "fastest", "ten steps"),
-    *("batch", "belts"),
+    *("batch", "belts", "energy that", "rebound"),
 )
 """Fragments of the names of the checks on terrain."""
 BOX = Path(models.__file__).parent / "box_robot.toml"
@@ -117,8 +117,9 @@ def test_every_bound_on_terrain_is_a_check(terrain):
     found = terrain.summary
     assert {check["name"].partition(": ")[0] for check in found["checks"]} == {"box, accurate"}
     for check in found["checks"]:
-        low, high = check["bound"] if isinstance(check["bound"], list) else (-np.inf, check["bound"])
-        assert check["holds"] == (low <= check["value"] <= (np.inf if high is None else high))
+        low, high = check["bound"] if isinstance(check["bound"], list) else (None, check["bound"])
+        low, high = -np.inf if low is None else low, np.inf if high is None else high
+        assert check["holds"] == (low <= check["value"] <= high)
         assert check["unit"] in ("1", "m", "m/s", "rad")
     named = [check["name"] for check in found["checks"]]
     assert len(set(named)) == len(named)

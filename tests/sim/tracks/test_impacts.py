@@ -85,7 +85,7 @@ BOUNDS = {"accurate": 0.005, "fast": 0.009}
 
 
 def touching_cores(data):
-    return [contact for contact in data.contact if contact.dim == 1]
+    return [contact for contact in data.contact if contact.includemargin < 0]
 
 
 @pytest.mark.parametrize("preset", BOUNDS)

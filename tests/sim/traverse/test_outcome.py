@@ -8,7 +8,7 @@ from sim.terrain import Course, Flat, Step
 from sim.traverse.outcome import Limits, Outcome, StuckWatch
 from sim.traverse.world import Command, Traverse
 
-WALL = Course((Flat(0.2), Step(0.6)), start_length=1.4, goal_length=1.4)
+WALL = Course((Flat(0.2), Step(0.6)), friction=0.5, start_length=1.4, goal_length=1.4)
 ROWS = ("reached", "stuck", "fell", "tipped", "exploded", "time")
 
 
