@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Any
 
 import numpy as np
 
-from trackslip.errors import RobotWarning
+from sim.width import WIDEST
 from trackslip.kinematics import SIDES, Array
 
-WIDEST = 3.0
-"""Gauge over contact length up to which turns are verified to follow theory [-]."""
 _TILT = np.radians(45.0)  # of a pad with one point: its lower end touches, and its axis still gives the directions
 _LENGTH = 0.02  # between the ends of such a pad [m]
 _POINTS, _GROWTH = 10, 1.6  # points of a track as long as the gauge, and the power of the gauge with which they grow
@@ -29,13 +26,6 @@ def points_per_track(half_gauge: float, contact_length: float) -> int:
     """
     width = min(2 * half_gauge / contact_length, WIDEST)
     return _POINTS if width <= _ENOUGH else 2 * math.ceil(_POINTS * width**_GROWTH / 2)
-
-
-def warn_if_unverified(half_gauge: float, contact_length: float) -> None:
-    """Give a RobotWarning for a robot so wide that its turns are not verified to follow theory."""
-    if half_gauge > WIDEST * contact_length / 2 * (1 + 1e-9):
-        allowed = f"turns are verified up to {WIDEST / 2 * contact_length:.4g} m, {WIDEST / 2:g} contact lengths"
-        warnings.warn(f"half_gauge = {half_gauge:.4g}: {allowed}", RobotWarning, stacklevel=4)
 
 
 def lay_pads(spec: Any, points: int | None = None, single: bool = False) -> None:

@@ -11,8 +11,9 @@ import numpy as np
 
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR
 from sim.ground.ground import Ground
-from sim.robot.pads import lay_pads, points_per_track, warn_if_unverified
+from sim.robot.pads import lay_pads, points_per_track
 from sim.toml_file import build, read_toml
+from sim.width import warn_if_unverified
 from trackslip.errors import require, require_at_most, require_positive
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class RobotParameters:
         error, limit = self.radius_error, MAX_RADIUS_ERROR
         require(-limit <= error <= limit, "radius_error", error, f"from {-limit:g} to {limit:g}")
         self._require_standing()
-        warn_if_unverified(self.half_gauge, self.contact_length)
+        warn_if_unverified(self.half_gauge, self.contact_length, level=3)
 
     def _require_standing(self) -> None:
         """Raise InvalidValueError if the centre of mass is so high, or so far off centre, that a track lifts off."""

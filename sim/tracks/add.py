@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,6 +13,7 @@ from sim.tracks.connect import connect, require_friction
 from sim.tracks.hull import Hull
 from sim.tracks.parts import TrackParts, track_parts
 from sim.tracks.presets import Preset, load_preset, require_stable
+from sim.width import WIDEST, warn_if_unverified
 from trackslip.errors import (
     InvalidValueError,
     TrackslipError,
@@ -25,6 +27,10 @@ from trackslip.errors import (
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Data that a contact sensor reports per contact, as bits: found, force, dist, normal, tangent, linvel."""
 _MAX_SEGMENTS = 40
+_SEGMENTS, _GROWTH = (
+    2.6,
+    1.8,
+)  # least capsules of a run as long as the gauge, and the power of the gauge of their growth
 _MAX_HALF_GAUGE = 10.0  # [m]
 _SLOTS = 64  # contacts that a sensor reports; fine height fields may cause more
 _MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
@@ -61,8 +67,9 @@ def add_tracks(
         name: of the track; two are called NAME_left and NAME_right. By default the body's name.
         side: "both", "left" or "right".
         load: part of the robot's weight that these tracks carry when the robot stands on them [-].
-        segments: capsules along the longest run below. By default as many as the preset has, and for a single track,
-            such as a flipper's, two.
+        segments: capsules along the longest run below. By default as many as the preset has, more for a robot that is
+            wide for its length, which spread the load for turns to be exact; for a single track, such as a flipper's,
+            two.
         terrain: geoms, or their names, to `connect` the tracks with at once; otherwise call `Tracks.connect`.
 
     Raises:
@@ -77,7 +84,7 @@ def add_tracks(
     require_at_most("load", load, 1.0)
     require_friction(friction)
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
-    count = segments if segments is not None else (recipe.segments if side == "both" else 2)
+    count = segments if segments is not None else _segments(recipe, half_gauge, shape) if side == "both" else 2
     require_whole("segments", count, 1, _MAX_SEGMENTS)
     prefix = name or carrier.name
     require(prefix, "name", name, "given: the body has no name")
@@ -114,6 +121,16 @@ def add_tracks(
                 spec.delete(spec.body(track))
             raise
     return tracks
+
+
+def _segments(preset: Preset, half_gauge: float, hull: Hull) -> int:
+    """Even number of capsules along the longest run of each of two tracks.
+
+    The wider the robot, the closer its ICRs lie to its tracks, and the finer the points that resolve them.
+    """
+    warn_if_unverified(half_gauge, hull.longest_below, level=3)
+    width = min(2 * half_gauge / hull.longest_below, WIDEST)
+    return max(preset.segments, 2 * math.ceil(_SEGMENTS * width**_GROWTH / 2))
 
 
 def _body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:

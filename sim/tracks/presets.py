@@ -120,8 +120,8 @@ def load_preset(preset: str | Preset) -> Preset:
     return PRESETS[preset]
 
 
-def set_options(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Set the cone and impratio, and the time step unless the user has chosen one.
+def set_options(spec: mujoco.MjSpec, preset: Preset, finer: float = 1.0) -> None:
+    """Set the cone and impratio, `finer` times the least, and the time step unless the user has chosen one.
 
     Raises InvalidValueError for a time step at which the preset isn't stable, and if the spec overrides contacts.
     """
@@ -131,7 +131,7 @@ def set_options(spec: mujoco.MjSpec, preset: Preset) -> None:
         option.timestep = preset.timestep
     require_stable(option.timestep, preset)
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = max(option.impratio, IMPRATIO)
+    option.impratio = max(option.impratio, finer * IMPRATIO)
     if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at such an impratio
         option.solver = plain.solver
 

@@ -54,8 +54,8 @@ def add_flipper(spec, body, name, x, y, mass=1.5):
     return flipper
 
 
-def built(spec, preset="accurate", terrain="ground", **options):
+def built(spec, preset="accurate", terrain="ground", half_gauge=HALF_GAUGE, **options):
     """Model, data and belts of the robot in `spec`, with tracks on the terrain."""
-    tracks = add_tracks(spec, "robot", half_gauge=HALF_GAUGE, hull=HULL, preset=preset, terrain=terrain, **options)
+    tracks = add_tracks(spec, "robot", half_gauge=half_gauge, hull=HULL, preset=preset, terrain=terrain, **options)
     model = spec.compile()
     return model, mujoco.MjData(model), tracks.bind(model)

@@ -7,6 +7,7 @@ from mujoco import batch
 from tracked import HALF_GAUGE, HALF_LENGTH, HULL, add_flipper, add_robot, built, plane, slab
 
 from sim.tracks import PRESETS, add_tracks, bind
+from trackslip.errors import RobotWarning
 from trackslip.skid_theory import line_contact, steady_twist
 
 
@@ -41,6 +42,28 @@ def test_turns_have_the_centres_of_rotation_of_theory(ground, preset, speeds, co
     theory = steady_twist(speeds, contact)
     measured, expected = icr_half_width(speeds, data.qvel[5]), icr_half_width(speeds, theory[2])
     assert measured - HALF_GAUGE == pytest.approx(expected - HALF_GAUGE, rel=bound)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("width", [1.5, 2.0, 2.5, 3.0])
+@pytest.mark.parametrize("radius", [2.4, 8.0])
+def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(preset, width, radius):
+    spec, half_gauge = plane(), width * HALF_LENGTH
+    across = 0.37 * (half_gauge / HALF_GAUGE) ** 2  # second moment of its mass, which grows with its gauge
+    add_robot(spec).inertia = [across + 0.08, 0.6, across + 0.52]
+    yaw_rate = 0.1 / (radius * half_gauge)  # at 0.1 m/s, in units of the half gauge
+    speeds = 0.1 + np.array([-1.0, 1.0]) * (half_gauge + 0.1 * HALF_LENGTH) * yaw_rate
+    _, data, _ = driven(spec, speeds, 2.0, preset, half_gauge=half_gauge)
+    expected = steady_twist(speeds, line_contact(half_gauge, HALF_LENGTH, 0.7, 0.7, (0.0, 0.0, 0.12), 800), 9.81)[2]
+    offset, by_theory = (icr_half_width(speeds, w) - half_gauge for w in (data.qvel[5], expected))
+    assert offset == pytest.approx(by_theory, rel=0.01)
+
+
+def test_tracks_wider_than_verified_are_told_of():
+    spec = plane()
+    add_robot(spec)
+    with pytest.warns(RobotWarning, match=r"half_gauge = 1: turns are verified up to 0\.75 m, 1\.5 contact lengths"):
+        add_tracks(spec, "robot", half_gauge=1.0, hull=HULL)
 
 
 @pytest.mark.parametrize("radius", [0.01, 0.02, 0.03])
