@@ -19,7 +19,7 @@ class BagOptions:
     """Topics, joints and sensors to take from a bag."""
 
     encoders: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
-    """Topic of sensor_msgs/JointState with the wheels or sprockets, or of odometry computed from them."""
+    """Topics of sensor_msgs/JointState with the wheels, separated by commas, or one of odometry computed from them."""
     left: Annotated[str | None, default_is("by their names", "NAMES")] = None
     """Names of the joints on the left, separated by commas; their mean is used."""
     right: Annotated[str | None, default_is("by their names", "NAMES")] = None

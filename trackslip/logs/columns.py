@@ -86,7 +86,7 @@ class Columns:
             raise LogError(f"{self._source}: column {name}: {column.type} is not true or false")
         text = column.cast(pa.string()).fill_null("").combine_chunks().dictionary_encode()
         known = [_BOOLEANS.get(value.lower(), np.nan) for value in text.dictionary.to_pylist()]
-        empty = np.array([value == "" for value in text.dictionary.to_pylist()])
+        empty = np.array([value == "" for value in text.dictionary.to_pylist()], bool)
         index = text.indices.to_numpy()
         values, given = np.array(known, float)[index], ~empty[index]
         lacking = np.bincount(label + 1, given) == 0  # runs; label -1 is none

@@ -10,8 +10,8 @@ for message in bag.messages("/scan"):
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -21,9 +21,9 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.logs.runlog import Refused, none_usable
-from trackslip.ros.files import Parts, read_parts
+from trackslip.ros.files import Parts, is_kept, read_parts
 from trackslip.ros.messages import decode, require_rosbags
-from trackslip.ros.readers import read_file
+from trackslip.ros.readers import Record, read_file
 
 T = TypeVar("T")
 _SHOWN = 12  # names in a message
@@ -91,6 +91,8 @@ class Bag:
     """Times at which the first and the last message were recorded [ns]."""
     max_expanded: float | None = None
     """Largest size of a file's content once decompressed [MB]; None for 268 MB and 100 times the file's size."""
+    kept: Sequence[Record] | None = field(default=None, repr=False)
+    """Its small messages, which need not be read again; None if they are too many."""
 
     @property
     def path(self) -> Path:
@@ -126,21 +128,30 @@ class Bag:
         chosen = {found.name: found.type for found in map(self.topic, topics)}
         damaged: Counter[str] = Counter()
         reasons: dict[str, str] = {}
-        for file in self.files:
-            for channel, arrival, data in read_file(file, lambda topic: topic in chosen, [], self.max_expanded):
-                if chosen.get(channel.topic) != channel.type:
-                    continue
-                try:
-                    yield Message(channel.topic, arrival, decode(channel, data))
-                except LogError as error:
-                    damaged[channel.topic] += 1
-                    reasons.setdefault(channel.topic, str(error))
+        for channel, arrival, data in self._records(chosen):
+            if chosen.get(channel.topic) != channel.type:
+                continue
+            try:
+                yield Message(channel.topic, arrival, decode(channel, data))
+            except LogError as error:
+                damaged[channel.topic] += 1
+                reasons.setdefault(channel.topic, str(error))
         for topic, count in damaged.items():
             total = self.topics[topic].count
             if count == total:
                 raise LogError(f"{self.path}: topic {topic}: no message can be decoded: {reasons[topic]}")
             if notes is not None:
                 notes.append(f"topic {topic}: {count} of {total} messages left out: {reasons[topic]}")
+
+    def _records(self, chosen: Mapping[str, str]) -> Iterable[Record]:
+        """Records of at least the chosen topics, given with their types, in the order of the files."""
+        if self.kept is not None and all(map(is_kept, chosen.values())):
+            return self.kept
+        return (
+            record
+            for file in self.files
+            for record in read_file(file, lambda channel: channel.topic in chosen, [], self.max_expanded)
+        )
 
     def first(self, topic: str, most: int) -> list[Message]:
         """The first messages of a topic that can be decoded, at most `most`; next to nothing else is read."""
@@ -211,4 +222,4 @@ def _bag(parts: Parts, max_expanded: float | None) -> Bag:
             notes.append(f"topic {name}: {len(times)} messages of another type, {kind}, left out")
         else:
             topics[name] = Topic(name, kind, np.sort(np.array(times, np.int64)))
-    return Bag(parts.name, parts.files, topics, tuple(notes), parts.span, max_expanded)
+    return Bag(parts.name, parts.files, topics, tuple(notes), parts.span, max_expanded, parts.kept)

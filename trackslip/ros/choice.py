@@ -25,7 +25,10 @@ class BagChoice:
     """Topics and joints of a bag; None where the bag leaves no doubt."""
 
     encoders: str | None = None
-    """Topic of `sensor_msgs/JointState` with the wheels or sprockets, or of `nav_msgs/Odometry` computed from them."""
+    """Topic of `sensor_msgs/JointState` with the wheels or sprockets, or of `nav_msgs/Odometry` computed from them.
+
+    Several of `sensor_msgs/JointState`, separated by commas, where each has some of the joints.
+    """
     left: tuple[str, ...] | None = None
     """Names of the joints on the left; the mean of their speeds is used."""
     right: tuple[str, ...] | None = None

@@ -14,7 +14,7 @@ from trackslip.kinematics import Array, RobotGeometry, track_speeds
 from trackslip.ros import joint_angles
 from trackslip.ros.bag import Bag, listed
 from trackslip.ros.choice import AUTOMATIC, SIDES, BagChoice
-from trackslip.ros.joints import WHEELS, Sides, encoder_topic
+from trackslip.ros.joints import WHEELS, Sides, encoder_topics
 from trackslip.ros.poses import Poses
 from trackslip.ros.scans import Scans
 from trackslip.ros.stamps import ascending, clock_parts, require_overlap, seconds
@@ -75,29 +75,30 @@ def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | No
     what is left out. Raises LogError if there are no encoders, or no telling which they are.
     """
     notes = [] if notes is None else notes
-    topic, joints = encoder_topic(bag, choice)
-    stamp, arrival, readings = _readings(bag, topic.name, joints, choice.wheels, notes)
+    topics, joints = encoder_topics(bag, choice)
+    topic = " and ".join(each.name for each in topics)
+    stamp, arrival, readings = _readings(bag, [each.name for each in topics], joints, choice.wheels, notes)
     signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in SIDES])
     found = []
-    for rows in clock_parts(topic.name, stamp, arrival, notes):
+    for rows in clock_parts(topic, stamp, arrival, notes):
         names = [name for side in joints for name in side]
-        angles = _angles(topic.name, names, stamp[rows], readings[rows], notes)
+        angles = _angles(topic, names, stamp[rows], readings[rows], notes)
         common = _common(angles)
         if len(common) > 1:
             first = int(common[0])
             time = seconds(common, first)
             turns = {name: np.diff(np.interp(time, seconds(at, first), angle)) for name, (at, angle) in angles.items()}
-            sides = [joint_angles.side_turns(topic.name, side, turns, notes) for side in joints]
+            sides = [joint_angles.side_turns(topic, side, turns, notes) for side in joints]
             omega = np.stack(sides, axis=-1) / np.diff(time)[:, None] * signs
             delay = float(np.median(arrival[rows] - stamp[rows])) / 1e9
-            found.append(Encoders(topic.name, joints, common, delay, np.concatenate([omega[:1], omega])))
+            found.append(Encoders(topic, joints, common, delay, np.concatenate([omega[:1], omega])))
     if not found:
-        raise LogError(f"{bag.path}: topic {topic.name}: fewer than 2 messages with the joints chosen")
+        raise LogError(f"{bag.path}: topic {topic}: fewer than 2 messages with the joints chosen")
     return found
 
 
 def _readings(
-    bag: Bag, topic: str, joints: Sides, wheels: RobotGeometry | None, notes: list[str]
+    bag: Bag, topics: list[str], joints: Sides, wheels: RobotGeometry | None, notes: list[str]
 ) -> tuple[np.ndarray, np.ndarray, Array]:
     """Stamps and arrivals (N,) [ns] of the messages that name any of J joints, and their content (N, J, 3).
 
@@ -107,7 +108,7 @@ def _readings(
     chosen = [name for side in joints for name in side]
     known: dict[str, None] = {}
     times, rows = [], []
-    for message in bag.messages(topic, notes=notes):
+    for message in bag.messages(*topics, notes=notes):
         names, *fields = _joint_states(message.content, joints, wheels)
         known |= dict.fromkeys(names)
         stated = [field.tolist() if len(field) == len(names) else [np.nan] * len(names) for field in fields]
@@ -118,7 +119,8 @@ def _readings(
     for side, of_side in zip(SIDES, joints, strict=True):
         for name in of_side:
             if name not in known:
-                raise LogError(f"{side} = {name!r}: topic {topic} has no such joint; its joints are {listed([*known])}")
+                source = f"topic {' and '.join(topics)}"
+                raise LogError(f"{side} = {name!r}: {source} has no such joint; its joints are {listed([*known])}")
     stamp, arrival = np.array(times, np.int64).T
     readings = np.array(rows, float)
     return stamp, arrival, np.where(np.abs(readings) <= _MAX_ANGLE, readings, np.nan)

@@ -10,17 +10,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from trackslip.errors import LogError, first_line
-from trackslip.ros.readers import read_file
+from trackslip.ros.readers import Record, read_file
 
 _METADATA = "metadata.yaml"
 _STORAGES = {".bag", ".mcap", ".db3"}
 _WRAPPINGS = {".zstd", ".active"}  # of compressed files, and of recordings that weren't closed
 _DEPTH = 3  # of folders in folders
 _PART = re.compile(r"(.*?)(?:_\d{4}(?:-\d\d){5})?_(\d+)")  # name and number of a part, perhaps with a date
+_KEPT = (
+    *("geometry_msgs/", "nav_msgs/msg/Odometry", "tf/", "tf2_msgs/"),
+    *("sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState", "sensor_msgs/msg/NavSatFix"),
+)  # beginnings of the types whose messages are small, and mostly read more than once
+_MOST_KEPT = 256_000_000  # of their bytes
 _MAX_PAUSE = 2.0  # time between the parts of a bag [s]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Parts:
     """Files of a bag and their contents."""
 
@@ -30,6 +35,8 @@ class Parts:
     """Times of recording of the messages, by topic and type [ns]."""
     notes: list[str] = field(default_factory=list)
     """Damage and missing files, one line each."""
+    kept: list[Record] | None = field(default_factory=list)
+    """The small messages, in the order of the files; None if they are too many to keep."""
 
     @property
     def span(self) -> tuple[int, int]:
@@ -84,16 +91,27 @@ def _bags_in(path: Path, depth: int = _DEPTH) -> list[Parts]:
 
 
 def _read(bag: Parts, max_expanded: float | None) -> None:
-    """Read the times of its messages, and note damage."""
+    """Read the times of its messages and those to keep, and note damage."""
+    size = 0
     for file in bag.files:
         said: list[str] = []
         try:
-            for record in read_file(file, lambda topic: False, said, max_expanded):
+            for record in read_file(file, lambda channel: is_kept(channel.type), said, max_expanded):
                 bag.arrivals[record.channel.topic, record.channel.type].append(record.arrival)
+                size += len(record.data)
+                if size > _MOST_KEPT:
+                    bag.kept = None
+                elif bag.kept is not None and record.data:
+                    bag.kept.append(record)
         except LogError as error:
             said.append(str(error).removeprefix(f"{file}: "))
         for line, count in Counter(said).items():
             bag.notes.append(f"{file}: {line}" + (f" ({count} times)" if count > 1 else ""))
+
+
+def is_kept(kind: str) -> bool:
+    """True for the types whose messages are kept."""
+    return kind.startswith(_KEPT)
 
 
 def _refusal(bag: Parts) -> str:
@@ -115,7 +133,8 @@ def _joined(bags: Sequence[Parts]) -> list[Parts]:
                 before = joined.pop()
                 for key, times in bag.arrivals.items():
                     before.arrivals[key] += times
-                bag = Parts(name, before.files + bag.files, before.arrivals, before.notes + bag.notes)
+                kept = None if before.kept is None or bag.kept is None else before.kept + bag.kept
+                bag = Parts(name, before.files + bag.files, before.arrivals, before.notes + bag.notes, kept)
         joined.append(bag)
         last = part
     return joined

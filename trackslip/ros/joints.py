@@ -24,48 +24,52 @@ _LEFT = {"left", "l", "fl", "lf", "rl", "lr", "bl", "lb", "ml", "lm", "cl", "lc"
 _RIGHT = {"right", "r", "fr", "rf", "rr", "br", "rb", "mr", "rm", "cr", "rc", "rh", "rhs"}
 
 
-def encoder_topic(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[Topic, Sides]:
-    """The topic with the encoders, and its joints on the left and on the right.
+def encoder_topics(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[tuple[Topic, ...], Sides]:
+    """The topic with the encoders, or several where each has some of them, and the joints on the left and on the right.
 
     Raises LogError if the choice doesn't fit the bag, or leaves a doubt: the message lists what there is.
     """
     if choice.encoders is not None:
-        topic = bag.topic(choice.encoders)
-        if topic.type == ODOMETRY:
+        chosen = tuple(bag.topic(name.strip()) for name in choice.encoders.split(","))
+        if [topic.type for topic in chosen] == [ODOMETRY]:
             if choice.wheels is None:
-                raise LogError(f"{bag.path}: topic {topic.name}: speeds of wheels need the geometry that it assumes")
-            return topic, WHEELS
-        topic = bag.topic(choice.encoders, JOINT_STATE)
-        return topic, _joints(bag, topic, choice)
+                raise LogError(
+                    f"{bag.path}: topic {chosen[0].name}: speeds of wheels need the geometry that it assumes"
+                )
+            return chosen, WHEELS
+        chosen = tuple(bag.topic(topic.name, JOINT_STATE) for topic in chosen)
+        return chosen, _joints(bag, chosen, choice)
     topics = bag.of_type(JOINT_STATE)
     if not topics:
         reckoned = "; --encoders TOPIC takes odometry from the wheels" if bag.of_type(ODOMETRY) else ""
         raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{reckoned}; its topics are {bag.listed()}")
-    fitting: dict[str, tuple[Topic, Sides]] = {}
+    topics = [topic for topic in topics if not _COMMANDS.search(topic.name)] or topics
+    fitting: dict[str, tuple[tuple[Topic, ...], Sides]] = {}
     refused = []
-    for topic in topics:
+    for some in (*((topic,) for topic in topics), tuple(topics)):
         try:
-            fitting[topic.name] = topic, _joints(bag, topic, choice)
+            if not fitting or len(some) == 1:
+                fitting[some[0].name] = some, _joints(bag, some, choice)
         except LogError as error:
             refused.append(error)
     if not fitting:
         raise refused[0]
     names = sorted(fitting)
-    names = [name for name in names if not _COMMANDS.search(name)] or names
     names = [name for name in names if name.rpartition("/")[2] == "joint_states"] or names
     names = [name for name in names if name.strip("/") == "joint_states"] or names
     return fitting[bag.only(names, "encoders", "--encoders TOPIC")]
 
 
-def _joints(bag: Bag, topic: Topic, choice: BagChoice) -> Sides:
+def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides:
     """The chosen joints, or the ones recognised by their names; LogError if there are none."""
     if choice.left is not None and choice.right is not None:
         return choice.left, choice.right
-    names = [*dict.fromkeys(name for message in bag.first(topic.name, _LOOKED_AT) for name in message.content.name)]
+    messages = (message for topic in topics for message in bag.first(topic.name, _LOOKED_AT))
+    names = [*dict.fromkeys(name for message in messages for name in message.content.name)]
     found = sides(names)
     if found is None:
         raise LogError(
-            f"{bag.path}: topic {topic.name}: which of its joints are left and right? It has {listed(names)}: "
+            f"{bag.path}: topic {topics[0].name}: which of its joints are left and right? It has {listed(names)}: "
             "choose with --left NAMES --right NAMES"
         )
     return found

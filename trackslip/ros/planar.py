@@ -11,12 +11,14 @@ _MAX_TILT = np.radians(20.0)  # of a robot, above which its heading and way in t
 _TOLERANCE = 0.02  # by which a quaternion's norm may differ from 1
 _MOST = 0.5  # share of quaternions without meaning above which poses can't be read
 _PLANE = [0, 1, 5]  # x, y and yaw out of x, y, z, roll, pitch, yaw
+_MIN_VARIANCE = 1e-30  # smaller ones, too
 _MAX_VARIANCE = np.array([1e3, 1e3, 10.0])  # of x, y [m^2] and heading [rad^2]: larger ones stand for "unknown"
 
 
 def unit_quaternions(quaternion: Array, source: str, notes: list[str]) -> np.ndarray:
     """(n,) bool: which quaternions x, y, z, w (n, 4) are of unit length; raises LogError if most are not."""
-    good = np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) <= _TOLERANCE
+    with np.errstate(over="ignore", invalid="ignore"):
+        good = np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) <= _TOLERANCE
     bad = int((~good).sum())
     if bad:
         shown = np.array2string(quaternion[np.argmin(good)], precision=4)
@@ -67,7 +69,8 @@ def meaningful_covariances(covariance: Array, heading: bool) -> Array | None:
     part = covariance[:, :size, :size]
     variance = np.einsum("nii->ni", part)
     good = np.isfinite(part).all(axis=(1, 2))
-    good &= ((variance > 0) & (variance <= _MAX_VARIANCE[:size])).all(axis=1)
+    good &= ((variance >= _MIN_VARIANCE) & (variance <= _MAX_VARIANCE[:size])).all(axis=1)
+    good &= (np.abs(part) <= _MAX_VARIANCE.max()).all(axis=(1, 2))
     tame = np.where(good[:, None, None], part, np.eye(size))
     scale = np.sqrt(np.einsum("nii->ni", tame))
     correlation = tame / (scale[:, :, None] * scale[:, None, :])

@@ -26,9 +26,6 @@ _CUT = "its end is missing: the recording was cut off, or the file is damaged"
 _LATEST = 2**63 - 1  # time that signed integers hold [ns]
 _DAMAGED = (struct.error, UnicodeDecodeError, KeyError, EOFError)
 
-Wanted = Callable[[str], bool]
-"""Selects topics by name; messages of others are skipped at next to no cost."""
-
 
 class Channel(NamedTuple):
     """Source of messages of one type."""
@@ -48,6 +45,10 @@ class Record(NamedTuple):
     """Time of recording [ns]."""
     data: bytes
     """The serialised message; empty if its topic isn't wanted."""
+
+
+Wanted = Callable[[Channel], bool]
+"""Tells the channels whose messages are read; those of others are counted, at next to no cost."""
 
 
 def read_file(path: Path, wanted: Wanted, notes: list[str], max_expanded: float | None = None) -> Iterator[Record]:
@@ -117,7 +118,7 @@ class _Chunks:
         yield from self._records(io.BytesIO(records), len(records))
 
     def _add(self, key: int | bytes, channel: Channel) -> None:
-        self._channels[key] = channel, self._wanted(channel.topic)
+        self._channels[key] = channel, self._wanted(channel)
 
     def _message(self, key: int | bytes, arrival: int, content: bytes, start: int = 0) -> Record:
         """The message from `start` on, of a known channel."""
@@ -239,7 +240,7 @@ def _read_sqlite(path: Path, wanted: Wanted, notes: list[str]) -> Iterator[Recor
             channels = {number: Channel(topic, _ros2_type(name), how) for number, topic, name, how in topics}
         except (sqlite3.Error, AttributeError) as error:
             raise LogError(f"is no ROS 2 bag, or damaged ({first_line(error)})") from error
-        read = {number: wanted(channel.topic) for number, channel in channels.items()}
+        read = {number: wanted(channel) for number, channel in channels.items()}
         some = ", ".join(str(int(number)) for number, chosen in read.items() if chosen) or "NULL"
         # by rowid, whose table is what a cut end leaves longest
         rows = f"SELECT topic_id, timestamp, CASE WHEN topic_id IN ({some}) THEN data END FROM messages NOT INDEXED"

@@ -9,7 +9,7 @@ from enum import Enum
 from trackslip.errors import LogError
 from trackslip.ros.bag import Bag, Topic
 from trackslip.ros.choice import BagChoice
-from trackslip.ros.joints import ODOMETRY, encoder_topic
+from trackslip.ros.joints import ODOMETRY, encoder_topics
 from trackslip.ros.poses import FIX, POSE_TYPES
 from trackslip.ros.scans import LASER_SCAN, scan_topic
 from trackslip.ros.transforms import frames_of
@@ -114,9 +114,10 @@ def overview(bag: Bag, choice: BagChoice) -> tuple[dict[str, str], list[str], li
     taken: list[str] = []
     doubts: list[str] = []
     try:
-        topic, (left, right) = encoder_topic(bag, choice)
-        uses[topic.name] = "* encoders"
-        taken.append(f"encoders: {topic.name}, left {', '.join(left)}, right {', '.join(right)}")
+        topics, (left, right) = encoder_topics(bag, choice)
+        uses |= dict.fromkeys((topic.name for topic in topics), "* encoders")
+        named = " and ".join(topic.name for topic in topics)
+        taken.append(f"encoders: {named}, left {', '.join(left)}, right {', '.join(right)}")
     except LogError as error:
         doubts.append(str(error))
     try:

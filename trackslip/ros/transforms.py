@@ -143,6 +143,7 @@ def _links(pair: Pair, rows: list[tuple[bool, int, int, Any]], notes: list[str])
 def place_and_turn(poses: Iterable[tuple[Any, Any]]) -> tuple[Array, Array]:
     """Places (n, 3) and quaternions x, y, z, w (n, 4) of points and quaternions as messages state them."""
     values = np.array([(at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w) for at, turn in poses], float)
+    values[np.isnan(values)] = np.nan  # those of damaged bytes may be signalling ones, which warn wherever they get
     return values[:, :3], values[:, 3:]
 
 

@@ -108,6 +108,7 @@ def test_a_real_robots_log_needs_seven_columns(tmp_path):
     [
         ("run,t,omega_l,omega_r,x,phi\n", "column y is missing"),
         (HEADER, "no rows"),
+        (HEADER.replace("phi", "phi,valid"), "no rows"),
         ("", "Empty CSV file"),
         (HEADER + LINES[0] + "a,1,1,2,oops,0,0\na,2,1,2,oops,0,0\n", "row 2, column x: 'oops' .*; so are 2 of its 3"),
         (HEADER + LINES[0] + "a,0.1,1,inf,0,0,0\n", "run 'a': 1 row"),

@@ -39,6 +39,13 @@ def test_every_message_comes_back_with_every_bit(bag):
     assert opened.name == "run"
 
 
+def test_small_messages_are_read_once(tmp_path):
+    path = write_bag(tmp_path / "run", "ros1", MESSAGES)
+    opened = open_bag(path)
+    path.unlink()
+    assert contents(opened.messages("/joint_states")) == expected(MESSAGES)
+
+
 def test_topics_are_those_that_other_readers_find(bag):
     """rosbags and MCAP's own reader count the same messages of the same types at the same times."""
     topics = open_bag(bag).topics

@@ -88,6 +88,17 @@ def test_joints_in_any_order_and_in_messages_of_their_own(tmp_path):
     np.testing.assert_allclose(read(tmp_path, messages).omega[1:], LOG.omega[1:], atol=1e-9)
 
 
+@pytest.mark.parametrize("choice", [BagChoice(), BagChoice(encoders="/left,/right")])
+def test_sides_in_two_topics(tmp_path, choice):
+    messages = []
+    for time, (left, right) in zip(LOG.time, TURNED.tolist(), strict=True):
+        messages.append(joint_states(stamp(time), ["left_wheel"], [left], topic="/left"))
+        messages.append(joint_states(stamp(time), ["right_wheel"], [right], topic="/right", late=2_000_000))
+    found = read(tmp_path, messages, choice)
+    assert found.topic == "/left and /right"
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-9)
+
+
 def test_an_arm_with_a_clock_ahead_costs_no_reading_of_the_wheels(tmp_path):
     wheels = joints_of(LOG)
     arm = [joint_states(stamp(t + 0.3), ["arm"], [0.0], late=-299_000_000) for t in LOG.time]

@@ -71,6 +71,8 @@ def test_stated_covariances_come_along(tmp_path):
         np.diag([1e-4, -1.0, 1e-4]),
         np.diag([1e6, 1e6, 1e-4]),
         np.diag([np.nan, 1e-4, 1e-4]),
+        np.diag([5e-324, 1e-4, 1e-4]),
+        np.array([[1e-4, 1e308, 0], [1e308, 1e-4, 0], [0, 0, 1e-4]]),
         np.array([[1e-4, 5e-4, 0], [5e-4, 1e-4, 0], [0, 0, 1e-4]]),
         np.array([[1e-4, 5e-5, 0], [0, 1e-4, 0], [0, 0, 1e-4]]),
     ],
