@@ -21,12 +21,12 @@ class Config(Options):
 
     path: Annotated[Path | None, tyro.conf.Positional, default_is("the laws shipped with trackslip", "LAWS")] = None
     """Folder of results with laws, or a JSON file of laws."""
-    to: Literal["ros2_control", "json", "c", "python"] = "ros2_control"
-    """Parameters of diff_drive_controller as YAML, JSON, a header with functions, or the same in Python."""
+    to: Literal["ros2_control", "ros_control", "json", "c", "python"] = "ros2_control"
+    """Parameters of diff_drive_controller (YAML for ROS 2 or 1), JSON, a C header, or a Python module."""
     law: Annotated[str | None, default_is("the best that the target can express", "NAME")] = None
-    """The law; ros2_control takes none, icr, icr_radius and icr_sides."""
+    """The law; diff_drive_controller takes none, icr, icr_radius and icr_sides."""
     controller: str = "diff_drive_controller"
-    """Name of the robot's controller, such as platform_velocity_controller; for ros2_control."""
+    """Name of the robot's controller, such as platform_velocity_controller."""
     out: Annotated[Path | None, default_is("print it", "FILE")] = None
     """File to write."""
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -34,7 +34,7 @@ class Config(Options):
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("overwrite",), "out"),
-        Needs(("controller",), "to", ("ros2_control",)),
+        Needs(("controller",), "to", ("ros2_control", "ros_control")),
     )
 
 

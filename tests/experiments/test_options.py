@@ -72,8 +72,8 @@ def test_a_value_out_of_bounds_is_refused(name, option, bound):
         assert refusal.value.field == option
 
 
-def another(default, hint):
-    """A value other than an option's default."""
+def another(default, hint, unlike=()):
+    """A value other than an option's default, and none of those in `unlike`."""
     if isinstance(default, bool):
         return not default
     if isinstance(default, int | float):
@@ -84,7 +84,7 @@ def another(default, hint):
     if float in choices:
         return 0.01
     if typing.get_origin(hint) is typing.Literal:
-        return next(choice for choice in choices if choice != default)
+        return next(choice for choice in choices if choice not in (default, *unlike))
     return Path("x") if Path in (hint, *choices) else "x"
 
 
@@ -96,9 +96,11 @@ def test_an_option_without_effect_is_refused(name, exclusion, option):
     hints = typing.get_type_hints(config)
     given = {option: another(getattr(base, option), hints[option])}
     if not exclusion.applies(base):
-        by_value = exclusion.values and isinstance(exclusion, Excludes)
-        other = another(getattr(base, exclusion.option), hints[exclusion.option])
-        given[exclusion.option] = exclusion.values[0] if by_value else other
+        if exclusion.values and isinstance(exclusion, Excludes):
+            other = exclusion.values[0]
+        else:
+            other = another(getattr(base, exclusion.option), hints[exclusion.option], exclusion.values)
+        given[exclusion.option] = other
     with pytest.raises(InvalidValueError) as refusal:
         dataclasses.replace(base, **given)
     assert "left out" in refusal.value.allowed or refusal.value.field == option

@@ -4,27 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trackslip.deploy.differential_drive import (
     CONTROLLER,
     best_expressible,
+    diff_drive_text,
     instead_of_best,
     nearest,
-    ros2_control_text,
 )
 from trackslip.deploy.facts import json_text
 from trackslip.deploy.programs import c_text, python_text
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.slip.families import FAMILIES
-from trackslip.slip.law_file import SHIPPED, StoredLaws, read_stored, stored_laws
+from trackslip.slip.law_file import SHIPPED, read_stored, stored_laws
 
 if TYPE_CHECKING:
     from trackslip.identification.result import Identification
 
-TARGETS: dict[str, Callable[[StoredLaws, str], str]] = {
-    "ros2_control": ros2_control_text,
+TARGETS: dict[str, Callable[..., str]] = {
+    "ros2_control": diff_drive_text,
+    "ros_control": partial(diff_drive_text, ros=1),
     "json": json_text,
     "c": c_text,
     "python": python_text,
@@ -56,10 +58,11 @@ def deploy_law(
 
     Args:
         source: a folder of results, a JSON file of laws, or an identification; by default the shipped laws.
-        to: `ros2_control`: parameters of diff_drive_controller as YAML; `json`; `c`: a header with functions from twist
-            to sprocket speeds and back; `python`: the same as a module that needs nothing but `math`.
+        to: `ros2_control`: parameters of diff_drive_controller as YAML; `ros_control`: the same for ROS 1; `json`;
+            `c`: a header with functions from twist to sprocket speeds and back; `python`: the same as a module that
+            needs nothing but `math`.
         law: name of the law; by default the best one that the target can express.
-        controller: name of the robot's controller, for ros2_control.
+        controller: name of the robot's controller, for ros2_control and ros_control.
 
     Raises:
         LogError: if the source holds no laws.
@@ -81,11 +84,11 @@ def deployed(
         from trackslip.identification.result import identification_to_json  # late: it takes SciPy
 
         stored = stored_laws(identification_to_json(source), "the identification")
-    ros = to == "ros2_control"
+    ros = to in ("ros2_control", "ros_control")
     name = stored.law_named(best_expressible(stored) if law is None and ros else law)
     if not ros and to not in FAMILIES[name].targets:
         why = "has no input for the load" if FAMILIES[name].loaded else "can express constant ICRs and the exponential"
         raise TrackslipError(f"law = {name!r}: {to} {why}; {nearest(stored, name)}")
     if ros:
-        return Deployed(name, ros2_control_text(stored, name, controller), instead_of_best(stored, name))
+        return Deployed(name, TARGETS[to](stored, name, controller), instead_of_best(stored, name))
     return Deployed(name, TARGETS[to](stored, name), "")

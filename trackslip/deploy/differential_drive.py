@@ -1,4 +1,4 @@
-"""Constant ICRs as parameters of ros2_control's diff_drive_controller, and substitutes for other laws."""
+"""Constant ICRs as parameters of diff_drive_controller (ROS 1 and 2), and substitutes for other laws."""
 
 from __future__ import annotations
 
@@ -6,29 +6,36 @@ from trackslip.deploy.facts import comment, fact_lines
 from trackslip.deploy.prediction import best_predicting, cost_of
 from trackslip.errors import LogError, TrackslipError, require
 from trackslip.slip.families import FAMILIES
-from trackslip.slip.law_file import NO_SLIP, StoredLaws
+from trackslip.slip.law_file import NO_SLIP, StoredLaws, number
 
 CONTROLLER = "diff_drive_controller"
 """Name of a controller, unless a robot has given it another."""
 _NEGLIGIBLE = 1e-6  # distance between two points of the robot [m]
+_RATE = 50.0  # at which the controller states odometry, unless told otherwise [Hz]
+_UNKNOWN = 1e6  # variance of what the tracks can't tell [m^2/s^2, rad^2/s^2]
 
 
-def ros2_control_text(stored: StoredLaws, law: str, controller: str = CONTROLLER) -> str:
+def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, *, ros: int = 2) -> str:
     """YAML with the parameters under which diff_drive_controller drives, and computes odometry, by the law.
 
     Its wheels are at the ICRs: their separation is the distance of the ICRs, their radii are the effective ones. Where
     the D of the tracks differ, its odometry describes the point midway between the ICRs, and a comment says so.
 
-    `controller` is the name of the robot's own. Raises InvalidValueError if it is no name, TrackslipError for a law
-    that isn't one of constant ICRs; the message names the nearest one that is.
+    The variances of its twists are those of a law fitted to drives, whose slip is known to vary.
+
+    `controller` is the name of the robot's own, `ros` the version of ROS whose form the file has. Raises
+    InvalidValueError if it is no name, TrackslipError for a law that isn't one of constant ICRs; the message names the
+    nearest one that is.
     """
     is_name = controller.isidentifier() and controller.isascii()
     require(is_name, "controller", controller, "a name of letters, digits and _, as in platform_velocity_controller")
     if not expressible(law):
-        raise TrackslipError(f"law = {law!r}: ros2_control can only express constant ICRs; {nearest(stored, law)}")
+        raise TrackslipError(
+            f"law = {law!r}: diff_drive_controller can only express constant ICRs; {nearest(stored, law)}"
+        )
     b = stored.geometry.half_gauge
     (left, left_error), (right, right_error) = constant_icrs(stored, law)
-    parameters = {
+    parameters: dict[str, float | list[float]] = {
         "wheel_separation": 2 * b,
         "wheel_radius": stored.geometry.sprocket_radius,
         "wheel_separation_multiplier": (b + (left + right) / 2) / b,
@@ -44,12 +51,31 @@ def ros2_control_text(stored: StoredLaws, law: str, controller: str = CONTROLLER
             f"are those of the point midway between the ICRs, {abs(middle):.6f} m to the {side} of the middle of the",
             "tracks: base_frame_id belongs there.",
         ]
+    variances = _twist_variances(stored, law)
+    if variances:
+        parameters["twist_covariance_diagonal"] = variances
+        comments.append(
+            f"twist_covariance_diagonal is for 1 m/s and {_RATE:g} messages a second; it is proportional to both."
+        )
     comments += [
         "Put these lines among the parameters of your controller. A wheel_radius_multiplier there overrides those of",
         "left and right: delete it.",
     ]
-    lines = [f"    {key}: {yaml_number(value)}\n" for key, value in parameters.items()]
-    return comment(comments, "#") + f"{controller}:\n  ros__parameters:\n" + "".join(lines)
+    head, indent = ("  ros__parameters:\n", "    ") if ros == 2 else ("", "  ")
+    lines = [f"{indent}{key}: {_yaml(value)}\n" for key, value in parameters.items()]
+    return comment(comments, "#") + f"{controller}:\n{head}" + "".join(lines)
+
+
+def _twist_variances(stored: StoredLaws, law: str) -> list[float]:
+    """Variances of x, y, z, roll, pitch and yaw rates under which their errors add up to the slip that varies."""
+    deviations = [
+        number(stored.content, "drive", "laws", law, "noise", f"slip_{what}")
+        for what in ("forward", "sideways", "turn")
+    ]
+    if stored.content.get("method") != "drive" or None in deviations:
+        return []
+    forward, sideways, turn = (float(f"{_RATE * size**2:.3g}") for size in deviations if size is not None)
+    return [forward, sideways, _UNKNOWN, _UNKNOWN, _UNKNOWN, turn]
 
 
 def expressible(law: str) -> bool:
@@ -82,7 +108,8 @@ def instead_of_best(stored: StoredLaws, law: str) -> str:
         return ""
     if expressible(best):
         return ""
-    return f"The best law is {best}, which ros2_control can't express. Instead, {law}: {cost_of(stored, best, law)}"
+    cost = cost_of(stored, best, law)
+    return f"The best law is {best}, which diff_drive_controller can't express. Instead, {law}: {cost}"
 
 
 def nearest(stored: StoredLaws, law: str) -> str:
@@ -96,6 +123,10 @@ def nearest(stored: StoredLaws, law: str) -> str:
 
 def _expressible_laws(stored: StoredLaws) -> list[str]:
     return [name for name in stored.laws if name != NO_SLIP and expressible(name)]
+
+
+def _yaml(value: float | list[float]) -> str:
+    return f"[{', '.join(map(yaml_number, value))}]" if isinstance(value, list) else yaml_number(value)
 
 
 def yaml_number(value: float) -> str:

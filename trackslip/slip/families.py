@@ -139,7 +139,7 @@ _LOSS = _RADIUS | {"turn_loss": _TURN_LOSS}
 _LOAD = _RADIUS | {"compliance": _COMPLIANCE, "turn_compliance": _TURN_COMPLIANCE}
 _SIDES = {f"{name}_{side}": parameter for name, parameter in _RADIUS.items() for side in ("left", "right")}
 _PROGRAMS = ("json", "c", "python")
-_EVERYTHING = ("ros2_control", *_PROGRAMS)
+_EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
 
 FAMILIES: dict[str, LawFamily] = {
     "none": LawFamily(

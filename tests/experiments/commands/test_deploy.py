@@ -54,7 +54,7 @@ def test_without_a_folder_it_is_the_shipped_law(capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--law exponential", "ros2_control can only express constant ICRs; nearest in laws.json is icr"),
+        ("--law exponential", "diff_drive_controller can only express constant ICRs; nearest in laws.json is icr"),
         ("", "laws.json: says nothing of which law is best: choose one of"),
         ("--law icr --out laws.json", "laws.json: exists already; --overwrite replaces it"),
         ("--law icr --out laws.json/a", "laws.json/a: can't be written (a folder of its path is a file)"),

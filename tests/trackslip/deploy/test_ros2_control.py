@@ -9,7 +9,7 @@ from deployed import GEOMETRY, VALUES, stored, twists
 from diff_drive import PARAMETERS, DiffDrive, parameters_in, read_yaml
 
 from trackslip.deploy.deploy import deploy_law
-from trackslip.deploy.differential_drive import ros2_control_text, yaml_number
+from trackslip.deploy.differential_drive import diff_drive_text, yaml_number
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import advance
 
@@ -26,7 +26,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_the_controller_moves_and_reckons_as_the_law_says(name):
     laws, twist = CASES[name], twists(500)
-    parameters = parameters_in(ros2_control_text(laws, name))
+    parameters = parameters_in(diff_drive_text(laws, name))
     controller, law = DiffDrive.of(parameters), laws.laws[name]
     assert set(parameters) <= PARAMETERS
     assert all(type(value) is float for value in parameters.values())
@@ -37,7 +37,7 @@ def test_the_controller_moves_and_reckons_as_the_law_says(name):
 
 def test_where_the_tracks_icrs_differ_a_point_off_the_middle_moves_so():
     """Its place is told; the yaw rate and the path of the robot are those of the law."""
-    text = ros2_control_text(STORED, "icr_sides")
+    text = diff_drive_text(STORED, "icr_sides")
     distance = float(re.search(r"([\d.]+) m to the right of the middle", text)[1])
     assert distance == pytest.approx(0.005)  # D is 40 mm on the left, 50 mm on the right
     controller, law = DiffDrive.of(parameters_in(text)), STORED.laws["icr_sides"]
@@ -48,6 +48,22 @@ def test_where_the_tracks_icrs_differ_a_point_off_the_middle_moves_so():
     ends, middle = advance(start, reckoned, 0.5), advance(np.zeros(3), real, 0.5)
     aside = distance * np.stack([np.sin(middle[:, 2]), -np.cos(middle[:, 2])], axis=-1)
     np.testing.assert_allclose(ends[:, :2], middle[:, :2] + aside, atol=1e-12)
+
+
+def test_variances_of_twists_add_up_to_the_slip_that_varies():
+    """A filter that adds 500 twists of 20 ms at 1 m/s has the variance of 10 m of way."""
+    noise = {"slip_forward": 0.02, "slip_sideways": 0.01, "slip_turn": 0.03}
+    laws = stored(method="drive", drive={"laws": {"icr": {"noise": noise}}})
+    diagonal = np.array(parameters_in(diff_drive_text(laws, "icr"))["twist_covariance_diagonal"])
+    expected = 10.0 * np.array([*noise.values()]) ** 2
+    np.testing.assert_allclose(500 * 0.02**2 * diagonal[[0, 1, 5]], expected, rtol=1e-12)
+    assert (diagonal[2:5] == 1e6).all()
+    assert "twist_covariance_diagonal" not in diff_drive_text(laws, "icr_radius")
+
+
+def test_ros_1_takes_the_same_parameters_in_its_own_form():
+    two, one = (deploy_law(law="icr_radius", to=to) for to in ("ros2_control", "ros_control"))
+    assert read_yaml(one) == {"diff_drive_controller": parameters_in(two)}
 
 
 @pytest.mark.parametrize("value", [1.0, 0.1 + 0.2, 1e-7, 1.5e-7, 1e22, 0.336])
@@ -91,8 +107,8 @@ def prediction(**heading):
 )
 def test_a_law_that_cannot_be_expressed_is_refused_with_the_nearest_and_its_cost(content, message):
     with pytest.raises(TrackslipError) as refused:
-        ros2_control_text(stored(**content), "turn_loss")
-    assert str(refused.value) == f"law = 'turn_loss': ros2_control can only express constant ICRs; {message}"
+        diff_drive_text(stored(**content), "turn_loss")
+    assert str(refused.value) == f"law = 'turn_loss': diff_drive_controller can only express constant ICRs; {message}"
 
 
 def test_without_a_name_the_nearest_law_stands_in_for_the_best_one_and_says_so(tmp_path):
@@ -101,11 +117,16 @@ def test_without_a_name_the_nearest_law_stands_in_for_the_best_one_and_says_so(t
     file.write_text(json.dumps(dict(stored({name: VALUES[name] for name in content["prediction"]}, **content).content)))
     text = deploy_law(file)
     assert "Slip law icr: " in text
-    assert "The best law is turn_loss, which ros2_control can't express. Instead, icr: it predicts headings" in text
+    assert (
+        "The best law is turn_loss, which diff_drive_controller can't express. Instead, icr: it predicts headings"
+        in text
+    )
     assert "instead" not in deploy_law(file, "c").lower()
     assert "Slip law turn_loss" in deploy_law(file, "c")
     file.write_text(json.dumps(dict(stored({"exponential": VALUES["exponential"]}).content)))
-    with pytest.raises(TrackslipError, match="law = 'exponential': ros2_control can only express constant ICRs"):
+    with pytest.raises(
+        TrackslipError, match="law = 'exponential': diff_drive_controller can only express constant ICRs"
+    ):
         deploy_law(file)
 
 
