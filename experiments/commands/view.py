@@ -51,7 +51,8 @@ def run(config: Config) -> None:
     """Read, choose, show."""
     from experiments.recording import record, title, viewer
     from experiments.storage.results import file_names, write_output
-    from trackslip.ros.drive_log import read_runs_of
+    from trackslip.ros.choice import AUTOMATIC, BagChoice
+    from trackslip.ros.drive_log import holds_bags, read_runs_of
 
     if (kept := viewer.drive_recording(config.path)) is not None:
         if config.run:
@@ -62,7 +63,7 @@ def run(config: Config) -> None:
             write_output(config.save, partial(copyfile, kept))
             print(f"{config.save}: {kept}; rerun {shlex.quote(str(config.save))}")
         return
-    read = read_runs_of(config.path)
+    read = read_runs_of(config.path, BagChoice(dead_reckoned=True) if holds_bags(config.path) else AUTOMATIC)
     for line in read.warnings:
         print(f"warning: {line}")
     chosen = viewer.choose(read.runs, config.run, config.path)

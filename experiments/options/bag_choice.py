@@ -56,7 +56,7 @@ class BagOptions:
             None if self.plate is None else plate_of(self.plate),
             self.mount,
             self.noise,
-            self.max_expanded,
+            max_expanded=self.max_expanded,
         )
 
 

@@ -50,6 +50,8 @@ class BagChoice:
     """Largest size of a file's content once decompressed [MB]; None for 268 MB and 100 times the file's size."""
     wheels: RobotGeometry | None = None
     """The geometry by which odometry was computed from the wheels, to compute their speeds from it."""
+    dead_reckoned: bool | None = None
+    """True to take poses that repeat the dead reckoning of the wheels, too: to look at them, not to identify slip."""
 
     def __post_init__(self) -> None:
         for name in SIDES:

@@ -95,7 +95,7 @@ def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tu
             notes.append(
                 f"{seen.source}: {outside} of {len(seen.stamp)} poses left out: {turned.topic} doesn't cover them"
             )
-        perhaps_wheels = source.origin in _PERHAPS_WHEELS
+        perhaps_wheels = source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned
         log = _checked(_log(part, turned, seen), turned, seen, perhaps_wheels, choice, notes)
         found.append((log, f"{turned.taken}; poses: {source.name} ({source.origin.value})"))
     return found

@@ -166,6 +166,7 @@ NO_FIX = "topic /fix: 20 of 300 messages left out: they have no fix"
         ([states(FOUR * [-1, 1, -1, 1]), poses_of(LOG)], {"reversed": "left"}, []),
         ([states(), BACKWARDS], {}, ["both encoders count backwards (--reversed both), or the poses' heading points"]),
         ([states(), stated(dead_reckoned())], {"poses": "/odom"}, [REPEATED]),
+        ([states(), stated(dead_reckoned())], {"dead_reckoned": True}, [REPEATED]),
         ([states(), stated(gyroscope(), topic="/ekf")], {}, ["its ways repeat those of the wheels: they tell nothing"]),
         ([states(), poses_of(LOG, start=START - 3 * 10**9, late=3 * 10**9)], {}, ["poses left out", "clocks differ?"]),
         ([states(FOUR * [1, 0, 1, 1]), poses_of(LOG)], {}, [f"{WHEELS[1]} left out: it stands still"]),
