@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.doubts import WITHOUT_RADIUS, doubts_of_drives, doubts_of_samples
+from trackslip.identification.doubts import doubts_of_drives, doubts_of_samples
 from trackslip.identification.drive_law import REFERENCE, ClockProfile, DriveFit, clock_profile, fit_drives
 from trackslip.identification.drives import PreparedDrive
 from trackslip.identification.fitted import FittedLaw, SteadyFit, fit_law
@@ -28,6 +28,7 @@ from trackslip.slip.families import FAMILIES, drive_laws
 
 BASELINES = ("none", "exponential", "icr")
 """Laws that are always reported, for others to be compared with."""
+_WITHOUT_RADIUS = ("none", "constant")  # laws that do not describe turning
 _INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred
 _MIN_LOADS = 1e-3  # range of the tractions per unit load from which their effect may show [-]
 _INDISTINCT_LIKELIHOOD = 4.0  # difference of Akaike's criterion within which the simpler law of drives is preferred
@@ -120,7 +121,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
             warnings += laws[name].notes
         except LogError as error:
             warnings.append(str(error))
-    if not any(law.determined for name, law in laws.items() if name not in WITHOUT_RADIUS):
+    if not any(law.determined for name, law in laws.items() if name not in _WITHOUT_RADIUS):
         raise LogError(next(why for why in warnings if why.startswith("law icr:")))
     predictions = {name: RunPredictions.of(law, samples, geometry) for name, law in laws.items()}
     validation = {name: one.errors(samples, geometry) for name, one in predictions.items()}

@@ -13,8 +13,6 @@ from trackslip.identification.fitted import FittedLaw, SteadyFit
 from trackslip.identification.sensor import offset_between_sides
 from trackslip.slip.families import FAMILIES
 
-WITHOUT_RADIUS = ("none", "constant")
-"""Laws that do not describe turning."""
 _CERTAIN = 3.0  # size of a value that is no chance [standard errors]
 _LARGE_RADIUS_ERROR = 0.1  # radius error above which a wrong gear or sprocket radius is more likely [-]
 _MANY = 0.1  # share of outlying poses worth a line
@@ -45,12 +43,13 @@ _SENSOR: dict[str, tuple[str, float, float, str, str]] = {
 
 def doubts_of_samples(laws: Mapping[str, SteadyFit], best: str) -> list[str]:
     """Warnings about laws fitted to samples."""
-    doubts = []
-    lacking = {n: law for n, law in laws.items() if law.lacks_fit and n not in WITHOUT_RADIUS and law.determined}
-    if lacking:
-        missed = ", ".join(f"{name} (by {law.rms:.2g} rms)" for name, law in lacking.items())
-        doubts.append(f"the samples scatter less than these laws miss them, so their intervals are widened: {missed}")
-    doubts += _implausible_values(laws[best])
+    doubts, law = [], laws[best]
+    if law.lacks_fit and law.determined:
+        doubts.append(
+            f"law {best}: it misses the samples by {law.rms:.2g} rms, more than they scatter (lack of fit), so its "
+            "intervals are widened"
+        )
+    doubts += _implausible_values(law)
     if "icr_sides" in laws:
         offset, error = offset_between_sides(laws["icr_sides"])
         if abs(offset) > _CERTAIN * error:

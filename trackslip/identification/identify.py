@@ -80,6 +80,8 @@ def identify_source(
     steady: Identification | None = None
     reason = ""
     if method != "drive":
+        if estimate_sensor is None and sensor is None and source.logs and all(map(_centred, source.logs)):
+            estimate_sensor = False
         try:
             steady = identify_samples(source.sampling, source.geometry, source.logs, sensor, estimate_sensor)
         except LogError as error:
@@ -142,3 +144,8 @@ def _drive(
 def _mostly_steady(sampling: Sampling) -> bool:
     """True if steady stretches make up most of the driving."""
     return len(sampling.samples) >= _MIN_SAMPLES and sampling.steady_share >= _MIN_STEADY
+
+
+def _centred(log: RunLog) -> bool:
+    """True for a simulated run with the poses of the plate, which stands on the robot's centre."""
+    return "plate" in log.metadata and "source" not in log.metadata
