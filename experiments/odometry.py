@@ -15,7 +15,7 @@ import pyarrow.parquet
 
 from experiments.storage.manifest import relative
 from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE, file_names
-from trackslip.errors import InvalidValueError, LogError
+from trackslip.errors import InvalidValueError, LogError, counted
 from trackslip.identification.source import ReadOptions, Source, read_source
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
@@ -104,8 +104,8 @@ def pose_doubts(found: Sequence[Evaluated]) -> list[str]:
     doubts = []
     for drive in min(found, key=misfit).errors.trajectories:
         outlying, lasting = jumps(drive)
-        what = [f"{outlying} outlying pose(s)"] if outlying > _MANY * len(drive.time) else []
-        what += [f"{lasting} lasting jump(s) of the poses"] if lasting else []
+        what = [counted(outlying, "outlying pose")] if outlying > _MANY * len(drive.time) else []
+        what += [f"{counted(lasting, 'lasting jump')} of the poses"] if lasting else []
         if what:
             told = f"run {drive.name!r}: {' and '.join(what)} count in all errors"
             doubts.append(f"{told}; medians tell more of the law")

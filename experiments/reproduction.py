@@ -17,7 +17,7 @@ from experiments.measuring.tracking import tracking_results
 from experiments.options.world import IDENTIFIED
 from experiments.parallel import InlineExecutor, WorkerProcesses, Workers, processors
 from experiments.recording import record_all
-from experiments.report.formats import counted, stages_text
+from experiments.report.formats import stages_text
 from experiments.report.page import draw_plots
 from experiments.report.paper_comparison import comparison_table
 from experiments.report.reproduction import closed_loops, grid_results, page
@@ -25,7 +25,7 @@ from experiments.report.tracking import tracking_table
 from experiments.run import Run
 from experiments.storage.manifest import command_line
 from experiments.storage.results import REPORT_FILE
-from trackslip.errors import RunFailedError
+from trackslip.errors import RunFailedError, counted
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import usable_samples
@@ -49,7 +49,7 @@ def reproduce(config: Config) -> None:
     with Run(config) as run, drawing:
         pool = Workers(drawing, 1)
         # drive the grid of radii and speeds
-        with run.busy(f"{len(cells)} runs, scans and poses"):
+        with run.busy(f"{counted(len(cells), 'run')}, scans and poses"):
             grid_logs = drive_cells(cells, [world] * len(cells), watch=run.watch)
 
         # identify the slip laws

@@ -135,6 +135,11 @@ def _true(comparison: Callable[[], object]) -> bool:
         return False
 
 
+def counted(count: int, noun: str) -> str:
+    """A count with its noun, for messages: 1 drive, 2 drives."""
+    return f"{count:,} {noun if count == 1 else f'{noun}s'}"
+
+
 def first_line(error: Exception) -> str:
     """The first line of an error message of another library."""
     return str(error).splitlines()[0] if str(error) else type(error).__name__

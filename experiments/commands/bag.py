@@ -9,7 +9,7 @@ import tyro
 
 from experiments.options.bag_choice import Bag, BagOptions
 from experiments.options.base import Exclusion, Needs, Options, default_is
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, counted
 from trackslip.ros.choice import BagChoice
 
 if TYPE_CHECKING:
@@ -91,5 +91,5 @@ def _export(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
     write_output(file, lambda draft: write(read.runs, draft))
     for line in (*read.taken, *(f"warning: {line}" for line in read.warnings)):
         print(line)
-    print(f"{file}: {len(read.runs)} run(s), {sum(len(log.time) for log in read.runs)} rows")
+    print(f"{file}: {counted(len(read.runs), 'run')}, {counted(sum(len(log.time) for log in read.runs), 'row')}")
     print(f"trackslip identify {shlex.quote(str(file))} --half-gauge … --sprocket-radius …")

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from experiments.options.base import Distinct, Positive, Whole
 from experiments.options.world import Repeatable
+from trackslip.errors import counted
 
 EXAMPLES = (
     ("the simulator, the environments, localization and reproduce", "trackslip bench"),
@@ -55,7 +56,7 @@ def run(config: Config) -> None:
         for one in speeds
     ]
     header = ("case", "robots", "physics steps/s", "over the bare engine", "x real time")
-    Table(f"Speed on {config.threads} thread(s)", header, rows).print()
+    Table(f"Speed on {counted(config.threads, 'thread')}", header, rows).print()
     for check in checks:
         print(f"{'holds' if check.holds else 'DOES NOT HOLD'}: {check}")
     print(f"{config.out / SUMMARY_FILE}: {run.wall:.1f} s")

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from experiments.options.base import Distinct, Whole, Within, default_is, refuse_changed
 from experiments.options.choices import COMPENSATIONS, CONTROLLERS, GROUND_NAMES, REFERENCES, WITHOUT_LAWS
 from experiments.options.world import MAX_JOBS, MAX_PREVIEW, Equipment
+from trackslip.errors import counted
 
 EXAMPLES = (
     ("every controller on the paper's path", "trackslip benchmark"),
@@ -110,5 +111,5 @@ def run(config: Config) -> None:
     for line in [*lost, *(f"failed: {failure['run']}: {failure['error']}" for failure in failures)]:
         print(line)
     print(stages_text(run.watch.stages))
-    told = f"{len(runs)} runs in {run.wall:.1f} s; all {len(rows)} rows in {LEADERBOARD_FILE}"
+    told = f"{counted(len(runs), 'run')} in {run.wall:.1f} s; {counted(len(rows), 'row')} in {LEADERBOARD_FILE}"
     print(f"{config.out / REPORT_FILE}: {told}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import tyro
 
 from experiments.options.base import Distinct, Exclusion, Needs, Options, default_is
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, counted
 
 if TYPE_CHECKING:
     from trackslip.logs.runlog import RunLog
@@ -91,7 +91,8 @@ def run(config: Config) -> None:
         write_output(about, lambda columns: _write_columns(logs, columns))
 
     write_output(file, write)
-    print(f"{file}: {len(logs)} run(s), {sum(len(log.time) for log in logs)} rows; units in {about.name}")
+    rows = counted(sum(len(log.time) for log in logs), "row")
+    print(f"{file}: {counted(len(logs), 'run')}, {rows}; units in {about.name}")
     geometry = logs[0].metadata.get("geometry")
     if isinstance(geometry, dict) and any(log.twist_command is None for log in logs):  # not all under a controller
         options = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in geometry.items())

@@ -9,7 +9,7 @@ from experiments.options.base import Distinct, Excludes, Exclusion, Needs, Whole
 from experiments.options.choices import GROUNDS
 from experiments.options.grid import GridConfig
 from experiments.options.world import MAX_JOBS
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, counted
 
 EXAMPLES = (
     ("the paper's 25 runs", "trackslip grid"),
@@ -116,4 +116,4 @@ def run(config: Config) -> None:
     if config.bag:
         print(bags_text(config.out, about["bags"]))
     already = f", {taken} of them taken from before" if taken else ""
-    print(f"{config.out / RUNS_FILE}: {len(driven)} runs in {run.wall:.1f} s{already}")
+    print(f"{config.out / RUNS_FILE}: {counted(len(driven), 'run')} in {run.wall:.1f} s{already}")

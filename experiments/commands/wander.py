@@ -32,7 +32,7 @@ from experiments.options.world import (
 from sim.drive.drive import Drive
 from sim.scanner.scanner import LaserScanner
 from sim.wander.pose_source import SOURCES, PoseSource
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, counted
 
 EXAMPLES = (
     ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
@@ -207,7 +207,7 @@ def run(config: Config) -> None:
         require_rosbags()
     world, simulated = World.of(config.simulation()), config.drives * config.duration
     with Run(config) as run:
-        with run.progress(f"{config.driving}, {config.drives} drives", simulated) as report:
+        with run.progress(f"{config.driving}, {counted(config.drives, 'drive')}", simulated) as report:
             logs = wander(config, world, report)
         contents = [drive_contents(log) for log in logs]
         summary: dict[str, Any] = {"drives": contents}

@@ -6,7 +6,7 @@ from math import degrees
 from markupsafe import Markup
 
 from experiments.report.figures import drives as figures
-from experiments.report.formats import MISSING, counted, number, pair, significant
+from experiments.report.formats import MISSING, number, pair, significant
 from experiments.report.laws import (
     NO_SLIP,
     law_cell,
@@ -19,6 +19,7 @@ from experiments.report.laws import (
 )
 from experiments.report.page import Block, Plot, Section
 from experiments.report.table import Cell, Table
+from trackslip.errors import counted
 from trackslip.identification.comparison import DriveComparison
 from trackslip.identification.drive_law import DriveFit
 from trackslip.identification.drive_model import EXTRAS
@@ -54,7 +55,7 @@ def law_table(found: DriveComparison) -> Table:
         parameters = [(symbol(name, key), *_printed(law, key, value)) for key, value in law.values.items()]
         rows += parameter_rows(law_cell(name, name == found.best), parameters)
     count = len(found.drives)
-    title = f"Slip laws from {'a whole drive' if count == 1 else f'{count} whole drives'}"
+    title = f"Slip laws from {counted(count, 'whole drive')}"
     return Table(title, ("law", "parameter", *_VALUES), rows, "llr", _LAW_NOTE)
 
 
@@ -212,7 +213,7 @@ def _driven(drive: DriveComparison) -> str:
     blind = "" if _has_headings(drive) else " without headings"
     return (
         f"Every pose and every encoder reading counts here: {counted(len(drive.drives), 'drive')}, {duration:.0f} s, "
-        f"{best.poses:,} poses{blind}; {best.left_out} outlying poses and {best.breaks} lasting jumps are left out. "
-        "Estimated together are the trajectory, the law, where the sensor sits, the offset of the clocks, and how "
-        "large all errors are."
+        f"{counted(best.poses, 'pose')}{blind}, without {counted(best.left_out, 'outlying pose')} and "
+        f"{counted(best.breaks, 'lasting jump')}. Estimated together are the trajectory, the law, where the sensor "
+        "sits, the offset of the clocks, and how large all errors are."
     )

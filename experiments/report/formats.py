@@ -45,8 +45,3 @@ def span(values: Array, unit: str = "") -> str:
 def stages_text(stages: Mapping[str, float]) -> str:
     """Seconds per stage, on one line."""
     return ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.items())
-
-
-def counted(count: int, noun: str) -> str:
-    """A count with its noun: 1 drive, 2 drives."""
-    return f"{count} {noun}{'s' * (count != 1)}"

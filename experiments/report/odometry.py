@@ -9,9 +9,10 @@ from markupsafe import Markup
 
 from experiments.odometry import Evaluated
 from experiments.report.figures import odometry as figures
-from experiments.report.formats import MISSING, counted, number, pair, significant
+from experiments.report.formats import MISSING, number, pair, significant
 from experiments.report.page import Bullets, Note, Page, Plot, Section
 from experiments.report.table import Table
+from trackslip.errors import counted
 from trackslip.odometry.evaluation import LENGTHS, PoseErrors
 from trackslip.se2 import Mounting
 from trackslip.slip.law_file import NO_SLIP
@@ -124,7 +125,7 @@ def page(
     intro = (
         "Odometry turns encoder readings into poses by a slip law. Here it is compared with measured poses of "
         f"{counted(len(drives), 'drive')}: {way:.0f} m by the encoders in {duration:.0f} s, "
-        f"{sum(drive.poses for drive in drives):,} poses. "
+        f"{counted(sum(drive.poses for drive in drives), 'pose')}. "
     )
     along = "Every path begins at the first measured pose, with its heading."
     if not longest.has_heading:

@@ -6,6 +6,7 @@ from markupsafe import Markup
 from experiments.report.formats import MISSING, number, significant
 from experiments.report.laws import law_cell, parameter_rows, shown, symbol, unit_of, with_error
 from experiments.report.table import Cell, Table
+from trackslip.errors import counted
 from trackslip.identification.comparison import SteadyComparison
 from trackslip.identification.fitted import SteadyFit
 from trackslip.identification.result import Identification
@@ -56,7 +57,7 @@ def law_table(found: Identification) -> Table:
         for key, value in vars(PUBLISHED).items()
     ]
     rows += parameter_rows(law_cell("published"), published)
-    return Table(f"Slip laws from {len(found.samples)} steady samples", _LAW_HEADER, rows, "llr", _LAW_NOTE)
+    return Table(f"Slip laws from {counted(len(found.samples), 'steady sample')}", _LAW_HEADER, rows, "llr", _LAW_NOTE)
 
 
 def criteria_table(found: Identification) -> Table:

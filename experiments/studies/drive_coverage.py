@@ -39,7 +39,7 @@ from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LASTING, WHITE, LawMotion, SlipVariation
 from sim.wander.pose_source import PoseSource
-from trackslip.errors import LogError, TrackslipError
+from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.identification.drive_law import fit_drives
 from trackslip.identification.drive_model import DriveModel
 from trackslip.identification.drives import drive_of
@@ -155,7 +155,7 @@ def drive_study(config: Config, world: World, run: Run) -> Study:
     robot, repeats = world.robot, config.drive_repeats
     do = partial(fitted_drive, geometry=robot.geometry)
     count = min(repeats, MAX_SIMULATED)
-    with run.progress(f"{count} drives and circles", count * _DURATION) as report:
+    with run.progress(f"{counted(count, 'drive')} and circles", count * _DURATION) as report:
         steady, paper = steady_laws(robot, config.threads)
         commands = [_commands(robot.geometry, generator(config.seed, f"simulated drive {k}")) for k in range(count)]
         fleet = Fleet(robot, np.zeros((count, 3)), threads=config.threads)
@@ -197,7 +197,7 @@ def drive_study(config: Config, world: World, run: Run) -> Study:
         "failures": failures_of(one for several in outcomes.values() for one in several),
     }
     shown: list[Table | str] = [
-        checks_table(f"{repeats} drives in each case", checks),
+        checks_table(f"{counted(repeats, 'drive')} in each case", checks),
         _law_table(laws, len(known)),
         f"so many drives leave root mean squares uncertain by {sampling_error(repeats):.0%}",
     ]

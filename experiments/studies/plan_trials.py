@@ -39,7 +39,7 @@ from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import SOURCES, PoseSource
 from trackslip import se2
-from trackslip.errors import TrackslipError
+from trackslip.errors import TrackslipError, counted
 from trackslip.identification.drive_law import DriveFit, fit_drives
 from trackslip.identification.drives import drive_of
 from trackslip.kinematics import Array, wrap_angle
@@ -254,10 +254,10 @@ def plan_study(
         rows.append(
             (symbol(plan.law, name), *printed[:2], number(real[PLAN][name] / mine if mine else None, 2), *printed[2:])
         )
-    title = f"A drive in MuJoCo, measured {repeats} times: standard deviations between measurements"
+    title = f"A drive in MuJoCo, measured {counted(repeats, 'time')}: standard deviations between measurements"
     shown: list[Table | str] = []
     if truth is not None:
-        driven = f"{len(by_case[PLAN])} drives of the plan, {repeats} times the paper's runs"
+        driven = f"{counted(len(by_case[PLAN]), 'drive')} of the plan, {counted(repeats, 'time')} the paper's runs"
         title = f"{driven}, moved by the law: root mean square errors"
         uncertain = [f"{case} {error:.0%}" for case, error in summary["uncertainty_of_real"].items()]
         shown = [f"so many drives leave real errors uncertain by: {', '.join(uncertain)}"]
@@ -275,7 +275,7 @@ def _checks(
     plan: DrivePlan, outcomes: Mapping[str, Sequence[TrialOutcome]], summary: Mapping[str, Any]
 ) -> Iterator[Check]:
     """Fits, limits of the drive, and errors relative to the prediction and to the paper's runs."""
-    case = f"{len(outcomes[PLAN])} drives of {plan.limits.duration:g} s"
+    case = f"{counted(len(outcomes[PLAN]), 'drive')} of {plan.limits.duration:g} s"
     failed = sum(bool(one.notes) for ones in outcomes.values() for one in ones)
     reach, speed = (max(one.numbers[name] for one in outcomes[PLAN]) for name in ("reach", "speed"))
     yield Check(case, "fits that failed", float(failed), 0.0)

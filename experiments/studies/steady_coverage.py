@@ -17,6 +17,7 @@ from experiments.report.table import Table
 from experiments.studies.trials import Study, Trial, TrialOutcome, Values, plausible_shares, run_trials, share_interval
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
+from trackslip.errors import counted
 from trackslip.identification.comparison import SteadyComparison, compare_laws
 from trackslip.identification.coverage import coverage, noise_coverage
 from trackslip.identification.fitted import fit_law
@@ -42,7 +43,7 @@ _MOTION = "bundle"  # takes ranges, to which noise can be added again and again
 def steady_coverage(config: Config, world: World, run: Run) -> Study:
     """Drive grids without noise, repeat what is random, and count what the intervals cover."""
     geometry = world.robot.geometry
-    with run.progress(f"a grid of {len(cells_of(config))} runs", config.duration) as report:
+    with run.progress(f"a grid of {counted(len(cells_of(config)), 'run')}", config.duration) as report:
         logs = drive_grid(config.grid(0), world, report, kept=True)
     (design,) = scanned_again(logs, geometry, config.scanner, config.seed, 1)
     fitted = compare_laws(design, geometry)

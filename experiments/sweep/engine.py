@@ -14,7 +14,7 @@ from experiments.run import Run
 from experiments.sweep.parts import Row, StoredPart, StoredParts
 from sim.loop import Progress
 from sim.stopwatch import Stopwatch
-from trackslip.errors import OutputError, RunFailedError, TrackslipError
+from trackslip.errors import OutputError, RunFailedError, TrackslipError, counted
 from trackslip.logs.runlog import RunLog
 
 Outcome = RunLog | BaseException
@@ -160,7 +160,7 @@ def drive_missing(
     total = sum(durations.values())
     jobs = config.jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs, kind.sizes)))
-    with progress(f"{len(runs)} runs", total, done=total - left) as report, workers(executor, jobs) as pool:
+    with progress(counted(len(runs), "run"), total, done=total - left) as report, workers(executor, jobs) as pool:
         drive = partial(drive_fleet, kind, recorded=config.rrd, report=report if pool.inline else None)
         for part, until_failure, stages in pool.each(drive, fleets(missing, pool.count, kind.sizes)):
             parts.keep(part)

@@ -22,6 +22,7 @@ from experiments.storage.results import SUMMARY_FILE, TABLE_FILE
 from experiments.sweep.parts import Row
 from experiments.sweep.plan import PlannedRun
 from sim.stopwatch import Stopwatch
+from trackslip.errors import counted
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
@@ -118,11 +119,12 @@ def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) 
     """Print a single grid radius by radius, or one line for each of several; then warnings and failures."""
     if len(grids) == 1:
         header: tuple[str, ...] = ("commanded radius [m]", "observed [m]", "outer slip", "inner slip")
-        Table(f"{len(rows)} runs of {duration:g} s", header, grids[0].lines, align="r").print()
+        Table(f"{counted(len(rows), 'run')} of {duration:g} s", header, grids[0].lines, align="r").print()
     else:
         numbers = ("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms")
         lines = [grid.line for grid in grids[:_MAX_LINES]]
-        Table(f"{len(rows)} runs in {len(grids)} grids", (*grids[0].axes, *numbers), lines, align="r").print()
+        title = f"{counted(len(rows), 'run')} in {counted(len(grids), 'grid')}"
+        Table(title, (*grids[0].axes, *numbers), lines, align="r").print()
         if len(grids) > _MAX_LINES:
             print(f"and {len(grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
     _print_some([f"warning: {warning}" for warning in _warnings(rows)], f"warnings in {SUMMARY_FILE}")

@@ -8,7 +8,14 @@ from functools import partial
 import numpy as np
 import pytest
 
-from trackslip.errors import InvalidValueError, require_at_most, require_finite, require_non_negative, require_positive
+from trackslip.errors import (
+    InvalidValueError,
+    counted,
+    require_at_most,
+    require_finite,
+    require_non_negative,
+    require_positive,
+)
 
 CHECKS = (require_positive, require_non_negative, require_finite, partial(require_at_most, limit=2.0))
 
@@ -39,3 +46,8 @@ def test_what_is_no_number_is_refused_by_name(check: Callable[[str, object], Non
 def test_numbers_out_of_range_are_refused(check: Callable[[str, object], None], value: float) -> None:
     with pytest.raises(InvalidValueError, match="mass"):
         check("mass", value)
+
+
+@pytest.mark.parametrize(("n", "shown"), [(0, "0 runs"), (1, "1 run"), (np.int64(1), "1 run"), (1200, "1,200 runs")])
+def test_counts_have_their_noun_in_the_right_number(n, shown):
+    assert counted(n, "run") == shown

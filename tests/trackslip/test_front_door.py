@@ -85,7 +85,7 @@ def test_nothing_to_identify_from_is_refused():
     with pytest.raises(trackslip.LogError, match=r"the runs: there are none"):
         trackslip.identify([], GEOMETRY)
     closed_loop = [steady_run(1.0, metadata={"controller": "linear"})]
-    with pytest.raises(trackslip.LogError, match=r"closed loops"):
+    with pytest.raises(trackslip.LogError, match=r"1 run in closed loop"):
         trackslip.identify(closed_loop, GEOMETRY, method="steady")
 
 

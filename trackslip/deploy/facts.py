@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from trackslip.deploy.prediction import gain_lines, prediction_errors
+from trackslip.errors import counted
 from trackslip.logs.file_format import installed_version
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.law_file import NO_SLIP, StoredLaws, entry, laws_content, number, text, texts
@@ -105,9 +106,9 @@ def _origin_lines(stored: StoredLaws) -> list[str]:
     sources = [f"log {log}"] if log else []
     if content.get("method") == "drive" and drives:
         more = f" and {len(drives) - _MAX_NAMES} more" if len(drives) > _MAX_NAMES else ""
-        sources.append(f"{len(drives)} drive(s): {', '.join(drives[:_MAX_NAMES])}{more}")
+        sources.append(f"{counted(len(drives), 'drive')}: {', '.join(drives[:_MAX_NAMES])}{more}")
     elif samples is not None:
-        sources.append(f"{samples:g} steady samples")
+        sources.append(counted(int(samples), "steady sample"))
     along, across = (number(manifest, "ground", direction) for direction in ("along", "across"))
     if along is not None and across is not None:
         sources.append(f"simulated ground: friction {along:g} along, {across:g} across")

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from trackslip.errors import counted
 from trackslip.identification.drive_fit import unlike_sprockets
 from trackslip.identification.drive_law import DriveFit
 from trackslip.identification.drives import PreparedDrive
@@ -114,7 +115,9 @@ def _left_out(law: DriveFit) -> list[str]:
     """Poses and steps that were left out of the drives."""
     doubts = []
     if law.left_out > _MANY * (law.poses + law.left_out):
-        doubts.append(f"{law.left_out} of {law.left_out + law.poses} poses are outlying and left out")
+        doubts.append(f"{law.left_out} of {counted(law.left_out + law.poses, 'pose')} left out: outlying")
     if law.breaks:
-        doubts.append(f"{law.breaks} step(s) of the poses are left out: lasting jumps, or slip out of all proportion")
+        doubts.append(
+            f"{counted(law.breaks, 'step')} of the poses left out: lasting jumps, or slip out of all proportion"
+        )
     return doubts

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import RunLog
 
@@ -77,7 +77,7 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
     if len(rows) > 1:
         rows = rows[_changing(log.pose[rows], _moving(log, rows))]
     if len(rows) < MIN_POSES:
-        raise LogError(f"run {log.run!r}: {len(rows)} pose(s) while it drives, needs at least {MIN_POSES}")
+        raise LogError(f"run {log.run!r}: {counted(len(rows), 'pose')} while it drives, needs at least {MIN_POSES}")
     if not np.abs(log.omega[1:]).max() > _STANDING:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
     wild = np.flatnonzero(np.abs(log.omega).max(axis=1) > _MAX_SPEED)

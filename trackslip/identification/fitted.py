@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, counted
 from trackslip.identification.determined import undetermined_by_samples
 from trackslip.identification.intervals import bootstrap_intervals, heights, profile_intervals, standard_errors
 from trackslip.identification.lack_of_fit import SIGNIFICANT, LackOfFit, lack_of_fit
@@ -111,7 +111,7 @@ def fit_law(
     model = family(name)
     names, count, free = model.names, len(samples.run), len(model.names)
     if 2 * count <= free:
-        raise LogError(f"law {name}: {count} sample(s) of two tracks can't determine its {free} parameters")
+        raise LogError(f"law {name}: {counted(count, 'sample')} of two tracks can't determine its {free} parameters")
     runs = WeightedRuns.of(samples, geometry)
     fits = fit(model, runs)
     measured = samples.covariance is not None

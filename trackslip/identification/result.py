@@ -9,7 +9,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
 
-from trackslip.errors import OutputError, TrackslipError
+from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.identification.comparison import Comparison, DriveComparison, SteadyComparison
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.samples import SlipSamples
@@ -139,13 +139,15 @@ class Identification:
         size = f"b = {self.geometry.half_gauge:g} m, r = {self.geometry.sprocket_radius:g} m"
         drive = self.drive
         source = (
-            f"{len(drive.drives)} drives" if self.method == "drive" and drive else f"{len(self.samples)} steady samples"
+            counted(len(drive.drives), "drive")
+            if self.method == "drive" and drive
+            else counted(len(self.samples), "steady sample")
         )
         return f"Slip laws from {source} ({size}); best: {self.best}"
 
     def _notes(self) -> list[str]:
-        left_out = f"{len(self.outliers)} run(s) left out, " if self.outliers else ""
-        return [f"{left_out}{len(self.warnings)} warning(s), see .warnings"] if self.warnings else []
+        left_out = f"{counted(len(self.outliers), 'run')} left out, " if self.outliers else ""
+        return [f"{left_out}{counted(len(self.warnings), 'warning')}, see .warnings"] if self.warnings else []
 
 
 def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict[str, Any]:

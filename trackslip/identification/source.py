@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, LogError, require_within
+from trackslip.errors import InvalidValueError, LogError, counted, require_within
 from trackslip.identification.samples import Sampling, usable_rows, usable_samples
 from trackslip.kinematics import GEARS, RobotGeometry
 from trackslip.logs.columns import Columns
@@ -72,8 +72,8 @@ class Source:
             return self.rows
         steady = [log for log in self.logs if "controller" not in log.metadata]
         if not steady:
-            number = len(self.logs)
-            raise LogError(f"{self.name}: its {number} run(s) are closed loops; slip is identified from steady runs")
+            number = counted(len(self.logs), "run")
+            raise LogError(f"{self.name}: {number} in closed loop; slip is identified from steady runs")
         try:
             found = usable_samples(steady, self.geometry, self.reading.settle, self.reading.motion, self.refused)
         except LogError as error:
@@ -163,7 +163,7 @@ def _read(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[
         names = chosen(file.parent)
         runs = [log for log in runs if log.run in names]
         if not runs:
-            raise LogError(f"{file}: none of the {len(names)} chosen run(s) is there: they failed")
+            raise LogError(f"{file}: the chosen {counted(len(names), 'run')} failed")
     return source_of_runs(runs, reading, str(file), read)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.errors import LogError, TrackslipError
+from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.scanlog import ScanLog
 
@@ -54,7 +54,7 @@ class RunLog:
     def __post_init__(self) -> None:
         rows = len(self.time)
         if rows < 2:
-            raise LogError(f"run {self.run!r}: {rows} row(s), needs at least 2")
+            raise LogError(f"run {self.run!r}: {counted(rows, 'row')}, needs at least 2")
         backwards = np.flatnonzero(~(np.diff(self.time) > 0))
         if backwards.size:
             k = int(backwards[0]) + 1

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip import se2
-from trackslip.errors import InvalidValueError, LogError
+from trackslip.errors import InvalidValueError, LogError, counted
 from trackslip.identification.prediction import trailing_heading
 from trackslip.kinematics import Array, body_twist
 from trackslip.logs.runlog import RunLog
@@ -148,7 +148,7 @@ def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock
     at = log.time[rows] + clock_offset
     covered = (at >= log.time[0]) & (at <= log.time[-1])
     if covered.sum() < _MIN_POSES:
-        count = f"{int(covered.sum())} of {len(rows)} measured pose(s)"
+        count = f"{int(covered.sum())} of {counted(len(rows), 'measured pose')}"
         raise LogError(f"run {log.run!r}: encoders were read at {count}, needs at least {_MIN_POSES}")
     rows, at = rows[covered], at[covered]
     time = np.union1d(log.time, at)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
 
 _FULL_TURN = 1.5  # beams that a full circle may lack
@@ -49,7 +49,9 @@ class ScanSeries:
         """
         beams = ranges.shape[1]
         if beams < _MIN_BEAMS or len(time) < MIN_SCANS:
-            raise LogError(f"{len(time)} scan(s) of {beams} beam(s): needs at least {MIN_SCANS} of {_MIN_BEAMS}")
+            raise LogError(
+                f"{counted(len(time), 'scan')} of {counted(beams, 'beam')}: needs at least {MIN_SCANS} of {_MIN_BEAMS}"
+            )
         span = angle_increment * (beams - 1)
         if not (np.isfinite(angle_min) and 0 < abs(span) < 2 * np.pi + abs(angle_increment)):
             what = f"angle_min = {angle_min:g}, angle_increment = {angle_increment:g} for {beams} beams"

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, counted
 from trackslip.logs.runlog import Refused, none_usable
 from trackslip.ros.files import Parts, is_kept, read_parts
 from trackslip.ros.messages import decode, require_rosbags
@@ -219,7 +219,7 @@ def _bag(parts: Parts, max_expanded: float | None) -> Bag:
     notes = [*parts.notes]
     for (name, kind), times in sorted(parts.arrivals.items(), key=lambda item: (item[0][0], -len(item[1]))):
         if name in topics:
-            notes.append(f"topic {name}: {len(times)} messages of another type, {kind}, left out")
+            notes.append(f"topic {name}: {counted(len(times), 'message')} of another type, {kind}, left out")
         else:
             topics[name] = Topic(name, kind, np.sort(np.array(times, np.int64)))
     return Bag(parts.name, parts.files, topics, tuple(notes), parts.span, max_expanded, parts.kept)

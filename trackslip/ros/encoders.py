@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array, RobotGeometry, track_speeds
 from trackslip.ros import joint_angles
 from trackslip.ros.bag import Bag, listed
@@ -60,8 +60,8 @@ def by_drive(
     topic, other = encoders[0].topic, others[0].source
     if len(encoders) != len(others):
         raise LogError(
-            f"{bag.path}: time goes back {len(encoders) - 1} time(s) in topic {topic} "
-            f"and {len(others) - 1} time(s) in {other}"
+            f"{bag.path}: time goes back {counted(len(encoders) - 1, 'time')} in topic {topic} "
+            f"and {counted(len(others) - 1, 'time')} in {other}"
         )
     for k, (turned, seen) in enumerate(zip(encoders, others, strict=True), start=1):
         require_overlap(topic, turned.stamp, other, seen.stamp)
@@ -156,7 +156,7 @@ def _angles(
             raise LogError(f"{joint} states neither positions nor velocities")
         if not known.all():
             what = "position" if by_position else "velocity"
-            notes.append(f"{joint}: {(~known).sum()} messages without a {what} left out")
+            notes.append(f"{joint}: {counted((~known).sum(), 'message')} without a {what} left out")
         time = seconds(at[known], int(stamp.min()))
         if by_position:
             angle = joint_angles.from_positions(joint, time, position[known], velocity[known], notes)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
 
 _ALIKE = (0.8, 1.25)  # ratios of turns that are alike [-]
@@ -52,7 +52,7 @@ def from_positions(joint: str, time: Array, position: Array, velocity: Array, no
     else:
         step, leaps = _bridged(step, interval, stated)
         if leaps:
-            notes.append(f"{joint}: its position leaps {leaps} time(s): bridged")
+            notes.append(f"{joint}: its position leaps {counted(leaps, 'time')}: bridged")
     ratio = _ratio(step / interval, stated / interval)
     if np.isfinite(ratio) and not _ALIKE[0] < ratio < _ALIKE[1]:
         notes.append(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Plate
 from trackslip.logs.runlog import Refused, RunLog
@@ -107,10 +107,14 @@ def _within(series: ScanSeries, end: float, topic: str) -> ScanSeries:
     rows = np.flatnonzero((series.time >= 0.0) & (series.time + series.lag.max() <= end))
     left_out = len(series.time) - len(rows)
     if len(rows) < MIN_SCANS:
-        raise LogError(f"topic {topic}: {len(rows)} scan(s) while the encoders are read, needs at least {MIN_SCANS}")
+        raise LogError(
+            f"topic {topic}: {counted(len(rows), 'scan')} while the encoders are read, needs at least {MIN_SCANS}"
+        )
     if left_out <= _FEW * len(series.time):
         return series.take(rows)
-    return series.take(rows, f"topic {topic}: {left_out} scans before and after the encoders' readings are left out")
+    return series.take(
+        rows, f"topic {topic}: {counted(left_out, 'scan')} before and after the encoders' readings left out"
+    )
 
 
 def _stand(bag: Bag, scans: Scans, choice: BagChoice, notes: list[str]) -> Stand:

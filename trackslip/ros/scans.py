@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, counted
 from trackslip.rangefinder.series import ScanSeries
 from trackslip.ros.bag import Bag, Topic
 from trackslip.ros.stamps import seconds, stretches
@@ -68,7 +68,7 @@ def read_scans(bag: Bag, name: str | None, notes: list[str]) -> list[Scans]:
     usual = max(found.values(), key=len)
     others = sum(map(len, found.values())) - len(usual)
     if others:
-        notes.append(f"topic {topic.name}: {others} scans with other beams than most are left out")
+        notes.append(f"topic {topic.name}: {counted(others, 'scan')} with other beams than most left out")
     stamps, arrivals, ranges, about = zip(*usual, strict=True)
     stamp, values, frame = np.array(stamps, np.int64), np.stack(ranges), frames.most_common(1)[0][0]
     rows = stretches(topic.name, stamp, np.array(arrivals, np.int64), notes)

@@ -54,7 +54,7 @@ def test_the_log_is_written_with_units_and_not_replaced_unasked(folder, tmp_path
     file = tmp_path / f"log{suffix}"
     command = ["bag", str(folder / "run.mcap"), "--export", str(file)]
     main(command)
-    assert f"{file}: 1 run(s), 400 rows" in capsys.readouterr().out
+    assert f"{file}: 1 run, 400 rows" in capsys.readouterr().out
     (log,) = package.load(file)
     (read,) = package.load(folder / "run.mcap")
     for name in ("time", "omega", "pose"):
@@ -95,7 +95,7 @@ def test_identify_takes_what_it_is_told(folder):
 def test_export_and_view_read_bags_too(folder, tmp_path, capsys):
     main(["export", str(folder / "run.mcap"), "--csv", "--out", str(tmp_path / "run.csv")])
     assert package.load(tmp_path / "run.csv")[0].run == "run"
-    assert "1 run(s), 400 rows" in capsys.readouterr().out
+    assert "1 run, 400 rows" in capsys.readouterr().out
 
 
 WHEELS = {"/joint_states", "/odom", "/tf", "/cmd_vel", "/ground_truth"}

@@ -102,7 +102,7 @@ def test_mistakes_are_told_in_a_line(refused, files, folder):
         ((log, "--law", f"{folder}:power"), "; power was retired in trackslip 0.2: see icr_radius"),
         ((log, "--law", folder, "--half-gauge", "0.2"), "its laws are for half_gauge = 0.168 m"),
         ((log, "--sensor", "0", "0", "9", *OPTIONS), "sensor = 9.0: must be from -3.14159 to 3.14159 rad"),
-        ((str(files / "no_poses.parquet"), *OPTIONS), "encoders were read at 0 of 0 measured pose(s)"),
+        ((str(files / "no_poses.parquet"), *OPTIONS), "encoders were read at 0 of 0 measured poses"),
         ((str(files / "samples.csv"), *OPTIONS), "holds steady samples; odometry needs drives with times and poses"),
         *(
             ((path, "--law", folder, *OPTIONS, "--out", out), f"out = {out!r}: must be another folder than those of")

@@ -33,7 +33,7 @@ def test_csv_holds_every_digit_and_the_units_are_beside_it(grid, tmp_path, capsy
     assert [row["column"] for row in about] == header
     assert all(row["unit"] == COLUMNS[row["column"]].unit and row["description"] for row in about)
     assert sorted(path.name for path in file.parent.iterdir()) == ["all.columns.csv", "all.csv"]
-    assert "4 run(s)" in capsys.readouterr().out
+    assert "4 runs" in capsys.readouterr().out
 
 
 def test_identify_reads_it_with_the_options_that_are_printed(grid, tmp_path, capsys):

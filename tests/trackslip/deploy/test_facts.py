@@ -64,7 +64,7 @@ def test_the_comments_say_what_the_law_is_worth():
     lines = fact_lines(stored(**DRIVE), "icr_radius")
     said = "\n".join(lines)
     assert "Robot: half gauge b = 0.168 m, sprocket radius r = 0.06 m" in said
-    assert "2 drive(s)" in said
+    assert "2 drives" in said
     assert "0.3000 m ahead, 0.1000 m to the left, turned by 4.98 deg" in said
     assert "10 s ahead: heading 22.5 deg -> 1.5 deg, position 325 mm -> 65 mm" in said
     assert "Odometry, 10 s ahead: heading 15 times better, position 5 times better" in said

@@ -91,7 +91,7 @@ def test_closed_loops_can_be_identified_from_as_drives():
     log = drive_log(1, DRIVEN)
     closed = replace(log, metadata={"controller": {"name": "any"}})
     assert identify(closed, GEOMETRY).method == "drive"
-    with pytest.raises(LogError, match="closed loops"):
+    with pytest.raises(LogError, match="in closed loop"):
         identify(closed, GEOMETRY, method="steady")
 
 
@@ -115,12 +115,12 @@ def test_a_reversed_robot_is_said_in_one_line():
     [
         (
             RunLog("two", np.array([0.0, 1.0]), np.ones((2, 2)), np.zeros((2, 3))),
-            "pose(s) while it drives, needs at least 10",
+            "1 pose while it drives, needs at least 10",
         ),
         (RunLog("still", np.arange(40.0), np.zeros((40, 2)), np.zeros((40, 3))), "stand still"),
         (
             RunLog("held", np.arange(40.0), np.ones((40, 2)), np.zeros((40, 3))),
-            "pose(s) while it drives, needs at least 10",
+            "1 pose while it drives, needs at least 10",
         ),
     ],
 )

@@ -148,7 +148,7 @@ def test_a_run_most_of_whose_rows_are_damaged_is_refused(tmp_path):
     assert [run.run for run in found.runs] == ["good"]
     assert [str(refused) for refused in found.refused] == [
         "run 'bad' left out: row 11, column omega_l: 'oops' is not a finite number; so are 6 of its 10 rows",
-        "run 'short' left out: 1 row(s), needs at least 2",
+        "run 'short' left out: 1 row, needs at least 2",
     ]
     assert found.notes == ("2 rows left out: row 22, column run: empty",)
 
@@ -176,7 +176,7 @@ def test_what_is_left_out_warns_whoever_loads_it(tmp_path):
     assert run.run == "a"
     assert [str(warning.message) for warning in caught] == [
         f"{tmp_path / 'log.csv'}: run 'a': 1 pose left out: row 5, column x: 'oops' is not a finite number",
-        f"{tmp_path / 'log.csv'}: run 'b' left out: 1 row(s), needs at least 2",
+        f"{tmp_path / 'log.csv'}: run 'b' left out: 1 row, needs at least 2",
     ]
     assert caught[0].filename == __file__
 

@@ -120,7 +120,7 @@ def test_a_drive_without_poses_is_left_out_of_several():
     empty = without_poses(replace(log, run="blind"), log.is_valid)
     found = odometry_errors([empty, log], BY_LAW)
     assert [one.name for one in found.drives] == ["drive 7"]
-    assert found.notes[0] == "run 'blind': encoders were read at 0 of 0 measured pose(s), needs at least 2"
+    assert found.notes[0] == "run 'blind': encoders were read at 0 of 0 measured poses, needs at least 2"
     with pytest.raises(LogError, match="run 'blind': encoders were read at 0 of 0 measured"):
         odometry_errors(empty, BY_LAW)
     with pytest.raises(LogError, match="run 'drive 7': encoders were read at 0 of 100 measured"):

@@ -143,7 +143,7 @@ def test_single_positions_that_are_missing_are_bridged(tmp_path):
     notes = []
     found = read(tmp_path, states(["left", "right"], positions), notes=notes)
     np.testing.assert_allclose(found.omega[60:], LOG.omega[60:], atol=1e-10)
-    assert notes == ["topic /joint_states: joint left: 1 messages without a position left out"]
+    assert notes == ["topic /joint_states: joint left: 1 message without a position left out"]
 
 
 def test_the_topic_that_is_measured_is_chosen(tmp_path):
