@@ -91,8 +91,8 @@ def run(config: Config) -> None:
         write_output(about, lambda columns: _write_columns(logs, columns))
 
     write_output(file, write)
-    rows = counted(sum(len(log.time) for log in logs), "row")
-    print(f"{file}: {counted(len(logs), 'run')}, {rows}; units in {about.name}")
+    size = counted(sum(len(log.time) for log in logs), "row")
+    print(f"{file}: {counted(len(logs), 'run')}, {size}; units in {about.name}")
     geometry = logs[0].metadata.get("geometry")
     if isinstance(geometry, dict) and any(log.twist_command is None for log in logs):  # not all under a controller
         options = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in geometry.items())
