@@ -8,11 +8,11 @@ from .ground.named import load_ground as load_ground
 from .loop import closed_loop as closed_loop
 from .loop import open_loop as open_loop
 from .pilot import Pilot as Pilot
+from .robot.named import load_tracked as load_tracked
 from .robot.parameters import RobotParameters as RobotParameters
 from .robot.robot import load_robot as load_robot
 from .robot.tracked import Flipper as Flipper
 from .robot.tracked import TrackedRobot as TrackedRobot
-from .robot.tracked import load_tracked as load_tracked
 from .robot.tracked_model import TrackedModel as TrackedModel
 from .robot.tracked_model import build_tracked as build_tracked
 from .run_recorder import Description as Description

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from experiments.options.base import Distinct, Whole, default_is
-from experiments.options.world import Repeatable
+from experiments.options.choices import SHIPPED
+from experiments.options.world import Repeatable, RobotSource
 from trackslip.errors import InvalidValueError
 
 Parameter = Literal["half_gauge", "contact_length", "friction_ratio", "radius_error", "com_x", "com_y", "shear"]
@@ -29,8 +30,8 @@ class Config(Repeatable):
     """What to fit: Eq. 11 and the radii of Fig. 5 (published), a log or folder for identify, or a .csv table."""
     free: Annotated[tuple[Parameter, ...], Distinct("parameter")] = ("friction_ratio", "radius_error", "com_y")
     """Parameters to fit; friction_ratio is across / along, shear the modulus of ground that shears."""
-    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
-    """Robot file with the initial values, and with the values of the parameters that are not fitted."""
+    robot: RobotSource = SHIPPED
+    """Robot with the initial values, and with the values of the parameters that are not fitted."""
     starts: Annotated[int, Whole(0, MAX_STARTS)] = 5
     """Number of random starts in addition to the robot's own values."""
     rrd: bool = False
@@ -53,11 +54,12 @@ def run(config: Config) -> None:
     from experiments.storage.manifest import command_line
     from sim.calibration.calibration import Candidate, calibrate, floor, simulated_twist, starts
     from sim.ground.ground import Ground
-    from sim.robot.parameters import load_robot_file, robot_file_text
+    from sim.robot.named import load_parameters
+    from sim.robot.parameters import robot_file_text
     from sim.seeds import generator
 
     with Run(config) as run:
-        robot, ground = load_robot_file(config.robot)
+        robot, ground = load_parameters(config.robot)
         base = Candidate(robot, ground.across / ground.along, ground.shear)
         target = read_target(config.target, base.geometry)
         twist = partial(simulated_twist, along=ground.along, threads=config.threads)
@@ -80,6 +82,6 @@ def run(config: Config) -> None:
         run.write(summary, seed=config.seed)
         if config.rrd:
             with run.busy("recordings"):
-                record_all(run.folder, sample_runs(run.folder / ROBOT, config))
+                record_all(run.folder, sample_runs(str(run.folder / ROBOT), config))
     print_fits(f"Calibrated to {config.target}", best, centred, lowest)
     print(f"{config.out / ROBOT}: {run.wall:.1f} s; use it with --robot {config.out / ROBOT}")

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 import tyro
 
 from experiments.options.base import Excludes, Exclusion, Positive, ResultsOptions, Whole, Within, default_is
-from experiments.options.world import MAX_DURATION
+from experiments.options.world import MAX_DURATION, RobotSource
 from trackslip.errors import InvalidValueError, require_positive
 
 EXAMPLES = (
@@ -30,8 +30,8 @@ UP, DOWN = 1.2, 0.0
 class Config(ResultsOptions):
     """Drive a robot with tracks over a course, store the run with pictures, and print how it went."""
 
-    robot: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "rescue"
-    """Robot: rescue, box, or a .toml file with your own model and its tracks."""
+    robot: RobotSource = "rescue"
+    """Robot: a name, a file of a model (MJCF, URDF) with its tracks, or of parameters as written by calibrate."""
     course: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "stairs"
     """Course: flat, ramp20, step10, stairs, cross_beams, pallets, rough, gap, side_slope, arena, or a .toml file."""
     speed: Annotated[float, Within(-_MAX_SPEED, _MAX_SPEED, "m/s")] = 0.3

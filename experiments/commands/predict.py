@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from experiments.options.base import Exclusion, Needs, Positive, ResultsOptions, default_is, refuse_changed
-from experiments.options.world import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR
+from experiments.options.choices import SHIPPED
+from experiments.options.world import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR, RobotSource
 from sim.drive.pull import Pull
 from sim.ground.ground import MAX_FRICTION, Ground
-from sim.robot.parameters import RobotParameters, load_robot_file
+from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
 from trackslip.paper import OBSERVED_RADII
 from trackslip.skid_theory import Load, line_contact, steady_turns, steady_twist
@@ -31,8 +32,8 @@ class Config(ResultsOptions):
     With --shear, --slope or --pull, slips depend on radius and load; the law is then that of the mean over the radii.
     """
 
-    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
-    """Robot file that supplies the values not given below."""
+    robot: RobotSource = SHIPPED
+    """Robot that supplies the values not given below."""
     half_gauge: Annotated[float | None, Positive(100.0), _ROBOTS] = None
     """Half the distance between the tracks [m]."""
     contact_length: Annotated[float | None, Positive(100.0), _ROBOTS] = None
@@ -133,7 +134,9 @@ def run(config: Config) -> None:
 
 def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
     """The robot, its centre of mass midway between the tracks; the level ground; and what slope and pull add."""
-    robot, ground = load_robot_file(config.robot)
+    from sim.robot.named import load_parameters
+
+    robot, ground = load_parameters(config.robot)
     given = {name: getattr(config, name) for name in ("half_gauge", "contact_length", "com_x", "sprocket_radius")}
     robot = replace(robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None})
     along = ground.along if config.friction is None else config.friction

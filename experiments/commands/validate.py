@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from experiments.options.base import Excludes, Exclusion, default_is
+from experiments.options.choices import ROBOTS, SHIPPED
 from experiments.options.world import Repeatable
 
 EXAMPLES = (
@@ -23,8 +24,8 @@ class Config(Repeatable):
     stairs, rough ground.
     """
 
-    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
-    """Robot file as written by calibrate; with --terrain, a tracked robot's instead of the box and the rescue robot."""
+    robot: Annotated[str | None, default_is("shipped; with --terrain, a box and rescue", ROBOTS)] = None
+    """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
     terrain: bool = False
     """Instead compare tracks on terrain with theory, and check their bounds."""
     shear: bool = False
@@ -62,6 +63,6 @@ def run(config: Config) -> None:
         run.write(found.to_json(), manifest=manifest)
         if config.rrd:
             with run.busy("recordings"):
-                record_all(run.folder, sample_runs(config.robot, config))
+                record_all(run.folder, sample_runs(config.robot or SHIPPED, config))
     found.print()
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")

@@ -20,12 +20,14 @@ from experiments.options.base import (
     default_is,
     refuse_changed,
 )
+from experiments.options.choices import SHIPPED
 from experiments.options.world import (
     MAX_DURATION,
     RADIUS_ERROR,
     GroundOptions,
     PullOptions,
     Repeatable,
+    RobotSource,
     Simulation,
     require_speed,
 )
@@ -148,8 +150,8 @@ class Config(Repeatable):
     """Model that moves the robot: the simulated ground, or exactly a slip law."""
     law: LawOptions = field(default_factory=LawOptions)
     """Motion by a law of constant ICRs instead of MuJoCo's; needs --motion law."""
-    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
-    """Robot file as written by calibrate: the robot's parameters and its ground."""
+    robot: RobotSource = SHIPPED
+    """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
     radius_error: Annotated[float | None, RADIUS_ERROR, default_is("the robot's", "FLOAT")] = None
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     drive: Drive = field(default_factory=Drive)

@@ -12,7 +12,8 @@ import mujoco
 import numpy as np
 
 from experiments.course.run import PERIOD, SAMPLE, PathPilot, Pilot, reflexes
-from sim.robot.tracked import TrackedRobot, load_tracked
+from sim.robot.named import load_tracked
+from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel, build_tracked, clear_angles
 from sim.terrain import Course, load_course
 from sim.traverse.outcome import Limits

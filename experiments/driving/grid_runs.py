@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Self, cast
 
 import numpy as np
@@ -128,7 +127,7 @@ def on_circle(robot: Robot, radius: float, phase: float) -> Array:
     return se2.compose(centre, [0.0, -driven, 0.0])
 
 
-def sample_runs(robot: Path | None, like: Repeatable, progress: Progress = lambda seconds: None) -> list[RunLog]:
+def sample_runs(robot: str, like: Repeatable, progress: Progress = lambda seconds: None) -> list[RunLog]:
     """Let a robot, from its file or the shipped one, turn with the paper's radii, with everything recorded.
 
     Radii too small for the robot are left out. `like` gives the seed and the number of threads.

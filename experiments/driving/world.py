@@ -13,7 +13,8 @@ from sim.drive.pull import Pull
 from sim.fleet import Fleet, substeps
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
-from sim.robot.parameters import RobotParameters, load_robot_file
+from sim.robot.named import load_parameters
+from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.obstacles import Obstacles, load_obstacles
@@ -41,7 +42,7 @@ class WorldFiles:
     """Robots, grounds and obstacles by name or file; each file is read once."""
 
     def __init__(self) -> None:
-        self._robot = functools.cache(load_robot_file)
+        self._robot = functools.cache(load_parameters)
         self._ground = functools.cache(load_ground)
         self._obstacles = functools.cache(load_obstacles)
 

@@ -12,10 +12,13 @@ GROUND_NAMES = (
     *("firm_sand", "loose_sand", "clay", "snow", "ice"),
 )
 """The grounds of sim.ground."""
+ROBOT_NAMES = (SHIPPED := "shipped", "rescue", "box")
+"""The robots of sim.robot."""
 WITHOUT_LAWS = ("none", "published", "online_cold")
 """Compensations that need no identified law."""
 CONTROLLERS = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"
 REFERENCES = f"{{{','.join(REFERENCE_NAMES)},FILE.csv}}"
 COMPENSATIONS = "{none,published,LAW,online,online_load,online_cold}"
+ROBOTS = f"{{{','.join(ROBOT_NAMES)},FILE.toml}}"
 GROUNDS = f"{{{','.join(GROUND_NAMES)},FILE.toml}}"
 """Placeholders of option values in `--help`."""

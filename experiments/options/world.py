@@ -2,13 +2,12 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
 from experiments.options.base import ResultsOptions, Whole, Within, default_is
-from experiments.options.choices import GROUNDS
+from experiments.options.choices import GROUNDS, ROBOTS, SHIPPED
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.drive.pull import Pull
 from sim.ground.ground import Ground
@@ -19,6 +18,8 @@ Localization = Literal["plate", "line"]
 Motion = Literal["paper", "arc", "bundle"]
 Method = Annotated[Motion | None, default_is("the most accurate method the run allows", "{paper,arc,bundle}")]
 """Method that estimates a twist from a run, if the user chooses one."""
+RobotSource = Annotated[str, tyro.conf.arg(metavar=ROBOTS)]
+"""Name of a robot, or its file."""
 IDENTIFIED = ("exponential", "icr", "icr_radius")
 """The identified laws that the paper's controllers are compared with."""
 
@@ -99,8 +100,8 @@ class Repeatable(ResultsOptions):
 class Equipment(ResultsOptions):
     """The robot, its scanner and the field, without the ground."""
 
-    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
-    """Robot file as written by calibrate: the robot's parameters and its ground."""
+    robot: RobotSource = SHIPPED
+    """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
     radius_error: Annotated[float | None, RADIUS_ERROR, default_is("the robot's", "FLOAT")] = None
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     drive: Drive = field(default_factory=Drive)

@@ -27,9 +27,8 @@ from experiments.recording.stream import (
 )
 from experiments.recording.traces import Traces, traces_of
 from experiments.report.colours import BLUE, GREEN
+from sim.robot.looks import RobotLooks, robot_looks
 from sim.robot.parameters import RobotParameters
-from sim.robot.robot import FIELD as MODEL
-from sim.tracks.drawing import TrackLook
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
@@ -41,7 +40,6 @@ _AHEAD, _SIDEWAYS, _TURNING, _GREY = "#009E73", "#F0E442", "#CC79A7", "#8a8a8a"
 _PALE_SIDES, _PALE_WAYS = ("#BFE3F8", "#FFE0A0"), ("#9ADFCA", "#F2D5E4")  # opaque: lines are pieces that overlap
 _DIM_SIDES = ("#2B5F7D", "#7A5400")
 _THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # line widths [px]
-_WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # x, z, radius of the tracks' ends, and width [m]
 _ABOVE = 0.004  # height of lines above the ground, and above each other [m]
 _NEWTON = 0.004  # length of a force arrow [m/N]
 _SHEARED = ((40, 60, 140), (60, 170, 130), (250, 230, 60))  # colours of ground, from firm to farthest given way
@@ -74,14 +72,15 @@ def send_runs(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | N
     """Send a run, or several on one time line; `laws` as in `traces_of`."""
     runs, alone = [traces_of(log, laws) for log in logs], len(logs) == 1
     within = _within(runs)
-    send_field(stream, runs[0], _model(logs[0]), within)
+    send_field(stream, runs[0], _looks(logs[0]).model, within)
     _send_camera(stream, runs)
     roots, sent = [], []
     for number, traces in enumerate(runs):
         colour = _COLOURS[number % len(_COLOURS)]
         root = RUN if alone else rr.new_entity_path([RUN, traces.log.run]).removeprefix("/")
-        model = _model(traces.log, None if alone else colour)
-        _send_robot(stream, root, traces, model, turning=alone)
+        looks = _looks(traces.log, None if alone else colour)
+        model = looks.model
+        _send_robot(stream, root, traces, looks, turning=alone)
         _send_paths(stream, root, traces, colour, estimate=alone)
         if alone:
             _send_contacts(stream, root, traces, model)
@@ -171,35 +170,30 @@ def parameters_of(log: RunLog) -> RobotParameters:
     names = RobotParameters.__dataclass_fields__
     with contextlib.suppress(TrackslipError, TypeError, ValueError):  # a robot of another kind
         if isinstance(known, Mapping):
-            return RobotParameters(**{str(key): float(value) for key, value in known.items() if key in names})
+            return RobotParameters(**{str(key): _entry(value) for key, value in known.items() if key in names})
     return RobotParameters()
 
 
-def _model(log: RunLog, colour: str | None = None) -> mujoco.MjModel:
-    """The field with the robot that drove a run but without its tracks, in a colour or in its own ones."""
-    spec = mujoco.MjSpec.from_file(str(MODEL))
-    parameters_of(log).apply(spec)
-    for name in (f"{side}_{part}" for side in ("left", "right") for part in ("belt", "wheels", "sprocket")):
-        spec.delete(spec.geom(name))
-    if colour is not None:
-        for name in ("hull", "plate"):
-            spec.geom(name).rgba = [*np.divide(rgb(colour), 255), 1.0]
-    return spec.compile()
+def _entry(value: Any) -> Any:
+    """A parameter from JSON."""
+    return value if isinstance(value, str) else tuple(value) if isinstance(value, list) else float(value)
 
 
-def _send_robot(stream: rr.RecordingStream, root: str, traces: Traces, model: mujoco.MjModel, turning: bool) -> None:
+def _looks(log: RunLog, colour: str | None = None) -> RobotLooks:
+    """The robot that drove a run on its field, in a colour or in its own ones; a plain one if its file is gone."""
+    parameters, paint = parameters_of(log), () if colour is None else (*np.divide(rgb(colour), 255), 1.0)
+    try:
+        return robot_looks(parameters, paint)
+    except TrackslipError:
+        return robot_looks(replace(parameters, looks=""), paint)
+
+
+def _send_robot(stream: rr.RecordingStream, root: str, traces: Traces, looks: RobotLooks, turning: bool) -> None:
     """Send the robot where it was, on level ground, with its belts `turning` or at rest."""
-    x, y, heading = traces.pose.T
-    qpos = np.zeros((len(x), model.nq))
-    qpos[:, 0], qpos[:, 1], qpos[:, 3], qpos[:, 6] = x, y, np.cos(heading / 2), np.sin(heading / 2)
-    parameters, body = parameters_of(traces.log), model.body("chassis").id
-    tracks = [
-        (f"{name}_track", body, TrackLook(np.array(_WHEELS), sign * parameters.half_gauge, _BELT))
-        for name, sign in (("left", 1.0), ("right", -1.0))
-    ]
-    speed = traces.log.omega * parameters.sprocket_radius
+    speed = (traces.log.omega * parameters_of(traces.log).sprocket_radius)[:, looks.track_side]
     travel = np.cumsum(speed * np.diff(traces.time, prepend=0.0)[:, None], axis=0)
-    send_robot(stream, root, model, traces.time, qpos, tracks, travel if turning else travel[:1])
+    qpos = looks.qpos(traces.pose)
+    send_robot(stream, root, looks.model, traces.time, qpos, looks.tracks, travel if turning else travel[:1])
 
 
 def _send_camera(stream: rr.RecordingStream, runs: Sequence[Traces]) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from experiments.driving.grid_runs import GridCell, require_radius
 from experiments.driving.world import Specification, World, WorldFiles
 from experiments.options.base import Whole, option, with_option
+from experiments.options.choices import SHIPPED
 from experiments.options.grid import GridConfig
 from experiments.storage.manifest import digest
 from experiments.sweep.axes import ALIASES, axes_of
@@ -170,7 +171,7 @@ def _usual(base: GridConfig, given: Specification, axis: str) -> Any:
         case _, "friction_ratio":
             return None
         case "ground", "source":
-            return base.ground.source or ("stone" if base.robot is None else None)
+            return base.ground.source or ("stone" if base.robot == SHIPPED else None)
         case "ground", _:
             return getattr(given.ground, name)
         case "robot", _:

@@ -12,6 +12,7 @@ import numpy as np
 from markupsafe import Markup
 
 from experiments.checks import Check
+from experiments.options.choices import SHIPPED
 from experiments.report.formats import pair, percent, significant, span
 from experiments.report.page import Plot, Section
 from experiments.report.table import Table
@@ -32,7 +33,8 @@ from experiments.validation.standing import (
 from experiments.validation.suite import Findings
 from experiments.validation.turning import VariedTurns, turn
 from sim.ground.ground import Ground
-from sim.robot.parameters import SINK, RobotParameters, load_robot_file
+from sim.robot.named import load_parameters
+from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import load_robot
 from sim.seeds import generator
 from trackslip.kinematics import Array
@@ -95,9 +97,9 @@ _AT_REFERENCE = int(np.argmin(np.abs(ANGLES - REFERENCE_ANGLE)))
 
 def robot_suite(config: Config, run: Run) -> Findings:
     """Measure a robot on its ground, without slopes, patches or changes, which theory does not know."""
-    parameters, ground = load_robot_file(config.robot)
+    parameters, ground = load_parameters(config.robot or SHIPPED)
     found = measure(parameters, Ground(ground.along, ground.across), config, run)
-    name = "shipped" if config.robot is None else Path(config.robot).stem
+    name = Path(config.robot or SHIPPED).stem
     return Findings(
         TITLE,
         [_INTRO],

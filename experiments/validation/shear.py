@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.checks import Check
+from experiments.options.choices import SHIPPED
 from experiments.report.page import Plot, Section
 from experiments.run import Run
 from experiments.validation import shear_figures as figures
@@ -29,7 +30,8 @@ from experiments.validation.theory import (
 from sim.drive.drive import tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
-from sim.robot.parameters import RobotParameters, load_robot_file
+from sim.robot.named import load_parameters
+from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
 from sim.seeds import generator
 from trackslip.kinematics import Array
@@ -93,7 +95,7 @@ class ShearMeasurements:
 
 def shear_suite(config: Config, run: Run) -> Findings:
     """Measure the robot that is given; else the shipped one, and a larger one."""
-    parameters, ground = load_robot_file(config.robot)
+    parameters, ground = load_parameters(config.robot or SHIPPED)
     robots = subjects(parameters, config.robot is not None)
     ground = Ground(ground.along, ground.across)
     with run.watch.stage("shear"), run.progress("ground that shears", len(robots) * _STAGES, "stages") as done:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import scipy
@@ -50,7 +51,7 @@ class Candidate:
 
     def with_values(self, values: Mapping[str, float]) -> Candidate:
         """A candidate with some parameters changed, by name."""
-        changed = {"friction_ratio": self.friction_ratio, "shear": self.shear, **values}
+        changed: dict[str, Any] = {"friction_ratio": self.friction_ratio, "shear": self.shear, **values}
         ratio, shear = changed.pop("friction_ratio"), changed.pop("shear")
         return Candidate(replace(self.robot, **changed), ratio, shear)
 

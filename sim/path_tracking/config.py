@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from pathlib import Path
 
 from sim.drive.drive import Drive
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
 from sim.path_tracking.randomization import Randomization
-from sim.robot.parameters import RobotParameters, load_robot_file
+from sim.robot.named import SHIPPED, RobotSource, load_parameters
+from sim.robot.parameters import RobotParameters
 from sim.task import MAX_WEIGHT
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
 from trackslip.slip.base import SlipLaw
@@ -99,8 +99,8 @@ class EnvConfig:
     """The reward of a step."""
     randomization: Randomization | str | None = None
     """Properties that vary between episodes; "typical" for Randomization.typical()."""
-    robot: str | RobotParameters = field(default_factory=RobotParameters)
-    """Shape and mass of the robot, or its .toml file."""
+    robot: RobotSource = SHIPPED
+    """Name of a robot, its .toml file, or the robot."""
     drive: Drive = field(default_factory=Drive)
     """Servos and motors."""
 
@@ -142,10 +142,7 @@ class EnvConfig:
 
     @cached_property
     def _robot_file(self) -> tuple[RobotParameters, Ground]:
-        if not isinstance(self.robot, str):
-            return self.robot, Ground()
-        require(self.robot.endswith(".toml"), "robot", self.robot, "a RobotParameters, or a .toml file")
-        return load_robot_file(Path(self.robot))
+        return load_parameters(self.robot)
 
     @property
     def parameters(self) -> RobotParameters:

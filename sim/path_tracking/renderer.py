@@ -10,7 +10,8 @@ import numpy as np
 
 from sim.opengl import TaskRenderer
 from sim.path_tracking.tracking import PathTracking
-from sim.robot.robot import FIELD
+from sim.robot.looks import RobotLooks, robot_looks
+from sim.tracks.drawing import draw
 from trackslip.kinematics import Array
 
 _SPACING = 0.03  # smallest length of a segment of a drawn line [m]
@@ -25,6 +26,7 @@ class PathRenderer(TaskRenderer):
     def __init__(self, tracking: PathTracking) -> None:
         super().__init__()
         self._tracking = tracking
+        self._looks: RobotLooks
         self._trails: list[list[Array]] = [[] for _ in range(tracking.size)]
 
     def begin(self, rows: Sequence[int]) -> None:
@@ -49,13 +51,16 @@ class PathRenderer(TaskRenderer):
     def pose(self, row: int) -> None:
         """See TaskRenderer; the model is compiled when it is first needed."""
         if self.data is None:
-            spec = mujoco.MjSpec.from_file(str(FIELD))
-            self._tracking.config.parameters.apply(spec)
-            self.data = mujoco.MjData(spec.compile())
-        self.place(self._tracking.fleet.batch.qpos[row])
+            self._looks = robot_looks(self._tracking.config.parameters)
+            self.data = mujoco.MjData(self._looks.model)
+        qpos = self._looks.rest.copy()
+        qpos[:7] = self._tracking.fleet.batch.qpos[row]
+        self.place(qpos)
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
-        """Append the path and the trail."""
+        """Append the tracks, the path and the trail."""
+        for _, body, look in self._looks.tracks:
+            draw(scene, look.pieces(0.0), self.data.xpos[body], self.data.xmat[body].reshape(3, 3))
         path, kind = self._tracking.path(row)[:, :2], mujoco.mjtGeom.mjGEOM_CAPSULE
         for points, (height, width, colour) in ((_thinned(path), _PATH), (self._trails[row], _TRAIL)):
             for start, end in pairwise(points):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,16 +12,19 @@ import numpy as np
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR
 from sim.ground.ground import Ground
 from sim.robot.pads import lay_pads, points_per_track
-from sim.toml_file import build, read_toml
 from sim.width import warn_if_unverified
 from trackslip.errors import require, require_at_most, require_positive
 
 if TYPE_CHECKING:
     import mujoco
 
+BELT_LOOKS = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("belt", "wheels", "sprocket"))
+"""Geoms that are the looks of the shipped robot's tracks."""
 SINK = 0.002
 """Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for any robot [m]."""
 _MIN_SIZE = 1e-3  # length [m] and mass [kg]
+_MAX_MASS = 1e5  # [kg]
+_PLATE_HEIGHT = 0.5  # of models/tracked_robot.xml [m]
 _FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel
 
 
@@ -45,13 +48,22 @@ class RobotParameters:
     """Centre of mass, to the left of the centre of the tracks [m]."""
     com_height: float = 0.12
     """Centre of mass above the ground [m]."""
+    inertia: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
+    """Inertia about the centre of mass, xx, yy, zz, xy, xz, yz; empty to scale the shipped robot's with mass and shape
+    [kg m^2]."""
+    plate_height: float = field(default=_PLATE_HEIGHT, metadata={"stored_unless": _PLATE_HEIGHT})
+    """Height of the plate's centre, and of the scanner, above the ground [m]."""
+    looks: str = field(default="", metadata={"stored_unless": ""})
+    """Name or file of the tracked robot that is drawn; empty for the shipped robot's looks."""
 
     def __post_init__(self) -> None:
-        for name in ("half_gauge", "contact_length", "sprocket_radius", "mass", "com_height"):
+        for name in ("half_gauge", "contact_length", "sprocket_radius", "mass", "com_height", "plate_height"):
             value, unit = getattr(self, name), "kg" if name == "mass" else "m"
             require_positive(name, value)
-            require_at_most(name, value, 1000.0 if name == "mass" else 10.0, unit)
+            require_at_most(name, value, _MAX_MASS if name == "mass" else 10.0, unit)
             require(value >= _MIN_SIZE, name, value, f"at least {_MIN_SIZE:g} {unit}")
+        if self.inertia:
+            require_inertia(self.inertia)
         error, limit = self.radius_error, MAX_RADIUS_ERROR
         require(-limit <= error <= limit, "radius_error", error, f"from {-limit:g} to {limit:g}")
         self._require_standing()
@@ -94,6 +106,13 @@ class RobotParameters:
         points = points_per_track(self.half_gauge, self.contact_length)
         if points > points_per_track(default.half_gauge, default.contact_length):
             lay_pads(spec, points)
+        raised = [0.0, 0.0, self.plate_height - default.plate_height]
+        mast = spec.geom("mast")
+        mast.pos = np.add(mast.pos, np.divide(raised, 2))
+        mast.size[1] += max(raised[2] / 2, -0.1)
+        spec.geom("plate").pos = np.add(spec.geom("plate").pos, raised)
+        if lrf := spec.body("lrf"):  # in the model of the field
+            lrf.pos = np.add(lrf.pos, raised)
         chassis.ipos = [self.com_x, self.com_y, self.com_height]
         # the mass distribution scales with the shape: its second moments with the squares of length, gauge and height
         growth = np.array([stretch, self.half_gauge / default.half_gauge, self.com_height / default.com_height]) ** 2
@@ -101,22 +120,22 @@ class RobotParameters:
         moments = (inertia.sum() / 2 - inertia) * growth
         chassis.inertia = moments.sum() - moments
         chassis.mass = self.mass
+        if self.inertia:
+            chassis.inertia, chassis.fullinertia = [0.0, 0.0, 0.0], self.inertia
 
 
-def load_robot_file(path: Path | None) -> tuple[RobotParameters, Ground]:
-    """Load RobotParameters and, from the table `ground`, a Ground; missing fields keep their defaults.
-
-    None is the shipped robot on its ground. Raises SettingsFileError for an unreadable file and invalid fields.
-    """
-    if path is None:
-        return RobotParameters(), Ground()
-    table = read_toml(path)
-    ground = build(Ground, table.pop("ground", {}), f"{path}: ground", Ground())
-    return build(RobotParameters, table, str(path)), ground
+def require_inertia(inertia: Sequence[float]) -> None:
+    """Raise InvalidValueError unless six numbers xx, yy, zz, xy, xz, yz are a rigid body's inertia [kg m^2]."""
+    allowed = "six finite numbers xx, yy, zz, xy, xz, yz, as a rigid body has them [kg m^2]"
+    require(len(inertia) == 6 and bool(np.isfinite(inertia).all()), "inertia", list(inertia), allowed)
+    xx, yy, zz, xy, xz, yz = inertia
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    require(moments[0] > 0 and moments[2] <= moments[:2].sum() * (1 + 1e-9), "inertia", list(inertia), allowed)
 
 
 def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
     """Text of a robot file; `ground` must be level, without patches and changes."""
     shear = f"shear = {ground.shear!r}\n" if ground.shear > 0 else ""
-    lines = [f"{name} = {value!r}\n" for name, value in dataclasses.asdict(parameters).items()]
+    given = {name: value for name, value in dataclasses.asdict(parameters).items() if value not in ((), "")}
+    lines = [f"{name} = {list(value) if name == 'inertia' else value!r}\n" for name, value in given.items()]
     return f"# {comment}\n{''.join(lines)}\n[ground]\nalong = {ground.along!r}\nacross = {ground.across!r}\n{shear}"

@@ -1,20 +1,18 @@
-"""Tracked robots described by TOML files: a model, its tracks and its flippers."""
+"""Tracked robots: a model, its tracks and its flippers."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import models
-from sim.toml_file import build, read_named
+import mujoco
+
 from sim.tracks.hull import Hull
-from trackslip.errors import require, require_non_negative, require_positive
+from trackslip.errors import TrackslipError, require, require_non_negative, require_positive
 
 Wheels = tuple[tuple[float, float, float], ...]
 
-_FOLDER = Path(models.__file__).parent
-TRACKED_ROBOTS = {"rescue": _FOLDER / "rescue_robot.toml", "box": _FOLDER / "box_robot.toml"}
-"""Robot files by the names of their robots."""
 _WIDTH = 0.08  # [m]
 
 
@@ -77,26 +75,29 @@ class TrackedRobot:
     @property
     def contact_length(self) -> float:
         """Distance between the first and the last wheel that stand on level ground [m]."""
-        low = min(z - r for _, z, r in self.hull)
-        standing = [x for x, z, r in self.hull if z - r < low + 1e-3]
-        return max(standing) - min(standing)
+        return max(self._standing) - min(self._standing)
+
+    @property
+    def middle(self) -> float:
+        """Middle between these wheels, ahead of the chassis' frame [m]."""
+        return (max(self._standing) + min(self._standing)) / 2
+
+    @property
+    def _standing(self) -> list[float]:
+        return [x for x, z, r in self.hull if z - r < self.lowest + 1e-3]
+
+    @property
+    def sprocket_radius(self) -> float:
+        """Radius of the largest wheel, which is taken for the sprocket [m]."""
+        return max(radius for _, _, radius in self.hull)
 
     @property
     def lowest(self) -> float:
         """Height of the lowest point of the chassis' tracks in its frame [m]."""
         return min(z - r for _, z, r in self.hull)
 
-
-def load_tracked(source: str | Path = "rescue") -> TrackedRobot:
-    """The robot of that name (`TRACKED_ROBOTS`), or of a robot file.
-
-    Raises:
-        InvalidValueError: for an unknown name that is no file.
-        SettingsFileError: for a file that can't be read, unknown or missing fields and values that aren't allowed.
-    """
-    path = Path(TRACKED_ROBOTS.get(str(source), source))
-    allowed = f"one of {', '.join(TRACKED_ROBOTS)}, or a .toml file that names the model and gives its tracks"
-    require(path.suffix.lower() == ".toml", "robot", str(source), allowed)
-    table = {"name": path.stem.removesuffix("_robot"), **read_named("robot", str(path), TRACKED_ROBOTS)}
-    robot = build(TrackedRobot, table, str(path))
-    return replace(robot, model=path.parent / robot.model)
+    def spec(self) -> Any:
+        """The model as a `mujoco.MjSpec`; raises TrackslipError where there is no such file."""
+        if not self.model.is_file():
+            raise TrackslipError(f"{self.model}: no such file; `model` must name the robot's MJCF or URDF file")
+        return mujoco.MjSpec.from_file(str(self.model))

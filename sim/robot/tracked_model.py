@@ -84,8 +84,8 @@ def build_tracked(
         TrackslipError: for a model that can't be compiled or lacks a part that the robot names.
     """
     try:
-        spec = _load(robot)
-        chassis = _chassis(spec, robot)
+        spec = load_spec(robot)
+        chassis = chassis_of(spec, robot)
         if looks:
             _light(spec)
         else:
@@ -110,11 +110,9 @@ def build_tracked(
     return _read(model, robot, tracks, chassis_name, motors)
 
 
-def _load(robot: TrackedRobot) -> Any:
+def load_spec(robot: TrackedRobot) -> Any:
     """Load the robot's model without its scene and keyframes, which a free joint would invalidate."""
-    if not robot.model.is_file():
-        raise TrackslipError(f"{robot.model}: no such file; `model` must name the robot's MJCF or URDF file")
-    spec = mujoco.MjSpec.from_file(str(robot.model))
+    spec = robot.spec()
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
     for thing in (*spec.worldbody.geoms, *spec.worldbody.lights, *spec.keys):
         spec.delete(thing)
@@ -156,7 +154,8 @@ def _light(spec: Any) -> None:
     )
 
 
-def _chassis(spec: Any, robot: TrackedRobot) -> Any:
+def chassis_of(spec: Any, robot: TrackedRobot) -> Any:
+    """The chassis in the robot's spec; TrackslipError where there is none, or it has another joint than a free one."""
     roots = [body.name for body in spec.worldbody.bodies]
     if not robot.body and len(roots) != 1:
         raise TrackslipError(f"{robot.model}: {len(roots)} bodies lie in the world; `body` must name the chassis")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 
-from sim.robot.tracked import TrackedRobot, load_tracked
+from sim.robot.named import RobotSource, load_tracked
+from sim.robot.tracked import TrackedRobot
 from sim.task import MAX_WEIGHT
 from sim.terrain import Course, load_course
 from sim.traverse.courses import OBSTACLES, require_kinds
@@ -56,8 +57,8 @@ class Reward:
 class TraverseConfig:
     """The task of crossing a course."""
 
-    robot: str | TrackedRobot = "rescue"
-    """Name of a tracked robot, its .toml file, or the robot."""
+    robot: RobotSource = "rescue"
+    """Name of a robot, its .toml file, or the robot."""
     course: str | Course | tuple[str | Course, ...] = RANDOM
     """A course, the name of one, "random", or a .toml file; if there are several, each episode draws one."""
     difficulty: tuple[float, float] = (0.0, 1.0)
@@ -120,4 +121,4 @@ class TraverseConfig:
 
     def load_robot(self) -> TrackedRobot:
         """The robot."""
-        return self.robot if isinstance(self.robot, TrackedRobot) else load_tracked(self.robot)
+        return load_tracked(self.robot)

@@ -7,7 +7,7 @@ from experiments.commands.drive import Config as DriveConfig
 from experiments.course.results import slip_by_slope
 from experiments.course.run import STOPPED, PathPilot, drive_course, ground_slope
 from experiments.course.world import CourseWorld
-from sim.robot.tracked import load_tracked
+from sim.robot.named import load_tracked
 from sim.terrain import Course, Flat, Ramp
 
 G, BOX_MASS = 9.81, 25.0

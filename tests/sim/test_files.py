@@ -10,8 +10,8 @@ from tracked_files import ROBOT, write_robot
 
 from sim.ground.ground import Ground
 from sim.ground.named import NAMED_GROUNDS, load_ground
-from sim.robot.parameters import RobotParameters, load_robot_file, robot_file_text
-from sim.robot.tracked import load_tracked
+from sim.robot.named import load_parameters, load_tracked
+from sim.robot.parameters import RobotParameters, robot_file_text
 from sim.scanner.obstacles import Obstacles, Post, Walker, Wall, load_obstacles
 from sim.terrain import Course, Mesh, Ramp, Rough, Stairs, load_course
 from trackslip.errors import InvalidValueError, SettingsFileError
@@ -63,7 +63,7 @@ def test_files_hold_all_fields(tmp_path):
     assert load_course(str(path), seed=8) == dataclasses.replace(load_course(str(path)), seed=8)
     parameters, ground = RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, mass=9.0), Ground(0.5, 0.6)
     path.write_text(robot_file_text(parameters, ground, "made by hand"))
-    assert load_robot_file(path) == (parameters, ground)
+    assert load_parameters(path) == (parameters, ground)
 
 
 def test_missing_fields_are_the_defaults(tmp_path):
@@ -71,7 +71,7 @@ def test_missing_fields_are_the_defaults(tmp_path):
     path.write_text("slope = 0.0\n")
     assert load_ground(str(path)) == NAMED_GROUNDS["stone"].ground == Ground()
     path.write_text("com_y = 0.01\n")
-    assert load_robot_file(path) == (RobotParameters(com_y=0.01), Ground())
+    assert load_parameters(path) == (RobotParameters(com_y=0.01), Ground())
     assert load_course("side_slope").pieces[0].blend == 1.0
     assert load_course("ramp20").pieces[0] == Ramp(0.3491, 3.0)
 
@@ -90,7 +90,7 @@ def test_the_page_lists_the_named_grounds():
 
 
 def load_robot(source):
-    return load_robot_file(Path(source))
+    return load_parameters(Path(source))
 
 
 PIECE, RAMP = "[[patches]]\ny = [0, 1]\nalong = 1\nacross = 1\n", '[[pieces]]\nkind = "ramp"\n'
@@ -160,7 +160,7 @@ def test_files_of_tracked_robots_with_mistakes(tmp_path, old, new, said):
         (load_ground, "ground = .*: must be one of stone, concrete"),
         (load_obstacles, "obstacles = .*one of posts, room, walker, occluded, or"),
         (load_course, "course = .*must be one of arena, cross_beams, .*, or a .toml file"),
-        (load_tracked, r"robot = .*one of rescue, box, or a \.toml file"),
+        (load_tracked, r"robot = .*one of shipped, rescue, box, or a \.toml file"),
     ],
 )
 def test_names_that_are_neither_known_nor_files(load, known):
@@ -182,4 +182,4 @@ def test_files_that_cannot_be_read(tmp_path):
             with pytest.raises(SettingsFileError, match=message):
                 load(str(tmp_path / name))
     with pytest.raises(SettingsFileError, match="Is a directory"):
-        load_robot_file(tmp_path)
+        load_parameters(tmp_path)

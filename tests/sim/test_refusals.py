@@ -13,8 +13,8 @@ from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import Change, Ground, Patch
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
+from sim.robot.named import load_tracked
 from sim.robot.parameters import RobotParameters
-from sim.robot.tracked import load_tracked
 from sim.scanner.obstacles import Post, Walker, Wall
 from sim.scanner.scanner import LaserScanner
 from sim.terrain import Beams, Course, Flat, HeightField, Mesh, Picture, Ramp, Rough, Stairs, Step

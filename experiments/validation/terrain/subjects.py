@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 
-from sim.robot.tracked import TrackedRobot, load_tracked
+from sim.robot.named import load_tracked
+from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import Terrain, build_tracked
 from sim.tracks import Belts, Tracks, add_tracks, bind
 from trackslip.climbing_theory import SideView
@@ -114,7 +114,7 @@ class BoxRobot:
 
 @dataclass(frozen=True)
 class FromFile:
-    """A robot from a robot file, or a shipped one by its name."""
+    """A robot by its name or from its file."""
 
     source: str
     """Name or file."""
@@ -185,9 +185,9 @@ class _Shifted:
         return self.terrain.add_to(spec)
 
 
-def subjects(robot: Path | None) -> tuple[Subject, ...]:
+def subjects(robot: str | None) -> tuple[Subject, ...]:
     """The box and the rescue robot, or the robot of a file; raises SettingsFileError for one that can't be read."""
     if robot is None:
         return BoxRobot(), FromFile("rescue")
     load_tracked(robot)
-    return (FromFile(str(robot)),)
+    return (FromFile(robot),)

@@ -5,7 +5,7 @@ from command_runs import ran
 
 from sim.drive.drive import RADIUS_ERROR
 from sim.ground.ground import Ground
-from sim.robot.parameters import load_robot_file
+from sim.robot.named import load_parameters
 
 ROBOT = "half_gauge = 0.19\ncontact_length = 0.36\nradius_error = 0.02\n[ground]\nalong = 0.5\nacross = {across}\n"
 
@@ -42,7 +42,7 @@ def test_published_numbers(trackslip, centred):
     assert found["slip_rms"] < found["centred"]["slip_rms"] <= 0.0072
     assert found["centred"]["parameters"] == centred["parameters"]
     assert "com_y = 0" in result.printed
-    parameters, _ = load_robot_file(result.folder / "robot.toml")
+    parameters, _ = load_parameters(result.folder / "robot.toml")
     assert parameters.com_y == found["parameters"]["com_y"]["value"]
 
 
@@ -61,5 +61,5 @@ def test_a_robot_is_found_from_its_scans(trackslip, tmp_path):
     assert set(found.summary["parameters"]) == set(truth)
     assert found.summary["slip_rms"] <= found.summary["centred"]["slip_rms"]
     assert "com_y = 0" in found.printed
-    parameters, _ = load_robot_file(found.folder / "robot.toml")
+    parameters, _ = load_parameters(found.folder / "robot.toml")
     assert parameters.com_y == found.summary["parameters"]["com_y"]["value"]

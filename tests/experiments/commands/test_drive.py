@@ -15,7 +15,7 @@ from tracked_files import write_robot
 import trackslip as library
 from experiments.cli import main
 from experiments.course.teleop import Keyboard
-from sim.robot.tracked import load_tracked
+from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
 from sim.terrain import load_course
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from tracked_files import ROBOT, URDF, write_robot
 
-from sim.robot.tracked import TRACKED_ROBOTS, load_tracked
+from sim.robot.named import ROBOTS, load_tracked
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain import load_course
 from sim.tracks import bind
@@ -19,7 +19,7 @@ def rescue():
     return build_tracked(load_tracked("rescue"))
 
 
-@pytest.mark.parametrize("name", sorted(TRACKED_ROBOTS))
+@pytest.mark.parametrize("name", ROBOTS)
 def test_shipped_robots_stand_on_their_tracks(name):
     made = build_tracked(load_tracked(name))
     model, data = made.model, mujoco.MjData(made.model)

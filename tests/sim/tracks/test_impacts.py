@@ -6,7 +6,7 @@ import pytest
 from mujoco import batch
 from tracked import add_robot, built, plane, slab
 
-from sim.robot.tracked import load_tracked
+from sim.robot.named import load_tracked
 from sim.terrain import Course, Rough, load_course
 from sim.tracks import PRESETS, add_tracks
 from sim.traverse.outcome import Outcome

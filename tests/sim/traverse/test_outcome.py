@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.robot.tracked import load_tracked
+from sim.robot.named import load_tracked
 from sim.terrain import Course, Flat, Step
 from sim.traverse.outcome import Limits, Outcome, StuckWatch
 from sim.traverse.world import Command, Traverse

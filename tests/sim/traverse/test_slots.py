@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.robot.tracked import load_tracked
+from sim.robot.named import load_tracked
 from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
 from sim.traverse.courses import MAX_BOXES, OBSTACLES, draw_course
 from sim.traverse.world import Command, Traverse

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.robot.tracked import load_tracked
+from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
 from sim.terrain import Course, Flat, Ramp
 from sim.tracks import bind

@@ -1,0 +1,101 @@
+"""Robots as they are drawn on flat ground: the field, and on the chassis the looks of a tracked robot, if it is one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from sim.robot.named import load_tracked
+from sim.robot.parameters import BELT_LOOKS, RobotParameters
+from sim.robot.robot import FIELD
+from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
+from sim.robot.tracked_view import track_looks
+from sim.tracks.drawing import TrackLook
+from trackslip.kinematics import Array
+
+_BODY_LOOKS = ("hull", "deck", "bumper", "left_lamp", "right_lamp")
+_PAINTED = ("hull", "plate")
+_WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # of the shipped robot: x, z, radius; width [m]
+_ATTACHED = "robot/"  # prefix of the names of a tracked robot's model
+
+
+@dataclass(frozen=True)
+class RobotLooks:
+    """A model of the field that is only drawn; its body `chassis` has the pose of a robot of a fleet."""
+
+    model: mujoco.MjModel
+    """Without the tracks."""
+    tracks: list[tuple[str, int, TrackLook]]
+    """Name, body and looks of each track: left, right, and those of flippers."""
+    track_side: np.ndarray  # (T,) 0 left, 1 right: whose belt a track runs with
+    rest: Array  # (nq,) positions of all joints, with the chassis at the origin
+
+    def qpos(self, pose: Array) -> Array:
+        """Positions (..., nq) of all joints of robots on level ground at poses (..., 3) [m, m, rad]."""
+        qpos = np.tile(self.rest, (*pose.shape[:-1], 1))
+        qpos[..., :2] = pose[..., :2]
+        qpos[..., 3], qpos[..., 6] = np.cos(pose[..., 2] / 2), np.sin(pose[..., 2] / 2)
+        return qpos
+
+
+def robot_looks(parameters: RobotParameters, colour: Sequence[float] = ()) -> RobotLooks:
+    """The looks of a robot, in its own colours or painted in one (4,); TrackslipError where its file is gone."""
+    spec = mujoco.MjSpec.from_file(str(FIELD))
+    parameters.apply(spec)
+    for name in BELT_LOOKS:
+        spec.delete(spec.geom(name))
+    looks = _tracked_looks(spec, parameters.looks) if parameters.looks else _shipped_looks(spec, parameters)
+    model = looks.model
+    painted = [model.geom(name).id for name in _PAINTED if not parameters.looks or name == "plate"]
+    if parameters.looks:
+        painted += np.flatnonzero(model.body_rootid[model.geom_bodyid] == model.body("chassis").id).tolist()
+    if len(colour):
+        model.geom_rgba[painted], model.geom_matid[painted] = colour, -1
+    return looks
+
+
+def _shipped_looks(spec: Any, parameters: RobotParameters) -> RobotLooks:
+    model = spec.compile()
+    body = model.body("chassis").id
+    tracks = [
+        (f"{name}_track", body, TrackLook(np.array(_WHEELS), sign * parameters.half_gauge, _BELT))
+        for name, sign in (("left", 1.0), ("right", -1.0))
+    ]
+    return RobotLooks(model, tracks, np.arange(2), model.qpos0.copy())
+
+
+def _tracked_looks(spec: Any, source: str) -> RobotLooks:
+    """The looks of the robot of that name or file on the chassis of the field, flippers clear of the ground."""
+    robot = load_tracked(source)
+    built, own = build_tracked(robot), load_spec(robot)
+    body = chassis_of(own, robot)
+    for joint in list(body.joints):
+        own.delete(joint)
+    for name in _BODY_LOOKS:
+        spec.delete(spec.geom(name))
+    _agree(own, spec)
+    frame = spec.body("chassis").add_frame(pos=[-robot.middle, 0.0, -robot.lowest])
+    frame.attach_body(body, _ATTACHED, "")
+    model = spec.compile()
+    names = [f"{name}_track" for each in built.tracks for name in each.names]
+    tracks = [
+        (name, model.body(_ATTACHED + built.model.body(carrier).name).id, look)
+        for name, (carrier, look) in zip(names, track_looks(built), strict=True)
+    ]
+    rest, angles = model.qpos0.copy(), built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))
+    hinges = [model.body_jntadr[model.body(_ATTACHED + flipper.body).id] for flipper in robot.flippers]
+    rest[model.jnt_qposadr[hinges]] = angles
+    return RobotLooks(model, tracks, built.track_side, rest)
+
+
+def _agree(spec: Any, field: Any) -> None:
+    """Give a spec the options of the field, so that the engine doesn't warn where they differ."""
+    kinds = ("global_", "quality", "headlight", "map", "scale", "rgba")
+    pairs = [(spec.option, field.option), *((getattr(spec.visual, k), getattr(field.visual, k)) for k in kinds)]
+    for own, like in pairs:
+        for name in (name for name in dir(own) if not name.startswith("_")):
+            setattr(own, name, getattr(like, name))

@@ -1,0 +1,169 @@
+"""Robots by name or file: on flat ground bodies on two rows of pads, on terrain models with tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import models
+from sim.ground.ground import Ground
+from sim.robot.parameters import BELT_LOOKS, RobotParameters
+from sim.robot.tracked import TrackedRobot, Wheels
+from sim.robot.tracked_model import build_tracked, clear_angles
+from sim.toml_file import build, read_named
+from trackslip.errors import require
+
+SHIPPED = "shipped"
+"""Name of the robot of models/tracked_robot.xml."""
+_FOLDER = Path(models.__file__).parent
+_FILES = {"rescue": _FOLDER / "rescue_robot.toml", "box": _FOLDER / "box_robot.toml"}
+ROBOTS = (SHIPPED, *_FILES)
+"""Names of robots."""
+_PLATE_ABOVE = 0.1  # lower edge of the plate above everything else on a robot, at least [m]
+_PLATE_HALF_HEIGHT = 0.1  # of models/tracked_robot.xml [m]
+_BELT = 0.01  # thickness of a belt around its sprocket [m]
+
+
+RobotSource = str | RobotParameters | TrackedRobot
+"""A robot, its name or its file."""
+
+
+def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParameters, Ground]:
+    """Load a robot for flat ground: its parameters, and the ground that its file's table `ground` describes.
+
+    Args:
+        source: a name of `ROBOTS`; a file of parameters, whose missing fields keep their defaults; the file of a
+            tracked robot; or a robot. For tracked robots, see `on_flat_ground`.
+
+    Raises:
+        InvalidValueError: for an unknown name that is no file.
+        SettingsFileError: for an unreadable file, and unknown, missing or invalid fields.
+        TrackslipError: for a tracked robot whose model doesn't compile.
+    """
+    if isinstance(source, RobotParameters):
+        return source, Ground()
+    if isinstance(source, TrackedRobot):
+        return on_flat_ground(source), Ground()
+    if str(source) == SHIPPED:
+        return RobotParameters(), Ground()
+    path, table = _read(source)
+    ground = build(Ground, table.pop("ground", {}), f"{path}: ground", Ground())
+    if _is_tracked(table):
+        return on_flat_ground(_tracked(path, table), str(source)), ground
+    return build(RobotParameters, table, str(path)), ground
+
+
+def load_tracked(source: RobotSource | Path = "rescue") -> TrackedRobot:
+    """Load a robot for terrain, from the same sources as `load_parameters`; for parameters, see `on_terrain`."""
+    if isinstance(source, TrackedRobot):
+        return source
+    if isinstance(source, RobotParameters):
+        return load_tracked(source.looks) if source.looks else on_terrain(source, "robot")
+    if str(source) == SHIPPED:
+        return on_terrain(RobotParameters(), SHIPPED)
+    path, table = _read(source)
+    table.pop("ground", None)
+    if _is_tracked(table):
+        return _tracked(path, table)
+    return on_terrain(build(RobotParameters, table, str(path)), path.stem)
+
+
+def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
+    """The parameters of a tracked robot that stands on level ground: a rigid body on the longest runs of its tracks.
+
+    Its joints are held where the model has them, and its flippers as low as they clear the ground. Its frame is in the
+    middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above everything else.
+
+    Args:
+        robot: the robot.
+        looks: its name or file.
+
+    Raises:
+        InvalidValueError: for a robot that doesn't stand on two wheels of each track or is out of range.
+        TrackslipError: for a model that can't be compiled.
+    """
+    built = build_tracked(robot, looks=True)
+    model, data = built.model, mujoco.MjData(built.model)
+    first = built.free[0]
+    data.qpos[first : first + 7] = [-robot.middle, 0.0, -robot.lowest, 1.0, 0.0, 0.0, 0.0]
+    data.qpos[built.flipper_qpos] = built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    own = np.flatnonzero(model.body_rootid == built.body)
+    mass, centre = float(model.body_subtreemass[built.body]), data.subtree_com[built.body]
+    turned, away = data.ximat[own].reshape(-1, 3, 3), data.xipos[own] - centre
+    inertia = (turned * model.body_inertia[own, None]) @ turned.swapaxes(1, 2)
+    square = (away**2).sum(axis=1)[:, None, None] * np.eye(3) - away[:, :, None] * away[:, None]
+    total = (inertia + model.body_mass[own, None, None] * square).sum(axis=0)
+    geoms = np.flatnonzero(model.body_rootid[model.geom_bodyid] == built.body)
+    reach = np.abs(data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]) * model.geom_aabb[geoms, 3:]
+    middle = np.einsum("gi,gi->g", data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2], model.geom_aabb[geoms, :3])
+    top = float((data.geom_xpos[geoms, 2] + middle + reach.sum(axis=1)).max())
+    x, y, z = centre.tolist()
+    return RobotParameters(
+        half_gauge=robot.half_gauge,
+        contact_length=robot.contact_length,
+        sprocket_radius=robot.sprocket_radius,
+        radius_error=0.0,
+        mass=mass,
+        com_x=x,
+        com_y=y,
+        com_height=z,
+        inertia=tuple(total[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()),
+        plate_height=max(RobotParameters.plate_height, top + _PLATE_ABOVE + _PLATE_HALF_HEIGHT),
+        looks=looks,
+    )
+
+
+def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
+    """The tracked robot that parameters describe: the shipped one's body on tracks as long as its contact."""
+    radius, half = parameters.sprocket_radius + _BELT, parameters.contact_length / 2
+    hull: Wheels = ((-half, radius, radius), (half, radius, radius))
+    return PlainRobot(_FOLDER / "tracked_robot.xml", parameters.half_gauge, hull, name=name, parameters=parameters)
+
+
+@dataclass(frozen=True)
+class PlainRobot(TrackedRobot):
+    """The shipped robot, or what parameters make of it, with tracks instead of its pads."""
+
+    parameters: RobotParameters = field(default_factory=RobotParameters)
+    """Its shape and mass."""
+
+    def spec(self) -> Any:
+        """See TrackedRobot."""
+        spec = super().spec()
+        self.parameters.apply(spec)
+        for thing in (*spec.pairs, *spec.sensors):
+            spec.delete(thing)
+        for geom in [one for one in spec.geoms if "_pad" in one.name or one.name in BELT_LOOKS]:
+            spec.delete(geom)
+        spec.option.timestep, spec.option.disableflags = mujoco.MjSpec().option.timestep, 0  # those were for pads
+        hull = spec.geom("hull")
+        hull.contype = hull.conaffinity = 1
+        return spec
+
+
+def _read(source: str | Path) -> tuple[Path, dict[str, Any]]:
+    """Path and content of a robot's file."""
+    name = str(_FILES.get(str(source), source))
+    is_model = name.lower().endswith((".urdf", ".xacro", ".xml"))
+    require(not is_model, "robot", name, "a .toml file that names this model and its tracks: see docs/tracks.md")
+    return Path(name), read_named("robot", name, ROBOTS)
+
+
+def _is_tracked(table: Mapping[str, Any]) -> bool:
+    """True for a robot file that names a model, or has any other field that only a tracked robot has."""
+    return any(name in TrackedRobot.__dataclass_fields__ and name not in _SHARED for name in table)
+
+
+_SHARED = RobotParameters.__dataclass_fields__.keys() & TrackedRobot.__dataclass_fields__.keys()
+
+
+def _tracked(path: Path, table: Mapping[str, Any]) -> TrackedRobot:
+    robot = build(TrackedRobot, {"name": path.stem.removesuffix("_robot"), **table}, str(path))
+    return replace(robot, model=path.parent / robot.model)
