@@ -12,7 +12,7 @@ import re
 import sys
 import typing
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import tyro
@@ -86,7 +86,10 @@ def parse(arguments: Sequence[str]) -> Any:
     try:
         with contextlib.redirect_stderr(explanation):
             return tyro.extras.subcommand_cli_from_dict(
-                {name: module.Config for name, module in command_modules().items()},
+                {
+                    name: _listed(module.Config) if arguments[:1] in (["-h"], ["--help"]) else module.Config
+                    for name, module in command_modules().items()
+                },
                 prog="trackslip",
                 args=arguments,
                 description=_DESCRIPTION,
@@ -100,6 +103,15 @@ def parse(arguments: Sequence[str]) -> Any:
             print(examples_text("" if arguments[0].startswith("-") else arguments[0]))
         sys.stdout.flush()
         raise
+
+
+def _listed(config: type) -> Callable[[], None]:
+    """A command without options, described by the first sentence of its help, for the list of commands."""
+
+    def command() -> None: ...
+
+    command.__doc__ = (config.__doc__ or "").partition("\n\n")[0]
+    return command
 
 
 def examples_text(command: str) -> str:

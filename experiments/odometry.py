@@ -90,8 +90,14 @@ def clock_doubt(found: Sequence[Evaluated], logs: Sequence[RunLog]) -> list[str]
     better = better_clock_offset(logs, _odometry(one.used), one.mounting, one.clock_offset)
     if better is None:
         return []
-    told = f"{round(1e3 * better)} ms ahead of the poses', not {round(1e3 * one.clock_offset)} ms"
+    told = f"{clock_words(better)}, not {clock_words(one.clock_offset)}"
     return [f"the encoders' clock seems to be {told}: try --clock-offset {round(better, 3) + 0.0:.3f}"]
+
+
+def clock_words(offset: float) -> str:
+    """Where the encoders' clock is for an offset, encoder clock minus pose clock [s]."""
+    milliseconds = round(1e3 * offset)
+    return f"{abs(milliseconds)} ms {'behind' if milliseconds < 0 else 'ahead of'} the poses'"
 
 
 def pose_doubts(found: Sequence[Evaluated]) -> list[str]:

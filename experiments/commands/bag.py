@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from trackslip.ros.bag import Bag as RosBag
 
 EXAMPLES = (
-    ("topics, and what is taken for what", "trackslip bag run.mcap"),
+    ("its topics, and the ones that identify would read", "trackslip bag run.mcap"),
     ("as a log with units", "trackslip bag run.mcap --export log.parquet"),
     ("with other poses", "trackslip bag old.bag --poses tf:map:base_link --export log.csv"),
 )
@@ -26,7 +26,7 @@ _FORMATS = (".parquet", ".csv")
 
 @dataclass(frozen=True)
 class Config(Options):
-    """List the topics of a ROS 1 or ROS 2 bag, and what of them trackslip takes; with --export, write it as a log."""
+    """List the topics of a ROS 1 or ROS 2 bag and the ones trackslip reads; with --export, write them as a log."""
 
     path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="BAG")]
     """A .bag, .mcap or .db3 file, or a folder of bags."""

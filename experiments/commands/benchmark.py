@@ -27,7 +27,7 @@ _COMPENSATIONS = default_is("the suite's", f"{COMPENSATIONS} ...")
 class Config(Equipment):
     """Compare controllers, with and without slip compensation, on paths and grounds, and print a leaderboard.
 
-    --suite chooses the runs; --controllers, --compensations, --references, --grounds, --starts and --seeds replace
+    The --suite chooses the runs; --controllers, --compensations, --references, --grounds, --starts and --seeds replace
     parts of it. An interrupted benchmark resumes when it is run again with the same options.
     """
 

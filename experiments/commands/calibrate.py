@@ -15,7 +15,10 @@ MAX_STARTS = 100
 ROBOT = "robot.toml"
 EXAMPLES = (
     ("to the paper's slips and radii", "trackslip calibrate"),
-    ("to a log, with other parameters", "trackslip calibrate --target log.csv --free friction_ratio radius_error"),
+    (
+        "to a log of steady driving",
+        "trackslip calibrate --target log.csv --free friction_ratio radius_error",
+    ),
 )
 
 
@@ -27,7 +30,7 @@ class Config(Repeatable):
     """
 
     target: Annotated[str, default_is("published", "published|FILE")] = "published"
-    """What to fit: Eq. 11 and the radii of Fig. 5 (published), a log or folder for identify, or a .csv table."""
+    """Data: the paper's Eq. 11 and Fig. 5 (published), steady driving in a log or folder, or a .csv table of turns."""
     free: Annotated[tuple[Parameter, ...], Distinct("parameter")] = ("friction_ratio", "radius_error", "com_y")
     """Parameters to fit; friction_ratio is across / along, shear the modulus of ground that shears."""
     robot: RobotSource = SHIPPED

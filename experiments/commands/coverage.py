@@ -32,9 +32,9 @@ class Config(RunsConfig):
     run_repeats: Annotated[int, Whole(1, _MAX_REPEATS)] = 400
     """Number of grids that are scanned and fitted."""
     grids: Annotated[int, Whole(1)] = 20
-    """Number of grids that are driven, from new random points of the circles, for those run_repeats scans."""
+    """Number of grids that are driven, from new random points of the circles, and shared by the --run-repeats."""
     drives: bool = False
-    """Instead try the estimator of laws from drives, in the cases that it is made for, and check its errors."""
+    """Check the fits of whole drives instead, for each source of poses and kind of driving."""
     drive_repeats: Annotated[int, Whole(2, _MAX_REPEATS)] = 200
     """Number of drives in each case; needs --drives."""
     out: Path = Path("out/coverage")

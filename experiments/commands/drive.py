@@ -13,7 +13,7 @@ from trackslip.errors import InvalidValueError, require_positive
 
 EXAMPLES = (
     ("the rescue robot on stairs, flippers by reflex", "trackslip drive"),
-    ("slowly over a step, with pictures", "trackslip drive --course step10 --speed 0.1 --flippers up --pictures 8"),
+    ("slowly over a step, with pictures", "trackslip drive --course step10 --speed 0.1 --pictures 8"),
     ("your own robot and course, as a video", "trackslip drive --robot r.toml --course c.toml --video drive.mp4"),
     ("by the keyboard", "trackslip drive --course arena --teleop"),
 )
@@ -41,7 +41,7 @@ class Config(ResultsOptions):
     path: Annotated[Path | None, default_is("straight on", "FILE.csv")] = None
     """Waypoints x, y to follow by the true pose, in the course's frame [m]."""
     flippers: Annotated[str, tyro.conf.arg(metavar="{up,down,reflex,ANGLES}")] = "reflex"
-    """Flippers: up, down (along the tracks), by reflex, or angles: one, front,rear, or one each, tips up [rad]."""
+    """Flippers: up, down (along the tracks), by reflex, or angles: one, FRONT,REAR, or one each, tips up [rad]."""
     preset: Literal["accurate", "fast"] = "accurate"
     """Contact of the tracks: steps of 2 ms, or of 4 ms."""
     friction: Annotated[float | None, Positive(_MAX_FRICTION), default_is("the course's", "FLOAT")] = None
@@ -49,7 +49,7 @@ class Config(ResultsOptions):
     duration: Annotated[float, Positive(MAX_DURATION, "s")] = 60.0
     """Longest run [s]."""
     seed: Annotated[int | None, Whole(), default_is("the course's", "INT")] = None
-    """Seed of what is random about the course."""
+    """Seed of the course's random parts."""
     teleop: bool = False
     """Drive it yourself, in MuJoCo's viewer with the arrow keys; needs a display."""
     video: Annotated[Path | None, default_is("none", "FILE.mp4")] = None

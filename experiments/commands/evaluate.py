@@ -26,7 +26,7 @@ _MAX_OFFSET = 3600.0  # [s]
 
 @dataclass(frozen=True)
 class Config(ResultsOptions):
-    """Measure how far odometry by slip laws is off on a log: absolute errors, and relative ones per metre and second.
+    """Measure the errors of odometry with slip laws on a log: absolute ones, and relative ones per metre and second.
 
     The log is one that identify reads; it should not be the one that the laws were identified from.
     """
@@ -38,7 +38,7 @@ class Config(ResultsOptions):
         tyro.conf.UseAppendAction,
         tyro.conf.arg(metavar="LAW", help_behavior_hint="(default: none; may be repeated)"),
     ] = ()
-    """A law to reckon with: none, an identification's folder (its best law), a file of laws, or either with :NAME."""
+    """A law for odometry: none, an identification's folder (its best law), a file of laws, or either with :NAME."""
     where: Annotated[tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")] = None
     """Runs of a sweep to use: ground=ice friction_ratio=1.2."""
     half_gauge: Annotated[float | None, Positive(100.0, "m"), _LOGS] = None

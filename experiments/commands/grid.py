@@ -48,7 +48,7 @@ class Config(GridConfig):
     resume: bool = True
     """Keep the runs that OUT already has; --no-resume drives all of them again."""
     force: bool = False
-    """Keep them even if code, models or libraries have changed since."""
+    """Keep runs of OUT even if code, models or libraries have changed since."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Needs(("jobs",), "executor", ("processes",)),

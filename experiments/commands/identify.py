@@ -31,7 +31,7 @@ EXAMPLES = (
     ("from a stored grid", "trackslip identify out/grid"),
     ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
     ("from a ROS bag", "trackslip identify run.mcap --half-gauge 0.168 --sprocket-radius 0.06"),
-    ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
+    ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice"),
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
 )

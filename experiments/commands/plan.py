@@ -19,12 +19,12 @@ EXAMPLES = (
     ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
     ("outdoors, with GNSS", "trackslip plan --half-gauge 0.3 --sprocket-radius 0.1 --area 12x8 --poses gnss"),
     ("where the law is least known", "trackslip plan --after out/identify --duration 30"),
-    ("tried a hundred times", "trackslip plan --after out/identify --drive --repeats 100"),
+    ("simulated a hundred times", "trackslip plan --after out/identify --drive --repeats 100"),
 )
 PLAN_FILE = "plan.csv"
 BAG_FILE = "cmd_vel.mcap"
 _AREA = re.compile(r"(\d+(?:\.\d*)?|\.\d+)x(\d+(?:\.\d*)?|\.\d+)")
-_OF_AFTER = default_is("that of --after", "FLOAT")
+_OF_AFTER = default_is("from --after", "FLOAT")
 
 
 @dataclass(frozen=True)
@@ -49,22 +49,22 @@ class Config(Repeatable):
     """Source of the poses: SLAM, motion capture, GNSS (no headings), or a stationary scanner."""
     law: Literal["icr", "icr_radius", "icr_sides", "turn_loss", "exponential"] = "icr_radius"
     """Slip law to identify."""
-    offset: Annotated[float | None, default_is("that of --after, else 0.3 half gauges", "FLOAT")] = None
-    """D that is expected: distance of the ICRs outside the tracks [m]."""
-    doubt: Annotated[float | None, Within(0, 0.9), default_is("that of --after, else 0.15", "FLOAT")] = None
-    """Largest relative error of half gauge + D that the area allows for [-]."""
+    offset: Annotated[float | None, default_is("from --after, else 0.3 half gauges", "FLOAT")] = None
+    """Expected D: distance of the ICRs (instantaneous centres of rotation) outside the tracks [m]."""
+    doubt: Annotated[float | None, Within(0, 0.9), default_is("from --after, else 0.15", "FLOAT")] = None
+    """Relative error of half gauge + D at which the robot still stays within the area [-]."""
     after: Annotated[Path | None, default_is("none", "FOLDER")] = None
     """Results of identify to go on from: the drive targets what they left uncertain."""
     drive: bool = False
     """Also drive it, and the paper's 25 runs, identify the law from each, and compare the errors."""
     repeats: Annotated[int, Whole(1, 10_000)] = 1
-    """Number of times, with different random numbers; with --motion mujoco, of measurements of the same drives."""
+    """Number of trials, each with its own noise; with --motion mujoco, all measure the same drives. Needs --drive."""
     motion: Literal["law", "mujoco"] = "law"
     """Model that moves the robot with --drive: a law with random slip, or the simulated ground."""
     bag: bool = True
     """Also write the commands as a ROS 2 bag to OUT/bags, if the package rosbags is installed."""
     topic: str = "/cmd_vel"
-    """Topic of the bag, such as that of a controller: /diff_drive_controller/cmd_vel."""
+    """Topic of the commands in the bag, such as a controller's: /diff_drive_controller/cmd_vel."""
     pdf: bool = False
     """Also write the figure as PDF."""
     out: Path = Path("out/plan")
@@ -125,7 +125,7 @@ def run(config: Config) -> None:
         place = config.out / BAGS_FOLDER / BAG_FILE
         print(f"{place}: commands on {config.topic}; send them with ros2 bag play {shlex.quote(str(place))}")
     elif config.bag:
-        print("no ROS 2 bag of the commands: that needs the package rosbags, pip install 'trackslip[ros]'")
+        print("no ROS 2 bag of the commands, as the package rosbags is missing: pip install 'trackslip[ros]'")
     robot = plan.knowledge.geometry
     sizes = f"--half-gauge {shlex.quote(f'{robot.half_gauge:g}')} --sprocket-radius {robot.sprocket_radius:g}"
     print(f"next: drive it, then trackslip identify LOG {sizes}")

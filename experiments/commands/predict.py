@@ -29,7 +29,7 @@ _ROBOTS = default_is("the robot's", "FLOAT")
 class Config(ResultsOptions):
     """Predict slip from quasi-static theory, without simulating: on Coulomb ground a law, on other ground its slips.
 
-    With --shear, --slope or --pull, slips depend on radius and load; the law is then that of the mean over the radii.
+    With --shear, --slope or --pull, slips depend on radius and load; the law then fits their mean over the radii.
     """
 
     robot: RobotSource = SHIPPED

@@ -4,7 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
+import tyro
+
 from experiments.options.base import Excludes, Exclusion, Needs, Positive, ResultsOptions, Whole
+from experiments.options.choices import GROUNDS, REFERENCES
 from experiments.options.world import MAX_THREADS
 from trackslip.errors import InvalidValueError
 
@@ -29,22 +32,25 @@ class Config(ResultsOptions):
     are the tuned configuration behind the documented results in path tracking.
     """
 
-    env: str = PATH_TRACKING
-    """Environment: path_tracking or traverse."""
+    env: Annotated[str, tyro.conf.arg(metavar=f"{{{','.join(ENVIRONMENTS)}}}")] = PATH_TRACKING
+    """Environment: following paths, or crossing courses with a robot with tracks and flippers."""
     steps: Annotated[int, Whole(1)] = 2_000_000
     """Total number of control periods, summed over all robots."""
     robots: Annotated[int, Whole(1, MAX_ROBOTS)] = 64
     """Number of robots in the vector environment."""
-    references: tuple[str, ...] = ("paper", "figure_eight", "slalom", "clothoid", "spiral", "stop_and_go")
+    references: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{REFERENCES} ...")] = (
+        *("paper", "figure_eight", "slalom"),
+        *("clothoid", "spiral", "stop_and_go"),
+    )
     """Paths to train on; each episode draws one."""
-    grounds: tuple[str, ...] = ("stone",)
+    grounds: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{GROUNDS} ...")] = ("stone",)
     """Grounds to train on; each episode draws one."""
     compensation: str = "icr_radius"
-    """Slip compensation between twist and sprocket speeds: none, published, or one of the shipped laws."""
+    """Slip compensation: none, published, constant, exponential, exponential_speed, icr or icr_radius."""
     authority: Annotated[tuple[float, float], Positive(MAX_AUTHORITY)] = (0.12, 0.6)
     """Largest correction of the reference's twist [m/s, rad/s]."""
-    robot: str = "rescue"
-    """Name of a tracked robot, or its .toml file; needs --env traverse."""
+    robot: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "rescue"
+    """Robot: rescue, box, or a .toml file with your own model and its tracks; needs --env traverse."""
     difficulty: tuple[float, float] = (0.7, 1.0)
     """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
     trials: Annotated[int, Whole(1, MAX_TRIALS)] = 300
@@ -113,9 +119,9 @@ def run(config: Config) -> None:
         rate = (model.num_timesteps - before) / run.wall
         run.write({"steps": model.num_timesteps, "steps_per_s": rate, "curve": curve, **found}, seed=config.seed)
         learning_curve(curve, found.get("rates", ())).savefig(run.folder / "curve.png", dpi=160)
-    of = " of 1" if config.env == PATH_TRACKING else ""
+    most = ", at most 1" if config.env == PATH_TRACKING else ""
     for point in curve[:1] + curve[-1:]:
-        print(f"{point['steps']:>10,} steps: {point['reward']:.3f}{of} per step")
+        print(f"{point['steps']:>10,} steps: mean reward per step {point['reward']:.3f}{most}")
     if found:
         crossing_table(f"Unseen courses, {config.trials} of each difficulty", found["rates"]).print()
         print(gain_text(found["gain"]))

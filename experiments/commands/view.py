@@ -61,18 +61,18 @@ def run(config: Config) -> None:
             viewer.show(kept, config.web)
         else:
             write_output(config.save, partial(copyfile, kept))
-            print(f"{config.save}: {kept}; rerun {shlex.quote(str(config.save))}")
+            print(f"{config.save}: {kept}; to open it: rerun {shlex.quote(str(config.save))}")
         return
     read = read_runs_of(config.path, BagChoice(dead_reckoned=True) if holds_bags(config.path) else AUTOMATIC)
     for line in read.warnings:
         print(f"warning: {line}")
     chosen = viewer.choose(read.runs, config.run, config.path)
     if not config.run and len(read.runs) > 1:
-        print(f"{len(read.runs)} runs; showing {chosen[0].run!r}. --run ID chooses one, --run ID ID compares")
+        print(f"{len(read.runs)} runs; showing {chosen[0].run!r}. --run ID chooses one; repeat it to compare")
     laws = config.path if viewer.has_laws(config.path) else None
     if config.save is not None:
         record(config.save, chosen, laws)
-        print(f"{config.save}: {title(chosen)}; rerun {shlex.quote(str(config.save))}")
+        print(f"{config.save}: {title(chosen)}; to open it: rerun {shlex.quote(str(config.save))}")
         return
     with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
         file = Path(folder) / file_names([title(chosen)], ".rrd")[0]

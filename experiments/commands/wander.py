@@ -44,7 +44,7 @@ EXAMPLES = (
     ("exactly by a law, to check an estimate", "trackslip wander --motion law --law.offset 0.04"),
 )
 MAX_DRIVES = 1000
-_HEADER = ("drive", "rows", "poses", "way [m]", "left [deg]", "right [deg]", "at rest")
+_HEADER = ("drive", "rows", "poses", "distance [m]", "turned left [deg]", "right [deg]", "at rest")
 _MOST_ROWS = 20  # of the table
 _MIN_RATE, _MAX_RATE = 5.0, 1000.0  # of encoders and poses [Hz]
 _MAX_ACCELERATION = 100.0  # [m/s^2]
@@ -64,7 +64,7 @@ class SourceOptions:
     """Standard deviation of x and of y [m]."""
     heading_noise: Annotated[float | None, _FLOAT] = None
     """Standard deviation of the heading [rad]."""
-    heading: Annotated[bool | None, default_is("the source's", "{True,False}")] = None
+    heading: Annotated[bool | None, tyro.conf.arg(help_behavior_hint="(default: the source's)")] = None
     """Measure headings, too."""
     delay: Annotated[float | None, _FLOAT] = None
     """Time stamp of a pose minus the encoders' of the same moment [s]."""
@@ -73,31 +73,31 @@ class SourceOptions:
     outliers: Annotated[float | None, _FLOAT] = None
     """Share of the poses that are wrong [-]."""
     outlier_size: Annotated[float | None, _FLOAT] = None
-    """Largest error of those, in x and in y [m]."""
+    """Largest error of an outlier, in x and in y [m]."""
     outlier_turn: Annotated[float | None, _FLOAT] = None
-    """Largest error of their headings [rad]."""
+    """Largest error of an outlier's heading [rad]."""
     dropouts: Annotated[float | None, _FLOAT] = None
     """Share of the poses that are missing, one by one [-]."""
     gaps: Annotated[int | None, _COUNT] = None
     """Number of stretches without poses."""
     gap_duration: Annotated[float | None, _FLOAT] = None
-    """Length of each of them [s]."""
+    """Length of each gap [s]."""
     jumps: Annotated[int | None, _COUNT] = None
     """Number of lasting jumps of the poses."""
     jump_size: Annotated[float | None, _FLOAT] = None
-    """Length of each of them [m]."""
+    """Length of each jump [m]."""
     jump_turn: Annotated[float | None, _FLOAT] = None
-    """Turn of each of them, to a random side [rad]."""
+    """Turn of each jump, to a random side [rad]."""
     drift: Annotated[float | None, _FLOAT] = None
-    """Drift of odometry, a random walk of the position: its error at the end over the way [-]."""
+    """Drift of odometry, a random walk of the position: its error at the end over the distance driven [-]."""
     heading_drift: Annotated[float | None, _FLOAT] = None
-    """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
+    """Drift of odometry's heading, a random walk as well [rad/sqrt(m)]."""
     scale_error: Annotated[float | None, _FLOAT] = None
-    """Relative error of all ways and turns [-]."""
+    """Relative error of all distances and turns of odometry [-]."""
     ahead: Annotated[float | None, _FLOAT] = None
-    """Place of the sensor forward of the robot's origin [m]."""
+    """Place of the sensor ahead of the robot's origin [m]."""
     left: Annotated[float | None, _FLOAT] = None
-    """Place of the sensor to the left of it [m]."""
+    """Place of the sensor to the left of the robot's origin [m]."""
     mounting: Annotated[float | None, _FLOAT] = None
     """Heading of the sensor in the robot, counter-clockwise [rad]."""
 
@@ -121,9 +121,9 @@ class LawOptions(Options):
     slip: Literal["white", "lasting", "none"] = "white"
     """Slip that varies: 2 mm, 2 mm and 5 mrad per sqrt(m), or 2 % of each track's speed for 3 s, or none."""
     turning_centre: Annotated[float, Within(-10, 10, "m")] = 0.0
-    """Forward place of the point without lateral speed [m]."""
+    """Place of the turning centre ahead of the robot's origin [m]."""
     drift: Annotated[float, Within(-10, 10, "s")] = 0.0
-    """Lateral speed outwards over forward speed times yaw rate [s]."""
+    """Outward drift in turns: lateral speed over forward speed times yaw rate [s]."""
     lag: Annotated[float, NonNegative(1.0, "s")] = 0.0
     """Time constant of the motion behind the belts [s]."""
 
@@ -133,7 +133,7 @@ class Config(Repeatable):
     """Simulate teleoperated drives and log encoders and poses on separate clocks, as real robots do."""
 
     driving: Literal["random", "eights", "stop_and_go", "loop"] = "random"
-    """Commands: both hands at random, figure eights, constant speeds with stops, or rounds of a square."""
+    """Commands: a joystick moved at random, figure eights, constant speeds with stops, or laps of a square."""
     drives: Annotated[int, Whole(1, MAX_DRIVES)] = 1
     """Number of drives."""
     duration: Annotated[float, Positive(MAX_DURATION, "s")] = 120.0

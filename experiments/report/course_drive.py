@@ -33,8 +33,8 @@ _RARE = 0.01  # share of the slips that may lie outside the axes on either side
 _BIN = 3.0  # width of bins of slope [deg]
 _HEADER = ("track", "slip", "slip, p95", "touching", "penetration [mm]", "work [J]")
 _NOTE = (
-    "The slip of a track is its mean weighted by the way of the belt. Work is traction times belt speed; it is "
-    "negative where the robot drives down and its belts hold it back."
+    "The slip of a track is its mean weighted by the distance that the belt runs. Work is traction times belt "
+    "speed; it is negative where the robot drives down and its belts hold it back."
 )
 _SLIP_CAPTION = (
     "Every dot is a row of the run; symbols are medians with quartiles in bins of 3°. The slope is that of the line "
@@ -50,7 +50,7 @@ def sentences(result: Mapping[str, Any]) -> tuple[str, str, str]:
     climbed = number(round(result["climbed"], 2) + 0.0, 2)
     return (
         f"{ended}.",
-        f"way {result['way']:.2f} m, height gained {climbed} m, "
+        f"distance driven {result['way']:.2f} m, height gained {climbed} m, "
         f"pitch up to {degrees(result['max_pitch']):.1f} deg, roll up to {degrees(result['max_roll']):.1f} deg",
         f"penetration up to {1e3 * result['max_penetration']:.2f} mm (99 %: {1e3 * result['penetration_p99']:.2f} mm), "
         f"work of the belts {number(result['energy'], 0)} J",
@@ -82,14 +82,14 @@ def page(
     """The page of a drive; `pictures` are files in its folder."""
     ended, *more = sentences(result)
     way = Plot(
-        "drive_profile", profile(run, course), "Way of the chassis", "The ground along the middle of the course.", ""
+        "drive_profile", profile(run, course), "Path of the chassis", "The ground along the middle of the course.", ""
     )
     slip = Plot("drive_slip_over_slope", slip_over_slope(run), "Slip against slope", _SLIP_CAPTION, "")
     time = Plot(
         "drive_over_time",
         over_time(run),
         "Attitude, flippers, slip, load and penetration",
-        "Slip and load are those of the chassis' tracks.",
+        "Slip and load of the chassis' tracks.",
         "",
     )
     return Page(

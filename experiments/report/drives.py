@@ -66,7 +66,7 @@ def extra_table(law: DriveFit) -> Table:
         text, interval = _printed(law, name, value)
         held = Cell(f"{_HELD}: {law.held[name]}", _HELD) if name in law.held else interval
         rows.append((EXTRAS[name].title, symbol(law.name, name), text, held))
-    return Table("Sensor and clock, by the best law", ("of the best law", "", *_VALUES), rows, "llr")
+    return Table("Sensor and clock, by the best law", ("quantity", "", *_VALUES), rows, "llr")
 
 
 def _printed(law: DriveFit, name: str, value: float) -> tuple[str, ...]:

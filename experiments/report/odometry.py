@@ -7,7 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from experiments.odometry import Evaluated
+from experiments.odometry import Evaluated, clock_words
 from experiments.report.figures import odometry as figures
 from experiments.report.formats import MISSING, number, pair, significant
 from experiments.report.page import Bullets, Note, Page, Plot, Section
@@ -22,8 +22,8 @@ _FACTORS = {"position": (1.0, 3, 100.0), "heading": (degrees(1.0), 2, degrees(1.
 """Factor from SI, decimals, and factor from SI of errors over the way."""
 _ABSOLUTE = ("law", "aligned [m]", "heading [deg]", "from first pose [m]", "heading [deg]")
 _RELATIVE = (
-    ("after_metres", "position", ("per_way", "rms"), "Position error by way, mean [%] | rms [m]"),
-    ("after_metres", "heading", ("per_way", "rms"), "Heading error by way, mean [deg/m] | rms [deg]"),
+    ("after_metres", "position", ("per_way", "rms"), "Position error by distance [%] | rms [m]"),
+    ("after_metres", "heading", ("per_way", "rms"), "Heading error by distance [deg/m] | rms [deg]"),
     ("after_seconds", "position", ("rms", "median"), "Position error by time, rms | median [m]"),
     ("after_seconds", "heading", ("rms", "median"), "Heading error by time, rms | median [deg]"),
 )
@@ -96,8 +96,7 @@ def sensing_lines(found: Sequence[Evaluated], sensor_given: bool, clock_given: b
     return [
         f"{', '.join(labels) + ': the' if len(by_sensing) > 1 else 'The'} poses' sensor sits {place.x:z.3f} m ahead "
         f"of and {place.y:z.3f} m left of the turning centre, turned by {degrees(place.yaw):z.2f}° ({words[0]}); the "
-        f"encoders' clock is {abs(1e3 * offset):.0f} ms {'behind' if offset < 0 else 'ahead of'} the poses' "
-        f"({words[1]})."
+        f"encoders' clock is {clock_words(offset)} ({words[1]})."
         for (place, offset), labels in by_sensing.items()
     ]
 
@@ -139,12 +138,13 @@ def page(
     over_way = Plot(
         "odometry_errors_over_way",
         partial(figures.errors_over_way, found),
-        "Errors over the way driven",
-        "Mean error after a way, over that way, from every measured pose. A line that falls like 1 / way is the "
-        "noise of the measured poses; one that stays level is an error of the law; slip that varies lies between.",
+        "Errors over the distance driven",
+        "Mean error after a distance, over this distance, from every measured pose. A line that falls like "
+        "1 / distance is the noise of the measured poses; one that stays level is an error of the law; slip that "
+        "varies lies between.",
     )
     relative = Note(
-        "Relative errors compare the motion from every measured pose to the one nearest to the given way or time "
+        "Relative errors compare the motion from every measured pose to the one nearest to the given distance or time "
         "ahead, and contain the noise of both. Without headings, each motion starts with the heading at which odometry "
         "fits the positions of the last 10 s."
     )

@@ -51,7 +51,7 @@ def _expected(plan: DrivePlan, paper: Expectation | None) -> Table:
             significant(None if paper is None else factor * paper.stderr[name], unit),
         )
         rows.append((symbol(plan.law, name), *values))
-    title = f"{limits.duration:g} s in {limits.area_text} m: what {plan.law} will be known to"
+    title = f"{limits.duration:g} s in {limits.area_text} m: how well {plan.law} will be known"
     return Table(title, _EXPECTED, rows)
 
 
@@ -67,4 +67,4 @@ def _sentences(plan: DrivePlan) -> Iterator[str]:
     )
     held = [name for name in plan.expectation.held if name not in ("lag", "sensor_yaw")]
     if held:
-        yield f"not determined by it: {', '.join(held)}"
+        yield f"not determined by this drive: {', '.join(held)}"

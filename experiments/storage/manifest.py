@@ -63,9 +63,9 @@ def command_line(command: str) -> str:
 
 
 def relative(text: str) -> str:
-    """An absolute path, also one after NAME= or NAME:, relative to the current folder; any other text unchanged."""
+    """An absolute path, also one after NAME= or NAME:, relative to the current folder; other text as it is."""
     path = re.sub(r"^[\w.-]+[=:](?=/[^/])", "", text)
-    if not os.path.isabs(path):
+    if not os.path.isabs(path) or not Path(*Path(path).parts[:2]).exists():
         return text
     with contextlib.suppress(ValueError):  # on another drive
         return text.removesuffix(path) + os.path.relpath(path)

@@ -44,6 +44,7 @@ def test_version(capsys):
 def test_help_ends_with_examples_that_parse(command, capsys):
     text = printed_by(capsys, *([command] if command else []), "--help")
     assert text.endswith(f"{examples_text(command)}\n")
+    assert "{True,False}" not in text  # tyro takes no value after such an option
     assert all(len(line) <= 80 for line in text.split("examples:\n")[1].splitlines())
     examples = MODULES[command].EXAMPLES if command else EXAMPLES
     assert examples
@@ -56,6 +57,14 @@ def test_help_ends_with_examples_that_parse(command, capsys):
         stops = "--help" in arguments or arguments[0].startswith("--tyro")
         with pytest.raises(SystemExit) if stops else contextlib.nullcontext():
             parse(arguments)
+
+
+def test_the_list_of_commands_has_only_their_first_sentence(capsys):
+    text = " ".join(printed_by(capsys, "--help").replace("│", "").split())
+    for module in MODULES.values():
+        first, _, rest = module.Config.__doc__.partition("\n\n")
+        assert " ".join(first.split()) in text
+        assert not rest or " ".join(rest.split())[:40] not in text
 
 
 def test_commands_import_what_they_need_when_they_run():

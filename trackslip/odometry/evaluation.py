@@ -130,7 +130,7 @@ def odometry_errors(
     for unit, found in (("m", after_metres), ("s", after_seconds)):
         short = [f"{length:g}" for length in lengths if length not in found]
         if short:
-            notes.append(f"no stretch of {', '.join(short)} {unit} from pose to pose: no relative errors there")
+            notes.append(f"no two poses are {', '.join(short)} {unit} apart, so relative errors end before")
     return OdometryErrors(
         aligned=_absolute(trajectories, aligned=True),
         from_first=_absolute(trajectories, aligned=False),

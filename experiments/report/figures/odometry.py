@@ -44,7 +44,7 @@ def paths(found: Sequence[Evaluated]) -> Figure:
         error = np.hypot(*(drive.placed - drive.measured)[shown, :2].T)
         right.plot((drive.way - drive.way[0])[shown], np.where(error > 0, error, np.nan), **look)
     plane(left, adjustable="datalim", title="Paths")
-    right.set(xlabel="way [m]", ylabel="error of position [m]", yscale="log")
+    right.set(xlabel="distance [m]", ylabel="error of position [m]", yscale="log")
     right.set_title("Error from the first pose on" if drive.has_heading else "Error, fitted to all positions")
     log_ticks(right.yaxis)
     _legend(figure, found, key("measured poses", ls="none", marker=".", ms=7, color=GREY))
@@ -54,13 +54,13 @@ def paths(found: Sequence[Evaluated]) -> Figure:
 @styled
 def errors_over_way(found: Sequence[Evaluated]) -> Figure:
     """Relative errors over the length of the stretches: of position, and of heading where it was measured."""
-    kinds = [("Position", "mean error [% of the way]", "position_per_way", 100.0)]
+    kinds = [("Position", "mean error [% of the distance]", "position_per_way", 100.0)]
     kinds += [("Heading", "mean error [°/m]", "heading_per_way", np.degrees(1.0))]
     panels = []
     for title, label, kind, factor in kinds[: 1 + longest(found).has_heading]:
         errors = [[(at, factor * getattr(e, kind)) for at, e in one.errors.after_metres.items()] for one in found]
         panels.append((title, label, list(zip(errors, _looks(found), strict=True))))
-    figure = errors_ahead(panels, [*found[0].errors.after_metres], "way driven [m]")
+    figure = errors_ahead(panels, [*found[0].errors.after_metres], "distance driven [m]")
     _legend(figure, found)
     return figure
 

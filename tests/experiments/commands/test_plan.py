@@ -62,7 +62,7 @@ def test_it_writes_a_plan_that_can_be_driven_and_identified_from(trackslip):
 def test_without_rosbags_a_line_says_that_the_bag_is_left_out(trackslip, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     result = trackslip("plan", *SHORT)
-    assert "no ROS 2 bag of the commands: that needs the package rosbags" in result.printed
+    assert "no ROS 2 bag of the commands, as the package rosbags is missing" in result.printed
     assert (result.folder / "plan.csv").exists()
     assert not (result.folder / "bags").exists()
 

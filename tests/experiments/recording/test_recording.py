@@ -174,8 +174,8 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     file = tmp_path / "a real.rrd"
     main(["view", str(tmp_path / "real.csv"), "--save", str(file)])
     said = capsys.readouterr().out
-    assert "2 runs; showing 'linear none'" in said
-    assert f"; rerun '{file}'" in said  # as a shell takes it
+    assert "2 runs; showing 'linear none'. --run ID chooses one; repeat it to compare" in said
+    assert f"to open it: rerun '{file}'" in said  # as a shell takes it
     verify(file)
     _, translation = component(file, "/run/robot/chassis", "translation")
     np.testing.assert_allclose(translation[:, :2], bare[0].pose[:, :2], atol=1e-6)

@@ -5,7 +5,7 @@ import pytest
 from drives import EXACT, GEOMETRY, ICR, STILL, drive_log
 from figures import assert_readable
 
-from experiments.odometry import clock_doubt, evaluated
+from experiments.odometry import clock_doubt, clock_words, evaluated
 from experiments.report.figures import odometry as figures
 from experiments.report.laws import shown
 from experiments.report.odometry import gain, page, tables
@@ -74,4 +74,12 @@ def test_clocks_that_disagree_raise_a_doubt():
     logs = [drive_log(3, 20.0, EXACT, STILL)]
     assert clock_doubt(found_on(*logs)[2:], logs) == []
     (line,) = clock_doubt(found_on(*logs, clock_offset=0.2)[2:], logs)
-    assert line.endswith("ms ahead of the poses', not 200 ms: try --clock-offset 0.000")
+    assert line.endswith("the poses', not 200 ms ahead of the poses': try --clock-offset 0.000")
+
+
+def test_an_offset_of_the_clocks_is_worded_in_one_way():
+    assert [clock_words(offset) for offset in (-0.1076, 0.02, -1e-9)] == [
+        "108 ms behind the poses'",
+        "20 ms ahead of the poses'",
+        "0 ms ahead of the poses'",
+    ]

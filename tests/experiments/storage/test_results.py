@@ -15,6 +15,7 @@ import pyarrow.parquet
 import pytest
 
 from experiments.cli import main
+from experiments.storage.manifest import relative
 from experiments.storage.results import file_names, locked, results_folder
 from trackslip.errors import OutputError
 from trackslip.logs.file_format import FORMAT
@@ -164,3 +165,11 @@ def test_results_say_nothing_about_the_machines_folders(trackslip, tmp_path, mon
     assert list(result.manifest["ground"]) == ["ground.toml"]
     assert str(tmp_path) not in json.dumps(result.manifest)
     assert str(tmp_path) not in (result.folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_paths_in_results_are_relative_and_topics_stay(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert relative(str(tmp_path / "log.csv")) == "log.csv"
+    assert relative(f"ground={tmp_path / 'ice.toml'}") == "ground=ice.toml"
+    for text in ("/cmd_vel", "/joint_states/filtered", "tf:map:base_link", "log.csv"):
+        assert relative(text) == text
