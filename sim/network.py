@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from trackslip.files import regular_file
 from trackslip.kinematics import Array
 
 _MOST = 256_000_000  # bytes of a policy's numbers
+_LARGEST = 1e6  # of these numbers
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,8 @@ def load_network(path: Path, kind: str, *fields: str) -> tuple[Network, list[Any
                 raise LogError(f"{file}: its format is {about['format']!r}, not {kind!r}")
             layers = sum(name.startswith("weight_") for name in stored.files)
             weights, biases = (tuple(stored[f"{part}_{k}"] for k in range(layers)) for part in ("weight", "bias"))
+            if not _fit(weights, biases):
+                raise LogError(f"{file}: its layers must hold numbers up to {_LARGEST:g} and fit each other")
             return Network(weights, biases), [about[name] for name in fields]
     except LogError:
         raise
@@ -65,6 +70,18 @@ def load_network(path: Path, kind: str, *fields: str) -> tuple[Network, list[Any
         raise LogError(f"{file}: {error.strerror or error}") from error
     except Exception as error:  # whatever NumPy, zipfile and json raise for a damaged file
         raise LogError(f"{file}: not a policy, or damaged") from error
+
+
+def _fit(weights: Sequence[Array], biases: Sequence[Array]) -> bool:
+    """True for one or more layers of moderate numbers, each of which takes what the one before gives."""
+    shapes = [weight.shape for weight in weights]
+    chained = all(len(shape) == 2 for shape in shapes) and all(b[0] == a[1] for a, b in pairwise(shapes))
+    return (
+        len(shapes) > 0
+        and chained
+        and [bias.shape for bias in biases] == [shape[1:] for shape in shapes]
+        and all(part.dtype.kind == "f" and (np.abs(part) <= _LARGEST).all() for part in (*weights, *biases))
+    )
 
 
 def policy_file(path: Path) -> Path:

@@ -6,6 +6,7 @@ features are the observation with its errors compressed by arsinh, which resolve
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,10 @@ from sim.network import Network, load_network
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.observation import TrackingLayout
 from sim.task import from_options
+from trackslip.errors import LogError, require
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
+from trackslip.slip.law_file import number
 from trackslip.trajectory.base import Reference
 
 _FORMAT = "trackslip policy 1"
@@ -62,16 +65,22 @@ class Policy:
     def load(cls, path: Path) -> Policy:
         """Read a file written by `save`, or policy.npz in a folder; raises LogError for any other file."""
         network, (authority, options) = load_network(path, _FORMAT, "authority", "options")
-        return cls(network, tuple(authority), options)
+        v, w = (number(authority, k) for k in range(2))
+        if v is None or w is None:
+            raise LogError(f"{path}: authority = {reprlib.repr(authority)}: must be two finite numbers")
+        return cls(network, (v, w), options)
 
 
 class PolicyController:
     """A policy as a controller, which builds the environment's observations from poses."""
 
     def __init__(self, policy: Policy, top_speed: float) -> None:
-        """`top_speed`: of the sprockets [rad/s]."""
+        """`top_speed`: of the sprockets [rad/s]. Raises InvalidValueError for a policy of another environment."""
         config = from_options(EnvConfig, policy.options)
         self._policy, self._layout = policy, TrackingLayout(config, top_speed)
+        inputs, outputs = len(policy.network.weights[0]), len(policy.network.biases[-1])
+        seen = len(self._layout.elements)
+        require((inputs, outputs) == (seen, 2), "network of the policy", (inputs, outputs), f"from {seen} inputs to 2")
         self._scale = np.array(config.twist_scale)
         self.reset()
 

@@ -12,7 +12,7 @@ from sim.traverse.config import TraverseConfig
 from sim.traverse.policy import CrossingPolicy
 from sim.traverse.task import Crossing
 from trackslip.controllers.base import SensesSprockets
-from trackslip.errors import LogError
+from trackslip.errors import InvalidValueError, LogError
 from trackslip.trajectory.segmented import paper_reference
 
 OPTIONS = {"action": "twist", "compensation": "icr_radius", "reference": "paper"}
@@ -57,6 +57,39 @@ def test_what_is_no_policy_is_refused(tmp_path):
     ):
         with pytest.raises(LogError, match=message):
             Policy.load(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"weight_0": np.zeros((19, 3))},
+        {"weight_0": np.zeros(19)},
+        {"weight_0": np.full((19, 8), np.nan)},
+        {"weight_0": np.full((19, 8), "x")},
+        {"bias_1": np.zeros(3)},
+        {"bias_1": np.full(2, 1e308)},
+    ],
+)
+def test_layers_that_do_not_fit_or_hold_no_moderate_numbers_are_refused(tmp_path, change):
+    path = tmp_path / "policy.npz"
+    Policy(network(np.random.default_rng(0), (19, 8, 2)), AUTHORITY, OPTIONS).save(path)
+    np.savez(path, **{**np.load(path), **change})
+    with pytest.raises(LogError, match=r"its layers must hold numbers up to 1e\+06 and fit"):
+        Policy.load(path)
+
+
+@pytest.mark.parametrize("authority", [0.1, [0.1], [0.1, np.nan], [0.1, 10**400], ["a", "b"], None])
+def test_another_authority_than_two_numbers_is_refused(tmp_path, authority):
+    path, layers = tmp_path / "policy.npz", network(np.random.default_rng(0))
+    layers.save(path, {"format": "trackslip policy 1", "authority": authority, "options": OPTIONS})
+    with pytest.raises(LogError, match=r"authority = .*: must be two finite numbers"):
+        Policy.load(path)
+
+
+def test_a_policy_of_another_environment_is_refused():
+    other = Policy(network(np.random.default_rng(0), (7, 2)), AUTHORITY, OPTIONS)
+    with pytest.raises(InvalidValueError, match=r"network of the policy = \(7, 2\): must be from 19 inputs to 2"):
+        PolicyController(other, 5.0)
 
 
 def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
@@ -189,7 +189,7 @@ def entry(content: Any, *keys: str | int) -> Any:
 def number(content: Any, *keys: str | int) -> float | None:
     """The finite number under nested keys; None for anything else."""
     found = entry(content, *keys)
-    if isinstance(found, bool) or not isinstance(found, int | float) or not math.isfinite(found):
+    if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= sys.float_info.max:
         return None
     return float(found)
 
