@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os.path
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,6 +99,6 @@ class TrackedRobot:
 
     def spec(self) -> Any:
         """The model as a `mujoco.MjSpec`; raises TrackslipError where there is no such file."""
-        if not self.model.is_file():
+        if not os.path.isfile(self.model):  # Path.is_file fails for long names
             raise TrackslipError(f"{self.model}: no such file; `model` must name the robot's MJCF or URDF file")
         return mujoco.MjSpec.from_file(str(self.model))

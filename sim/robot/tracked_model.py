@@ -230,7 +230,9 @@ def _read(
     free = model.body_jntadr[body]
     joints = np.array([model.joint(joint).id for _, joint, _ in motors], int)
     data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    mujoco.mj_forward(model, data)
+    if not all(np.isfinite(one).all() for one in (data.geom_xpos, data.geom_xmat, data.xipos, data.qacc)):
+        raise TrackslipError(f"{robot.model}: a number in it is nan, inf or too large: its motion isn't finite")
     middle = np.array([np.mean(flipper.hull, axis=0)[[0, 1]] for flipper in robot.flippers]).reshape(-1, 2)
     reach = np.insert(middle, 1, 0.0, axis=1)  # (F, 3) from the hinge to the middle of the flipper, in its frame
     bodies = model.jnt_bodyid[joints]

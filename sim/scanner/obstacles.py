@@ -64,7 +64,7 @@ class Wall:
         side = np.array([self.x1 - self.x0, self.y1 - self.y0])
         # range * direction = start + share * side
         determinant = _cross(direction, side)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):
             distance = _cross(start, side) / determinant
             share = _cross(start, direction) / determinant
         return np.where((distance >= 0) & (share >= 0) & (share <= 1), distance, np.nan)

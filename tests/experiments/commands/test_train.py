@@ -16,8 +16,10 @@ def sized(sizes, **changed):
     return tuple(word for name, value in (sizes | changed).items() for word in (f"--{name}", str(value)))
 
 
-def test_a_policy_is_trained_and_takes_part_in_the_benchmark(trackslip):
+def test_a_policy_is_trained_and_takes_part_in_the_benchmark(trackslip, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     trained = trackslip("train", *sized(TINY), "--steps", "256")
+    assert not [*tmp_path.glob("SB3-*")]
     assert [point["steps"] for point in trained.summary["curve"]] == [128, 256]
     assert Policy.load(trained.folder).authority == (0.12, 0.6)
     options = ("--references", "slalom", "--starts", "zero", "--seeds", "0", "--localization", "truth", "--jobs", "1")
@@ -40,7 +42,9 @@ def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
     assert reward[-15:].mean() > 0.35
     resumed = ("--steps", "31744", "--resume", "--out", str(trained.folder))
     longer = trackslip("train", *sized(LEARNS, horizon=32), *resumed)
-    assert [point["steps"] for point in longer.summary["curve"]] == [31744]  # 32 robots, 32 steps each
+    assert longer.summary["curve"][:-1] == trained.summary["curve"]
+    assert longer.summary["curve"][-1]["steps"] == 31744  # 32 robots, 32 steps each
+    assert trackslip("train", *sized(LEARNS), *resumed).summary["curve"] == longer.summary["curve"]  # nothing is left
     with pytest.raises(SystemExit):
         main(["train", *sized(LEARNS, network=16), *resumed])
     assert "network = (16,): must be (32,) with --resume" in capsys.readouterr().err

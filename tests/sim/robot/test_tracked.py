@@ -65,6 +65,18 @@ def test_looks_weigh_and_touch_nothing(rescue):
     assert not (shown.model.geom_contype[looks] | shown.model.geom_conaffinity[looks]).any()
 
 
+def test_a_model_whose_motion_is_not_finite_is_refused(tmp_path):
+    robot = load_tracked(write_robot(tmp_path, model=URDF.replace("0 0 0.14", "0 0 nan")))
+    with pytest.raises(TrackslipError, match=r"mine\.urdf: a number in it is nan, inf or too large"):
+        build_tracked(robot)
+
+
+def test_a_model_of_too_long_a_name_is_no_file(tmp_path):
+    robot = load_tracked(write_robot(tmp_path, ROBOT.replace("mine.urdf", "x" * 5000)))
+    with pytest.raises(TrackslipError, match="no such file"):
+        build_tracked(robot)
+
+
 def test_visuals_that_carry_the_mass_are_kept(tmp_path):
     geom = '<geom type="box" size="0.2 0.1 0.05" pos="0 0 0.2" contype="0" conaffinity="0" group="1"/>'
     model = f'<mujoco><worldbody><body name="b"><freejoint/>{geom}</body></worldbody></mujoco>'
