@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -115,7 +114,7 @@ def _done(do: Do, seed: int, key: str, trial: Trial) -> tuple[Trial, TrialOutcom
 
 
 class _StoredTrials:
-    """Finished trials in a file, one line of JSON each, below a line that says what they depend on."""
+    """Finished trials in a file, a line of JSON behind its digest each, below a line that says what they depend on."""
 
     def __init__(self, config: Any, about: Any) -> None:
         options = {name: value for name, value in plain(config).items() if name not in _UNSAID}
@@ -123,7 +122,7 @@ class _StoredTrials:
         self._file = Path(config.out) / FILE
         self.outcomes: dict[Trial, TrialOutcome] = {}
         if self._file.exists():
-            title, *lines = self._file.read_text(encoding="utf-8").split("\n")
+            title, *lines = self._file.read_text(encoding="utf-8", errors="replace").split("\n")
             if title == self._title:
                 self.outcomes = dict(_read(lines))
             else:
@@ -131,16 +130,18 @@ class _StoredTrials:
 
     def add(self, trial: Trial, outcome: TrialOutcome) -> None:
         """Store a trial; a line that was cut short before is left as it is."""
-        line = json.dumps([trial.case, trial.number, asdict(outcome)])
+        text = json.dumps([trial.case, trial.number, asdict(outcome)])
+        line = f"{digest(text)} {text}"
         with self._file.open("a", encoding="utf-8") as stream:
             stream.write(f"\n{line}" if stream.tell() else f"{self._title}\n{line}")
 
 
 def _read(lines: Iterable[str]) -> Iterable[tuple[Trial, TrialOutcome]]:
-    """The trials in lines, without one that was cut short when the study was killed."""
+    """The trials in lines, without those that were cut short when the study was killed, or are damaged."""
     for line in lines:
-        with contextlib.suppress(ValueError):
-            case, number, outcome = json.loads(line)
+        stated, _, text = line.partition(" ")
+        if stated == digest(text):
+            case, number, outcome = json.loads(text)
             yield Trial(case, number), TrialOutcome.from_json(outcome)
 
 

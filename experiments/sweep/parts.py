@@ -111,7 +111,8 @@ class StoredParts(dict[str, Stored]):
         path = self._folder / f"{digest([row['id'] for row in part.rows])}.json"
         file = path.with_suffix(".parquet")
         if (logs := part.logs) is not None:
-            rows = json.dumps({"made_by": {digest(now): now}, "runs": part.rows})
+            content = {"made_by": {digest(now): now}, "runs": part.rows}
+            rows = json.dumps(content | {"digest": digest(content)})
             try:
                 write_whole(file, lambda draft: draft.write_bytes(logs))
                 write_whole(path, lambda draft: draft.write_text(rows, encoding="utf-8"))
@@ -166,10 +167,18 @@ def _rows(path: Path, logs: Path) -> list[Stored]:
     """The runs in a file of rows; none if no sweep left it."""
     with contextlib.suppress(OSError, ValueError, RecursionError, LookupError, TypeError, AttributeError):
         content = json.loads(path.read_text(encoding="utf-8"))
+        if content.pop("digest", None) not in (None, digest(content)):  # a summary has none
+            return []
         rows, by = content["runs"], content["made_by"]
-        if all({*row} >= {"run", "id", "error"} and "versions" in by[row["made_by"]] for row in rows):
+        if all(_is_row(row) and "versions" in by[row["made_by"]] for row in rows):
             return [Stored(row, logs, by[row["made_by"]]) for row in rows]
     return []
+
+
+def _is_row(row: Row) -> bool:
+    """True if a row has texts, or nothing where it may, for what every run is told by."""
+    told = [row["run"], row["id"], row["error"] or "", row.get("note") or ""]
+    return all(isinstance(one, str) for one in told)
 
 
 def _wanted(rows: Iterable[Stored], ids: Collection[str]) -> dict[str, Stored]:

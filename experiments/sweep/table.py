@@ -13,6 +13,7 @@ from experiments.storage.results import TABLE_FILE
 from experiments.sweep.axes import AXES, known
 from experiments.sweep.parts import Row
 from trackslip.errors import InvalidValueError
+from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table
 from trackslip.logs.schema import NO_UNIT, PURE, Column, markdown
 
@@ -75,19 +76,22 @@ def _array(values: list[Any], column: Column) -> pa.Array:
 def chosen(folder: Path, where: Sequence[str]) -> set[str]:
     """Names of the runs for which every NAME=VALUE of `where` holds.
 
-    Raises InvalidValueError for an axis or a value that the sweep doesn't have, LogError for a folder without a table.
+    Raises InvalidValueError for an axis or a value that the sweep doesn't have, LogError for a folder without a table
+    of runs.
     """
-    rows: list[Row] = read_table(folder / TABLE_FILE).to_pylist()
+    table = read_table(folder / TABLE_FILE)
+    Columns(table, str(folder / TABLE_FILE)).require(("run",))
+    rows: list[Row] = table.to_pylist()
     axes = [name for name in rows[0] if name not in COLUMNS] if rows else []
     for text in where:
         name, _, value = text.partition("=")
         if name not in axes:
             raise InvalidValueError("where", text, f"NAME=VALUE with one of {', '.join(axes)}")
-        there = list(dict.fromkeys(row[name] for row in rows))
+        there = list(dict.fromkeys(str(row[name]) for row in rows))
         rows = [row for row in rows if _is(row[name], value)]
         if not rows:
-            raise InvalidValueError("where", text, f"{name}=one of {', '.join(map(str, there[:_SHOWN]))}")
-    return {row["run"] for row in rows}
+            raise InvalidValueError("where", text, f"{name}=one of {', '.join(there[:_SHOWN])}")
+    return {str(row["run"]) for row in rows}
 
 
 def _is(value: Any, text: str) -> bool:

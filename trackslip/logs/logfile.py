@@ -161,6 +161,10 @@ class StoredRuns:
             self._metadata = json.loads(stored_text(self._file.schema_arrow.metadata))["runs"]
         except (pa.ArrowException, OSError, ValueError, RecursionError, KeyError, TypeError) as error:
             raise LogError(f"{path}: {first_line(error)}") from error
+        names, types = self._file.schema_arrow.names, self._file.schema_arrow.types
+        is_named = names[:1] == ["run"] and pa.types.is_string(types[0]) and isinstance(self._metadata, dict)
+        if not is_named or len({*names}) < len(names):
+            raise LogError(f"{path}: not as trackslip writes runs")
         self._groups = self._groups_of_runs()
         self.schema = self._file.schema_arrow.remove_metadata()
 

@@ -99,6 +99,17 @@ def test_a_killed_study_resumes(killed, tmp_path):
     assert not (tmp_path / FILE).exists()
 
 
+@pytest.mark.parametrize("old", [b"1", b"{", b"e", b"]", b"0.", b"\n"])
+@pytest.mark.parametrize("new", [b"", b"\xff", b"[", b"2", b"null"])
+def test_damaged_trials_are_done_again(killed, tmp_path, old, new):
+    file = tmp_path / FILE
+    title, _, trials = file.read_bytes().partition(b"\n")
+    file.write_bytes(title + b"\n" + trials.replace(old, new, 1))
+    count = Counted()
+    assert outcomes(killed, count) == outcomes(Config(tmp_path / "other"))
+    assert len(count.done) in (6, 7)  # a line, or two that have become one
+
+
 @pytest.mark.parametrize("change", [{"seed": 1}, {"size": 2.0}, {"about": "another ground"}])
 def test_other_options_start_again(killed, change):
     count = Counted()

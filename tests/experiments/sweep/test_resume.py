@@ -1,8 +1,11 @@
 """Resuming grids that were interrupted, damaged or changed, and runs that fail."""
 
+import io
 import json
 import shutil
+from functools import partial
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from sweeps import SHORT, SWEEP, fragile, logs
@@ -35,6 +38,21 @@ def driven(tmp_path_factory):
 @pytest.fixture
 def stopped(driven, tmp_path):
     return shutil.copytree(driven, tmp_path / "out")
+
+
+def rewritten(change, content):
+    """A Parquet file with another table, and all its checksums."""
+    file = io.BytesIO()
+    pq.write_table(change(pq.read_table(io.BytesIO(content))), file, write_page_checksum=True)
+    return file.getvalue()
+
+
+def numbered(table):
+    return table.set_column(0, "run", pa.array(range(len(table))))
+
+
+def twice(table):
+    return table.append_column("t", table.column("t"))
 
 
 def contents(folder):
@@ -131,12 +149,16 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
     [
         *(("json", lambda _, text=text: text) for text in (b"", b"{}", b"[]", b'{"runs": 1, "made_by": 2}')),
         ("json", lambda content: content[:200]),
+        ("json", lambda content: content.replace(b'"radius": 0.6', b'"radius": 0.7')),
+        ("json", lambda content: content.replace(b'"run": "radius=0.6', b'"run": ["radius=0.6"], "x": "')),
+        ("parquet", partial(rewritten, numbered)),
+        ("parquet", partial(rewritten, twice)),
         ("parquet", lambda content: content[:1000]),
         ("parquet", lambda content: content[:1000] + bytes([content[1000] ^ 1]) + content[1001:]),
     ],
 )
 def test_damaged_parts_are_driven_again(stopped, kind, spoil):
-    """Truncated or foreign rows, truncated logs, and a single flipped bit."""
+    """Truncated or foreign rows, rows that were changed, truncated logs, a single flipped bit, and other tables."""
     (file,) = (stopped / PARTS).glob("*.json")
     ids = {row["id"] for row in json.loads(file.read_text())["runs"]}
     file = file.with_suffix(f".{kind}")

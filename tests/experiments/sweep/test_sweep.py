@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from sweeps import ONE, SHORT, SWEEP, logs
@@ -16,6 +17,7 @@ from experiments.commands.reproduce import Config as ReproduceConfig
 from experiments.driving.grid_runs import drive_grid
 from experiments.driving.world import World
 from experiments.sweep.table import chosen
+from trackslip.errors import InvalidValueError, LogError
 from trackslip.logs.logfile import read_runs
 
 
@@ -94,6 +96,15 @@ def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused):
     assert found.summary["samples"] == 4
     assert found.summary["slip_laws"]["icr"]["values"]["offset"] > 0.05  # 40 % more friction across doubles it
     assert len(chosen(Path(folder), ["friction_ratio=1", "radius=0.6"])) == 4
+
+
+def test_runs_are_chosen_from_a_table_of_runs_only(tmp_path):
+    pq.write_table(pa.table({"radius": [0.6]}), tmp_path / "table.parquet")
+    with pytest.raises(LogError, match=r"table\.parquet: column run is missing"):
+        chosen(tmp_path, ["radius=0.6"])
+    pq.write_table(pa.table({"run": ["a", "b"], "radius": [[0.6], [1.0]]}), tmp_path / "table.parquet")
+    with pytest.raises(InvalidValueError, match=r"must be radius=one of \[0.6\], \[1.0\]"):
+        chosen(tmp_path, ["radius=0.6"])
 
 
 def test_two_processes_killed_and_resumed(trackslip, tmp_path):
