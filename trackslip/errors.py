@@ -15,7 +15,10 @@ _LONG = 200  # characters of a value that are shown
 
 
 class TrackslipError(Exception):
-    """Base class of all errors that trackslip raises deliberately."""
+    """Base class of all errors that trackslip raises deliberately; `message` is put on one line."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(" ".join(message.splitlines()))  # names in files may contain line breaks
 
 
 class InvalidValueError(TrackslipError, ValueError):

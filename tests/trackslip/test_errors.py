@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from functools import partial
 
@@ -10,6 +11,10 @@ import pytest
 
 from trackslip.errors import (
     InvalidValueError,
+    LogError,
+    OutputError,
+    RunFailedError,
+    TrackslipError,
     counted,
     require_at_most,
     require_finite,
@@ -24,6 +29,12 @@ CHECKS = (require_positive, require_non_negative, require_finite, partial(requir
 @pytest.mark.parametrize("value", [1, 1.0, np.float32(1), np.int64(1), np.array(1.0)])
 def test_numbers_of_any_kind_are_taken(check: Callable[[str, object], None], value: object) -> None:
     check("mass", value)
+
+
+@pytest.mark.parametrize("kind", [TrackslipError, LogError, OutputError, RunFailedError])
+def test_line_breaks_in_names_leave_a_message_on_one_line(kind):
+    error = kind("column a\nb\r\nc is missing")
+    assert str(error) == str(pickle.loads(pickle.dumps(error))) == "column a b c is missing"
 
 
 def test_long_values_are_shown_in_part_and_in_one_line():

@@ -79,7 +79,8 @@ class LawErrors:
         rows = [fitted.index(name) for name in names]
         errors = np.array([stderr[name] for name in names])
         matrix = np.asarray(correlation, float).reshape(len(fitted), len(fitted))[np.ix_(rows, rows)]
-        return cls(names, np.outer(errors, errors) * matrix)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused as a covariance that isn't finite
+            return cls(names, np.outer(errors, errors) * matrix)
 
     @classmethod
     def stored(cls, fit: Mapping[str, Any]) -> Self:
