@@ -106,7 +106,8 @@ def run(config: Config) -> None:
 
     with Run(config) as run:
         task = PathTrackingTask(config) if config.env == PATH_TRACKING else Traversing(config)
-        model = model_of(config, task)
+        with run.busy("loading PyTorch"):
+            model = model_of(config, task)
         before, policy = model.num_timesteps, run.folder / POLICY
         try:
             curve = learn(model, config, task, run.folder)

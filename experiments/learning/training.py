@@ -73,12 +73,14 @@ def model_of(config: Config, task: LearningTask) -> Any:
 def learn(model: Any, config: Config, task: LearningTask, drafts: Path) -> list[dict[str, float]]:
     """Train until `config.steps`, with checkpoints, which are drafted in the folder `drafts` on the same disk.
 
-    Returns for each update the steps of all robots so far, their mean reward since the one before [-], and what
-    `task` says of the episodes that have ended since.
+    Returns for each update, those before the checkpoint included, the steps of all robots so far, their mean reward
+    since the one before [-], and what `task` says of the episodes that have ended since.
     """
     from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.logger import Logger
 
-    curve: list[dict[str, float]] = []
+    model.set_logger(Logger(None, []))  # its own would leave a folder among the temporary files
+    model.curve = curve = getattr(model, "curve", [])  # which checkpoints contain, as all that a model has
     rewards: list[float] = []  # since the last update, mean of all robots
     ended: list[dict[str, Any]] = []  # last infos of episodes since then
     with progress("training", config.steps, "steps", model.num_timesteps) as report:
