@@ -300,7 +300,7 @@ class Fleet(Bodies):
 
     def _require_parking(self, rows: np.ndarray, start: Array) -> None:
         """Raise InvalidValueError if one of the robots `rows` (R,) can't be held at its pose `start` (R, 3)."""
-        held = self.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows, 0]
+        held = self.drive.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows, 0]
         grounds = [self.ground[k] for k in rows]
         require_held(grounds, self.friction()[rows], start[:, 2], self.pull, self._weight, held)
 

@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from experiments.options.base import Excludes, Exclusion, Needs, Positive, ResultsOptions, Whole
-from experiments.options.choices import GROUNDS, REFERENCES
+from experiments.options.base import Excludes, Exclusion, Needs, Positive, ResultsOptions, Whole, default_is
+from experiments.options.choices import GROUNDS, REFERENCES, ROBOTS
 from experiments.options.world import MAX_THREADS
 from trackslip.errors import InvalidValueError
 
@@ -49,8 +49,10 @@ class Config(ResultsOptions):
     """Slip compensation: none, published, constant, exponential, exponential_speed, icr or icr_radius."""
     authority: Annotated[tuple[float, float], Positive(MAX_AUTHORITY)] = (0.12, 0.6)
     """Largest correction of the reference's twist [m/s, rad/s]."""
-    robot: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "rescue"
-    """Robot: rescue, box, or a .toml file with your own model and its tracks; needs --env traverse."""
+    robot: Annotated[str | None, default_is("shipped; with --env traverse, rescue", ROBOTS)] = None
+    """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
+    laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
+    """Identified laws of the robot for --compensation: a summary.json, or a folder that contains one."""
     difficulty: tuple[float, float] = (0.7, 1.0)
     """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
     trials: Annotated[int, Whole(1, MAX_TRIALS)] = 300
@@ -77,8 +79,8 @@ class Config(ResultsOptions):
     """Folder for the policy, its checkpoints and the training curve."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
-        Needs(("robot", "difficulty", "trials"), "env", (TRAVERSE,)),
-        Excludes(("references", "grounds", "compensation", "authority"), "env", (TRAVERSE,)),
+        Needs(("difficulty", "trials"), "env", (TRAVERSE,)),
+        Excludes(("references", "grounds", "compensation", "laws", "authority"), "env", (TRAVERSE,)),
     )
 
     def __post_init__(self) -> None:

@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from experiments.driving.paper_model import KNOWN_LAWS
 from experiments.learning.crossing import compare
 from sim.network import Network
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Policy
+from sim.robot.named import SHIPPED, load_parameters
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS, CrossingPolicy
+from trackslip.slip.law_file import SHIPPED as LAWS
+from trackslip.slip.law_file import load_laws
 
 if TYPE_CHECKING:
     from experiments.commands.train import Config
@@ -59,13 +63,16 @@ class PathTrackingTask:
         from sim.sb3 import Corrections, PathTrackingVecEnv
 
         config = self._config
+        parameters, _ = load_parameters(config.robot or SHIPPED)
+        laws = {} if config.compensation in KNOWN_LAWS else load_laws(config.laws or LAWS, parameters.geometry)
         robots = PathTrackingVecEnv(
             config.robots,
             config.threads,
+            robot=parameters,
             reference=config.references,
             ground=config.grounds,
             action="twist",
-            compensation=config.compensation,
+            compensation=laws.get(config.compensation, config.compensation),
             pose_source="noisy",
             reward=_REWARD,
             randomization=_RANDOMIZATION,
@@ -91,14 +98,14 @@ class Traversing:
     initial_deviation = -1.0
 
     def __init__(self, config: Config) -> None:
-        self._config = config
+        self._config, self._robot = config, config.robot or "rescue"
 
     def robots(self) -> Any:
         """See LearningTask."""
         from sim.sb3 import TraverseVecEnv
 
         courses = {"difficulty": self._config.difficulty, "kinds": _HARD, "obstacles": 1, "limits": _LIMITS}
-        options = {**OPTIONS, "robot": self._config.robot, **courses}
+        options = {**OPTIONS, "robot": self._robot, **courses}
         return TraverseVecEnv(self._config.robots, self._config.threads, **options)
 
     def ended(self, infos: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -107,7 +114,7 @@ class Traversing:
 
     def policy(self, network: Network) -> CrossingPolicy:
         """See LearningTask."""
-        return CrossingPolicy(network, {**OPTIONS, "robot": self._config.robot})
+        return CrossingPolicy(network, {**OPTIONS, "robot": self._robot})
 
     def tried(self, policy: Path) -> dict[str, Any]:
         """See LearningTask: compared with the scripted controller, on courses that are new to both."""

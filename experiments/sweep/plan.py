@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from experiments.driving.grid_runs import GridCell, require_radius
+from experiments.driving.grid_runs import GridCell, require_motors, require_radius
 from experiments.driving.world import Specification, World, WorldFiles
 from experiments.options.base import Whole, option, with_option
 from experiments.options.choices import SHIPPED
@@ -17,7 +17,6 @@ from experiments.options.grid import GridConfig
 from experiments.storage.manifest import digest
 from experiments.sweep.axes import ALIASES, axes_of
 from trackslip.errors import InvalidValueError
-from trackslip.kinematics import RobotGeometry
 
 if TYPE_CHECKING:
     from experiments.commands.grid import Config
@@ -133,7 +132,9 @@ def plan(config: Config) -> list[PlannedRun]:
         runs.append(_run(taken, usual, settings[shared]))
     narrowest = min((one.specification.parameters for one in settings.values()), key=lambda one: one.half_gauge)
     for radius in axes["radius"]:  # a radius too tight for only some of the robots is a run that fails
-        require_radius(radius, RobotGeometry(narrowest.half_gauge, narrowest.sprocket_radius))
+        require_radius(radius, narrowest.geometry)
+    driven = list(itertools.product(axes["radius"], axes["speed"]))
+    require_motors(driven, ((one.specification, one.config.drive) for one in settings.values()))
     return runs
 
 

@@ -70,11 +70,10 @@ def loads(parameters: RobotParameters, ground: Ground, threads: int, default_con
     fleet.advance(2.0)
     contacts = read_contacts(fleet)
     position = contacts.position.mean(axis=0)
-    centre = (parameters.com_x, parameters.com_y, parameters.com_height)
     x, y = robot.contact_points.T
     # the model's points in the order of the contacts, matched by distance
     order = np.argmin(np.hypot(position[:, None, 0] - x, position[:, None, 1] - y), axis=1)
-    theory = Contact(x[order], y[order], ground.along, ground.across, centre)
+    theory = Contact(x[order], y[order], ground.along, ground.across, parameters.centre_of_mass)
     v, u, w = fleet.twist().T
     acceleration = np.stack([-w * (u + w * parameters.com_x), w * (v - w * parameters.com_y)], axis=-1)
     load = contacts.load / contacts.load.mean(axis=1, keepdims=True)

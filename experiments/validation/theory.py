@@ -13,7 +13,7 @@ from sim.drive.drive import tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
-from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sprocket_speeds, track_slip
+from trackslip.kinematics import Array, limit_sprocket_speeds, sprocket_speeds, track_slip
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import Contact, line_contact
 
@@ -65,8 +65,7 @@ def paper_turns(parameters: RobotParameters) -> tuple[Array, Array]:
 
 def turning_sprockets(parameters: RobotParameters, radius: Array, speed: Array) -> Array:
     """Sprocket speeds (M, 2) that would drive turns (M,) without slip, as far as the drives allow [rad/s]."""
-    geometry = RobotGeometry(parameters.half_gauge, parameters.sprocket_radius)
-    omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, geometry)
+    omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, parameters.geometry)
     return limit_sprocket_speeds(omega, tireless().top_speed / parameters.sprocket_radius)
 
 
@@ -77,8 +76,7 @@ def belt_speeds(parameters: RobotParameters, omega: Array) -> Array:
 
 def contact(parameters: RobotParameters, ground: Ground) -> Contact:
     """The tracks as two lines of contact under the robot's centre of mass."""
-    centre = (parameters.com_x, parameters.com_y, parameters.com_height)
-    size = parameters.half_gauge, parameters.contact_length / 2
+    size, centre = (parameters.half_gauge, parameters.contact_length / 2), parameters.centre_of_mass
     return line_contact(*size, ground.along, ground.across, centre, points=_POINTS)
 
 
@@ -94,14 +92,13 @@ def mean_twist(fleet: Fleet, settle: float) -> Array:
 
 def turns_of(parameters: RobotParameters, omega: Array, twist: Array, expected: Array) -> SimulatedTurns:
     """Turns with sprocket speeds (M, 2) [rad/s] from twists (M, 3), simulated and by theory."""
-    geometry = RobotGeometry(parameters.half_gauge, parameters.sprocket_radius)
     belts = belt_speeds(parameters, omega)
     spread = belts[:, 1] - belts[:, 0]
     return SimulatedTurns(
         half_width=spread / (2 * twist[:, 2]),
         expected_half_width=spread / (2 * expected[:, 2]),
-        slip=track_slip(omega, twist[:, [0, 2]], geometry),
-        expected_slip=track_slip(omega, expected[:, [0, 2]], geometry),
+        slip=track_slip(omega, twist[:, [0, 2]], parameters.geometry),
+        expected_slip=track_slip(omega, expected[:, [0, 2]], parameters.geometry),
         lateral=twist[:, 1],
         expected_lateral=expected[:, 1],
     )

@@ -47,7 +47,7 @@ class Candidate:
     @property
     def geometry(self) -> RobotGeometry:
         """Geometry for the kinematics."""
-        return RobotGeometry(self.robot.half_gauge, self.robot.sprocket_radius)
+        return self.robot.geometry
 
     def with_values(self, values: Mapping[str, float]) -> Candidate:
         """A candidate with some parameters changed, by name."""

@@ -45,6 +45,12 @@ class Drive:
         limit, friction = self.torque_limit, self.motor.friction
         require(limit > friction, "torque_limit", limit, f"more than motor.friction = {friction} N m")
 
+    def torque_range(self, omega: Array) -> tuple[Array, Array]:
+        """Smallest and largest torque (...) [N m] at speeds (...) [rad/s]; above its no-load speed a motor brakes."""
+        limit = self.torque_limit
+        least, most = self.motor.torque_range(omega)
+        return np.clip(least, -limit, limit), np.clip(most, -limit, limit)
+
 
 def tireless(top_speed: float = Drive.top_speed) -> Drive:
     """A drive that never saturates, which isolates the ground's effect; `top_speed` in m/s."""
@@ -147,18 +153,12 @@ class DriveState(Restorable):
         accelerating = (omega[1:] - omega[:-1]) * (motor.inertia / self.drive.period)
         return accelerating + self.radius * traction + motor.loss(omega[1:])
 
-    def torque_range(self, omega: Array) -> tuple[Array, Array]:
-        """Smallest and largest torque (...) [N m] at speeds (...) [rad/s]; above its no-load speed a motor brakes."""
-        limit = self.drive.torque_limit
-        least, most = self.drive.motor.torque_range(omega)
-        return np.clip(least, -limit, limit), np.clip(most, -limit, limit)
-
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
         """Robots (R,) with a motor too weak for the torques (P, N, 2) [N m] of a forecast."""
         ample = self.drive.motor.torque_range(_ROUNDING * self._fastest)[1]
         if np.abs(torque).max() <= min(ample, self.drive.torque_limit):  # as a rule
             return np.empty(0, int)
-        least, most = self.torque_range(forecast.omega[1:])
+        least, most = self.drive.torque_range(forecast.omega[1:])
         return np.flatnonzero(((torque < least) | (torque > most)).any(axis=(0, 2)))
 
     def accept(self, forecast: Forecast, torque: Array, saturated: Array | None = None) -> None:

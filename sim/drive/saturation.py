@@ -58,7 +58,7 @@ class SpeedSearch:
         drive, wished = self._drive, self._speed == self._goal
         trial = Forecast(np.stack([self._start, self._speed]), self.belt, self._error())
         torque = drive.torque_for(trial, traction)[0]
-        least, most = drive.torque_range(self._speed)
+        least, most = drive.drive.torque_range(self._speed)
         side: Array = np.where(wished, np.where(torque > most, 1.0, np.where(torque < least, -1.0, 0.0)), self._side)
         slowed = self._slowed & (side == self._side)
         self._side = side

@@ -14,6 +14,7 @@ from sim.ground.ground import Ground
 from sim.robot.pads import lay_pads, points_per_track
 from sim.width import warn_if_unverified
 from trackslip.errors import require, require_at_most, require_positive
+from trackslip.kinematics import RobotGeometry
 
 if TYPE_CHECKING:
     import mujoco
@@ -68,6 +69,16 @@ class RobotParameters:
         require(-limit <= error <= limit, "radius_error", error, f"from {-limit:g} to {limit:g}")
         self._require_standing()
         warn_if_unverified(self.half_gauge, self.contact_length, level=3)
+
+    @property
+    def geometry(self) -> RobotGeometry:
+        """Half gauge and nominal sprocket radius, for the kinematics."""
+        return RobotGeometry(self.half_gauge, self.sprocket_radius)
+
+    @property
+    def centre_of_mass(self) -> tuple[float, float, float]:
+        """Centre of mass, ahead and to the left of the middle of the tracks, and above the ground [m]."""
+        return self.com_x, self.com_y, self.com_height
 
     def _require_standing(self) -> None:
         """Raise InvalidValueError if the centre of mass is so high, or so far off centre, that a track lifts off."""

@@ -18,6 +18,8 @@ from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.ground.ground import Change, Ground
 from sim.path_tracking.config import EnvConfig, Reward
 from sim.path_tracking.randomization import Randomization
+from sim.robot.named import ROBOTS, load_tracked
+from sim.robot.parameters import RobotParameters
 from sim.task import from_options
 from sim.terrain import Course, Flat, Step
 from sim.traverse.config import TraverseConfig
@@ -228,6 +230,16 @@ def test_a_robot_may_come_from_a_file_with_its_ground(tmp_path):
         env.reset(seed=0)
         (ground,) = env.task.fleet.ground
         assert (env.task.fleet.robot.mass, ground.along, ground.across) == (pytest.approx(20.0), 0.5, 0.6)
+
+
+@pytest.mark.parametrize("name", [TRACKING, TRAVERSE])
+@pytest.mark.parametrize("robot", [*ROBOTS, RobotParameters(half_gauge=0.25, contact_length=0.5), load_tracked("box")])
+def test_both_environments_take_any_robot(name, robot):
+    env = gym.make(name, robot=robot).unwrapped
+    env.reset(seed=0)
+    info = env.step(np.full(env.action_space.shape, 0.5, np.float32))[-1]
+    place = "true_pose" if name == TRACKING else "true_position"
+    assert np.isfinite(info[place]).all()
 
 
 @pytest.mark.parametrize("display", ["", ":0"])

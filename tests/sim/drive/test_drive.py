@@ -127,7 +127,7 @@ def test_torque_is_within_the_limits_and_what_ground_rotor_and_gear_take(
         for _ in range(80):
             before = fleet.drive.omega.copy()
             fleet.advance(fleet.period)
-            least, most = fleet.drive.torque_range(fleet.drive.omega)
+            least, most = fleet.drive.drive.torque_range(fleet.drive.omega)
             assert np.all((fleet.drive.torque >= least) & (fleet.drive.torque <= most))
             spin = motor.inertia * (fleet.drive.omega - before) / fleet.period
             taken = 0.06 * fleet.traction() + motor.loss(fleet.drive.omega) + spin
@@ -156,7 +156,7 @@ def test_one_motor_too_weak_to_turn_keeps_the_robot_straight(robot):
 def test_limits_are_the_current_and_the_torque_speed_line():
     """Beyond its no-load speed, 10 rad/s of the sprocket, a motor brakes; a turning one, with its whole current."""
     state = DriveState(Drive(torque_limit=4.0, motor=Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0)), 1, 0.06)
-    least, most = state.torque_range(np.array([0.0, 7.0, 12.0, 50.0, -50.0]))
+    least, most = state.drive.torque_range(np.array([0.0, 7.0, 12.0, 50.0, -50.0]))
     np.testing.assert_allclose(most, [4.0, 3.0, -2.0, -4.0, 4.0])
     np.testing.assert_allclose(least, [-4.0, -4.0, -4.0, -4.0, 4.0])
 

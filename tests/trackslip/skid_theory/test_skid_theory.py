@@ -6,7 +6,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, fsolve
 
 from trackslip.errors import InvalidValueError
-from trackslip.skid_theory import Load, line_contact, steady_twist
+from trackslip.skid_theory import Load, coulomb_tractions, line_contact, steady_twist
 from trackslip.skid_theory.forces import displacement, ground_wrench
 
 B, L = 0.168, 0.17
@@ -196,3 +196,16 @@ def limit_of_gentle_turns():
 def test_impossible_contacts_grounds_and_loads_are_refused(make, field):
     with pytest.raises(InvalidValueError, match=field):
         make()
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.3, 1.0, 5.0])
+def test_the_power_of_the_belts_is_what_sliding_loses(radius):
+    contact = line_contact(B, L, 0.7, 0.7)
+    belts = np.array([radius - B, radius + B])
+    twist = steady_twist(belts, contact)
+    tractions = coulomb_tractions(twist, belts, contact)
+    v, u, w = twist
+    belt = np.where(contact.y > 0, belts[0], belts[1])
+    sliding = np.hypot(v - w * contact.y - belt, u + w * contact.x)
+    assert tractions @ belts == pytest.approx(0.7 * sliding.mean(), rel=1e-6)
+    assert tractions.sum() == pytest.approx(0.0, abs=1e-6)
