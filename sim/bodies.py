@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from mujoco import batch
 
-from sim.engine_state import engine_state, restore_engine
-from sim.restorable import Restorable
+from sim.batched_world import BatchedWorld
 from sim.robot.robot import Robot
 from trackslip import se2
 from trackslip.kinematics import Array, columns
@@ -23,16 +20,15 @@ EVERYONE = slice(None)
 _TURN = 2 * np.pi
 
 
-class Bodies(Restorable):
+class Bodies(BatchedWorld):
     """The bodies of N robots, each in its own world."""
 
     STATE: ClassVar[tuple[str, ...]] = ("_heading",)
 
     def __init__(self, robot: Robot, size: int, threads: int) -> None:
         """`size` robots of one model, on `threads` worker threads (0: one per processor)."""
+        super().__init__(robot.model, size, threads)
         self.robot = robot
-        self.size = size
-        self.batch = batch.Batch(robot.model, size, nthread=threads)
         self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
         self._place = self.batch.qpos  # (N, 7), live: position and quaternion
         self._velocity = self.batch.qvel  # (N, 6), live: in the world, turning in the robot's frame
@@ -41,19 +37,9 @@ class Bodies(Restorable):
         self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]  # (N, 2), live: x axes of the chassis
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
         """Centres (N, 3) of the robots' plates one physics step ago [m], live."""
-        self._fresh = self.batch.state[0].copy()  # of a robot that has not moved yet
         self._heading: Array = np.zeros(size)  # unwrapped
         self.now = Moments(self._place, self._velocity, self._heading, self._sensors, self._forward)
         """The robots' states and the forces on them, live."""
-
-    def get_state(self) -> dict[str, Any]:
-        """See Restorable; with the engine's state."""
-        return super().get_state() | {"engine": engine_state(self.batch)}
-
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """See Restorable; what the engine derives from a state is up to date after the next step."""
-        super().set_state(state)
-        restore_engine(self.batch, state["engine"])
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
@@ -86,14 +72,6 @@ class Bodies(Restorable):
         upright = np.empty(self.size)
         upright[:] = 1 - 2 * (x * x + y * y)
         return upright
-
-    def _place_at(self, rows: np.ndarray, start: Array, height: float = 0.0) -> None:
-        """Reset the robots `rows` (R,) and put them upright at poses (R, 3)."""
-        self.batch.state[rows] = self._fresh
-        qpos = self._place
-        qpos[rows, :3] = np.column_stack([start[:, :2], np.full(len(rows), height)])
-        half, zero = start[:, 2] / 2, np.zeros(len(rows))
-        qpos[rows, 3:7] = np.column_stack([np.cos(half), zero, zero, np.sin(half)])
 
     def _put_back(self, rows: np.ndarray, start: Array) -> None:
         """Undo the micrometre by which the robots `rows` (R,) drifted from poses (R, 3) while settling."""

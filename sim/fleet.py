@@ -65,7 +65,6 @@ class Fleet(Bodies):
         start = np.atleast_2d(np.asarray(start, float))
         valid = start.ndim == 2 and start.shape[1] == 3 and np.isfinite(start).all()
         require(valid, "start", start.tolist(), "N finite poses (x, y, phi)")
-        require(threads >= 0, "threads", threads, "0 (one per processor) or more")
         grounds = one_each(ground or Ground(), len(start))
         shears = shears or any(one.largest_shear > 0 for one in grounds)
         super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads)

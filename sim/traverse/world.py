@@ -9,11 +9,10 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from mujoco import batch, mjtWarning
+from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
-from sim.engine_state import engine_state, restore_engine
-from sim.restorable import Restorable
+from sim.batched_world import BatchedWorld
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain import Course
@@ -39,7 +38,7 @@ class Command:
     flippers: Array  # (N, F) angles, tips up [rad]
 
 
-class Traverse(Restorable):
+class Traverse(BatchedWorld):
     """N robots on courses. Rows are bitwise independent, and the same at any number of threads."""
 
     STATE = ("state", "servo", "contact", "outcome", "time", "_stuck", "_bottom", "_side", "_goal")
@@ -76,8 +75,6 @@ class Traverse(Restorable):
             InvalidValueError: for values out of range, and unless `period` is a multiple of `sample`, and that of the
                 physics step.
         """
-        require(size >= 1, "size", size, "at least 1")
-        require(threads >= 0, "threads", threads, "0 (one per processor) or more")
         require(len(courses) > 0, "courses", list(courses), "at least one")
         shared = len(courses) == 1 and not boxes
         self._slots = None if shared else Slots(courses, boxes)
@@ -85,21 +82,19 @@ class Traverse(Restorable):
         terrain = courses[0] if self._slots is None else self._slots
         self.tracked = build_tracked(robot, terrain, preset=preset, friction=(friction, friction))
         """The robot's model."""
-        self.size = size
+        model = self.tracked.model
+        belts = bind(model, *self.tracked.tracks)  # before the batch is made, in which belts at rest would stay
+        super().__init__(model, size, threads, self.tracked.free[0])
         self.period, self.sample = period, sample
         self.limits, self.servos = limits or Limits(), servos or Servos()
-        model = self.tracked.model
         self._substeps = _multiple("sample", sample, "the physics step", float(model.opt.timestep))
         self._samples = _multiple("period", period, "sample", sample)
-        belts = bind(model, *self.tracked.tracks)
         self.track_names = belts.names
         """Names of the tracks (T,)."""
-        self.batch = batch.Batch(model, size, nthread=threads)
         self._belts = belts.bind_batch(self.batch)
         self._friction = None if shared else self.batch.expand("pair_friction")  # (N, npair, 5), live
         if self._slots is not None:
             self._slots.bind_batch(self.batch)
-        self._fresh = self.batch.state[0].copy()
         self.flippers = FlipperGeometry.of(self.tracked)
         self._clear = clear_angles(self.tracked, np.zeros(len(self.flippers.length)))
         self.state = States(self.tracked, self.batch.qpos, self.batch.qvel)
@@ -164,12 +159,11 @@ class Traverse(Restorable):
         """See Restorable; courses that the world was made with are kept by their number."""
         number = {id(course): k for k, course in enumerate(self._courses)}
         courses = tuple(number.get(id(course), course) for course in self.course)
-        return super().get_state() | {"engine": engine_state(self.batch), "courses": courses}
+        return super().get_state() | {"courses": courses}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """See Restorable."""
         super().set_state(state)
-        restore_engine(self.batch, state["engine"])
         self.course = [self._courses[one] if isinstance(one, int) else one for one in state["courses"]]
         self._laid = list(self.course)
         self._group()
@@ -249,10 +243,8 @@ class Traverse(Restorable):
 
     def _place(self, rows: NDArray[np.int_], poses: Array) -> None:
         """Place the robots `rows` (R,) level and at rest at poses (R, 3), on the highest ground under their tracks."""
-        robot, first = self.tracked.robot, self.tracked.free[0]
-        self.batch.state[rows] = self._fresh
+        robot = self.tracked.robot
         self.batch.warning[rows] = 0
-        qpos = self.batch.qpos
         hull = np.array(robot.hull)
         x = np.linspace((hull[:, 0] - hull[:, 2]).min(), (hull[:, 0] + hull[:, 2]).max(), 9)
         y = robot.half_gauge * np.array([-1.0, 0.0, 1.0])
@@ -260,10 +252,7 @@ class Traverse(Restorable):
         under = np.zeros((self.size, forwards.size, 2))
         under[rows] = se2.to_world(poses[:, None], np.column_stack([forwards.ravel(), left.ravel()]))
         ground = self.elevation(under)[rows].max(axis=1)
-        qpos[rows, first : first + 2] = poses[:, :2]
-        qpos[rows, first + 2] = ground - robot.lowest + _GAP
-        half, zero = poses[:, 2] / 2, np.zeros(len(rows))
-        qpos[rows, first + 3 : first + 7] = np.column_stack([np.cos(half), zero, zero, np.sin(half)])
+        self._place_at(rows, poses, ground - robot.lowest + _GAP)
         self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(self.servo.angle[rows])
         self.state.qpos[rows], self.state.qvel[rows] = self.batch.qpos[rows], 0.0
 
