@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os.path
+import re
 import reprlib
 import tomllib
 import typing
@@ -19,6 +20,7 @@ T = TypeVar("T")
 
 _MOST = 1_000_000  # bytes of a file of settings
 _DEEPEST = 32  # keys nested, as in a.b.c = 1; parsing takes a time that grows as its square
+_TOO_DEEP = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPEST + 1}}}""")
 _type_hints = functools.cache(typing.get_type_hints)
 
 
@@ -26,7 +28,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file; raises SettingsFileError for a file that can't be read."""
     try:
         text = read_text(path, _MOST)
-        if any(line.partition("=")[0].count(".") > _DEEPEST for line in text.split("\n") if "," not in line):
+        if _TOO_DEEP.search(text):
             raise SettingsFileError(f"{path}: not TOML of settings (keys nested more than {_DEEPEST} deep)")
         if not (table := tomllib.loads(text)):
             raise SettingsFileError(f"{path}: no settings in it")

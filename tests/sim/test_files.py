@@ -99,7 +99,9 @@ MISTAKES = [
     # what any file can have
     (load_ground, "along = ", "not TOML"),
     (load_ground, "a = " + "[" * 5000, "not TOML (nested too deeply)"),
-    (load_ground, "# nothing", "no settings in it"),
+    (load_ground, "a." * 33 + "a = 0,2", "nested more than 32 deep"),
+    (load_ground, "x = {" + "a." * 33 + "a = 1}", "nested more than 32 deep"),
+    (load_ground, "# nothing" + 40 * ".", "no settings in it"),
     (load_ground, "along = true", "along = True: must be a number"),
     (load_ground, "grip = 1.0", "grip is unknown; known are along, across"),
     # grounds
