@@ -80,7 +80,7 @@ def _fit(weights: Sequence[Array], biases: Sequence[Array]) -> bool:
         len(shapes) > 0
         and chained
         and [bias.shape for bias in biases] == [shape[1:] for shape in shapes]
-        and all(part.dtype.kind == "f" and (np.abs(part) <= _LARGEST).all() for part in (*weights, *biases))
+        and all(one.dtype.kind == "f" and (np.abs(one.astype(float)) <= _LARGEST).all() for one in (*weights, *biases))
     )
 
 

@@ -68,6 +68,7 @@ def test_what_is_no_policy_is_refused(tmp_path):
         {"weight_0": np.full((19, 8), "x")},
         {"bias_1": np.zeros(3)},
         {"bias_1": np.full(2, 1e308)},
+        {"bias_1": np.full(2, np.inf, np.float16)},
     ],
 )
 def test_layers_that_do_not_fit_or_hold_no_moderate_numbers_are_refused(tmp_path, change):
