@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -60,6 +60,7 @@ def run(config: Config) -> None:
     from experiments.storage.results import write_output
     from trackslip.errors import OutputError
     from trackslip.logs.logfile import write_csv
+    from trackslip.logs.runlog import stored_geometry
     from trackslip.ros.drive_log import read_runs_of
 
     read = read_runs_of(config.path)
@@ -93,9 +94,9 @@ def run(config: Config) -> None:
     write_output(file, write)
     size = counted(sum(len(log.time) for log in logs), "row")
     print(f"{file}: {counted(len(logs), 'run')}, {size}; units in {about.name}")
-    geometry = logs[0].metadata.get("geometry")
-    if isinstance(geometry, dict) and any(log.twist_command is None for log in logs):  # not all under a controller
-        options = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in geometry.items())
+    geometry = stored_geometry(logs[0])
+    if geometry is not None and any(log.twist_command is None for log in logs):  # not all under a controller
+        options = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in asdict(geometry).items())
         print(f"trackslip identify {file} {options}")
 
 

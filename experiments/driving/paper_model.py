@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array, RobotGeometry, advance, body_twist, limit_sprocket_speeds, sprocket_speeds
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
 from trackslip.slip.exponential import PUBLISHED
@@ -27,7 +27,7 @@ _DIRECTIONS = 20001  # of commanded motions, in the table of the robot's respons
 
 def published_poses(log: RunLog) -> Array:
     """Poses (T, 3) [m, m, rad] on the circle that a steady run's sprocket speeds give with the slip of Eq. 11."""
-    geometry = geometry_of(log.metadata)
+    geometry = stored_geometry(log)
     assert geometry is not None
     begin = log.pose[int(np.argmax(log.is_valid))] if log.truth is None else log.truth.pose[0]
     twist = PUBLISHED.twist(np.median(log.omega, axis=0), geometry)
@@ -93,11 +93,3 @@ def _response(geometry: RobotGeometry) -> Callable[[Array], Array]:
         return np.stack([motion.real, motion.imag / b], axis=-1)
 
     return real
-
-
-def geometry_of(metadata: Mapping[str, object]) -> RobotGeometry | None:
-    """The geometry in a run's metadata; None where there is none."""
-    known = metadata.get("geometry")
-    if not isinstance(known, Mapping):
-        return None
-    return RobotGeometry(float(known["half_gauge"]), float(known["sprocket_radius"]))

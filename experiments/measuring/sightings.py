@@ -1,5 +1,6 @@
 """Errors of localization along and across the line of sight, with their Cramér-Rao bound."""
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -10,7 +11,7 @@ from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.bound import MIN_ANGLE, pose_bound, viewing_angle
 from trackslip.localization.scan import Plate, Scan
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import MALFORMED, RunLog
 from trackslip.metrics import rms
 
 _MAX_POSES = 5000  # poses that are evaluated
@@ -50,15 +51,14 @@ def _seen_by(metadata: Mapping[str, Any]) -> tuple[Plate, Scan] | None:
     """The plate, and a scan without ranges of the scanner that saw it; None without them or noise."""
     if "source" in metadata:  # of poses, as teleoperated drives have
         return None
-    plate, scanner, lrf = (metadata.get(key) for key in ("plate", "scanner", "lrf"))
-    if not (isinstance(plate, Mapping) and isinstance(scanner, Mapping) and isinstance(lrf, Mapping)):
-        return None
     known = {field.name for field in fields(LaserScanner)}  # others are an older version's
-    device = LaserScanner(**{name: value for name, value in scanner.items() if name in known})
-    if device.noise == 0.0:  # errors have no bound then
-        return None
-    mount = np.array(lrf["mount"], float)
-    return Plate(**plate), Scan(device.bearings, np.empty((0, device.bearings.size)), device.noise, mount)
+    with contextlib.suppress(*MALFORMED):
+        device = LaserScanner(**{name: value for name, value in metadata["scanner"].items() if name in known})
+        mount = np.array(metadata["lrf"]["mount"], float)
+        if device.noise > 0.0 and mount.shape == (3,) and np.isfinite(mount).all():  # without noise there is no bound
+            scan = Scan(device.bearings, np.empty((0, device.bearings.size)), device.noise, mount)
+            return Plate(**metadata["plate"]), scan
+    return None
 
 
 def _of(log: RunLog, plate: Plate, scan: Scan, step: int) -> tuple[Array, Array, Array]:

@@ -1,5 +1,6 @@
 """The field of a robot run as its log describes it: ground, scanner and obstacles, of which only people move."""
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ from experiments.recording.stream import FIELD, at_height, quaternion, rgb, send
 from experiments.recording.traces import Traces
 from sim.scanner.obstacles import Walker
 from trackslip.kinematics import Array
+from trackslip.logs.runlog import MALFORMED
 
 _FAR = 3.0  # to where patches without end are drawn around everything [m]
 _PATCH, _PATCH_COLOUR = 0.0005, "#4f6f78"  # half the thickness of a patch on the ground [m]
@@ -27,20 +29,20 @@ def send_field(stream: rr.RecordingStream, traces: Traces, model: mujoco.MjModel
         pose = rr.Transform3D(translation=[mount[0], mount[1], model.body("lrf").pos[2]], quaternion=turn)
         stream.log(f"{FIELD}/scanner", pose, static=True)
         send_geoms(stream, f"{FIELD}/scanner", model, model.body("lrf").id)
-    ground, obstacles = (traces.log.metadata.get(key) for key in ("ground", "obstacles"))
-    if isinstance(ground, Mapping):
-        _send_ground(stream, ground, within.min(axis=0) - _FAR, within.max(axis=0) + _FAR)
-    if isinstance(obstacles, Mapping):
-        _send_obstacles(stream, obstacles, traces)
+    with contextlib.suppress(*MALFORMED):
+        _send_ground(stream, traces.log.metadata["ground"], within.min(axis=0) - _FAR, within.max(axis=0) + _FAR)
+    with contextlib.suppress(*MALFORMED):
+        _send_obstacles(stream, traces.log.metadata["obstacles"], traces)
 
 
 def mount_of(traces: Traces) -> Array | None:
     """The scanner's pose (3,), if the log has it."""
     if traces.log.scans is not None:
         return traces.log.scans.scan.mount
-    scanner = traces.log.metadata.get("lrf")
-    mount = scanner.get("mount") if isinstance(scanner, Mapping) else None
-    return np.array(mount, float) if isinstance(mount, list | tuple) and len(mount) == 3 else None
+    with contextlib.suppress(*MALFORMED):
+        mount = np.array(traces.log.metadata["lrf"]["mount"], float)
+        return mount if mount.shape == (3,) and np.isfinite(mount).all() else None
+    return None
 
 
 def _send_ground(stream: rr.RecordingStream, ground: Mapping[str, Any], low: Array, high: Array) -> None:
@@ -59,7 +61,7 @@ def _send_ground(stream: rr.RecordingStream, ground: Mapping[str, Any], low: Arr
         )
         stream.log(f"{FIELD}/patches", flat, static=True)
     slope, heading = (float(ground.get(key) or 0.0) for key in ("slope", "uphill"))
-    if slope:
+    if slope and np.isfinite([slope, heading]).all():
         arrow = rr.Arrows3D(
             vectors=[[np.cos(heading), np.sin(heading), 0.0]],
             origins=[[*(low + _FAR - 1.0), 0.02]],

@@ -31,7 +31,7 @@ from sim.robot.looks import RobotLooks, robot_looks
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import MALFORMED, RunLog
 from trackslip.metrics import TRANSIENT
 
 _COLOURS = (BLUE, "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#F0E442", "#B8B8B8", "#8C510A", "#6A3D9A")
@@ -168,7 +168,7 @@ def parameters_of(log: RunLog) -> RobotParameters:
     """The parameters of the robot that drove a run, as far as its log has them; the shipped robot's for the rest."""
     known = log.metadata.get("robot") or log.metadata.get("geometry")
     names = RobotParameters.__dataclass_fields__
-    with contextlib.suppress(TrackslipError, TypeError, ValueError):  # a robot of another kind
+    with contextlib.suppress(*MALFORMED):  # a robot of another kind, too
         if isinstance(known, Mapping):
             return RobotParameters(**{str(key): _entry(value) for key, value in known.items() if key in names})
     return RobotParameters()

@@ -12,7 +12,7 @@ from experiments.driving.lookup import reference as load_reference
 from trackslip import se2
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
-from trackslip.logs.runlog import RunLog, stored_geometry
+from trackslip.logs.runlog import MALFORMED, RunLog, stored_geometry
 from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.motion.filtered import even_poses
 from trackslip.slip.law_file import SHIPPED, load_laws
@@ -83,7 +83,7 @@ def reference_of(log: RunLog) -> Reference | None:
     name, arc = log.metadata.get("reference"), log.metadata.get("circle")
     if name is None:
         return None
-    with contextlib.suppress(TrackslipError, TypeError):
+    with contextlib.suppress(*MALFORMED):
         return circle(**arc) if isinstance(arc, Mapping) else load_reference(str(name))
     return None
 
@@ -123,9 +123,10 @@ def _slip_by_law(
     """
     name = str(log.metadata.get("compensation", "none"))
     if name != "none" and log.command is not None and log.twist_command is not None:
-        drive = log.metadata.get("drive")
-        fastest = drive.get("top_speed") if isinstance(drive, Mapping) else None
-        limit = _BELOW_TOP * (fastest or np.inf) / geometry.sprocket_radius
+        fastest = np.inf
+        with contextlib.suppress(*MALFORMED):
+            fastest = float(log.metadata["drive"]["top_speed"]) or np.inf
+        limit = _BELOW_TOP * fastest / geometry.sprocket_radius
         slip = track_slip(log.command, log.twist_command, geometry)
         shown = np.abs(log.command).max(axis=1, keepdims=True) < limit
     else:

@@ -199,7 +199,7 @@ def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]
         first, *others = [log.metadata[key] for log in logs if key in log.metadata] or [None]
         if all(other == first for other in others):
             continue
-        if not isinstance(first, Mapping):
+        if not all(isinstance(one, Mapping) for one in (first, *others)):
             raise LogError(f"{source}: its runs differ in {key}: choose with --where NAME=VALUE")
         names = [name for name in first if any(other.get(name) != first[name] for other in others)]
         differing = f"its runs differ in {key} ({', '.join(names)})"

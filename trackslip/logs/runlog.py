@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,6 +13,8 @@ from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.scanlog import ScanLog
 
+MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError, OverflowError)
+"""Errors from metadata of runs that are not as trackslip writes them."""
 _BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid", "load")
 
 
@@ -126,6 +128,6 @@ def none_usable(refused: Sequence[Refused]) -> str:
 def stored_geometry(log: RunLog) -> RobotGeometry | None:
     """The robot's geometry, if the log has it."""
     known = log.metadata.get("geometry")
-    with contextlib.suppress(TypeError, TrackslipError):
-        return RobotGeometry(**known) if isinstance(known, Mapping) else None
+    with contextlib.suppress(*MALFORMED):
+        return RobotGeometry(float(known["half_gauge"]), float(known["sprocket_radius"])) if known else None
     return None

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.driving.paper_model import geometry_of, published_poses
+from experiments.driving.paper_model import published_poses
 from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.steady_turns import TRACKS, InnerOuterSamples, group_label, is_narrow, slip_at, value_groups
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
@@ -16,7 +16,7 @@ from experiments.report.figures import style
 from trackslip import se2
 from trackslip.identification.fitted import SteadyFit
 from trackslip.kinematics import Array
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.motion.filtered import paper_motion
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
@@ -55,7 +55,7 @@ def pose_and_velocity(log: RunLog) -> Figure:
         true, twist = _near(log.truth.pose, log), log.truth.twist
         traces = np.column_stack([true, se2.rotate(true[:, 2], twist[:, :2]), twist[:, 2]])
         lines.append((traces, {"color": BLACK, "lw": 0.8, "label": "truth"}))
-    if geometry_of(log.metadata) is not None:
+    if stored_geometry(log) is not None:
         circle = _near(published_poses(log), log)
         traces = np.column_stack([circle, np.gradient(circle, log.time, axis=0)])
         lines.append((traces, {"color": RED, "lw": 1.4, "ls": "--", "label": "by Eq. 11"}))

@@ -8,13 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
-from experiments.driving.paper_model import geometry_of
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE
 from experiments.report.figures import style
 from experiments.report.laws import law_looks, shown
 from trackslip.identification.fitted import SteadyFit
 from trackslip.kinematics import Array, curvature, track_slip
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.exponential import PUBLISHED
@@ -202,7 +201,7 @@ def _slip_by(law: SlipLaw, log: RunLog) -> Array:
 
 def _true_slip(log: RunLog) -> Array | None:
     """Smoothed true slip (T, 2) [-], NaN where a sprocket hardly turns; None without truth or geometry."""
-    robot = geometry_of(log.metadata)
+    robot = stored_geometry(log)
     if log.truth is None or robot is None:
         return None
     width = max(1, round(_SMOOTH / float(np.median(np.diff(log.time)))))

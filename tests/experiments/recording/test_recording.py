@@ -182,6 +182,23 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     assert parameters_of(bare[0]) == RobotParameters()
 
 
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"geometry": {"half_gauge": 0.2}},
+        {"geometry": {"half_gauge": "x", "sprocket_radius": {}}, "robot": {"mass": 10**400}},
+        {"ground": {"patches": [None], "slope": "steep"}, "obstacles": {"posts": [{"x": 1}]}},
+        {"ground": [1], "obstacles": [3], "drive": {"top_speed": "x"}, "circle": {"radius": []}},
+        {"lrf": {"mount": [1, {}, 2]}},
+    ],
+)
+def test_parts_that_a_log_describes_otherwise_are_not_shown(driven, tmp_path, odd):
+    log = replace(driven[1][1], scans=None)
+    file = tmp_path / "odd.rrd"
+    recording.record(file, [replace(log, metadata=log.metadata | odd)])
+    require_pose(file, "/run/robot/chassis", log)
+
+
 def test_view_chooses_by_name_or_id(driven):
     ids = ("abcd12", "abce34")
     logs = [replace(log, metadata=log.metadata | {"id": i}) for log, i in zip(driven[1], ids, strict=True)]

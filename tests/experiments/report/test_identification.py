@@ -210,6 +210,24 @@ def test_errors_are_those_of_the_poses_and_stand_beside_the_bound(factor):
     assert [len(axis.lines) for axis in assert_readable(error_against_viewing_angle(seen)).axes] == [4, 2]
 
 
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"plate": None},
+        {"plate": {"length": 10**400}},
+        {"plate": {"size": 1.0}},
+        {"scanner": 3},
+        {"scanner": {"noise": "x"}},
+        {"lrf": {}},
+        {"lrf": {"mount": [1, 2]}},
+        {"lrf": {"mount": [1, {}, 2]}},
+    ],
+)
+def test_without_a_valid_plate_and_scanner_there_are_no_sightings(odd):
+    log = spun_before_the_scanner(rows=20)
+    assert sightings([replace(log, metadata=log.metadata | odd)]) is None
+
+
 def test_tables_name_laws_by_label_and_by_option(found, capsys):
     page_text = text_of(found)
     for name in ("icr", "icr_radius"):
