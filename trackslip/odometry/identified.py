@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from trackslip.errors import LogError, TrackslipError
+from trackslip.errors import LogError, TrackslipError, require_finite
 from trackslip.files import reason
 from trackslip.identification.result import Identification, identification_to_json
 from trackslip.kinematics import RobotGeometry, wrap_angle
@@ -86,6 +86,8 @@ def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
         own = stored.drive_fit(name)
         fit = own or drive["laws"][drive["best"]]
         extras = {key: float(value) for key, value in fit["extras"].items()}
+        for key, value in extras.items():
+            require_finite(key, value)
         found["noise"] = SlipNoise.of(fit["noise"])
         found["drift"] = extras["drift"] if own else 0.0
         found["mounting"] = Mounting(extras["sensor_x"], extras["sensor_y"], float(wrap_angle(extras["sensor_yaw"])))

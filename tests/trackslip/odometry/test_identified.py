@@ -118,9 +118,11 @@ def test_what_is_wrong_is_told_in_a_line(found, folder, tmp_path):
         assert message in str(caught.value)
 
 
-def test_a_damaged_summary_is_told_in_a_line(folder):
+@pytest.mark.parametrize("damage", [{"noise": {}}, {"extras": {"clock_offset": 0.0, "lag": -(10**400)}}])
+def test_a_damaged_summary_is_told_in_a_line(folder, damage):
     content = json.loads((folder / "summary.json").read_text())
-    content["drive"]["laws"]["icr"]["noise"] = {}
+    fit = content["drive"]["laws"]["icr"]
+    fit |= {key: fit[key] | value if value else value for key, value in damage.items()}
     write_json(folder / "summary.json", content)
     with pytest.raises(LogError, match="what it says of law 'icr' is damaged"):
         identified_law(folder, "icr")
