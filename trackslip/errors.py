@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from numbers import Integral, Real
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -31,7 +32,10 @@ class InvalidValueError(TrackslipError, ValueError):
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
-        shown = repr(float(value) if isinstance(value, float) else value)  # NumPy's repr includes the type
+        if isinstance(value, float | PurePath):  # the repr of NumPy's numbers and of paths includes the type
+            shown = repr(float(value) if isinstance(value, float) else str(value))
+        else:
+            shown = repr(value)
         if len(shown) > _LONG:
             shown = f"{shown[: _LONG // 2]} ... {shown[-_LONG // 4 :]}"
         super().__init__(f"{field} = {' '.join(shown.split())}: must be {allowed}")

@@ -13,7 +13,7 @@ from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR
 from sim.ground.ground import Ground
 from sim.robot.pads import lay_pads, points_per_track
 from sim.width import warn_if_unverified
-from trackslip.errors import require, require_at_most, require_positive
+from trackslip.errors import require, require_at_most, require_finite, require_positive, require_within
 from trackslip.kinematics import RobotGeometry
 
 if TYPE_CHECKING:
@@ -65,8 +65,9 @@ class RobotParameters:
             require(value >= _MIN_SIZE, name, value, f"at least {_MIN_SIZE:g} {unit}")
         if self.inertia:
             require_inertia(self.inertia)
-        error, limit = self.radius_error, MAX_RADIUS_ERROR
-        require(-limit <= error <= limit, "radius_error", error, f"from {-limit:g} to {limit:g}")
+        require_within("radius_error", self.radius_error, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
+        for name in ("com_x", "com_y"):
+            require_finite(name, getattr(self, name))
         self._require_standing()
         warn_if_unverified(self.half_gauge, self.contact_length, level=3)
 

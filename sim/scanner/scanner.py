@@ -6,7 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackslip.errors import require, require_at_most, require_non_negative, require_positive
+from trackslip.errors import (
+    require,
+    require_at_most,
+    require_finite,
+    require_non_negative,
+    require_positive,
+    require_within,
+)
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
 
@@ -50,6 +57,8 @@ class LaserScanner:
             require_positive(name, getattr(self, name))
         for name in ("noise", "quantisation", "divergence", "scan_duration"):
             require_non_negative(name, getattr(self, name))
+        require_within("range_bias", self.range_bias, -_MAX_ERROR, _MAX_ERROR, "m")
+        require_finite("dropout", self.dropout)
         for name in ("noise", "quantisation"):
             require_at_most(name, getattr(self, name), _MAX_ERROR, "m")
         require_at_most("divergence", self.divergence, _MAX_BEAM, "rad")
@@ -59,7 +68,6 @@ class LaserScanner:
         few_beams = f"at least field_of_view / {_MAX_BEAMS}, for at most that many beams"
         for valid, name, allowed in (
             (not 0 < rounding < _MIN_STEP, "quantisation", f"0, or at least {_MIN_STEP:g} m"),
-            (abs(self.range_bias) <= _MAX_ERROR, "range_bias", f"from {-_MAX_ERROR:g} to {_MAX_ERROR:g} m"),
             (self.rate >= _MIN_RATE, "rate", f"at least {_MIN_RATE:g} Hz"),
             (opened / step <= _MAX_BEAMS, "resolution", few_beams),
             (step < opened <= 2 * np.pi, "field_of_view", "greater than the resolution, at most 2 pi"),

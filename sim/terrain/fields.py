@@ -14,13 +14,12 @@ from sim.terrain.pieces import (
     MAX_LENGTH,
     Placed,
     Site,
-    require_between,
     require_height,
     require_length,
     smooth_step,
 )
 from sim.terrain.solids import Grid, seen_from_above
-from trackslip.errors import InvalidValueError, SettingsFileError, first_line, require, require_at_most
+from trackslip.errors import InvalidValueError, SettingsFileError, first_line, require, require_at_most, require_within
 from trackslip.kinematics import Array
 
 _MAX_EXPONENT = 8.0
@@ -49,9 +48,9 @@ class Rough:
     def __post_init__(self) -> None:
         require_length("length", self.length)
         require_height("amplitude", self.amplitude)
-        require_between("exponent", self.exponent, 0.0, _MAX_EXPONENT)
-        require_between("cell", self.cell, _MIN_CELL, self.length, "m, at most the length")
-        require_between("blend", self.blend, 0.0, self.length / 2, "m, at most half of the length")
+        require_within("exponent", self.exponent, 0.0, _MAX_EXPONENT)
+        require_within("cell", self.cell, _MIN_CELL, self.length, "m, at most the length")
+        require_within("blend", self.blend, 0.0, self.length / 2, "m, at most half of the length")
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
@@ -174,8 +173,8 @@ class Mesh(_FromFile):
 
     def __post_init__(self) -> None:
         require(Path(self.file).suffix.lower() in _MESHES, "file", self.file, f"a mesh: {', '.join(_MESHES)}")
-        require_between("cell", self.cell, _MIN_CELL, _MAX_CELL, "m")
-        require_between("scale", self.scale, 1e-6, 1e6)
+        require_within("cell", self.cell, _MIN_CELL, _MAX_CELL, "m")
+        require_within("scale", self.scale, 1e-6, 1e6)
         self._field  # noqa: B018  reads the file now, so that its errors come now
 
     @cached_property

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.terrain.pieces import Placed, Site, require_between, require_height, require_length, require_number
+from sim.terrain.pieces import Placed, Site, require_height, require_length, require_number
 from sim.terrain.solids import WOOD, Box, Level, Solid
-from trackslip.errors import require
+from trackslip.errors import require, require_within
 
 _MAX_YAW = 0.8  # [rad]
 # of the European pallet, its blocks and the boards above and below them as three whole bearers [m]
@@ -37,7 +37,7 @@ class Beams:
         require_length("spacing", self.spacing)
         require(self.spacing > self.size, "spacing", self.spacing, f"greater than the beams' size, {self.size:g} m")
         require_number("number", self.number)
-        require_between("yaw", self.yaw, 0.0, _MAX_YAW, "rad")
+        require_within("yaw", self.yaw, 0.0, _MAX_YAW, "rad")
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
@@ -74,7 +74,7 @@ class Pallets:
     def __post_init__(self) -> None:
         require_number("number", self.number)
         require_length("spacing", self.spacing)
-        require_between("yaw", self.yaw, 0.0, _MAX_YAW, "rad")
+        require_within("yaw", self.yaw, 0.0, _MAX_YAW, "rad")
         depth, _ = self._reach
         require(self.spacing > depth, "spacing", self.spacing, f"greater than the depth of a pallet, {depth:.3g} m")
 

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
-from trackslip.errors import require, require_whole
+from trackslip.errors import require, require_finite, require_whole, require_within
 from trackslip.kinematics import Array
 
 _THICKNESS = 0.1  # of the boxes of slopes [m]
@@ -27,19 +27,14 @@ _MAX_ANGLE = 1.2  # of a ramp or a side slope [rad]
 _MAX_NUMBER = 500  # of stairs, beams or pallets in a piece
 
 
-def require_between(field: str, value: float, low: float, high: float, unit: str = "") -> None:
-    """Raise InvalidValueError unless `low` <= `value` <= `high`."""
-    require(low <= value <= high, field, value, f"from {low:g} to {high:g} {unit}".strip())
-
-
 def require_length(field: str, value: float) -> None:
     """Raise InvalidValueError unless a course may have `value` as a length or width [m]."""
-    require_between(field, value, _MIN_LENGTH, MAX_LENGTH, "m")
+    require_within(field, value, _MIN_LENGTH, MAX_LENGTH, "m")
 
 
 def require_height(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is a height above the ground [m]."""
-    require_between(field, value, _MIN_HEIGHT, _MAX_HEIGHT, "m")
+    require_within(field, value, _MIN_HEIGHT, _MAX_HEIGHT, "m")
 
 
 def require_number(field: str, value: int) -> None:
@@ -49,11 +44,12 @@ def require_number(field: str, value: int) -> None:
 
 def _require_change(field: str, value: float) -> None:
     allowed = f"from {_MIN_HEIGHT:g} to {_MAX_HEIGHT:g} m, or its negative to go down"
+    require_finite(field, value)
     require(_MIN_HEIGHT <= abs(value) <= _MAX_HEIGHT, field, value, allowed)
 
 
 def _require_angle(value: float) -> None:
-    require_between("angle", value, -_MAX_ANGLE, _MAX_ANGLE, f"rad ({math.degrees(_MAX_ANGLE):.0f} degrees)")
+    require_within("angle", value, -_MAX_ANGLE, _MAX_ANGLE, f"rad ({math.degrees(_MAX_ANGLE):.0f} degrees)")
 
 
 @dataclass(frozen=True)

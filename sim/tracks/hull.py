@@ -16,6 +16,7 @@ from trackslip.errors import require
 
 _MAX_SIZE = 10.0  # of a hull's numbers [m]
 _MIN_RADIUS = 1e-3  # [m]
+_MAX_WHEELS = 100
 _TOLERANCE = 1e-9  # of directions [rad]
 Array = NDArray[np.float64]
 
@@ -90,7 +91,8 @@ def _numbers(wheels: Sequence[Sequence[float]]) -> NDArray[np.float64]:
         listed = [[]]
     whole = all(len(wheel) == 3 for wheel in listed)
     require(whole, "hull", wheels, "wheels of three numbers each, (x, z, radius) [m]")
-    require(len(listed) >= 2, "hull", listed, "two wheels (x, z, radius) or more")
+    allowed = f"from 2 to {_MAX_WHEELS} wheels (x, z, radius)"
+    require(2 <= len(listed) <= _MAX_WHEELS, "hull", listed, allowed)
     return np.array(listed)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,6 +45,10 @@ def test_long_values_are_shown_in_part_and_in_one_line():
     assert len(message) < 250
     assert message.startswith("name = 'aaa")
     assert message.endswith("aaz': must be short")
+
+
+def test_paths_are_shown_as_text():
+    assert str(InvalidValueError("out", Path("results"), "left out")) == "out = 'results': must be left out"
 
 
 @pytest.mark.parametrize("check", CHECKS)

@@ -126,7 +126,10 @@ def require_between(law: SlipLaw, names: Iterable[str], low: float, high: float,
     """Raise InvalidValueError unless the parameters of these names are between `low` and `high`, both excluded."""
     for name in names:
         value = getattr(law, name)
-        array = np.asarray(value, float)
+        try:
+            array = np.asarray(value, float)
+        except (TypeError, ValueError, OverflowError):
+            raise InvalidValueError(name, value, allowed) from None
         inside = (array > low) & (array < high)
         if not inside.all():
             raise InvalidValueError(name, array[~inside].flat[0] if array.ndim else value, allowed)

@@ -116,6 +116,8 @@ def test_special_cases_agree():
         (lambda: Constant(0.0, 1.0), "slip_inner"),
         (lambda: ExponentialSpeed(0.07, -0.68, -0.15, -0.63, np.nan, 0.0), "gamma_outer"),
         (lambda: Exponential(np.array([0.07, 1.5]), -0.1, -0.15, -0.6), "alpha_outer"),
+        (lambda: ConstantIcr("a", 0.168), "offset = 'a': must be finite and > -half_gauge"),
+        (lambda: Constant(0.0, 10**400), "slip_inner"),
     ],
 )
 def test_impossible_laws_are_refused(make, field):
