@@ -65,7 +65,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if "MUJOCO_GL" not in str(error):  # MuJoCo's own, when it is imported
             raise
         _fail(f"{error}: must be egl, osmesa, glfw or disabled", 2)
-    except MemoryError:
+    except (MemoryError, ImportError) as error:
+        if isinstance(error, ImportError) and "failed to map segment" not in str(error):  # of a library
+            raise
         _fail("out of memory", 2)
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

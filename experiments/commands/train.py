@@ -115,7 +115,7 @@ def run(config: Config) -> None:
             curve = learn(model, config, task, run.folder)
         except KeyboardInterrupt:
             if not (config.out / CHECKPOINT).is_file():
-                raise
+                raise KeyboardInterrupt("interrupted before the first checkpoint; nothing is stored") from None
             raise KeyboardInterrupt("interrupted; --resume continues from the last checkpoint") from None
         task.policy(network_of(model)).save(policy)
         found = task.tried(policy)

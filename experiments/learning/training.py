@@ -101,7 +101,7 @@ def learn(model: Any, config: Config, task: LearningTask, drafts: Path) -> list[
                 rewards.clear()
                 ended.clear()
                 self.updates += 1
-                if self.updates % _CHECKPOINT_EVERY == 0:
+                if self.updates % _CHECKPOINT_EVERY == 1:  # the first one early
                     _save(self.model, config.out, drafts)
 
         model.learn(max(config.steps - model.num_timesteps, 0), callback=Recorder(), reset_num_timesteps=False)

@@ -129,6 +129,16 @@ def test_streams_may_be_closed_or_full(tmp_path, line, code, printed):
     assert (done.returncode, done.stderr.strip()) == (code, printed)
 
 
+def test_a_library_that_finds_no_memory_is_one_line(monkeypatch, capsys):
+    def run(config):
+        raise ImportError("library.so: failed to map segment from shared object")
+
+    monkeypatch.setattr(MODULES["predict"], "run", run)
+    with pytest.raises(SystemExit) as stop:
+        main(["predict"])
+    assert (stop.value.code, capsys.readouterr().err) == (2, "trackslip: out of memory\n")
+
+
 def test_a_wrong_way_to_draw_is_refused():
     command = [sys.executable, "-m", "experiments", "track", "--out", "nowhere"]
     environment = os.environ | {"MUJOCO_GL": "nonsense"}

@@ -65,6 +65,28 @@ def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(tra
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
+def test_a_training_interrupted_early_has_a_checkpoint_of_its_first_update_or_says_that_there_is_none(
+    trackslip, tmp_path, monkeypatch, capsys
+):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    begin = ["train", *sized(TINY), "--steps", "512", "--out", str(tmp_path / "out")]
+    with monkeypatch.context() as patched:
+        patched.setattr("experiments.learning.training._save", interrupt)
+        with pytest.raises(SystemExit) as stop:
+            main(begin)
+    assert stop.value.code == 130
+    assert capsys.readouterr().err == "trackslip: interrupted before the first checkpoint; nothing is stored\n"
+    with monkeypatch.context() as patched:
+        updates = iter((dict, interrupt))
+        patched.setattr("experiments.learning.tasks.PathTrackingTask.ended", lambda *_: next(updates)())
+        with pytest.raises(SystemExit):
+            main(begin)
+    assert "--resume continues" in capsys.readouterr().err
+    assert trackslip(*begin[:-2], "--resume", "--out", str(tmp_path / "out")).summary["steps"] == 512
+
+
 def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
     sizes = ("--robots", "2", "--horizon", "8", "--batch", "16", "--epochs", "1", "--network", "8", "--steps", "16")
     found = trackslip("train", "--env", "traverse", *sizes, "--trials", "1", "--difficulty", "0", "0")
