@@ -185,7 +185,7 @@ def whole_drives(found: Identification) -> Section | None:
     clock = Plot(
         "drive_clock_offset",
         partial(figures.clock_offset, drive),
-        "Offset of the clocks",
+        "Clock offset",
         "How much less likely the data become with another offset. A narrow valley means that the driving shows it.",
     )
     correlations = Plot(
@@ -215,5 +215,5 @@ def _driven(drive: DriveComparison) -> str:
         f"Every pose and every encoder reading counts here: {counted(len(drive.drives), 'drive')}, {duration:.0f} s, "
         f"{counted(best.poses, 'pose')}{blind}, without {counted(best.left_out, 'outlying pose')} and "
         f"{counted(best.breaks, 'lasting jump')}. Estimated together are the trajectory, the law, where the sensor "
-        "sits, the offset of the clocks, and how large all errors are."
+        "sits, the clock offset, and how large all errors are."
     )

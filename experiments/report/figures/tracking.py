@@ -90,7 +90,8 @@ def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[st
         distance.plot(log.time[rows], 1e3 * np.maximum(norm[rows], _CLOSEST), lw=1.2, **look)
     start = driven(next(iter(runs.values()))[0])[0]
     ground.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
-    ground.annotate("start", start[:2], xytext=(12, -3), textcoords="offset points", annotation_clip=False)
+    clear = {"fc": "white", "ec": "none", "pad": 0.5, "alpha": 0.8}  # of the paths that leave from there
+    ground.annotate("start", start[:2], xytext=(10, 8), textcoords="offset points", annotation_clip=False, bbox=clear)
     style.plane(ground, adjustable="datalim", title="Path")
     distance.set(xlabel="time [s]", xlim=(0, reference.duration), title="Position error (log scale)", yscale="log")
     distance.set_ylabel("distance from the desired position [mm]")
