@@ -17,6 +17,8 @@ from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan
 
 _EXPECTED = ("parameter", "expected value", "standard error", "relative to", "share", "the paper's 25 runs")
+_NOTE = """Share: the standard error over the size it is relative to, for a D half_gauge + D, on which turning depends.
+The plan makes the largest share small. Last column: standard errors of the paper's 25 runs with this robot."""
 
 
 def page(plan: DrivePlan, paper: Expectation | None, manifest: Mapping[str, Any], tried: Sequence[Table | str]) -> Page:
@@ -52,7 +54,7 @@ def _expected(plan: DrivePlan, paper: Expectation | None) -> Table:
         )
         rows.append((symbol(plan.law, name), *values))
     title = f"{limits.duration:g} s in {limits.area_text} m: how well {plan.law} will be known"
-    return Table(title, _EXPECTED, rows)
+    return Table(title, _EXPECTED, rows, note=_NOTE)
 
 
 def _sentences(plan: DrivePlan) -> Iterator[str]:

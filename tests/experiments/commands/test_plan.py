@@ -47,7 +47,9 @@ def test_it_writes_a_plan_that_can_be_driven_and_identified_from(trackslip):
     )
     assert (result.folder / "figures" / "plan.svg").exists()
     report = (result.folder / "report.html").read_text()
-    assert all(words in report for words in ("A drive to identify slip", "the paper&#39;s 25 runs", "Tried in the"))
+    assert all(
+        words in report for words in ("A drive to identify slip", "the paper&#39;s 25 runs", "Share: ", "Tried in the")
+    )
     assert "the paper's 25 runs" in result.printed
     trials = result.summary["trials"]
     assert trials["failures"] == []
