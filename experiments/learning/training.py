@@ -38,7 +38,7 @@ def model_of(config: Config, task: LearningTask) -> Any:
         """The learning rate where so large a share of the training is left."""
         return first * (_MIN_RATE + (1 - _MIN_RATE) * left)
 
-    settings = {
+    settings: dict[str, Any] = {
         "n_steps": config.horizon,
         "batch_size": config.batch,
         "n_epochs": config.epochs,
