@@ -173,7 +173,8 @@ def _check(arguments: Sequence[str]) -> None:
 
 def _repeatable(command: str, option: str) -> bool:
     """True if an option of a command may be given more than once."""
-    hints = typing.get_type_hints(command_modules()[command].Config, include_extras=True)
+    module = command_modules().get(command)  # None where an option comes first
+    hints = typing.get_type_hints(module.Config, include_extras=True) if module else {}
     hint = hints.get(option.removeprefix("--").replace("-", "_"))
     return tyro.conf.UseAppendAction in getattr(hint, "__metadata__", ())
 

@@ -140,8 +140,8 @@ def _odometry(used: LawInUse) -> SlipOdometry:
 def law_files(config: Config) -> list[LawFile]:
     """The laws that the options name; raises InvalidValueError for others, and for results that would replace them."""
     specs = [_law_file(spec) for spec in config.law or (NO_SLIP,)]
-    read = [path.resolve() for path in (config.path, *(path for path, _ in specs)) if path]
-    if config.out.resolve() in [path.parent if path.name in (RUNS_FILE, SUMMARY_FILE) else path for path in read]:
+    out, *read = [Path(os.path.realpath(path)) for path in (config.out, config.path, *(p for p, _ in specs)) if path]
+    if out in [path.parent if path.name in (RUNS_FILE, SUMMARY_FILE) else path for path in read]:
         raise InvalidValueError("out", str(config.out), "another folder than those of the log and the laws")
     return specs
 

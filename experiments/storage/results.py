@@ -83,7 +83,9 @@ def output_errors(what: str) -> Iterator[None]:
     except OutputError:
         raise
     except FileExistsError as error:
-        raise OutputError(f"{what}: can't be written (a folder of its path is a file)") from error
+        raise OutputError(f"{what}: can't be written (a folder of its path is a file or a broken link)") from error
+    except RecursionError as error:  # of mkdir
+        raise OutputError(f"{what}: can't be written (its path is too deep)") from error
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else str(error)  # pyarrow's words are longer
         raise OutputError(f"{what}: can't be written ({reason})") from error

@@ -10,13 +10,15 @@ import numpy as np
 from sim.scanner.scanner import LaserScanner
 from sim.wander.motion import Motion
 from trackslip import se2
-from trackslip.errors import require, require_finite, require_non_negative, require_positive
+from trackslip.errors import require, require_positive, require_within
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Plate, Scan
 
 _MAX_JITTER = 0.2  # of a period
 _MOST_EARLY = 0.45  # of a period: stamps stay in order
 _AT_ONCE = 500  # scans
+_LARGEST = 1e6  # error, in any unit: logs of larger ones could not be read again
+_LONGEST_DELAY = 3600.0  # [s]
 
 
 @dataclass(frozen=True)
@@ -70,9 +72,10 @@ class PoseSource:
         require_positive("rate", self.rate)
         sizes = ("outlier_size", "outlier_turn", "gap_duration", "jump_size", "jump_turn", "drift", "heading_drift")
         for name in ("position_noise", "heading_noise", "jitter", "gaps", "jumps", *sizes):
-            require_non_negative(name, getattr(self, name))
-        for name in ("delay", "scale_error", "ahead", "left", "mounting"):
-            require_finite(name, getattr(self, name))
+            require_within(name, getattr(self, name), 0.0, _LARGEST)
+        for name in ("scale_error", "ahead", "left", "mounting"):
+            require_within(name, getattr(self, name), -_LARGEST, _LARGEST)
+        require_within("delay", self.delay, -_LONGEST_DELAY, _LONGEST_DELAY, "s")
         for name in ("outliers", "dropouts"):
             require(0 <= getattr(self, name) < 1, name, getattr(self, name), "at least 0 and less than 1")
         require(self.scale_error > -1, "scale_error", self.scale_error, "greater than -1")

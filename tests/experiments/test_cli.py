@@ -95,6 +95,14 @@ def test_an_output_path_that_is_a_file(refused, tmp_path):
     assert "can't be written" in refused("grid", "--out", str(tmp_path / "file"))
     assert "can't be written" in refused("grid", "--out", str(tmp_path / "file" / "below"))
     assert (tmp_path / "file").read_text() == "mine"
+    (tmp_path / "loop").symlink_to("loop")
+    for command in ("predict", f"evaluate {tmp_path / 'file'}"):
+        assert "can't be written" in refused(*command.split(), "--out", str(tmp_path / "loop" / "below"))
+
+
+def test_an_output_path_that_is_too_deep(refused, tmp_path):
+    assert "can't be written" in refused("predict", "--out", str(tmp_path / ("a/" * 1500)))
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_interrupt_prints_one_line_while_modules_are_imported():

@@ -10,6 +10,7 @@ ROBOT = "--half-gauge 0.168 --sprocket-radius 0.06"
 
 OPTIONS = [
     ("paint", "COMMAND = 'paint': must be one of bag, bench, benchmark, calibrate, "),
+    ("--help --help", "--help is given twice"),
     ("grid --out ''", "--out = '': must be non-empty"),
     ("grid --out \udcff", "--out = '\\udcff': must be valid UTF-8"),
     ("grid --random-phase --no-random_phase", "--no-random-phase is given twice"),
@@ -80,6 +81,9 @@ OPTIONS = [
     ("grid --vary friction_ratio=1,1", "vary friction_ratio = (1.0, 1.0): must be all different"),
     ("grid --vary friction_ratio=1.2 ground.across=0.5", "friction_ratio = (1.2,): must be left out where"),
     ("grid --executor cloud", "executor = 'cloud': must be processes, inline or dask://HOST:PORT"),
+    ("wander --source.delay -1e308", "source.delay = -1e+308: must be from -3600 to 3600 s"),
+    ("wander --source.ahead 1e308", "source.ahead = 1e+308: must be from -1e+06 to 1e+06"),
+    ("wander --source.jumps 1 --source.jump-size 1e308", "source.jump_size = 1e+308: must be from 0 to 1e+06"),
     # learning and benchmarks
     ("train --env maze", "env = 'maze': must be one of path_tracking, traverse"),
     ("train --batch 1000", "batch = 1000: must be a factor of robots * horizon = 8192"),

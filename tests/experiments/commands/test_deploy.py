@@ -57,7 +57,7 @@ def test_without_a_folder_it_is_the_shipped_law(capsys):
         ("--law exponential", "diff_drive_controller can only express constant ICRs; nearest in laws.json is icr"),
         ("", "laws.json: says nothing of which law is best: choose one of"),
         ("--law icr --out laws.json", "laws.json: exists already; --overwrite replaces it"),
-        ("--law icr --out laws.json/a", "laws.json/a: can't be written (a folder of its path is a file)"),
+        ("--law icr --out laws.json/a", "laws.json/a: can't be written (a folder of its path is a file"),
         (f"--law icr --out new/{300 * 'x'}", "can't be written (File name too long)"),
     ],
 )
