@@ -33,7 +33,14 @@ EXAMPLES = (
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples, `trackslip --version` prints the version."""
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
-_KINDS = {"INT": "a whole number", "FLOAT": "a number"}
+_KINDS = {
+    "INT": "a whole number",
+    "FLOAT": "a number",
+    "MB": "a number of MB",
+    "FLOAT FLOAT": "two numbers",
+    "[INT [INT ...]]": "whole numbers",
+    "[FLOAT [FLOAT ...]]": "numbers",
+}
 _LONGEST = 4096  # argument, as paths are limited to
 _SHELLS = ("bash", "zsh", "fish", "tcsh")
 

@@ -151,9 +151,9 @@ def _law_file(spec: str) -> LawFile:
     file, _, name = spec.rpartition(":")
     if spec == NO_SLIP:
         return None, NO_SLIP
-    if Path(spec).exists():
+    if os.path.exists(spec):  # unlike Path.exists, also False for names that are too long
         return Path(spec), None
-    if file and (name in FAMILIES or name in RETIRED) and Path(file).exists():
+    if file and (name in FAMILIES or name in RETIRED) and os.path.exists(file):
         return Path(file), name
     allowed = f"{NO_SLIP}, or a folder or file with laws, and :NAME for one of {', '.join(FAMILIES)}"
     raise InvalidValueError("law", spec, allowed)

@@ -32,10 +32,8 @@ class InvalidValueError(TrackslipError, ValueError):
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
-        if isinstance(value, float | PurePath):  # the repr of NumPy's numbers and of paths includes the type
-            shown = repr(float(value) if isinstance(value, float) else str(value))
-        else:
-            shown = repr(value)
+        plain = float(value) if isinstance(value, float) else str(value) if isinstance(value, PurePath) else value
+        shown = repr(plain)  # those of NumPy's floats and of paths include the type
         if len(shown) > _LONG:
             shown = f"{shown[: _LONG // 2]} ... {shown[-_LONG // 4 :]}"
         super().__init__(f"{field} = {' '.join(shown.split())}: must be {allowed}")

@@ -103,20 +103,23 @@ def locked(folder: Path) -> Iterator[None]:
     process locks nothing. A file system without locks is used without one. Raises OutputError, at once, if another
     command is using the folder, OSError if it isn't writable.
     """
-    lock = FileLock(folder / _LOCK, blocking=False, fallback_to_soft=False)
+    lock, ours = FileLock(folder / _LOCK, blocking=False, fallback_to_soft=False), False
     try:
-        lock.acquire()
-    except Timeout as error:
-        raise OutputError(f"out = {str(folder)!r}: another command is writing there") from error
-    except OSError as error:
-        if error.errno not in _NO_LOCKS:
-            raise
-    try:
+        with interrupts_later():
+            try:
+                lock.acquire()
+            except Timeout as error:
+                raise OutputError(f"out = {str(folder)!r}: another command is writing there") from error
+            except OSError as error:
+                if error.errno not in _NO_LOCKS:
+                    raise
+            ours = True
         yield
     finally:
-        with contextlib.suppress(OSError):
-            (folder / _LOCK).unlink()  # while it is ours; Windows deletes it on release
-        lock.release()
+        if ours:
+            with contextlib.suppress(OSError):
+                (folder / _LOCK).unlink()  # while it is ours; Windows deletes it on release
+            lock.release()
 
 
 @contextlib.contextmanager
@@ -193,8 +196,10 @@ def write_whole(file: Path, write: Callable[[Path], object]) -> None:
 
 
 def write_output(file: Path, write: Callable[[Path], object]) -> None:
-    """Replace a file that the user has named; raises OutputError if it can't be written."""
+    """Replace a file that the user has named; raises OutputError if it can't be written, or is a device or the like."""
     with output_errors(str(file)):
+        if file.exists() and not file.is_file():
+            raise OutputError(f"{file}: can't be replaced (it is not a regular file)")
         write_whole(file, write)
 
 

@@ -57,6 +57,9 @@ OPTIONS = [
     ("plan --after nowhere", "nowhere: No such file or directory"),
     # numbers beyond what they may be, and of another type
     ("grid --seed 1.5", "seed = '1.5': must be a whole number"),
+    ("bag run.mcap --max-expanded much", "max-expanded = 'much': must be a number of MB"),
+    ("grid --radii 1/2", "radii = '1/2': must be numbers"),
+    ("export run.parquet --out run.csv", "out = 'run.csv': must be left out without --csv"),
     ("predict --shear word", "shear = 'word': must be a number"),
     ("localize run.mcap --plate 1x0.1 --mount 1 2 a", "mount = '1 2 a': must be X Y YAW"),
     ("grid --ground.uphill 1e308", "ground.uphill = 1e+308: must be from -6.28319 to 6.28319 rad"),

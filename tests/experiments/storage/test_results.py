@@ -1,10 +1,12 @@
 """Folders of results when disks are full, commands collide or versions differ; manifests without local paths."""
 
 import errno
+import fcntl
 import json
 import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -97,6 +99,28 @@ def test_a_file_system_without_locks_is_used_without(tmp_path, monkeypatch):
     with locked(tmp_path):
         (tmp_path / "result").touch()
     assert [path.name for path in tmp_path.iterdir()] == ["result"]
+
+
+def test_an_interrupt_while_a_folder_is_locked_leaves_nothing(tmp_path, monkeypatch):
+    flock = fcntl.flock
+
+    def interrupted(file, how):
+        flock(file, how)
+        if how & fcntl.LOCK_EX:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("fcntl.flock", interrupted)
+    with pytest.raises(KeyboardInterrupt), results_folder(tmp_path / "out"):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_only_a_regular_file_is_replaced(refused, tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    line = refused("deploy", "--law", "icr", "--out", str(pipe), "--overwrite")
+    assert line == f"{pipe}: can't be replaced (it is not a regular file)"
+    assert pipe.is_fifo()
 
 
 def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
