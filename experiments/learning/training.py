@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,7 +52,8 @@ def model_of(config: Config, task: LearningTask) -> Any:
         try:
             model = PPO.load(checkpoint, robots, "cpu", {"learning_rate": rate}, **settings)
         except Exception as error:  # whatever is wrong with the file
-            raise LogError(f"{checkpoint}: can't be resumed ({type(error).__name__}: {error})") from error
+            reason = textwrap.shorten(f"{type(error).__name__}: {error}", 120)  # of other spaces, it lists all bounds
+            raise LogError(f"{checkpoint}: can't be resumed ({reason})") from error
         layers = tuple(model.policy_kwargs["net_arch"])
         if layers != config.network:
             raise InvalidValueError("network", config.network, f"{layers} with --resume, as in {checkpoint}")

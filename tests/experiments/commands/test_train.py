@@ -48,6 +48,11 @@ def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
     with pytest.raises(SystemExit):
         main(["train", *sized(LEARNS, network=16), *resumed])
     assert "network = (16,): must be (32,) with --resume" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["train", "--env", "traverse", *sized(LEARNS)[:-2], *resumed])  # without references
+    refusal = capsys.readouterr().err.splitlines()[-1]
+    assert "can't be resumed (ValueError: Observation spaces do not match" in refusal
+    assert len(refusal) < 500
 
 
 def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(trackslip, monkeypatch, capsys):
