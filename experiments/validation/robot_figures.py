@@ -51,7 +51,7 @@ def icr_and_slip(turns: VariedTurns, naive: VariedTurns, parameters: RobotParame
             axes.plot(error, share, color=style["color"], ls=dash, lw=1.3)
         left = 100 * float(np.quantile(np.abs(found.icr_error), 0.25))
         axes.text(0.6 * left, 55, name, color=style["color"], weight="bold", ha="right", va="center")
-    axes.set(xscale="log", xlim=(1e-2, None), ylim=(0, 101))
+    axes.set(xscale="log", xlim=(3e-3, None), ylim=(0, 101))
     axes.xaxis.set_major_formatter("{x:g}")
     handles = [key(f"{ratio:.3g}", color="#555555", ls=dash) for ratio, dash in dashes.items()]
     axes.legend(handles=handles, title="friction\nacross / along", loc="center", bbox_to_anchor=(0.62, 0.3))
