@@ -34,7 +34,8 @@ OPTIONS = [
     # grounds, robots, motors, what is towed, obstacles: options of groups are named with the group
     ("grid --ground mud", "ground = 'mud': must be one of stone, concrete"),
     (
-        "grid --radii 1 --speeds 0.1 --ground.slope 0.9 --ground.along 10 --ground.across 10",
+        "grid --radii 1 --speeds 0.1 --ground.slope 0.9 --ground.along 10 --ground.across 10 --drive.torque-limit 90 "
+        "--drive.motor.stall-torque 2",
         "to park with heading 0 rad: the robot tips",
     ),
     ("grid --obstacles forest", "obstacles = 'forest': must be one of posts"),
