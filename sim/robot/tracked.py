@@ -30,13 +30,15 @@ class Flipper:
     y: float = 0.0
     """Lateral place of the track in the body's frame [m]."""
     width: float = 0.05
-    """Drawn width of the belt [m]."""
+    """Width of the belt [m]."""
     stiffness: float = 250.0
     """Stiffness of the motor added to a hinge without one [N m/rad]."""
     damping: float = 15.0
     """Damping of that motor [N m s/rad]."""
     torque: float = 90.0
     """Largest torque of that motor, unless the model limits the hinge's [N m]."""
+    lines: int = 1
+    """Lines of contact across the belt's width, which is only drawn with one line."""
 
     def __post_init__(self) -> None:
         Hull.from_wheels(self.hull)
@@ -60,7 +62,9 @@ class TrackedRobot:
     body: str = ""
     """Name of the chassis; by default the model's only body that lies in the world itself."""
     width: float = _WIDTH
-    """Drawn width of the chassis' belts [m]."""
+    """Width of the chassis' belts [m]."""
+    lines: int = 1
+    """Lines of contact across that width, which is only drawn with one line; three resist tipping over its edges."""
     flippers: tuple[Flipper, ...] = ()
     """Flippers, in any order."""
     name: str = "robot"

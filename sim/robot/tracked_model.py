@@ -196,7 +196,18 @@ def _motor_of(spec: Any, flipper: Flipper, chassis: Any) -> tuple[str, str]:
 def _add_tracks(
     spec: Any, robot: TrackedRobot, chassis: Any, preset: str, friction: tuple[float, float]
 ) -> tuple[Tracks, ...]:
-    made = [add_tracks(spec, chassis, half_gauge=robot.half_gauge, hull=robot.hull, preset=preset, friction=friction)]
+    made = [
+        add_tracks(
+            spec,
+            chassis,
+            half_gauge=robot.half_gauge,
+            hull=robot.hull,
+            preset=preset,
+            friction=friction,
+            width=robot.width if robot.lines > 1 else 0.0,
+            lines=robot.lines,
+        )
+    ]
     for flipper in robot.flippers:
         one = add_tracks(
             spec,
@@ -207,6 +218,8 @@ def _add_tracks(
             friction=friction,
             name=f"{flipper.body}_track",
             side="left",
+            width=flipper.width if flipper.lines > 1 else 0.0,
+            lines=flipper.lines,
         )
         made.append(one)
     return tuple(made)

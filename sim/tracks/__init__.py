@@ -10,6 +10,18 @@ belts.set(model, [0.3, 0.3])  # [m/s]
 from sim.tracks.add import Tracks, add_tracks
 from sim.tracks.belts import BatchBelts, Belts, Reading, bind
 from sim.tracks.drawing import DrawnTracks
+from sim.tracks.motors import MotorReading
 from sim.tracks.presets import PRESETS, Preset
 
-__all__ = ["PRESETS", "BatchBelts", "Belts", "DrawnTracks", "Preset", "Reading", "Tracks", "add_tracks", "bind"]
+__all__ = [
+    "PRESETS",
+    "BatchBelts",
+    "Belts",
+    "DrawnTracks",
+    "MotorReading",
+    "Preset",
+    "Reading",
+    "Tracks",
+    "add_tracks",
+    "bind",
+]

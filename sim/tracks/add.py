@@ -11,7 +11,7 @@ import mujoco
 from sim.tracks.belts import Belts, bind
 from sim.tracks.connect import connect, require_friction
 from sim.tracks.hull import Hull
-from sim.tracks.parts import TrackParts, track_parts
+from sim.tracks.parts import TrackParts, lines_across, track_parts
 from sim.tracks.presets import Preset, load_preset, require_stable
 from sim.width import WIDEST, warn_if_unverified
 from trackslip.errors import (
@@ -20,6 +20,7 @@ from trackslip.errors import (
     require,
     require_at_most,
     require_finite,
+    require_non_negative,
     require_positive,
     require_whole,
 )
@@ -32,7 +33,8 @@ _SEGMENTS, _GROWTH = (
     1.8,
 )  # least capsules of a run as long as the gauge, and the power of the gauge of their growth
 _MAX_HALF_GAUGE = 10.0  # [m]
-_SLOTS = 64  # contacts that a sensor reports; fine height fields may cause more
+_MAX_LINES = 9
+_SLOTS = 64  # times lines: contacts that a sensor reports; fine height fields may cause more
 _MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
 _SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
 
@@ -49,6 +51,8 @@ def add_tracks(
     side: str = "both",
     load: float = 1.0,
     segments: int | None = None,
+    width: float = 0.0,
+    lines: int = 3,
     terrain: Iterable[object] | None = None,
 ) -> Tracks:
     """Add a track, or a pair of tracks, to a body of a MuJoCo spec.
@@ -70,6 +74,9 @@ def add_tracks(
         segments: capsules along the longest run below. By default as many as the preset has, more for a robot that is
             wide for its length, which spread the load for turns to be exact; for a single track, such as a flipper's,
             two.
+        width: of the belts on the ground; by default they touch along a line in their middle [m].
+        lines: of contact across that width, the outermost at its edges. Three turn like an even pressure; two, which
+            are faster, like narrow belts there.
         terrain: geoms, or their names, to `connect` the tracks with at once; otherwise call `Tracks.connect`.
 
     Raises:
@@ -86,6 +93,11 @@ def add_tracks(
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
     count = segments if segments is not None else _segments(recipe, half_gauge, shape) if side == "both" else 2
     require_whole("segments", count, 1, _MAX_SEGMENTS)
+    require_non_negative("width", width)
+    widest = 2 * half_gauge if side == "both" else _MAX_HALF_GAUGE
+    require(width < widest, "width", width, f"less than {widest:g} m")
+    require_whole("lines", lines, 1, _MAX_LINES)
+    across = lines_across(width, lines)
     prefix = name or carrier.name
     require(prefix, "name", name, "given: the body has no name")
     names = tuple("_".join(filter(None, (prefix, which))) for which, _ in _SIDES[side])
@@ -98,7 +110,7 @@ def add_tracks(
     if spec.option.timestep != mujoco.MjSpec().option.timestep:
         require_stable(spec.option.timestep, recipe)
     anisotropic = friction[0] != friction[1]
-    parts = track_parts(shape, count, anisotropic)
+    parts = track_parts(shape, count, anisotropic, across)
     for track, (_, sign) in zip(bodies, _SIDES[side], strict=True):
         frame = carrier.add_body(name=track, pos=[0.0, sign * half_gauge, 0.0])
         for part in parts:
@@ -108,10 +120,10 @@ def add_tracks(
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             reftype=mujoco.mjtObj.mjOBJ_BODY,
             refname=track,
-            intprm=[SENSED, _MAX_FORCE, _SLOTS],
+            intprm=[SENSED, _MAX_FORCE, _SLOTS * len(across)],
         )
     pair = float(friction[0]), float(friction[1])
-    tracks = Tracks(names, shape, recipe, pair, load, count, parts)
+    tracks = Tracks(names, shape, recipe, pair, load, count, parts, across)
     if terrain is not None:
         try:
             tracks.connect(spec, terrain)

@@ -1,4 +1,4 @@
-"""Belts of a compiled model or a batch: set speeds, read traction, load, slip and depth."""
+"""Belts of a compiled model or a batch: set speeds or motors, step, read traction, load, slip and depth."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim.tracks.motors import MotorReading, Motors
 from sim.tracks.parts import TrackParts
 from sim.tracks.presets import require_options, require_stable
 from trackslip.errors import InvalidValueError, require
 
 SENSED_WIDTH = 14
 """Numbers that a contact sensor gives per contact: found, force 3, distance, normal 3, tangent 3, velocity 3."""
+_ONE = np.zeros(1, int)  # the only simulation of a model
+_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _STILL = 1e-9  # a belt slower than this stands [m/s]
 
 Floats = NDArray[np.float64]
@@ -40,8 +43,19 @@ class _Map:
         counts = [len(names) for each in tracks for names in each.geoms]
         self.track = np.repeat(np.arange(len(self.names)), counts)
         self.direction = np.array([part.direction for each in tracks for _ in each.names for part in each.parts])
-        slots = np.arange(model.sensor_dim[sensors[0]]).reshape(-1, SENSED_WIDTH)
-        self.slots = model.sensor_adr[sensors, None, None] + slots  # (T, C, SENSED_WIDTH) in the sensor data
+        mass = model.body_subtreemass[model.body_rootid[self.bodies]].max()
+        self.weight = mass * (float(np.linalg.norm(model.opt.gravity)) or 9.81)
+        self.slope = mass * max(each.preset.grip for each in tracks)
+        self.radius = np.array([each.hull.wheels[:, 2].max() for each in tracks for _ in each.names])
+        slots = model.sensor_dim[sensors, None] // SENSED_WIDTH  # more for belts with several lines of contacts
+        slot = np.arange(slots.max())
+        self.present = (slot < slots)[..., None]  # (T, C, 1)
+        first = model.sensor_adr[sensors, None] + np.minimum(slot, slots - 1) * SENSED_WIDTH
+        self.slots = first[..., None] + np.arange(SENSED_WIDTH)  # (T, C, SENSED_WIDTH) in the sensor data
+
+    def motors(self, size: int) -> Motors:
+        """Motors of these tracks in `size` simulations."""
+        return Motors(size, self.radius, self.weight, self.slope)
 
     def surface(self, speeds: Floats) -> Floats:
         """Surface velocities (..., G, 6) of the geoms for belt speeds (..., T)."""
@@ -50,7 +64,8 @@ class _Map:
     def read(self, sensordata: Floats, axes: Floats, speeds: Floats) -> Reading:
         """Reading from sensor data (..., S), the tracks' axes to the left (..., T, 3), and speeds (..., T)."""
         used = max(1, int(sensordata[..., self.slots[:, 0, 0]].max()))  # the first slots are filled first
-        return read_contacts(sensordata[..., self.slots[:, :used]], axes, speeds)
+        sensed = np.where(self.present[:, :used], sensordata[..., self.slots[:, :used]], 0.0)
+        return read_contacts(sensed, axes, speeds)
 
 
 class Belts:
@@ -62,12 +77,57 @@ class Belts:
     def __init__(self, model: mujoco.MjModel, tracks: tuple[TrackParts, ...]) -> None:
         """See `bind`."""
         self._map = _Map(model, tracks)
-        self.names = self._map.names
+        self.names, self._motors = self._map.names, self._map.motors(1)
         model.flg_surfacevel = 1  # compiled with belts at rest, the engine would ignore later speeds
 
-    def set(self, model: mujoco.MjModel, speeds: ArrayLike) -> None:
-        """Set the belts' speeds (T,) [m/s]; positive drives the robot forwards."""
-        model.geom_surfacevel[self._map.geoms] = self._map.surface(_speeds(speeds, len(self.names)))
+    def set(
+        self,
+        model: mujoco.MjModel,
+        speeds: ArrayLike,
+        torque_limit: ArrayLike | None = None,
+        inertia: ArrayLike = 0.0,
+        radius: ArrayLike | None = None,
+    ) -> None:
+        """Set the belts' speeds (T,) [m/s]; positive drives the robot forwards.
+
+        With a torque limit they are set points, and `step` finds the speeds.
+
+        Args:
+            model: the bound model.
+            speeds: of the belts [m/s].
+            torque_limit: largest torque of each belt's motor at its sprocket, one for all or (T,) [N m]; by default the
+                belts have the speeds at once.
+            inertia: moment of inertia of motor, gear and belt at the sprocket, likewise [kg m^2].
+            radius: of the sprocket to the belt's outside, likewise; by default that of the hull's largest wheel [m].
+
+        Raises:
+            InvalidValueError: for speeds that aren't finite, negative limits or inertias, and other shapes.
+        """
+        self._motors.set(_ONE, _speeds(speeds, len(self.names)), torque_limit, inertia, radius)
+        self._put(model, self._motors.speed[0])
+
+    def step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Advance by one physics step, instead of `mujoco.mj_step`, with the motors that are set.
+
+        The step is repeated, from the same state, until the belts' speeds agree with their motors and the ground.
+        """
+        state = np.empty(mujoco.mj_stateSize(model, _STATE))
+        mujoco.mj_getState(model, data, state, _STATE)
+
+        def attempt(_: NDArray[np.int_], speeds: Floats) -> Floats:
+            mujoco.mj_setState(model, data, state, _STATE)
+            self._put(model, speeds[0])
+            mujoco.mj_step(model, data)
+            return self.read(model, data).traction[None]
+
+        self._motors.advance(_ONE, model.opt.timestep, attempt)
+
+    def motors(self) -> MotorReading:
+        """Torque, speed, power and energy (T,) of the motors after the last `step`."""
+        return self._motors.read(0)
+
+    def _put(self, model: mujoco.MjModel, speeds: Floats) -> None:
+        model.geom_surfacevel[self._map.geoms] = self._map.surface(speeds)
 
     def speeds(self, model: mujoco.MjModel) -> Floats:
         """Speeds (T,) of the belts [m/s]."""
@@ -91,16 +151,44 @@ class BatchBelts:
 
     def __init__(self, where: _Map, batch: Any) -> None:
         """See `Belts.bind_batch`."""
-        self._map, self.names = where, where.names
+        self._map, self.names, self._batch = where, where.names, batch
+        self._motors = where.motors(batch.nsim)
         self._surface: NDArray[np.float64] = batch.expand("geom_surfacevel")  # (N, ngeom, 6), live
         self._sensordata: NDArray[np.float64] = batch.bind("sensordata")  # (N, S), live
         self._xmat: NDArray[np.float64] = batch.bind("xmat")  # (N, nbody, 9), live
 
-    def set(self, speeds: ArrayLike, rows: Any = slice(None)) -> None:
-        """Set the belts' speeds (R, T) [m/s] of the simulations `rows`."""
-        self._surface[np.arange(len(self._surface))[rows][:, None], self._map.geoms] = self._map.surface(
-            _speeds(speeds, len(self.names))
-        )
+    def set(
+        self,
+        speeds: ArrayLike,
+        rows: Any = slice(None),
+        torque_limit: ArrayLike | None = None,
+        inertia: ArrayLike = 0.0,
+        radius: ArrayLike | None = None,
+    ) -> None:
+        """Set the belts' speeds (R, T) [m/s] of the simulations `rows`; motors, (T,) or (R, T), as in `Belts.set`."""
+        where = np.arange(len(self._surface))[rows]
+        self._motors.set(where, _speeds(speeds, len(self.names)), torque_limit, inertia, radius)
+        self._put(where, self._motors.speed[where])
+
+    def step(self, rows: Any = slice(None)) -> None:
+        """Advance the simulations `rows` by one physics step with the motors that are set; see `Belts.step`."""
+        where = np.arange(len(self._surface))[rows]
+        state = self._batch.state.copy()
+
+        def attempt(tried: NDArray[np.int_], speeds: Floats) -> Floats:
+            self._batch.state[tried] = state[tried]
+            self._put(tried, speeds)
+            self._batch.step(ids=tried)
+            return self._read(tried, speeds).traction
+
+        self._motors.advance(where, float(self._batch.model.opt.timestep), attempt)
+
+    def motors(self) -> MotorReading:
+        """Torque, speed, power and energy (N, T) of the motors after the last `step`."""
+        return self._motors.read()
+
+    def _put(self, rows: NDArray[np.int_], speeds: Floats) -> None:
+        self._surface[rows[:, None], self._map.geoms] = self._map.surface(speeds)
 
     def speeds(self) -> Floats:
         """Speeds (N, T) of the belts [m/s]."""
@@ -108,8 +196,11 @@ class BatchBelts:
 
     def read(self) -> Reading:
         """Forces and motion (N, T) of the tracks in the last step, at the belts' current speeds."""
-        axes = self._xmat[:, self._map.bodies].reshape(len(self._xmat), -1, 3, 3)[..., 1]
-        return self._map.read(self._sensordata, axes, self.speeds())
+        return self._read(slice(None), self.speeds())
+
+    def _read(self, rows: Any, speeds: Floats) -> Reading:
+        xmat = self._xmat[rows][:, self._map.bodies]
+        return self._map.read(self._sensordata[rows], xmat.reshape(*xmat.shape[:2], 3, 3)[..., 1], speeds)
 
 
 def bind(model: mujoco.MjModel, *tracks: TrackParts) -> Belts:

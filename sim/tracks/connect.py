@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Iterator
 
 import mujoco
@@ -56,7 +57,8 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
                 belt = tracks.preset.contact(gravity, share * part.weight, regularisation)
                 _add_pair(spec, ground.name, name, "", 0.0, friction, belt)
                 if part.cored:
-                    _add_pair(spec, ground.name, name, "_core", tracks.preset.core_depth, friction, core)
+                    depth = tracks.preset.edge_depth if part.edge else tracks.preset.core_depth
+                    _add_pair(spec, ground.name, name, "_core", depth, friction, core)
 
 
 def _add_pair(
@@ -141,12 +143,13 @@ def _stiffest(model: mujoco.MjModel, data: mujoco.MjData, tracks: TrackParts, ma
     for body in (model.body(name).id for name in tracks.bodies):
         rotation, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
         normal = rotation[:, [0, 2]] @ shape.outwards
-        for part in np.linspace(0.0, 1.0, places):
+        for part, (aside, load) in itertools.product(np.linspace(0.0, 1.0, places), tracks.lines):
             point = origin + rotation[:, [0, 2]] @ (shape.start + part * (shape.end - shape.start))
+            point += aside * rotation[:, 1]
             jacobian = np.zeros((3, model.nv))
             mujoco.mj_jac(model, data, jacobian, None, point, body)
-            rows.append(normal @ jacobian)
+            rows.append(math.sqrt(load) * (normal @ jacobian))
     along = np.array(rows)
     moved = np.zeros_like(along)
     mujoco.mj_solveM(model, data, moved, along)
-    return float(np.linalg.eigvalsh(along @ moved.T).max()) * mass / len(rows)
+    return float(np.linalg.eigvalsh(along @ moved.T).max()) * mass * len(tracks.lines) / len(rows)

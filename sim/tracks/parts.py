@@ -1,8 +1,9 @@
-"""The geoms of a track: capsules along the runs of the belt, spheres at its wheels."""
+"""The geoms of a track: lines of capsules along the runs of the belt, and spheres at its wheels."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,6 +12,10 @@ from numpy.typing import NDArray
 from sim.tracks.hull import Hull
 from sim.tracks.presets import Preset
 
+Lines = tuple[tuple[float, float], ...]
+"""Lateral place of each line of contact, from the belt's middle [m], and its share of the belt's load [-]."""
+MIDDLE: Lines = ((0.0, 1.0),)
+"""A line in the middle of the belt."""
 WHEEL_WEIGHT = 0.5
 """Load of a wheel on a plane, relative to a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
@@ -23,7 +28,7 @@ class Part:
 
     name: str
     """Its name, after the body's."""
-    shape: dict[str, object]
+    shape: dict[str, Any]
     """Type, place and size, in the track's frame; the own z axis of a capsule along the run is the belt's direction."""
     weight: float
     """Stiffness relative to a capsule's end [-]."""
@@ -33,6 +38,8 @@ class Part:
     """True if it may land alone, so that it has a core; see `sim.tracks.connect`."""
     direction: tuple[float, ...]
     """Surface velocity (6,) in its own frame, at a belt speed of 1 m/s."""
+    edge: bool = False
+    """True on either edge of a belt with several lines of contact."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +60,8 @@ class TrackParts:
     """Capsules along the longest run that faces the ground."""
     parts: tuple[Part, ...]
     """The geoms of each track."""
+    lines: Lines = MIDDLE
+    """Its lines of contact."""
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -71,15 +80,42 @@ class TrackParts:
 
     @property
     def points(self) -> float:
-        """Number of points with which these tracks stand on their longest runs, a wheel counting by its load."""
+        """Number of points with which a line of each stands on its longest run, a wheel counting by its load."""
         return len(self.names) * 2 * (self.segments + WHEEL_WEIGHT)
 
 
-def track_parts(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
-    """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground.
+def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines = MIDDLE) -> tuple[Part, ...]:
+    """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground in each line.
 
     Runs that face up, which only touch when the robot has overturned, are a single capsule each.
     """
+    found = []
+    for k, (y, share) in enumerate(lines):
+        edge = len(lines) > 1 and k in (0, len(lines) - 1)
+        for part in _line(hull, segments, anisotropic):
+            x, _, z = part.shape["pos"]
+            name, shape = f"{part.name}_{k}" if k else part.name, part.shape | {"pos": [x, y, z]}
+            found.append(replace(part, name=name, shape=shape, weight=part.weight * share, edge=edge))
+    return tuple(found)
+
+
+def lines_across(width: float, count: int) -> Lines:
+    """Lines of contact across a belt [m], evenly spaced from edge to edge.
+
+    From three on, they share the load so that its second moment is that of an even pressure, which is what turning
+    feels of the width.
+    """
+    if not width or count == 1:
+        return MIDDLE
+    y = np.linspace(-0.5, 0.5, count)
+    inner = float((y[1:-1] ** 2).mean()) if count > 2 else 0.0
+    edge = (1 / 12 - inner) / (0.5 - 2 * inner) if count > 2 else 0.5
+    shares = [edge, *[(1 - 2 * edge) / max(count - 2, 1)] * (count - 2), edge]
+    return tuple(zip((y * width).tolist(), shares, strict=True))
+
+
+def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
+    """Geoms in the middle of a track."""
     longest = hull.longest_below
     parts = []
     for i, run in enumerate(hull.runs):

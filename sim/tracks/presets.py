@@ -28,6 +28,7 @@ _MAX_TAKEN = 2.0  # share of its speed that landing takes from a robot in one ph
 _CORE_IMPEDANCE = 0.95  # [-]
 _CORE_PUSH = 0.4  # share of its depth by which a core is pushed out in one physics step [-]
 _CORE_BRAKE = 0.7  # share of its speed that a core loses in one physics step [-]
+_EDGE = 1.5  # depth at which the core of a belt's edge touches, over that of a robot that stands [-]
 _WIDTH = 0.001  # over which the engine would change the impedance, which is constant [m]
 
 
@@ -49,6 +50,11 @@ class Preset:
     """Rate at which sliding decays where the ground holds [1/s]."""
     core_depth: float = 0.003
     """Depth at which the belt's hard core touches; more than a robot that stands sinks in [m]."""
+
+    @property
+    def edge_depth(self) -> float:
+        """The same at the edges of wide belts, whose few springs would let a robot lean far before it tips over [m]."""
+        return _EDGE * self.sink
 
     def regularise(self, gravity: float, mobility: float) -> float:
         """Regularisation with which landing creates no energy.

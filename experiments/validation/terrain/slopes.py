@@ -64,7 +64,11 @@ def creep(subject: Subject, preset: str, boxed: bool, threads: int) -> Array:
 def tipping(subject: Subject, preset: str, sideways: bool, threads: int) -> Limit:
     """The slope on which a parked robot tips over: one that stands across it, or points uphill."""
     stand = subject.stand(LevelGround(_STICKY), preset)
-    expected = float(tips_sideways(stand.half_gauge, stand.view.height)) if sideways else tips_backwards(stand.view)
+    expected = (
+        float(tips_sideways(stand.half_gauge + stand.width / 2, stand.view.height))
+        if sideways
+        else tips_backwards(stand.view)
+    )
 
     def stand_still(slopes: Array) -> np.ndarray:
         trial = TerrainTrial(stand, len(slopes), threads)

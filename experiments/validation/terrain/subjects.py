@@ -38,6 +38,8 @@ class TerrainRobot:
     control: Array  # (nu,) that holds the flippers
     half_gauge: float
     """Half the distance between the tracks [m]."""
+    width: float
+    """Width of the belts on the ground [m]."""
     view: SideView
     """Its tracks and its centre of mass from the side."""
 
@@ -80,6 +82,8 @@ class BoxRobot:
     """[kg]"""
     half_size: tuple[float, float, float] = (0.22, 0.16, 0.05)
     """Of the box, whose density is even [m]."""
+    width: float = 0.0
+    """Width of the belts on the ground [m]."""
     name: str = "box"
 
     def stand(
@@ -101,6 +105,7 @@ class BoxRobot:
             hull=self.hull,
             preset=preset,
             friction=friction,
+            width=self.width,
             terrain=ground,
         )
         model = spec.compile()
@@ -108,7 +113,16 @@ class BoxRobot:
         qpos = model.qpos0.copy()
         qpos[2] = -view.ground
         return TerrainRobot(
-            model, (tracks,), bind(model, tracks), np.arange(2), (0, 0), qpos, np.zeros(0), self.half_gauge, view
+            model,
+            (tracks,),
+            bind(model, tracks),
+            np.arange(2),
+            (0, 0),
+            qpos,
+            np.zeros(0),
+            self.half_gauge,
+            self.width,
+            view,
         )
 
 
@@ -155,6 +169,7 @@ class FromFile:
             qpos,
             control,
             robot.half_gauge,
+            robot.width if robot.lines > 1 else 0.0,
             view,
         )
 

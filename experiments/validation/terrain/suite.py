@@ -17,6 +17,7 @@ from experiments.run import Run
 from experiments.validation.suite import Findings
 from experiments.validation.terrain import figures
 from experiments.validation.terrain.engine import EngineSpeed, belt_error, differing_numbers, speed
+from experiments.validation.terrain.motors import MotorErrors, motor_errors
 from experiments.validation.terrain.obstacles import RISE, Sinking, rough, stairs
 from experiments.validation.terrain.releases import LEAST_GAIN, Releases, releases
 from experiments.validation.terrain.slopes import climbing_limits, creep, tipping
@@ -49,6 +50,8 @@ BOUNDS: dict[str, tuple[float, float]] = {
 _CREEP, _FASTEST, _BELTS = 0.5e-3, 1.0, 1e-12  # [m/s]
 _SIDEWAYS, _BACKWARDS = np.radians([0.5, 3.0]).tolist()  # backwards, the contact gives way at the rear [rad]
 ValueT = TypeVar("ValueT")
+_MOTORS, _EDGES = 0.01, 0.03  # [-]
+_WIDE = 0.12  # belts [m]
 _REBOUND = 0.25  # of the drop [-]
 _LENGTH = 0.6  # of robots whose largest penetration the bounds are for; longer ones fall further from step to step [m]
 _STAGES = 7  # of the measurements of a robot with a preset
@@ -90,6 +93,9 @@ class TerrainMeasurements:
     speed: EngineSpeed
     differing: int
     """Count of state values in which a batch's rows differ from robots simulated alone."""
+    motors: MotorErrors
+    wide_tips: Limit | None
+    """Sideways, on belts of a width of _WIDE; of the box only."""
     belt_error: float
     """Of the sliding velocity of belts on moving bodies [m/s]."""
 
@@ -149,6 +155,8 @@ def measure(subject: Subject, preset: str, config: Config, done: Callable[[float
         random_falls=stage(releases(None, preset, rng) if isinstance(subject, BoxRobot) else None),
         speed=speed(subject, preset),
         differing=differing_numbers(subject, preset, rng),
+        motors=motor_errors(subject, preset, threads),
+        wide_tips=tipping(BoxRobot(width=_WIDE), preset, True, threads) if isinstance(subject, BoxRobot) else None,
         belt_error=stage(belt_error(subject, preset, rng)),
     )
 
@@ -204,6 +212,13 @@ def checks_of(found: TerrainMeasurements) -> list[Check]:
             gain = max(0.0, float(falls.gain.max()))
             check(f"energy that {robots} gained, over weight", gain, LEAST_GAIN, "m", "conservation of energy")
             check(f"rebound of {robots}, over the drop", falls.rebound.max(), _REBOUND, "1", needed)
+    motors = found.motors
+    check("torque of motors that climb 15 degrees, relative error", motors.climbing, _MOTORS, "1", "statics")
+    check("impulse of motors, relative error", motors.impulse, _MOTORS, "1", "conservation of momentum")
+    check("energy drawn by motors, relative error", motors.energy, _MOTORS, "1", "conservation of energy")
+    if found.wide_tips is not None:
+        error = abs(found.wide_tips.error / found.wide_tips.expected)
+        check("tips over the edges of wide belts, relative error", error, _EDGES, "1", statics)
     check("numbers of a batch's rows that differ from robots alone", found.differing, 0.0, "1", "the same computation")
     check("sliding velocity of belts on moving bodies", found.belt_error, _BELTS, "m/s", "kinematics")
     return checks

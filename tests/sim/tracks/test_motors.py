@@ -1,0 +1,163 @@
+"""Belts with motors, against statics and the balances of momentum and energy."""
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco import batch
+
+from sim.tracks import PRESETS, add_tracks
+from trackslip.errors import InvalidValueError
+
+G, SLOPE = 9.81, np.radians(15.0)
+RADIUS = 0.08  # of the sprocket of a robot of size 1 [m]
+
+
+def robot(mass=25.0, preset="accurate", size=1.0, slope=0.0, wall=None):
+    """Model, data and belts of a box with tracks on a slope uphill along x, or in front of a wall at x."""
+    spec = mujoco.MjSpec()
+    spec.option.gravity = [-G * np.sin(slope), 0, -G * np.cos(slope)]
+    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[50, 50, 0.1])
+    terrain = ["ground"]
+    if wall is not None:
+        place = {"size": [0.1, 5, 2], "pos": [wall + 0.1, 0, 1]}
+        spec.worldbody.add_geom(name="wall", type=mujoco.mjtGeom.mjGEOM_BOX, **place)
+        terrain.append("wall")
+    body = spec.worldbody.add_body(name="robot")
+    body.add_freejoint()
+    x, y, z, up = np.array([0.22, 0.16, 0.05, 0.12]) * size
+    shape = {"size": [x, y, z], "pos": [0, 0, up], "mass": mass, "contype": 0, "conaffinity": 0}
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, **shape)
+    hull = np.array([(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]) * size
+    tracks = add_tracks(spec, "robot", half_gauge=0.2 * size, hull=hull, preset=preset, terrain=terrain)
+    model = spec.compile()
+    return model, mujoco.MjData(model), tracks.bind(model)
+
+
+def step(model, data, belts, time):
+    for _ in range(round(time / model.opt.timestep)):
+        belts.step(model, data)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize(("mass", "size"), [(25.0, 1.0), (1.0, 0.4), (5000.0, 6.0)])
+@pytest.mark.parametrize("share", [0.0, 1e-4, 0.3])
+def test_a_robot_on_a_slope_accelerates_by_what_torque_is_left(preset, mass, size, share):
+    """By 1 % of its weight downhill, uphill or downwards; the belts' inertia J / r^2 is a share of its mass."""
+    model, data, belts = robot(mass, preset, size, SLOPE)
+    step(model, data, belts, 0.5)
+    radius, downhill = RADIUS * size, G * np.sin(SLOPE)
+    for torque in (0.99, 1.01):
+        limit = torque * mass * downhill * radius / 2
+        belts.set(model, [0.2, 0.2], torque_limit=limit, inertia=share * mass * radius**2 / 2)
+        before = data.qvel[0]
+        step(model, data, belts, 1.0)
+        expected = (torque - 1) * downhill / (1 + share)
+        assert data.qvel[0] - before == pytest.approx(expected, rel=0.03)
+        np.testing.assert_allclose(belts.motors().torque, limit, rtol=1e-6)
+
+
+def test_belts_stall_at_a_wall_and_draw_nothing():
+    model, data, belts = robot(wall=0.36)
+    weight, limit = 25.0 * G, 0.3 * 25.0 * G * RADIUS / 2
+    belts.set(model, [0.3, 0.3], torque_limit=limit, inertia=0.01)
+    step(model, data, belts, 3.0)
+    drawn = belts.motors().energy.copy()
+    step(model, data, belts, 1.0)
+    motor = belts.motors()
+    assert np.abs(motor.speed).max() < 0.01
+    np.testing.assert_allclose(motor.torque, limit, rtol=1e-6)
+    assert (motor.energy - drawn).sum() < 0.02 * 0.3 * weight * 0.3  # of what it would draw without the wall
+    belts.set(model, [0.0, 0.0], torque_limit=limit, inertia=0.01)
+    step(model, data, belts, 1.0)
+    assert np.abs(belts.motors().speed).max() < 1e-3
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("share", [0.02, 0.5])
+def test_impulse_and_energy_are_balanced(preset, share):
+    model, data, belts = robot(preset=preset)
+    step(model, data, belts, 0.5)
+    mass, force = share * 25.0, 0.15 * 25.0 * G  # of each belt
+    belts.set(model, [5.0, 5.0], torque_limit=force * RADIUS, inertia=mass * RADIUS**2)
+    impulse, work, lost, h = np.zeros(2), np.zeros(2), 0.0, model.opt.timestep
+    for _ in range(200):
+        before = belts.motors().speed
+        belts.step(model, data)
+        motor, reading = belts.motors(), belts.read(model, data)
+        traction = reading.traction
+        impulse += (motor.torque / RADIUS - traction) * h
+        work += traction * (before + motor.speed) / 2 * h
+        lost += traction @ reading.sliding * h
+    np.testing.assert_allclose(impulse, mass * motor.speed, rtol=0.01)
+    np.testing.assert_allclose(motor.energy, work + mass * motor.speed**2 / 2, rtol=0.01)
+    assert 25.0 * data.qvel[0] ** 2 / 2 + lost == pytest.approx(work.sum(), rel=0.01)
+
+
+def test_turns_need_the_torque_of_theory_and_stop_without_it():
+    from trackslip.skid_theory import coulomb_tractions, line_contact, steady_twist
+
+    speeds, contact = np.array([-0.2, 0.2]), line_contact(0.2, 0.25, 0.7, 0.7)
+    needed = 25.0 * G * np.abs(coulomb_tractions(steady_twist(speeds, contact), speeds, contact)).max() * RADIUS
+    turned = []
+    for torque in (0.95, 1.05):
+        model, data, belts = robot()
+        step(model, data, belts, 0.3)
+        belts.set(model, speeds, torque_limit=torque * needed, inertia=1e-3)
+        step(model, data, belts, 2.0)
+        turned.append(data.qvel[5])
+    assert turned[0] < 0.05
+    assert turned[1] == pytest.approx(steady_twist(speeds, contact)[2], rel=0.03)
+
+
+def test_a_limit_that_is_never_reached_changes_nothing():
+    speeds = []
+    for limit in (None, 1e9):
+        model, data, belts = robot()
+        belts.set(model, [0.2, 0.3], torque_limit=limit)
+        step(model, data, belts, 0.2)
+        speeds.append(data.qvel.copy())
+    np.testing.assert_allclose(*speeds, atol=1e-9)
+
+
+def test_without_motors_a_step_is_the_engines():
+    model, data, belts = robot()
+    other, there, same = robot()
+    belts.set(model, [0.2, 0.3])
+    same.set(other, [0.2, 0.3])
+    step(model, data, belts, 0.2)
+    mujoco.mj_step(other, there, nstep=100)
+    assert (data.qpos == there.qpos).all()
+    assert (belts.motors().speed == [0.2, 0.3]).all()
+
+
+def test_a_row_of_a_batch_is_the_same_as_the_robot_alone():
+    limits = np.array([[1.0, 2.0], [3.0, np.inf], [0.5, 0.5]])
+    model, _, belts = robot(slope=0.1)
+    robots = batch.Batch(model, 3, nthread=2)
+    fleet = belts.bind_batch(robots)
+    fleet.set(np.tile([0.3, 0.2], (3, 1)), torque_limit=limits, inertia=0.01)
+    for _ in range(150):
+        fleet.step()
+    for row, limit in enumerate(limits):
+        model, data, alone = robot(slope=0.1)
+        alone.set(model, [0.3, 0.2], torque_limit=limit, inertia=0.01)
+        step(model, data, alone, 150 * model.opt.timestep)
+        assert (robots.qpos[row] == data.qpos).all()
+        for name, value in vars(alone.motors()).items():
+            assert (getattr(fleet.motors(), name)[row] == value).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"torque_limit": -1.0}, "torque_limit = -1.0: must be a number of at least 0, or one for each of 2 belts"),
+        ({"torque_limit": [1.0, 2.0, 3.0]}, "torque_limit = "),
+        ({"inertia": np.nan}, "inertia = nan: must be a number of at least 0"),
+        ({"torque_limit": "much"}, "torque_limit = 'much'"),
+        ({"radius": 0.0}, r"radius = 0.0: must be a number of at least 0.001"),
+    ],
+)
+def test_motors_that_make_no_sense_are_refused(options, message):
+    model, _, belts = robot()
+    with pytest.raises(InvalidValueError, match=message):
+        belts.set(model, [0.1, 0.1], **options)

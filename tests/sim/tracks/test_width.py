@@ -1,0 +1,141 @@
+"""Belts with a width: turning, edges and beams, against theory."""
+
+import mujoco
+import numpy as np
+import pytest
+from tracked import HALF_GAUGE, HALF_LENGTH, HULL, add_robot, plane
+
+from sim.tracks import PRESETS, add_tracks
+from trackslip.errors import InvalidValueError
+from trackslip.skid_theory import Contact, steady_twist
+
+WIDTH, HEIGHT = 0.12, 0.12  # of the belts, and of the centre of mass [m]
+
+
+def wide(spec, preset="accurate", terrain="ground", width=WIDTH, **options):
+    tracks = add_tracks(
+        spec, "robot", half_gauge=HALF_GAUGE, hull=HULL, preset=preset, terrain=terrain, width=width, **options
+    )
+    model = spec.compile()
+    return model, mujoco.MjData(model), tracks.bind(model)
+
+
+def even_pressure(along=200, across=12):
+    """Two belts under even pressure."""
+    x = ((np.arange(along) + 0.5) / along - 0.5) * 2 * HALF_LENGTH
+    y = ((np.arange(across) + 0.5) / across - 0.5) * WIDTH
+    x, y = np.repeat(x, across), np.tile(y, along)
+    return Contact(np.tile(x, 2), np.concatenate([HALF_GAUGE + y, y - HALF_GAUGE]), 0.7, 0.7, (0.0, 0.0, HEIGHT))
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize(("speeds", "bound"), [((0.04, 0.06), 0.01), ((-0.5, 0.5), 0.03)])
+def test_wide_belts_turn_like_an_even_pressure(preset, speeds, bound):
+    spec = plane()
+    add_robot(spec)
+    model, data, belts = wide(spec, preset)
+    belts.set(model, speeds)
+    mujoco.mj_step(model, data, nstep=round(2.0 / model.opt.timestep))
+    measured, expected = (
+        (speeds[1] - speeds[0]) / (2 * w) for w in (data.qvel[5], steady_twist(speeds, even_pressure(), 9.81)[2])
+    )
+    assert measured == pytest.approx(expected, rel=bound)
+    narrow = steady_twist(speeds, even_pressure(across=1), 9.81)[2]
+    assert expected > 1.02 * (speeds[1] - speeds[0]) / (2 * narrow)  # the width shows
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("width", [0.0, WIDTH])
+def test_standing_robots_sink_in_as_deep_whatever_the_width(preset, width):
+    spec = plane()
+    add_robot(spec)
+    model, data, belts = wide(spec, preset, width=width)
+    mujoco.mj_step(model, data, nstep=round(2.0 / model.opt.timestep))
+    reading = belts.read(model, data)
+    np.testing.assert_allclose(reading.load, 25 * 9.81 / 2, rtol=1e-3)
+    spec = plane()
+    add_robot(spec)
+    model, plain, _ = wide(spec, preset, width=0.0)
+    mujoco.mj_step(model, plain, nstep=round(2.0 / model.opt.timestep))
+    assert data.qpos[2] == pytest.approx(plain.qpos[2], rel=0.02)
+
+
+def tips(width, preset, slope, height):
+    """True if a robot with wide belts that stands across a slope tips over."""
+    spec = plane()
+    body = add_robot(spec)
+    body.ipos = [0, 0, height]
+    model, data, belts = wide(spec, preset, width=width, friction=(4.0, 4.0))
+    belts.set(model, [0.0, 0.0])
+    for part in np.sin(np.linspace(0, np.pi / 2, 400)):  # tilted slowly, to the left
+        model.opt.gravity[:] = 9.81 * np.array([0, np.sin(part * slope), -np.cos(part * slope)])
+        mujoco.mj_step(model, data, nstep=round(0.01 / model.opt.timestep))
+    mujoco.mj_step(model, data, nstep=round(3.0 / model.opt.timestep))
+    return bool(data.xmat.reshape(-1, 3, 3)[1, 2, 2] < np.cos(np.radians(30)))
+
+
+@pytest.mark.parametrize(
+    ("preset", "height", "part"), [("accurate", 0.12, 0.97), ("accurate", 0.3, 0.97), ("fast", 0.12, 0.95)]
+)
+def test_a_robot_tips_over_the_edges_of_its_belts(preset, height, part):
+    for width in (0.08, WIDTH):
+        over = np.arctan((HALF_GAUGE + width / 2) / height)
+        assert not tips(width, preset, part * over, height)
+        assert tips(width, preset, 1.01 * over, height)
+
+
+@pytest.mark.parametrize(("width", "holds"), [(0.0, False), (WIDTH, True)])
+def test_an_edge_beside_the_middle_of_a_belt_holds_it(width, holds):
+    """The left belt's middle is 3 cm beyond the edge of a slab, its inner line on it."""
+    spec = mujoco.MjSpec()
+    edge = HALF_GAUGE - 0.03
+    slab = {"size": [5, 5, 0.5], "pos": [0, edge - 5, -0.5]}
+    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_BOX, **slab)
+    body = add_robot(spec)
+    body.ipos = [0, 0.05, HEIGHT]
+    model, data, _ = wide(spec, width=width)
+    mujoco.mj_step(model, data, nstep=round(3.0 / model.opt.timestep))
+    lean = np.arccos(data.xmat.reshape(-1, 3, 3)[1, 2, 2])
+    assert (lean < np.radians(0.5)) == holds
+
+
+def test_a_narrow_beam_beside_the_middle_carries_a_wide_belt():
+    height = []
+    for width in (0.0, WIDTH):
+        spec = mujoco.MjSpec()
+        for k, y in enumerate((HALF_GAUGE + 0.06, -HALF_GAUGE - 0.06)):  # beams of 4 cm under the outer edges
+            beam = {"size": [5, 0.02, 0.1], "pos": [0, y, -0.1]}
+            spec.worldbody.add_geom(name=f"beam{k}", type=mujoco.mjtGeom.mjGEOM_BOX, **beam)
+        add_robot(spec)
+        model, data, belts = wide(spec, terrain=("beam0", "beam1"), width=width)
+        belts.set(model, [0.2, 0.2])
+        mujoco.mj_step(model, data, nstep=round(2.0 / model.opt.timestep))
+        height.append(data.qpos[2])
+    assert height[0] < -0.01  # its wheels hang between the beams
+    assert height[1] == pytest.approx(0.0, abs=0.002)
+
+
+def test_without_a_width_the_model_is_as_before():
+    models = []
+    for options in ({}, {"width": 0.0}, {"width": WIDTH, "lines": 1}):
+        spec = plane()
+        add_robot(spec)
+        add_tracks(spec, "robot", half_gauge=HALF_GAUGE, hull=HULL, terrain="ground", **options)
+        models.append(spec.to_xml() if spec.compile() else "")
+    assert len(set(models)) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"width": 0.5}, r"width = 0.5: must be less than 0.4 m"),
+        ({"width": -0.1}, r"width = -0.1"),
+        ({"width": 0.1, "lines": 0}, "lines = 0"),
+        ({"width": 0.1, "lines": 10}, "lines = 10"),
+    ],
+)
+def test_widths_that_make_no_sense_are_refused(options, message):
+    spec = plane()
+    add_robot(spec)
+    with pytest.raises(InvalidValueError, match=message):
+        add_tracks(spec, "robot", half_gauge=HALF_GAUGE, hull=HULL, **options)
