@@ -52,7 +52,7 @@ class LogWarning(UserWarning):
 
 
 class RobotWarning(UserWarning):
-    """A robot whose motion is not verified to follow theory; the message names the field."""
+    """A robot that isn't all that it should be: not verified to follow theory, or its model used in part."""
 
 
 class SettingsFileError(TrackslipError, ValueError):
@@ -148,3 +148,8 @@ def counted(count: int, noun: str) -> str:
 def first_line(error: Exception) -> str:
     """The first line of an error message of another library."""
     return str(error).splitlines()[0] if str(error) else type(error).__name__
+
+
+def in_one_line(error: Exception) -> str:
+    """All lines of an error message of MuJoCo in one."""
+    return " ".join(str(error).split()).removeprefix("Error: ")

@@ -65,7 +65,7 @@ def add_tracks(
         body: name of the body that carries the tracks, or the body; x forwards, y left, z up.
         half_gauge: half of the distance between the middles of two tracks; with one track, its distance to the left or
             right of the body's frame, which may be 0 [m].
-        hull: wheels (x, z, radius) in the body's frame, in the order of the belt [m].
+        hull: wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull.
         preset: "accurate" (2 ms), "fast" (4 ms), or a recipe of your own.
         friction: coefficients along and across the belt [-]. They may differ on planes only.
         name: of the track; two are called NAME_left and NAME_right. By default the body's name.
@@ -91,7 +91,7 @@ def add_tracks(
     require_at_most("load", load, 1.0)
     require_friction(friction)
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
-    count = segments if segments is not None else _segments(recipe, half_gauge, shape) if side == "both" else 2
+    count = segments if segments is not None else pair_segments(recipe, half_gauge, shape) if side == "both" else 2
     require_whole("segments", count, 1, _MAX_SEGMENTS)
     require_non_negative("width", width)
     widest = 2 * half_gauge if side == "both" else _MAX_HALF_GAUGE
@@ -135,7 +135,7 @@ def add_tracks(
     return tracks
 
 
-def _segments(preset: Preset, half_gauge: float, hull: Hull) -> int:
+def pair_segments(preset: Preset, half_gauge: float, hull: Hull) -> int:
     """Even number of capsules along the longest run of each of two tracks.
 
     The wider the robot, the closer its ICRs lie to its tracks, and the finer the points that resolve them.

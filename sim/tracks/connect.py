@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.tracks.parts import TrackParts
 from sim.tracks.presets import ContactParameters, set_options
-from trackslip.errors import InvalidValueError, TrackslipError, first_line, require, require_at_most, require_positive
+from trackslip.errors import InvalidValueError, TrackslipError, in_one_line, require, require_at_most, require_positive
 
 _MAX_FRICTION = 10.0
 _FINER = 10.0  # impratio over the least, for the slower sliding next to the pivot of a wide robot [-]
@@ -37,8 +37,7 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     try:
         model = spec.copy().compile()
     except ValueError as error:
-        message = first_line(error).removeprefix("Error: ")
-        raise TrackslipError(f"spec: must compile before tracks are connected: {message}") from error
+        raise TrackslipError(f"spec: must compile before tracks are connected: {in_one_line(error)}") from error
     body = model.body(tracks.bodies[0])
     require(body.weldid[0] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
     mass = float(model.body_subtreemass[model.body_rootid[body.id]]) * tracks.load

@@ -61,25 +61,22 @@ class Hull:
 
     @classmethod
     def from_wheels(cls, wheels: Sequence[Sequence[float]]) -> Hull:
-        """Hull of wheels (x, z, radius) [m] in the order of the belt, clockwise or not, from any of them on.
+        """Convex hull of wheels (x, z, radius) [m], in the order of the belt or any other.
 
         Wheels around which the belt does not bend are omitted.
 
         Raises:
-            InvalidValueError: for fewer than two wheels, numbers out of range, a wheel inside another, and a chain that
-                isn't convex or crosses itself.
+            InvalidValueError: for fewer than two wheels, numbers out of range, and wheels inside one.
         """
         chain = _numbers(wheels)
         allowed = f"finite, with radii of at least {_MIN_RADIUS:g} m and nothing beyond {_MAX_SIZE:g} m"
         fits = np.isfinite(chain).all() and np.abs(chain).max() <= _MAX_SIZE and chain[:, 2].min() >= _MIN_RADIUS
         require(fits, "hull", chain.tolist(), allowed)
-        _require_apart(chain)
-        for order in (chain, chain[::-1]):
-            wrap = _wraps(order)
+        for order in (chain, chain[::-1], _outermost(chain)):
+            wrap = _wraps(order) if _apart(order) else np.zeros(0)
             if abs(wrap.sum() - 2 * np.pi) < 1e-6:
                 return _hull(order[wrap > _TOLERANCE])
-        allowed = "a convex chain of wheels in the order of the belt, which bends around each and crosses nowhere"
-        require(False, "hull", chain.tolist(), allowed)
+        require(False, "hull", chain.tolist(), "two wheels or more that don't lie inside one another")
         raise AssertionError
 
 
@@ -96,10 +93,18 @@ def _numbers(wheels: Sequence[Sequence[float]]) -> NDArray[np.float64]:
     return np.array(listed)
 
 
-def _require_apart(chain: NDArray[np.float64]) -> None:
-    for first, second in zip(chain, np.roll(chain, -1, axis=0), strict=True):
-        apart = np.hypot(*(second - first)[:2]) > abs(second[2] - first[2]) + 1e-6
-        require(apart, "hull", chain.tolist(), "without a wheel inside its neighbour or at the same place")
+def _apart(chain: NDArray[np.float64]) -> bool:
+    """True for two wheels or more, none inside its neighbour or at the same place."""
+    step = np.roll(chain, -1, axis=0) - chain
+    return len(chain) > 1 and bool((np.hypot(step[:, 0], step[:, 1]) > np.abs(step[:, 2]) + 1e-6).all())
+
+
+def _outermost(wheels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The wheels that a belt around all of them touches, clockwise; those that bend it by less than 0.1° may lack."""
+    angle = np.linspace(2 * np.pi, 0, 3600, endpoint=False) + 1e-4  # no tie of wheels in a row
+    reach = np.cos(angle)[:, None] * wheels[:, 0] + np.sin(angle)[:, None] * wheels[:, 1] + wheels[:, 2]
+    touching = reach.argmax(axis=1)
+    return wheels[touching[touching != np.roll(touching, 1)]]
 
 
 def _tangents(chain: NDArray[np.float64]) -> NDArray[np.float64]:

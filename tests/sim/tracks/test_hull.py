@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.tracks.hull import Hull, Outline
+from trackslip.errors import InvalidValueError
 
 OVAL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
 NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
@@ -38,6 +39,28 @@ def test_runs_are_tangents_whatever_the_first_wheel_and_the_sense(first, backwar
 def test_road_wheels_between_the_ends_carry_nothing_of_their_own():
     road = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08), (0.1, 0.08, 0.08), (-0.1, 0.08, 0.08)]
     np.testing.assert_array_equal(np.sort(Hull.from_wheels(road).wheels[:, 0]), [-0.25, 0.25])
+
+
+@given(st.permutations(range(8)))
+def test_the_belt_runs_around_the_convex_hull_of_wheels_in_any_order(order):
+    """As a Bunker's are: idlers above, a road wheel that hangs a little above its neighbours, and one inside."""
+    outside = [(0.44, -0.13, 0.06), (0.29, -0.28, 0.05), (-0.23, -0.28, 0.05), (-0.39, -0.19, 0.08)]
+    road, above = [(0.04, -0.277, 0.05), (0.0, -0.2, 0.04)], [(-0.29, -0.087, 0.042), (0.3, -0.087, 0.042)]
+    wheels = [*outside, *road, *above]
+    hull = Hull.from_wheels([wheels[k] for k in order])
+    assert sorted(map(tuple, hull.wheels)) == sorted([*outside, *above])
+    for run in hull.runs:
+        x, z, radius = np.array(wheels).T
+        reach = run.outwards @ [x, z] + radius - run.start @ run.outwards
+        assert reach.max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    "wheels", [[(0, 0, 0.1)] * 2, [(0, 0, 0.1), (0.01, 0, 0.05)], [(0, 0, 0.1), (0, 0, 0.1), (0, 0, 0.05)]]
+)
+def test_a_belt_needs_two_wheels_outside_one_another(wheels):
+    with pytest.raises(InvalidValueError, match="two wheels or more that don't lie inside one another"):
+        Hull.from_wheels(wheels)
 
 
 def test_the_length_of_the_belt_is_that_of_the_convex_hull():
