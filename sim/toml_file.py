@@ -103,7 +103,7 @@ def _value(hint: Any, value: object, where: str, name: str) -> Any:
         return tuple(build(of, item, f"{where}: {name}[{k}]") for k, item in enumerate(value))  # type: ignore[arg-type]
     if typing.get_origin(of) is tuple:
         return tuple(_value(of, item, where, f"{name}[{k}]") for k, item in enumerate(value))
-    return tuple(_number(item, where, name) for item in value)
+    return tuple(_value(of, item, where, name) for item in value)
 
 
 def _number(value: object, where: str, name: str) -> float:

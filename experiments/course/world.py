@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -101,7 +100,7 @@ class CourseWorld:
         mujoco.mj_saveModel(model, None, buffer)
         return {
             "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},
-            "robot": {**asdict(robot), "model": Path(robot.model).name},
+            "robot": {**asdict(robot), "model": robot.model.name, "packages": [each.name for each in robot.packages]},
             "course": {"friction": course.friction, "seed": course.seed, "goal": course.goal, "width": course.width},
             "seed": course.seed,
             "mass": float(model.body_subtreemass[self.traverse.tracked.body]),

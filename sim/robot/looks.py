@@ -71,7 +71,7 @@ def _shipped_looks(spec: Any, parameters: RobotParameters) -> RobotLooks:
 def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     """The looks of the robot of that name or file on the chassis of the field, flippers clear of the ground."""
     robot = load_tracked(source)
-    built, own = build_tracked(robot), load_spec(robot)
+    built, own = build_tracked(robot, looks=True), load_spec(robot, looks=True)
     body = chassis_of(own, robot)
     for joint in list(body.joints):
         own.delete(joint)

@@ -14,9 +14,11 @@ import models
 from sim.ground.ground import Ground
 from sim.robot.parameters import BELT_LOOKS, RobotParameters
 from sim.robot.tracked import TrackedRobot, Wheels
-from sim.robot.tracked_model import build_tracked, clear_angles
+from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
+from sim.robot.urdf import said_of
+from sim.robot.wheels import own_wheels
 from sim.toml_file import build, read_named
-from trackslip.errors import require
+from trackslip.errors import InvalidValueError, SettingsFileError, require
 
 SHIPPED = "shipped"
 """Name of the robot of models/tracked_robot.xml."""
@@ -143,6 +145,7 @@ class PlainRobot(TrackedRobot):
         for geom in [one for one in spec.geoms if "_pad" in one.name or one.name in BELT_LOOKS]:
             spec.delete(geom)
         spec.option.timestep, spec.option.disableflags = mujoco.MjSpec().option.timestep, 0  # those were for pads
+        spec.authored.option = 0
         hull = spec.geom("hull")
         hull.contype = hull.conaffinity = 1
         return spec
@@ -152,7 +155,7 @@ def _read(source: str | Path) -> tuple[Path, dict[str, Any]]:
     """Path and content of a robot's file."""
     name = str(_FILES.get(str(source), source))
     is_model = name.lower().endswith((".urdf", ".xacro", ".xml"))
-    require(not is_model, "robot", name, "a .toml file that names this model and its tracks: see docs/tracks.md")
+    require(not is_model, "robot", name, "a .toml file that names this model and its tracks: see docs/your_robot.md")
     return Path(name), read_named("robot", name, ROBOTS)
 
 
@@ -165,5 +168,21 @@ _SHARED = RobotParameters.__dataclass_fields__.keys() & TrackedRobot.__dataclass
 
 
 def _tracked(path: Path, table: Mapping[str, Any]) -> TrackedRobot:
-    robot = build(TrackedRobot, {"name": path.stem.removesuffix("_robot"), **table}, str(path))
-    return replace(robot, model=path.parent / robot.model)
+    """The robot of a robot file, with what its own wheels tell."""
+    wheels = table.get("wheels", [])
+    if isinstance(wheels, str) and wheels != "replace":
+        raise SettingsFileError(f'{path}: wheels = {wheels!r}: must be "replace" or a list of links')
+    given = {name: value for name, value in table.items() if value != "replace" or name != "wheels"}
+    told = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until its wheels tell
+    robot = build(TrackedRobot, {"name": path.stem.removesuffix("_robot"), **told, **given}, str(path))
+    folder = path.parent
+    robot = replace(robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages))
+    if not wheels or {"wheels", "half_gauge", "hull"} <= given.keys():
+        return robot
+    with said_of(robot.model):
+        spec = load_spec(replace(robot, wheels=()))
+        own = own_wheels(spec, chassis_of(spec, robot).name, robot)
+    try:
+        return replace(robot, **{name: value for name, value in own.items() if name not in given})
+    except InvalidValueError as error:
+        raise SettingsFileError(f"{path}: of its wheels, {error}") from error

@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
-import os.path
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import mujoco
-
+from sim.robot.urdf import read_model
 from sim.tracks.hull import Hull
-from trackslip.errors import TrackslipError, require, require_non_negative, require_positive
+from trackslip.errors import require, require_non_negative, require_positive
 
 Wheels = tuple[tuple[float, float, float], ...]
 
 _WIDTH = 0.08  # [m]
+_LEVEL = -0.9998  # upwards component of the normals of runs that stand on level ground: 1.1 degrees off [-]
+
+
+class _Belts:
+    """Belts whose width may touch the ground."""
+
+    width: float
+    lines: int
+
+    @property
+    def contact_width(self) -> float:
+        """Width of the belts on the ground, 0 for a line in their middle [m]."""
+        return self.width if self.lines > 1 else 0.0
 
 
 @dataclass(frozen=True)
-class Flipper:
+class Flipper(_Belts):
     """A hinged body with one track, which is driven together with the chassis' track on its side."""
 
     body: str
@@ -26,7 +37,7 @@ class Flipper:
     side: str
     """Side of the chassis' track that drives its belt, left or right."""
     hull: Wheels
-    """Wheels (x, z, radius) in the body's frame, in the order of the belt [m]."""
+    """Wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull."""
     y: float = 0.0
     """Lateral place of the track in the body's frame [m]."""
     width: float = 0.05
@@ -50,7 +61,7 @@ class Flipper:
 
 
 @dataclass(frozen=True)
-class TrackedRobot:
+class TrackedRobot(_Belts):
     """A model and its tracks; a robot file has these fields, and a table `flippers` for each of them."""
 
     model: Path
@@ -58,7 +69,7 @@ class TrackedRobot:
     half_gauge: float
     """Half the distance between the chassis' tracks [m]."""
     hull: Wheels
-    """Wheels (x, z, radius) of the chassis' tracks in its frame, in the order of the belt [m]."""
+    """Wheels (x, z, radius) of the chassis' tracks in its frame [m]; the belt is their convex hull."""
     body: str = ""
     """Name of the chassis; by default the model's only body that lies in the world itself."""
     width: float = _WIDTH
@@ -67,6 +78,16 @@ class TrackedRobot:
     """Lines of contact across that width, which is only drawn with one line; three resist tipping over its edges."""
     flippers: tuple[Flipper, ...] = ()
     """Flippers, in any order."""
+    bogies: tuple[str, ...] = ()
+    """Left and right body, each on a passive hinge across, that carry the chassis' tracks instead of the chassis; a
+    differential turns them by opposite angles. The hull remains in the chassis' frame, the hinges at rest."""
+    wheels: tuple[str, ...] = ()
+    """Links that tracks replace: they no longer collide, and their joints are locked, unless they are bogies or
+    flippers. In a robot file also "replace": all links that turn endlessly about y and are round, bogies and flippers.
+    Wheels give `half_gauge` and `hull` unless these are given."""
+    packages: tuple[Path, ...] = ()
+    """Folders of the packages in package://NAME/FILE, or folders that these lie in, besides those above the model; in
+    a robot file relative to that file."""
     name: str = "robot"
     """Name of the robot: its robot file's without .toml."""
 
@@ -76,20 +97,28 @@ class TrackedRobot:
         require_positive("width", self.width)
         bodies = [flipper.body for flipper in self.flippers]
         require(len(set(bodies)) == len(bodies), "flippers", bodies, "on bodies that are all different")
+        pair = len(set(self.bogies)) == len(self.bogies) in (0, 2)
+        require(pair, "bogies", self.bogies, "two bodies, left and right")
+
+    @property
+    def limbs(self) -> tuple[str, ...]:
+        """Names of bogies and flippers, whose hinges stay."""
+        return (*self.bogies, *(flipper.body for flipper in self.flippers))
 
     @property
     def contact_length(self) -> float:
-        """Distance between the first and the last wheel that stand on level ground [m]."""
+        """Length of the runs that stand on level ground, from the first end to the last [m]."""
         return max(self._standing) - min(self._standing)
 
     @property
     def middle(self) -> float:
-        """Middle between these wheels, ahead of the chassis' frame [m]."""
+        """Middle between these ends, ahead of the chassis' frame [m]."""
         return (max(self._standing) + min(self._standing)) / 2
 
     @property
     def _standing(self) -> list[float]:
-        return [x for x, z, r in self.hull if z - r < self.lowest + 1e-3]
+        level = [run for run in Hull.from_wheels(self.hull).runs if run.outwards[1] < _LEVEL]
+        return [float(end[0]) for run in level for end in (run.start, run.end)] or [0.0]
 
     @property
     def sprocket_radius(self) -> float:
@@ -102,7 +131,5 @@ class TrackedRobot:
         return min(z - r for _, z, r in self.hull)
 
     def spec(self) -> Any:
-        """The model as a `mujoco.MjSpec`; raises TrackslipError where there is no such file."""
-        if not os.path.isfile(self.model):  # Path.is_file fails for long names
-            raise TrackslipError(f"{self.model}: no such file; `model` must name the robot's MJCF or URDF file")
-        return mujoco.MjSpec.from_file(str(self.model))
+        """The model as a `mujoco.MjSpec`; see `read_model` for what it raises."""
+        return read_model(self.model)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -10,14 +11,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.robot.bogies import add_to_bogies, require_across
 from sim.robot.robot import VISUAL_GROUP
 from sim.robot.tracked import Flipper, TrackedRobot
+from sim.robot.urdf import find_meshes, said_of, some, weightless
+from sim.robot.wheels import endless, switch_off
 from sim.tracks import Tracks, add_tracks
-from trackslip.errors import TrackslipError
+from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
 
 SIDES = ("left", "right")
-_FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
 _FRICTION = 0.7  # of a plane
 _CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
@@ -83,13 +86,11 @@ def build_tracked(
     Raises:
         TrackslipError: for a model that can't be compiled or lacks a part that the robot names.
     """
-    try:
-        spec = load_spec(robot)
+    with said_of(robot.model):
+        spec = load_spec(robot, looks)
         chassis = chassis_of(spec, robot)
         if looks:
             _light(spec)
-        else:
-            _strip(spec)
         if not chassis.joints:
             chassis.add_freejoint()
         flippers = [(flipper, *_motor_of(spec, flipper, chassis)) for flipper in robot.flippers]
@@ -102,31 +103,27 @@ def build_tracked(
             one.connect(spec, names)
         chassis_name, motors = chassis.name, [(f.body, joint, motor) for f, joint, motor in flippers]
         model = spec.compile()
-    except TrackslipError:
-        raise
-    except (ValueError, KeyError, AttributeError) as error:
-        message = " ".join(str(error).split()).removeprefix("Error: ")
-        raise TrackslipError(f"{robot.model}: {message}") from error
+    if not looks and model.nu == len(motors):
+        _warn_of_loose_joints(model, robot)
     return _read(model, robot, tracks, chassis_name, motors)
 
 
-def load_spec(robot: TrackedRobot) -> Any:
-    """Load the robot's model without its scene and keyframes, which a free joint would invalidate."""
+def load_spec(robot: TrackedRobot, looks: bool = False) -> Any:
+    """Load the robot's model without its scene and keyframes, which a free joint would invalidate.
+
+    Its meshes are found and its own wheels switched off; geoms that are only looked at remain with `looks`.
+    """
     spec = robot.spec()
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
     for thing in (*spec.worldbody.geoms, *spec.worldbody.lights, *spec.keys):
         spec.delete(thing)
+    for geom in [] if looks else [geom for geom in spec.geoms if geom.group == VISUAL_GROUP]:
+        if weightless(spec, geom):
+            spec.delete(geom)
+    switch_off(spec, robot)
+    find_meshes(spec, robot.model, robot.packages)
     spec.copy().compile()  # so that what is wrong with the file is said of the file
     return spec
-
-
-def _strip(spec: Any) -> None:
-    """Remove visual geoms, which neither collide nor have mass."""
-    measured = spec.compiler.inertiafromgeom == _FROM_GEOMS
-    for geom in list(spec.geoms):
-        weightless = geom.mass == 0 or geom.density == 0 or (geom.parent.explicitinertial and not measured)
-        if geom.group == VISUAL_GROUP and geom.contype == geom.conaffinity == 0 and weightless:
-            spec.delete(geom)
 
 
 def _light(spec: Any) -> None:
@@ -196,18 +193,20 @@ def _motor_of(spec: Any, flipper: Flipper, chassis: Any) -> tuple[str, str]:
 def _add_tracks(
     spec: Any, robot: TrackedRobot, chassis: Any, preset: str, friction: tuple[float, float]
 ) -> tuple[Tracks, ...]:
-    made = [
-        add_tracks(
+    if robot.bogies:
+        made = add_to_bogies(spec, robot, chassis.name, preset, friction)
+    else:
+        pair = add_tracks(
             spec,
             chassis,
             half_gauge=robot.half_gauge,
             hull=robot.hull,
             preset=preset,
             friction=friction,
-            width=robot.width if robot.lines > 1 else 0.0,
+            width=robot.contact_width,
             lines=robot.lines,
         )
-    ]
+        made = [pair]
     for flipper in robot.flippers:
         one = add_tracks(
             spec,
@@ -218,11 +217,22 @@ def _add_tracks(
             friction=friction,
             name=f"{flipper.body}_track",
             side="left",
-            width=flipper.width if flipper.lines > 1 else 0.0,
+            width=flipper.contact_width,
             lines=flipper.lines,
         )
         made.append(one)
     return tuple(made)
+
+
+def _warn_of_loose_joints(model: mujoco.MjModel, robot: TrackedRobot) -> None:
+    """Give a RobotWarning for endless hinges of a model without motors, such as a URDF."""
+    hinges = [model.joint(k) for k in np.flatnonzero(endless(model) & (model.jnt_type == _HINGE))]
+    carriers = [model.body(hinge.bodyid[0]).name for hinge in hinges]
+    loose = [hinge.name or name for hinge, name in zip(hinges, carriers, strict=True) if name not in robot.limbs]
+    if loose:
+        what = f"nothing drives or holds {counted(len(loose), 'hinge')} without limits, {some(loose)}"
+        hint = "list the links of wheels in `wheels`, and make joints of sensors fixed"
+        warnings.warn(f"{robot.model}: {what}; {hint}", RobotWarning, stacklevel=3)
 
 
 def _plane(spec: Any) -> list[str]:
@@ -250,12 +260,13 @@ def _read(
     reach = np.insert(middle, 1, 0.0, axis=1)  # (F, 3) from the hinge to the middle of the flipper, in its frame
     bodies = model.jnt_bodyid[joints]
     turned = data.xmat[bodies].reshape(-1, 3, 3)
+    require_across(model, data, robot, chassis)
     _require_clear(model, data, robot, body)
     reach = np.einsum("fij,fj->fi", turned, reach) - (data.xanchor[joints] - data.xpos[bodies])
     upwards = np.cross(data.xaxis[joints], reach)[:, 2]
     sign = np.where(upwards >= 0, 1.0, -1.0)
     forwards = data.xmat[body].reshape(3, 3)[:, 0]
-    limits = np.where(model.jnt_limited[joints, None] == 1, model.jnt_range[joints], [-np.pi, np.pi])
+    limits = np.where(endless(model)[joints, None], [-np.pi, np.pi], model.jnt_range[joints])
     sides = [0, 1, *(SIDES.index(flipper.side) for flipper in robot.flippers)]
     return TrackedModel(
         model=model,
@@ -274,7 +285,8 @@ def _read(
 
 def _require_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int) -> None:
     """Raise TrackslipError if anything but the tracks would touch level ground."""
-    own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & (model.geom_contype > 0)
+    carriers = [body, *(model.body(name).id for name in robot.bogies)]
+    own = np.isin(model.body_weldid[model.geom_bodyid], model.body_weldid[carriers]) & (model.geom_contype > 0)
     for geom in np.flatnonzero(own):
         centre, half = model.geom_aabb[geom].reshape(2, 3)
         up = data.geom_xmat[geom].reshape(3, 3)[2]

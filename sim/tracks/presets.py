@@ -29,6 +29,7 @@ _CORE_IMPEDANCE = 0.95  # [-]
 _CORE_PUSH = 0.4  # share of its depth by which a core is pushed out in one physics step [-]
 _CORE_BRAKE = 0.7  # share of its speed that a core loses in one physics step [-]
 _EDGE = 1.5  # depth at which the core of a belt's edge touches, over that of a robot that stands [-]
+_TIMESTEP = 1  # in `spec.authored.option`, the bit of a timestep that the spec's file states
 _WIDTH = 0.001  # over which the engine would change the impedance, which is constant [m]
 
 
@@ -133,7 +134,7 @@ def set_options(spec: mujoco.MjSpec, preset: Preset, finer: float = 1.0) -> None
     """
     option, plain = spec.option, mujoco.MjSpec().option
     _require_own_contacts(option)
-    if option.timestep == plain.timestep:
+    if option.timestep == plain.timestep and not spec.authored.option & _TIMESTEP:
         option.timestep = preset.timestep
     require_stable(option.timestep, preset)
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC

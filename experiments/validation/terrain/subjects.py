@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import mujoco
@@ -133,7 +134,7 @@ class FromFile:
     source: str
     """Name or file."""
 
-    @property
+    @cached_property
     def robot(self) -> TrackedRobot:
         """The robot that the file describes."""
         return load_tracked(self.source)
@@ -169,7 +170,7 @@ class FromFile:
             qpos,
             control,
             robot.half_gauge,
-            robot.width if robot.lines > 1 else 0.0,
+            robot.contact_width,
             view,
         )
 

@@ -1,0 +1,147 @@
+"""Models as their authors publish them: URDFs in packages of ROS, and meshes that MuJoCo can't read."""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from trackslip.errors import RobotWarning, TrackslipError, counted, in_one_line
+
+_READABLE = (".stl", ".obj", ".msh")
+_COMPILER = '<compiler strippath="false" discardvisual="false" '
+_MAX_FACES = 200_000  # of MuJoCo's, in an .stl
+_SHOWN = 3  # names in a message
+_FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+
+
+def read_model(path: Path) -> Any:
+    """An MJCF or URDF as a `mujoco.MjSpec`; meshes of a URDF keep their folders, and only links with <inertial> weigh.
+
+    Raises TrackslipError if there is no such file, and for xacro.
+    """
+    if not os.path.isfile(path):  # Path.is_file fails for long names
+        raise TrackslipError(f"{path}: no such file; `model` must name the robot's MJCF or URDF file")
+    text = _text(path)
+    if "<xacro:" in text:
+        raise TrackslipError(f"{path}: is xacro; run `xacro {path.name} > robot.urdf`, and name its result as `model`")
+    if "<robot" not in text:
+        return mujoco.MjSpec.from_file(str(path))
+    spec = mujoco.MjSpec.from_string(_unstripped(text))
+    stated = any(body.explicitinertial for body in spec.bodies)
+    for geom in list(spec.geoms):
+        if geom.type == mujoco.mjtGeom.mjGEOM_SPHERE and not geom.size[0]:
+            spec.delete(geom)  # a point
+        elif stated and not geom.parent.explicitinertial and not geom.parent.joints:
+            geom.mass = 0  # by the URDF standard; MuJoCo fills it with water
+    return spec
+
+
+def _text(path: Path) -> str:
+    """The XML of a file, comments blanked out."""
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    return re.sub(r"<!--.*?(?:-->|\Z)", lambda comment: "\n" * comment[0].count("\n"), text, flags=re.DOTALL)
+
+
+def _unstripped(text: str) -> str:
+    """A URDF whose meshes keep their folders, with its visuals."""
+    text = re.sub(r"\b(?:strippath|discardvisual)\s*=\s*(?:\"[^\"]*\"|'[^']*')", "", text)
+    text = re.sub(r"<mujoco\s*/>", "", text)
+    for tag, place in (("<compiler", "<compiler"), ("</mujoco>", "<compiler/></mujoco>")):
+        if tag in text:
+            return text.replace(tag, place.replace("<compiler", _COMPILER), 1)
+    return text.replace("</robot>", f"<mujoco>{_COMPILER}/></mujoco></robot>")
+
+
+def weightless(spec: Any, geom: Any) -> bool:
+    """True for a geom that neither collides nor has mass."""
+    measured = spec.compiler.inertiafromgeom == _FROM_GEOMS
+    massless = geom.mass == 0 or geom.density == 0 or (geom.parent.explicitinertial and not measured)
+    return bool(geom.contype == geom.conaffinity == 0 and massless)
+
+
+def find_meshes(spec: Any, model: Path, packages: Sequence[Path]) -> None:
+    """Give meshes the paths of files that MuJoCo reads; leave out those that are only for looks and have none.
+
+    Raises TrackslipError for a mesh without a file that collides or has mass.
+    """
+    left_out = set()
+    for mesh in [mesh for mesh in spec.meshes if mesh.file]:
+        geoms = [geom for geom in spec.geoms if geom.meshname == mesh.name]
+        found, wrong = _mesh_file(mesh.file, model, packages, spec.meshdir) if geoms else (None, "")
+        if found:
+            mesh.file = os.path.abspath(found)
+            continue
+        for geom in geoms:
+            if not weightless(spec, geom):
+                link = f"{model}: link {geom.parent.name!r} needs {mesh.file[-100:]} to collide or for its mass"
+                raise TrackslipError(f"{link}, but {wrong}")
+            left_out.add(mesh.file.rpartition("/")[2])
+            spec.delete(geom)
+        spec.delete(mesh)
+    if left_out:
+        files = f"{counted(len(left_out), 'mesh file')} ({some(sorted(left_out))})"
+        why = "missing, or of a kind that MuJoCo doesn't read"
+        warnings.warn(f"{model}: shown without {files}: {why}", RobotWarning, stacklevel=2)
+
+
+def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -> tuple[Path | None, str]:
+    """The file of a mesh that MuJoCo reads, or None and what is wrong; a .dae may have an .stl or .obj beside it."""
+    folder = model.absolute().parent
+    scheme, _, rest = file.rpartition("://")
+    if scheme in ("package", "model"):
+        name, _, rest = rest.partition("/")
+        homes = (*packages, folder, *folder.parents)
+        tried = [home / rest for home in homes if name in (home.name, _package_name(home))]
+        tried += [home / name / rest for home in homes]
+        wrong = f"there is none; `packages` must list the folder of {name}, or the one it lies in"
+    else:
+        tried = [folder / meshdir / rest, folder / rest, folder / meshdir / Path(rest).name]
+        wrong = f"there is no {str(tried[0])[-100:]}"
+    for path in tried:
+        beside = [Path(os.path.splitext(path)[0] + suffix) for suffix in _READABLE]
+        for each in (path, *beside):
+            if os.path.isfile(each) and _is_readable(each):
+                return each, ""
+        if os.path.isfile(path):
+            kind = "such an .stl (ASCII, or over 200,000 faces)" if path.suffix.lower() == ".stl" else path.suffix
+            return None, f"MuJoCo doesn't read {kind}; convert it to an .obj or .stl of the same name beside it"
+    return None, wrong
+
+
+def _is_readable(path: Path) -> bool:
+    """True for a file that MuJoCo reads; of .stl those that are binary, with 200,000 faces at most."""
+    if path.suffix.lower() != ".stl":
+        return path.suffix.lower() in _READABLE
+    with path.open("rb") as file:
+        return 0 < int.from_bytes(file.read(84)[80:], "little") <= _MAX_FACES
+
+
+def _package_name(folder: Path) -> str:
+    """The name that a folder's package.xml states, or an empty one."""
+    file = folder / "package.xml"
+    found = re.search(r"<name>\s*([^<\s]+)\s*</name>", _text(file)) if file.is_file() else None
+    return found[1] if found else ""
+
+
+def some(names: Sequence[str]) -> str:
+    """The first of some names."""
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more
+
+
+@contextmanager
+def said_of(path: Path) -> Iterator[None]:
+    """Turn MuJoCo's errors into TrackslipErrors, in one line that names the file."""
+    try:
+        yield
+    except TrackslipError:
+        raise
+    except (ValueError, KeyError, AttributeError, OSError) as error:
+        raise TrackslipError(f"{path}: {in_one_line(error)}") from error

@@ -1,0 +1,121 @@
+"""A robot's own wheels, which its tracks replace."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.robot.tracked import TrackedRobot
+from sim.robot.urdf import some
+from trackslip.errors import TrackslipError
+from trackslip.kinematics import Array
+
+_AXIS = 0.95  # least cosine between the axis of a wheel and the chassis' y [-]
+_ROUND = 0.1  # largest difference between the extents of a wheel along x and z, relative to their mean [-]
+_MIRRORED = 0.03  # largest difference between wheels on the left and right [m]
+_MIDDLE = 0.25  # of the largest |y|: what lies nearer to the middle is a caster [-]
+_FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
+
+
+def switch_off(spec: Any, robot: TrackedRobot) -> None:
+    """Keep links in `robot.wheels` from colliding, and lock their joints unless they are bogies or flippers.
+
+    Raises TrackslipError for links that aren't in the model, or that hang on a part that moves and isn't a bogie.
+    """
+    for name in robot.wheels:
+        link = _link(spec, robot, name)
+        rigid = [link]
+        for body in rigid:  # which grows
+            rigid += [child for child in body.bodies if not child.joints]
+            for geom in (geom for geom in body.geoms if geom.contype or geom.conaffinity):
+                geom.contype, geom.conaffinity, geom.group = 0, 0, 3
+        for joint in [joint for joint in link.joints if joint.type != _FREE and name not in robot.limbs]:
+            _delete_joint(spec, joint)
+    for name in robot.wheels:
+        carrier = spec.body(name)
+        while not carrier.joints and carrier.parent.name != "world":
+            carrier = carrier.parent
+        if carrier.parent.name != "world" and carrier.name not in robot.limbs:
+            allowed = f"fixed to the chassis or a bogie; list {carrier.name!r} in `wheels` to lock it, or in `bogies`"
+            raise TrackslipError(f"{robot.model}: wheels = {name!r}: hangs on {carrier.name!r}, must be {allowed}")
+
+
+def _link(spec: Any, robot: TrackedRobot, name: str) -> Any:
+    """The body in `robot.wheels` of that name."""
+    if spec.body(name) in (None, spec.worldbody):
+        known = some([body.name for body in spec.bodies if body.name != "world"])
+        raise TrackslipError(f"{robot.model}: wheels = {name!r}: must be links of the model, such as {known}")
+    return spec.body(name)
+
+
+def _delete_joint(spec: Any, joint: Any) -> None:
+    """Delete a joint with its motors, sensors and equalities."""
+    motors = [motor for motor in spec.actuators if motor.target == joint.name]
+    names = {joint.name, *(motor.name for motor in motors)} - {""}
+    sensors = [sensor for sensor in spec.sensors if sensor.objname in names]
+    for each in (*sensors, *(each for each in spec.equalities if names & {each.name1, each.name2}), *motors, joint):
+        spec.delete(each)
+
+
+def own_wheels(spec: Any, chassis: str, robot: TrackedRobot) -> dict[str, Any]:
+    """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, as the model's own wheels tell them.
+
+    These are the links in `robot.wheels`, or else all that turn endlessly about the chassis' y and are round, together
+    with bogies and flippers. Raises TrackslipError unless there are any, alike on the left and right.
+    """
+    links = [_link(spec, robot, name).name for name in robot.wheels if name not in robot.limbs]
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    base = data.body(chassis)
+    if links:
+        places = {name: _extent(model, data, base, model.body(name).id) for name in links}
+    else:
+        turning = np.abs(data.xaxis @ base.xmat.reshape(3, 3)[:, 1]) > _AXIS
+        bodies = model.jnt_bodyid[(model.jnt_type == _HINGE) & endless(model) & turning]
+        places = {model.body(body).name: _extent(model, data, base, body) for body in bodies}
+        places = {name: at for name, at in places.items() if name not in robot.limbs and _is_round(*(at[1] - at[0]))}
+    low, high = np.reshape(list(places.values()), (-1, 2, 3)).transpose(1, 0, 2)
+    (x, y, z), half = ((low + high) / 2).T, (high - low) / 2
+    wheels = np.column_stack([x, z, half[:, [0, 2]].mean(axis=1), np.abs(y)])
+    outer = np.abs(y) > _MIDDLE * np.abs(y).max(initial=0.0)
+    left, right = (wheels[outer & side][np.lexsort(wheels[outer & side].T[:2])] for side in (y > 0, y < 0))
+    if not len(left) or left.shape != right.shape or not (np.abs(left - right) < _MIRRORED).all():
+        given = f"{', '.join(links) or 'replace'}: must be round links on endless hinges about y, alike on the left and"
+        found = "these aren't" if links else f"found are {', '.join(places) or 'none'}"
+        raise TrackslipError(f"{robot.model}: wheels = {given} right; {found}; give `hull` and `half_gauge`")
+    hull = tuple(map(tuple, left[:, :3].round(6).tolist()))
+    gauge = round(float(wheels[outer, 3].mean()), 6)
+    return {"wheels": robot.wheels or (*places, *robot.limbs), "half_gauge": gauge, "hull": hull}
+
+
+def endless(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """For each joint, True if it turns by more than a turn."""
+    return np.asarray((model.jnt_limited == 0) | (np.ptp(model.jnt_range, axis=1) > 2 * np.pi))
+
+
+def _is_round(along: float, _: float, up: float) -> bool:
+    return bool(abs(along - up) < _ROUND * (along + up) / 2)
+
+
+def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int) -> Array:
+    """Least and largest coordinates (2, 3) of a link's colliding geoms, else of all, in the chassis' frame [m]."""
+    own = (model.geom_bodyid == body) | (model.body_weldid[model.geom_bodyid] == body)
+    collide = own & ((model.geom_contype | model.geom_conaffinity) > 0)
+    frame, points = chassis.xmat.reshape(3, 3), [np.full((1, 3), np.nan)]
+    for geom in np.flatnonzero(collide if collide.any() else own):
+        turn = frame.T @ data.geom_xmat[geom].reshape(3, 3)
+        centre, mesh = frame.T @ (data.geom_xpos[geom] - chassis.xpos), model.geom_dataid[geom]
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+            points += [model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]] @ turn.T + centre]
+            continue
+        reach = np.abs(turn) @ model.geom_aabb[geom, 3:]
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER:  # however it is turned about its axis
+            radius, half, _ = model.geom_size[geom]
+            reach = np.sqrt(np.maximum(1 - turn[:, 2] ** 2, 0)) * radius + np.abs(turn[:, 2]) * half
+        points += [centre - reach, centre + reach]
+    stacked = np.vstack(points)
+    return np.array([np.fmin.reduce(stacked), np.fmax.reduce(stacked)])

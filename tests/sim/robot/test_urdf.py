@@ -1,0 +1,323 @@
+"""Models as their authors publish them: packages, meshes, xacro, wheels of their own, bogies, and what is refused."""
+
+import time
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.robot.looks import robot_looks
+from sim.robot.named import load_parameters, load_tracked
+from sim.robot.tracked_model import build_tracked, clear_angles
+from sim.terrain import load_course
+from sim.tracks import bind
+from trackslip.errors import RobotWarning, TrackslipError
+from trackslip.skid_theory import line_contact, steady_twist
+
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1))
+CUBE += "f 1 2 4\nf 1 4 3\nf 5 7 8\nf 5 8 6\nf 1 5 6\nf 1 6 2\nf 3 4 8\nf 3 8 7\nf 1 3 7\nf 1 7 5\nf 2 6 8\nf 2 8 4\n"
+WHEELS = [(side, end) for side in ("left", "right") for end in ("front", "rear")]
+BOGIES = 'bogies = ["left_bogie", "right_bogie"]\n'
+TRACKS = "half_gauge = 0.25\nhull = [[-0.2, 0.0, 0.1], [0.2, 0.0, 0.1]]\n"
+
+
+def link(name, mass, shape="", place="0 0 0", look=""):
+    """A link with a collision shape and a mesh to look at."""
+    inertia = f'<inertia ixx="{mass / 20}" iyy="{mass / 20}" izz="{mass / 15}" ixy="0" ixz="0" iyz="0"/>'
+    inertial = f'<inertial><mass value="{mass}"/>{inertia}</inertial>' if mass else ""
+    collision = f'<collision><origin xyz="{place}"/><geometry>{shape}</geometry></collision>' if shape else ""
+    visual = f'<visual><geometry><mesh filename="{look}"/></geometry></visual>' if look else ""
+    return f'<link name="{name}">{inertial}{visual}{collision}</link>'
+
+
+def joint(parent, child, place, kind="continuous", rest=""):
+    """A joint about y."""
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/><axis xyz="0 1 0"/>'
+    return f'<joint name="{child}_joint" type="{kind}">{ends}{rest}</joint>'
+
+
+def rover(wheel='<sphere radius="0.1"/>', carrier="base", limits=""):
+    """A rover with four wheels, on the chassis or on a bogie of each side."""
+    parts = [link("base", 10, '<box size="0.4 0.3 0.05"/>', "0 0 0.1")]
+    for side, end in WHEELS:
+        y = {"left": 0.25, "right": -0.25}[side] * (carrier == "base")
+        place = f"{0.2 if end == 'front' else -0.2} {y} 0"
+        kind = "revolute" if limits else "continuous"
+        parts += [link(f"{side}_{end}", 1, wheel), joint(carrier.format(side), f"{side}_{end}", place, kind, limits)]
+    return parts
+
+
+def write(folder, parts, text='wheels = "replace"\n', name="rover.urdf"):
+    """Write the URDF into a package's folder urdf, and its robot file beside it."""
+    (folder / "rover_description" / "urdf").mkdir(parents=True, exist_ok=True)
+    (folder / "rover_description" / "urdf" / name).write_text(f'<robot name="rover">{"".join(parts)}</robot>')
+    file = folder / "rover.toml"
+    file.write_text(f'model = "rover_description/urdf/{name}"\n{text}')
+    return file
+
+
+def base(shape="", mass=10, look=""):
+    return link("base", mass, shape, "0 0 0.2", look)
+
+
+@pytest.mark.parametrize(
+    ("filename", "at", "packages"),
+    [
+        ("package://rover_description/meshes/cube.obj", "rover_description/meshes", ""),
+        ("package://other/cube.obj", "elsewhere/other", 'packages = ["elsewhere"]'),
+        ("package://other/cube.obj", "elsewhere/other", 'packages = ["elsewhere/other"]'),
+        ("package://named/cube.obj", "elsewhere/other", 'packages = ["elsewhere/other"]'),
+        ("../meshes/cube.obj", "rover_description/meshes", ""),
+        ("../meshes/cube.dae", "rover_description/meshes", ""),
+    ],
+)
+def test_meshes_are_found(tmp_path, filename, at, packages):
+    (tmp_path / at).mkdir(parents=True)
+    (tmp_path / at / "cube.obj").write_text(CUBE)
+    (tmp_path / at / "package.xml").write_text("<package><name>named</name></package>")
+    for extra in ("", "<mujoco/>", '<mujoco><compiler strippath="true"/></mujoco>'):
+        file = write(tmp_path, [base(f'<mesh filename="{filename}"/>'), extra], TRACKS + packages)
+        assert build_tracked(load_tracked(file)).model.nmesh == 1
+
+
+def test_meshes_only_for_looks_are_left_out_in_one_line(tmp_path):
+    looks = [link(f"look{k}", 0, look=f"package://gone/look{k}.dae") for k in range(5)]
+    fixed = [joint("base", f"look{k}", "0 0 0", "fixed") for k in range(5)]
+    file = write(tmp_path, [base(), *looks, *fixed], TRACKS)
+    robot = load_tracked(file)
+    plain = build_tracked(robot).model  # says nothing
+    with pytest.warns(RobotWarning) as said:
+        shown = build_tracked(robot, looks=True).model
+    assert len(said) == 1
+    assert "without 5 mesh files (look0.dae, look1.dae, look2.dae and 2 more)" in str(said[0].message)
+    np.testing.assert_array_equal(plain.body_mass, shown.body_mass)
+
+
+@pytest.mark.parametrize(
+    ("shape", "mass", "said"),
+    [
+        (
+            '<mesh filename="package://gone/a.stl"/>',
+            10,
+            "link 'base' needs package://gone/a.stl .*`packages` must list",
+        ),
+        ('<mesh filename="../meshes/a.dae"/>', 10, "link 'base' needs .*MuJoCo doesn't read .dae; convert it"),
+        ('<mesh filename="package://"/>', 10, "link 'base' needs package://"),
+        ('<mesh filename="a.stl"/>', 0, "link 'base' needs a.stl to collide or for its mass, but there is no"),
+    ],
+)
+def test_meshes_that_collide_or_weigh_are_missed(tmp_path, shape, mass, said):
+    file = write(tmp_path, [base(shape, mass)], TRACKS)
+    (tmp_path / "rover_description" / "meshes").mkdir()
+    (tmp_path / "rover_description" / "meshes" / "a.dae").touch()
+    with pytest.raises(TrackslipError, match=said):
+        build_tracked(load_tracked(file))
+
+
+ASCII_STL = b"solid made by a CAD\n" + b"facet normal 0 0 1 outer loop vertex 0 0 0\n" * 9
+
+
+def test_meshes_of_ascii_stl_are_left_out_or_missed(tmp_path):
+    (tmp_path / "rover_description" / "meshes").mkdir(parents=True)
+    mesh = tmp_path / "rover_description" / "meshes" / "a.stl"
+    mesh.write_bytes(ASCII_STL)
+    with pytest.warns(RobotWarning, match=r"without 1 mesh file \(a\.stl\)"):
+        build_tracked(load_tracked(write(tmp_path, [base(look="../meshes/a.stl")], TRACKS)), looks=True)
+    colliding = load_tracked(write(tmp_path, [base('<mesh filename="../meshes/a.stl"/>')], TRACKS))
+    with pytest.raises(TrackslipError, match=r"such an \.stl \(ASCII, or over 200,000 faces\); convert it"):
+        build_tracked(colliding)
+    mesh.with_suffix(".obj").write_text(CUBE)
+    assert build_tracked(colliding).model.nmesh == 1
+
+
+def test_masses_are_those_of_the_urdf(tmp_path):
+    rider, point = link("rider", 0, '<box size="1 1 1"/>', "0 0 1"), link("point", 0, '<sphere radius="0"/>')
+    fixed = [joint("base", name, "0 0 0", "fixed") for name in ("rider", "point")]
+    made = build_tracked(load_tracked(write(tmp_path, [base(), rider, point, *fixed], TRACKS)))
+    assert made.model.body_subtreemass[made.body] == pytest.approx(10)
+
+
+def test_xacro_is_said_clearly(tmp_path):
+    file = write(tmp_path, ['<xacro:include filename="a.xacro"/>', base()], TRACKS)
+    with pytest.raises(TrackslipError, match=r"is xacro; run `xacro rover.urdf > robot.urdf`"):
+        build_tracked(load_tracked(file))
+    done = write(tmp_path, ["<!-- <xacro:include filename='a.xacro'/> -->", base()], TRACKS)
+    build_tracked(load_tracked(done))
+
+
+@pytest.mark.parametrize("wheel", ['<sphere radius="0.1"/>', '<cylinder radius="0.1" length="0.1"/>', None])
+@pytest.mark.parametrize("limits", ["", '<limit lower="-1e16" upper="1e16" effort="0" velocity="0"/>'])
+def test_tracks_replace_the_wheels(tmp_path, wheel, limits):
+    (tmp_path / "rover_description").mkdir()
+    (tmp_path / "rover_description" / "wheel.obj").write_text(CUBE)
+    shape = wheel or '<mesh filename="package://rover_description/wheel.obj"/>'
+    parts = [
+        part.replace('xyz="0 0 0"/><geometry><cyl', 'rpy="1.5707963 0.7 0"/><geometry><cyl')
+        for part in rover(shape, limits=limits)
+    ]
+    robot = load_tracked(write(tmp_path, parts))
+    assert sorted(robot.wheels) == sorted(f"{side}_{end}" for side, end in WHEELS)
+    assert robot.half_gauge == pytest.approx(0.25, abs=1e-4)
+    np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)], atol=1e-4)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # nothing is left that swings
+        made = build_tracked(robot)
+    assert made.model.nv == 6
+    assert made.model.body_subtreemass[made.body] == pytest.approx(14)
+    listed = load_tracked(write(tmp_path, parts, f"wheels = {list(robot.wheels)}\nhalf_gauge = 0.3\n"))
+    assert listed.half_gauge == 0.3
+    assert listed.hull == robot.hull
+
+
+def test_other_wheels_are_refused(tmp_path):
+    for parts, text, said in (
+        ([base()], 'wheels = "replace"', "wheels = replace: must be round links .* found are none"),
+        (rover()[:-2], 'wheels = "replace"', "alike on the left and right; found are left_front"),
+        (rover(), 'wheels = "all"', "wheels = 'all': must be \"replace\" or a list"),
+        (rover(), 'wheels = ["world"]', "wheels = 'world': must be links of the model, such as base"),
+        (rover(), 'wheels = ["left_frnt"]', "wheels = 'left_frnt': must be links of the model, such as base"),
+        (rover(), 'wheels = ["left_front", "right_front"]', "of its wheels, hull = .*wheels"),
+    ):
+        with pytest.raises(TrackslipError, match=said):
+            load_tracked(write(tmp_path, parts, text))
+
+
+def test_hinges_that_swing_freely_are_said(tmp_path):
+    file = write(tmp_path, rover('<sphere radius="0.05"/>'), TRACKS)
+    with pytest.warns(RobotWarning, match=r"nothing drives or holds 4 hinges without limits, left_front_joint, "):
+        build_tracked(load_tracked(file))
+
+
+def test_wheels_of_an_mjcf_go_with_their_motors(tmp_path):
+    wheels = "".join(
+        f'<body name="w{x}{y}" pos="{x} {y} 0"><joint name="j{x}{y}" axis="0 1 0"/><geom size="0.1"/></body>'
+        for x in (-0.2, 0.2)
+        for y in (-0.25, 0.25)
+    )
+    joints = [f"j{x}{y}" for x in (-0.2, 0.2) for y in (-0.25, 0.25)]
+    motors = "".join(f'<velocity name="m{name}" joint="{name}"/>' for name in joints)
+    sensors = "".join(f'<jointpos joint="{n}"/><actuatorfrc actuator="m{n}"/>' for n in joints)
+    (tmp_path / "r.xml").write_text(
+        f'<mujoco><worldbody><body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 .2"/>{wheels}'
+        f"</body></worldbody><actuator>{motors}</actuator><sensor>{sensors}</sensor></mujoco>"
+    )
+    (tmp_path / "r.toml").write_text('model = "r.xml"\nwheels = "replace"\n')
+    model = build_tracked(load_tracked(tmp_path / "r.toml")).model
+    assert (model.nv, model.nu) == (6, 0)
+
+
+def bogie_rover():
+    """A rover whose wheels are on two bogies, 2 cm above them."""
+    limits = '<limit lower="-0.4" upper="0.4" effort="0" velocity="1"/>'
+    sides = [
+        part
+        for side, y in (("left", 0.25), ("right", -0.25))
+        for part in (link(f"{side}_bogie", 3), joint("base", f"{side}_bogie", f"0 {y} 0.02", "revolute", limits))
+    ]
+    return sides + rover(carrier="{}_bogie")
+
+
+def test_wheels_on_bogies(tmp_path):
+    parts = bogie_rover()
+    with pytest.raises(TrackslipError, match=r"'left_front': hangs on 'left_bogie'.* or in `bogies`"):
+        build_tracked(load_tracked(write(tmp_path, parts)))
+    robot = load_tracked(write(tmp_path, parts, f'wheels = "replace"\n{BOGIES}'))
+    assert robot.half_gauge == pytest.approx(0.25)
+    made = build_tracked(robot, load_course("flat"))
+    model, data = made.model, mujoco.MjData(made.model)
+    assert model.nv == 8
+    data.qpos[2] = -robot.lowest
+    belts = bind(model, *made.tracks)
+    assert belts.names == ("base_left", "base_right")
+    speeds = np.array([0.1, 0.16])
+    belts.set(model, speeds)
+    mujoco.mj_step(model, data, 1000)
+    before = data.qvel[5]
+    load = belts.read(model, data).load
+    assert load == pytest.approx(model.body_subtreemass[made.body] * 9.81 / 2, rel=0.02)
+    assert data.qpos[7:] == pytest.approx(0, abs=2e-3)  # the differential holds the chassis level
+    contact = line_contact(0.25, 0.2, 0.7, 0.7, (0.0, 0.0, 0.1))
+    assert before == pytest.approx(steady_twist(speeds[None], contact, 9.81)[0, 2], rel=0.02)
+
+
+def test_a_robot_on_bogies_stands_on_flat_ground_and_is_drawn(tmp_path):
+    (tmp_path / "rover_description").mkdir()
+    (tmp_path / "rover_description" / "deck.obj").write_text(CUBE)
+    arm = [link("arm", 2, '<box size="0.1 0.1 0.1"/>', "0 0 0.3", "package://rover_description/deck.obj")]
+    parts = [*bogie_rover(), *arm, joint("base", "arm", "0 0 0.2")]  # hangs loosely
+    file = write(tmp_path, parts, f"wheels = {[f'{side}_{end}' for side, end in WHEELS]}\n{BOGIES}")
+    parameters, _ = load_parameters(str(file))
+    assert (parameters.mass, parameters.contact_length) == (pytest.approx(22), pytest.approx(0.4))
+    assert parameters.half_gauge == pytest.approx(0.25)
+    assert (parameters.com_x, parameters.com_y) == (pytest.approx(0), pytest.approx(0))
+    assert parameters.com_height == pytest.approx(0.08 + (10 * 0.02 + 2 * 0.2) / 22)
+    on_sides = 6 * 0.25**2 + 4 * (0.2**2 + 0.25**2)
+    assert parameters.inertia[2] == pytest.approx(22 / 15 + on_sides)
+    looks = robot_looks(parameters)
+    assert [looks.model.body(body).name for _, body, _ in looks.tracks] == ["robot/left_bogie", "robot/right_bogie"]
+    assert looks.model.mesh("robot/deck").id >= 0
+
+
+@pytest.mark.filterwarnings("ignore::trackslip.errors.RobotWarning")
+def test_bogies_that_cannot_be(tmp_path):
+    for bogies, said in (
+        (["left_bogie"], "bogies = .*two bodies, left and right"),
+        (["left_bogie", "nose"], "bogies = 'nose': must be a body of the model with one joint, a hinge"),
+    ):
+        with pytest.raises(TrackslipError, match=said):
+            build_tracked(load_tracked(write(tmp_path, bogie_rover(), f"bogies = {bogies}\n{TRACKS}")))
+
+
+def test_flippers_across_the_chassis_are_refused(tmp_path):
+    limits = '<limit lower="-1" upper="1" effort="9" velocity="1"/>'
+    turned = joint("base", "paddle", "0.2 0.3 0", "revolute", limits).replace('xyz="0.2', 'rpy="0 0 1.57" xyz="0.2')
+    flipper = '[[flippers]]\nbody = "paddle"\nside = "left"\nhull = [[0.0, 0.0, 0.06], [0.25, 0.0, 0.04]]\n'
+    with pytest.raises(TrackslipError, match="body 'paddle': must have y to the left, and its hinge along y"):
+        build_tracked(load_tracked(write(tmp_path, [base(), link("paddle", 1), turned], TRACKS + flipper)))
+
+
+def test_a_run_that_slopes_a_little_stands_on_level_ground(tmp_path):
+    hull = "half_gauge = 0.25\nhull = [[-0.2, 0.004, 0.1], [0.2, 0.0, 0.1], [0.3, 0.1, 0.1]]\n"
+    parameters, _ = load_parameters(str(write(tmp_path, [base()], hull)))
+    assert parameters.contact_length == pytest.approx(0.4, abs=1e-4)
+
+
+@pytest.mark.parametrize("reach", ["1e16", "1e3"])
+def test_flippers_that_turn_endlessly_start_clear_of_the_ground(tmp_path, reach):
+    limits = f'<limit lower="-{reach}" upper="{reach}" effort="9" velocity="1"/>'
+    parts = [base(), link("paddle", 1), joint("base", "paddle", "0.2 0.3 0", "revolute", limits)]
+    flipper = '[[flippers]]\nbody = "paddle"\nside = "left"\nhull = [[0.0, 0.0, 0.06], [0.25, 0.0, 0.04]]\n'
+    made = build_tracked(load_tracked(write(tmp_path, parts, TRACKS + flipper)))
+    assert made.flipper_range == pytest.approx(np.array([[-np.pi, np.pi]]))
+    assert -0.4 < clear_angles(made, np.array([-1.0]))[0] < 0
+
+
+@pytest.mark.parametrize(("stated", "step"), [('timestep="0.002"', 0.002), ('timestep="0.001"', 0.001), ("", 0.004)])
+def test_a_stated_physics_step_is_kept(tmp_path, stated, step):
+    option = f"<option {stated}/>"
+    (tmp_path / "part.xml").write_text(f"<mujoco>{option}</mujoco>")
+    body = '<worldbody><body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 .2"/></body></worldbody>'
+    (tmp_path / "b.toml").write_text('model = "b.xml"\n' + TRACKS.replace("0.0, 0.1", "0.1, 0.1"))
+    for text in (option, '<include file="part.xml"/>', f"<!-- {option} -->"):
+        (tmp_path / "b.xml").write_text(f"<mujoco>{text}{body}</mujoco>")
+        found = build_tracked(load_tracked(tmp_path / "b.toml"), preset="fast").model.opt.timestep
+        assert found == (0.004 if text.startswith("<!--") else step)
+    assert build_tracked(load_tracked("shipped"), preset="fast").model.opt.timestep == 0.004
+    file = write(tmp_path, [base(), f"<mujoco>{option}</mujoco>"], TRACKS)
+    assert build_tracked(load_tracked(file), preset="fast").model.opt.timestep == step
+
+
+def test_all_of_an_error_of_mujoco_is_said(tmp_path):
+    file = write(tmp_path, [base('<box size="a"/>')], TRACKS)
+    with pytest.raises(TrackslipError, match=r"rover\.urdf: XML Error: .*Element 'box', line 1$"):
+        build_tracked(load_tracked(file))
+
+
+def test_comments_without_an_end_take_no_time(tmp_path):
+    (tmp_path / "c.xml").write_text("<!-- " * 100_000)
+    (tmp_path / "c.toml").write_text('model = "c.xml"\n' + TRACKS)
+    began = time.monotonic()
+    with pytest.raises(TrackslipError, match="XML"):
+        build_tracked(load_tracked(tmp_path / "c.toml"))
+    assert time.monotonic() - began < 2
