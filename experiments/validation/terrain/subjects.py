@@ -177,7 +177,7 @@ class FromFile:
 
 @dataclass(frozen=True)
 class _Shifted:
-    """Terrain for a robot whose chassis' mass is moved, so that the robot's centre of mass is `shift` further ahead."""
+    """Terrain for a robot whose heaviest part is moved, so that its centre of mass is `shift` further ahead."""
 
     terrain: Terrain
     robot: TrackedRobot
@@ -192,12 +192,17 @@ class _Shifted:
         """See `Terrain`."""
         if self.shift:
             model = spec.copy().compile()
-            name = self.robot.body or spec.worldbody.bodies[0].name
-            chassis, body = spec.body(name), model.body(name)
-            chassis.explicitinertial = True
-            chassis.mass, chassis.inertia, chassis.iquat = body.mass[0], body.inertia, body.iquat
-            ahead = self.shift * float(body.subtreemass[0]) / float(body.mass[0])
-            chassis.ipos = body.ipos + np.array([ahead, 0.0, 0.0])
+            chassis = model.body(self.robot.body or spec.worldbody.bodies[0].name)
+            rigid = np.flatnonzero(model.body_weldid == chassis.id)
+            heaviest = model.body(rigid[model.body_mass[rigid].argmax()])  # a URDF's root often has no mass
+            data = mujoco.MjData(model)
+            mujoco.mj_kinematics(model, data)
+            turn = data.body(heaviest.id).xmat.reshape(3, 3).T @ data.body(chassis.id).xmat.reshape(3, 3)
+            ahead = self.shift * float(chassis.subtreemass[0]) / float(heaviest.mass[0])
+            moved = spec.body(heaviest.name)
+            moved.explicitinertial, moved.fullinertia = True, np.full(6, np.nan)  # not given
+            moved.mass, moved.inertia, moved.iquat = heaviest.mass[0], heaviest.inertia, heaviest.iquat
+            moved.ipos = heaviest.ipos + ahead * turn[:, 0]
         return self.terrain.add_to(spec)
 
 

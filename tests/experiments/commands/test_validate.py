@@ -167,6 +167,20 @@ def test_a_limit_elsewhere_is_not_a_number(truth):
     assert np.isnan(limit(lambda values: values <= truth, 0.0, 1.0, 5, 3))
 
 
+def test_a_centre_of_mass_is_shifted_whatever_link_has_the_mass(tmp_path):
+    """The root of a URDF often has none; the base here is turned and has a full matrix of inertia."""
+    inertia = '<inertia ixx="0.3" iyy="0.4" izz="0.5" ixy="0.01" ixz="0" iyz="0"/>'
+    (tmp_path / "r.urdf").write_text(
+        f'<robot name="r"><link name="root"/><link name="base"><inertial><mass value="9"/>{inertia}</inertial></link>'
+        '<joint name="j" type="fixed"><parent link="root"/><child link="base"/><origin rpy="0 0 1.5"/></joint></robot>'
+    )
+    file = tmp_path / "r.toml"
+    file.write_text('model = "r.urdf"\nhalf_gauge = 0.25\nhull = [[-0.2, 0.0, 0.1], [0.2, 0.0, 0.1]]\n')
+    stand = FromFile(str(file)).stand(LevelGround(), "fast", shift=0.05)
+    assert stand.view.centre_of_mass == pytest.approx((0.05, 0.0))
+    assert stand.model.body_subtreemass[0] == pytest.approx(9)
+
+
 @pytest.mark.parametrize("subject", [BoxRobot(), FromFile("rescue")], ids=lambda one: one.name)
 def test_robots_stand_on_their_tracks_where_theory_has_them(subject):
     stand = subject.stand(LevelGround(), "fast", flippers=UP)
