@@ -45,20 +45,25 @@ def send_robot(
     """
     carriers = {body for _, body, _ in tracks}
     bodies = [b for b in range(1, model.nbody) if model.body_weldid[b] and (b in carriers or drawn(model, b))]
-    entities = {body: f"{root}/{ROBOT}/{model.body(body).name or body}" for body in bodies}
+    entities = {body: f"{root}/{ROBOT}/{_path(model.body(body).name or str(body))}" for body in bodies}
     position, attitude = _poses(model, qpos, bodies)
     for k, (body, entity) in enumerate(entities.items()):
         columns = rr.Transform3D.columns(translation=position[:, k], quaternion=np.roll(attitude[:, k], -1, axis=-1))
         send(stream, entity, time, columns)
         send_geoms(stream, f"{entity}/body", model, body)
     for (name, body, look), way in zip(tracks, travel.T, strict=True):
-        _send_track(stream, f"{entities[body]}/{name}", time, look.pieces(way))
+        _send_track(stream, f"{entities[body]}/{_path(name)}", time, look.pieces(way))
+
+
+def _path(name: str) -> str:
+    """A name of a model, which may contain slashes and blanks, as part of an entity's path."""
+    return "/".join(rr.escape_entity_path_part(part) for part in name.split("/"))
 
 
 def send_geoms(stream: rr.RecordingStream, entity: str, model: mujoco.MjModel, body: int) -> None:
     """Send the visible geoms of a body, in its frame; a plane, which has no end, is left out."""
     for i in drawn(model, body):
-        stream.log(f"{entity}/{model.geom(i).name or i}", _shape(model, i), static=True)
+        stream.log(f"{entity}/{_path(model.geom(i).name or str(i))}", _shape(model, i), static=True)
 
 
 def drawn(model: mujoco.MjModel, body: int) -> list[int]:

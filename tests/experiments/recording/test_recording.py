@@ -3,13 +3,16 @@
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+import rerun as rr
 from rerun.chunk import RrdReader
 from rrd import CIRCLE, component, verify
 
 from experiments import recording
 from experiments.cli import main
+from experiments.recording.model import send_geoms
 from experiments.recording.run import parameters_of
 from experiments.recording.traces import traces_of
 from experiments.recording.viewer import choose
@@ -118,6 +121,13 @@ def test_scan_points_lie_on_the_plate(driven):
     assert len(off) > 1000
     assert np.abs(np.minimum(off, 0.02)).mean() < 0.01  # the noise is 5 mm
     assert (off < 0.05).mean() > 0.99
+
+
+def test_names_of_a_model_may_have_blanks_and_slashes(capfd):
+    geom = '<geom name="left (1) a/b" size="0.1"/>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody><body>{geom}</body></worldbody></mujoco>")
+    send_geoms(rr.RecordingStream("names"), "run/robot", model, 1)
+    assert capfd.readouterr().err == ""  # rerun warns of paths with blanks
 
 
 def test_runs_side_by_side(driven, tmp_path):
