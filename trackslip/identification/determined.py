@@ -16,6 +16,7 @@ _VAGUE = 5.0  # standard error of an undetermined_by_samples parameter, relative
 _REPLACEABLE = 1e6  # variance inflation of a parameter that others stand in for [-]
 _AT_LIMIT = 1e-3  # distance from a limit, relative to a range of at most 1
 _VAGUE_COMBINATION = 1.0  # standard error of a combination that isn't determined [changes that matter]
+_CERTAIN = 3.0  # size of a value that is no chance [standard errors]
 _PART = 0.3  # share in a combination that is worth naming
 
 _REASONS = {
@@ -56,10 +57,15 @@ def undetermined_by_samples(name: str, fits: Fits, error: Array) -> tuple[str, .
 
 
 def undetermined_by_drives(fit: TrajectoryFit) -> tuple[str, str] | None:
-    """The parameter to hold because a combination of free ones isn't determined, and why; None if all are."""
+    """The parameter to hold because a combination of free ones isn't determined, and why; None if all are.
+
+    A value that is certainly not that of the prior is never held, however vague: it matters more than its error.
+    """
     names = [fit.model.names[k] for k in fit.free]
     information = fit.solution.information - np.diag(1 / fit.model.prior[fit.free] ** 2)
-    found = vaguest(names, information, fit.model.limits[2][fit.free])
+    errors = np.sqrt(np.diag(fit.covariance))
+    chance = np.abs(fit.values - fit.mean)[fit.free] < _CERTAIN * errors
+    found = vaguest(names, information, fit.model.limits[2][fit.free], chance)
     if found is None:
         return None
     chosen, others = found
@@ -68,16 +74,23 @@ def undetermined_by_drives(fit: TrajectoryFit) -> tuple[str, str] | None:
     return chosen, f"{confused}; {reason}"
 
 
-def vaguest(names: Sequence[str], information: Array, scale: Array) -> tuple[str, list[str]] | None:
+def vaguest(
+    names: Sequence[str], information: Array, scale: Array, chance: np.ndarray | None = None
+) -> tuple[str, list[str]] | None:
     """The parameter to hold, and the ones that it is confused with; None if all f are determined.
 
-    `information` (f, f) excludes the priors; `scale` (f,) are significant changes of the parameters. Of the
-    vaguest combination it is the extra with the largest share, or a parameter of the law if no extra has a part in it.
+    `information` (f, f) excludes the priors; `scale` (f,) are changes of the parameters that matter; only those of
+    `chance` (f,) bool may be held. Of the vaguest combination in which one may be, it is the extra with the largest
+    share, or a parameter of the law if no extra has a part in it.
     """
-    size, direction = np.linalg.eigh(information * np.outer(scale, scale))
-    if not len(names) or size[0] > 1 / _VAGUE_COMBINATION**2:
-        return None
-    share = np.abs(direction[:, 0])
-    parts = [names[k] for k in np.argsort(-share) if share[k] > _PART]
-    chosen = next((name for name in parts if name in EXTRAS), parts[0])
-    return chosen, [name for name in parts if name != chosen]
+    sizes, directions = np.linalg.eigh(information * np.outer(scale, scale))
+    for size, direction in zip(sizes, directions.T, strict=True):
+        if size > 1 / _VAGUE_COMBINATION**2:
+            break
+        share = np.abs(direction)
+        parts = [k for k in np.argsort(-share) if share[k] > _PART]
+        open_ = [names[k] for k in parts if chance is None or chance[k]]
+        if open_:
+            chosen = next((name for name in open_ if name in EXTRAS), open_[0])
+            return chosen, [names[k] for k in parts if names[k] != chosen]
+    return None
