@@ -24,7 +24,7 @@ SLAM = PoseSource(rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0))
 EXACT = PoseSource(rate=10.0)
 STILL = SlipVariation()
 """No variation of slip: motion exactly by the law."""
-NOISE = np.array([SLAM.position_noise, SLAM.heading_noise, WHITE.along, WHITE.across, WHITE.turning])
+NOISE = np.array([SLAM.position_noise, SLAM.heading_noise, WHITE.along, WHITE.across, WHITE.turning, 0.0, 0.0])
 """Of SLAM and WHITE, in the order of equations.Noise."""
 _ENCODERS = 50.0  # [Hz]
 

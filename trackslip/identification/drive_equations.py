@@ -68,7 +68,7 @@ def solve(found: Residuals, nodes: Nodes, noise: Noise, yaw: int, prior: Array, 
     right[:-1] = _border(first, second, slope, known, steps, free == yaw)
     right[-1] = gradient
     bands = _bands(first, second, steps)
-    _add(bands, known)
+    _add(bands, known + _MIN_INFORMATION * np.eye(3))
     factor = _factor(bands)
     flat, _ = scipy.linalg.lapack.dtbtrs(factor, right.reshape(len(right), -1).T, uplo="L", overwrite_b=True)
     border, last = flat[:, :-1], flat[:, -1]
@@ -80,7 +80,7 @@ def solve(found: Residuals, nodes: Nodes, noise: Noise, yaw: int, prior: Array, 
 
 
 def used_up(found: Residuals, nodes: Nodes, noise: Noise, solution: GaussNewtonStep, yaw: int) -> Array:
-    """Number (5,) of residuals of each kind of Noise that the unknowns use up; together, the number of unknowns.
+    """Number (7,) of residuals of each kind of Noise that the unknowns use up; together, the number of unknowns.
 
     Each is the derivative of the Hessian's log determinant by the logarithm of the weights: of the trajectory's part by
     differences, of the parameters' from their residuals with the trajectory eliminated.
@@ -88,23 +88,36 @@ def used_up(found: Residuals, nodes: Nodes, noise: Noise, solution: GaussNewtonS
     poses, steps = weights(found, nodes, noise)
     first, second, slope = _by_nodes(found)
     follows = _following(solution)
-    covariance = np.linalg.inv(solution.information)
     whole = _bands(first, second, steps)
-    _add(whole, _of_poses(nodes, poses, found.pose)[0])
-    heading = np.zeros_like(whole)
-    of_headings = poses[:, 2] if nodes.whitening is None else poses[:, 2] * nodes.whitening[:, 2, 2] ** 2
-    heading[:, 2, 0] = of_headings
-    changes, rows, weight = [heading], [(found.free == yaw)[:, None] - follows[2]], [of_headings, *steps.T]
+    _add(whole, _of_poses(nodes, poses, found.pose)[0] + _MIN_INFORMATION * np.eye(3))
+    log, covariance = 2 * np.log(solution.factor[0]).sum(), np.linalg.inv(solution.information)
+
+    def used(change: Array, rows: Array, weight: Array) -> float:
+        """By residuals whose part of the Hessian is `change`, with derivatives `rows` (n, f, k), `weight` (n, k)."""
+        by_states = (2 * np.log(_factor(whole + _DIFFERENCE * change)[0]).sum() - log) / np.log1p(_DIFFERENCE)
+        return float(by_states + np.einsum("ij,nik,nk,njk->", covariance, rows, weight, rows, optimize=True))
+
+    of_poses = -follows
+    of_poses[2, found.free == yaw] += 1.0
+    if nodes.whitening is not None:
+        of_poses = np.einsum("kai,ifk->afk", nodes.whitening, of_poses)
+    rest, grown = noise.of_poses(found.rate)
+    moving = (grown / (rest + grown))[:, [0, 0, 1]]
+    parts = poses * (1 - moving) * [0, 0, 1], poses * moving * [1, 1, 0], poses * moving * [0, 0, 1]
+    by_poses = []
+    for part in parts:
+        change = np.zeros_like(whole)
+        _add(change, _of_poses(nodes, part, found.pose)[0])
+        by_poses.append(used(change, of_poses, part.T))
+    by_steps = []
     for kind in range(3):
         one = slice(kind, kind + 1)
-        changes.append(_bands(first[one], second[one], steps[:, one]))
-        by_states = [np.einsum("ik,ijk->jk", first[kind], follows[..., :-1])]
-        by_states += [np.einsum("ik,ijk->jk", second[kind], follows[..., 1:])]
-        rows.append(slope[kind] - sum(by_states))
-    log = np.array([2 * np.log(_factor(whole + _DIFFERENCE * change)[0]).sum() for change in changes])
-    used = (log - 2 * np.log(solution.factor[0]).sum()) / np.log1p(_DIFFERENCE)
-    used += [np.sum(covariance * ((row * one) @ row.T)) for row, one in zip(rows, weight, strict=True)]
-    return np.concatenate([[poses.size + len(found.free) - used.sum()], used])
+        by_states = np.einsum("ik,ijk->jk", first[kind], follows[..., :-1])
+        by_states += np.einsum("ik,ijk->jk", second[kind], follows[..., 1:])
+        rows = (slope[kind] - by_states)[None]
+        by_steps.append(used(_bands(first[one], second[one], steps[:, one]), rows, steps.T[one]))
+    every = np.array([by_poses[0], *by_steps, *by_poses[1:]])
+    return np.concatenate([[poses.size + len(found.free) - every.sum()], every])
 
 
 def _following(solution: GaussNewtonStep) -> Array:
@@ -174,7 +187,6 @@ def _of_poses(nodes: Nodes, poses: Array, residual: Array) -> tuple[Array, Array
 def _add(bands: Array, known: Array) -> None:
     """Add information (K, 3, 3) on the states to the bands (K, 3, 6), in place."""
     for a in range(3):
-        bands[:, a, 0] += _MIN_INFORMATION
         for b in range(a + 1):
             bands[:, b, a - b] += known[:, a, b]
 

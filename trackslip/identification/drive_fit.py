@@ -16,20 +16,22 @@ from trackslip.kinematics import Array
 
 _ROUNDS = 45  # maximum number of Gauss-Newton steps
 _GATED = 12  # rounds after which gates stay as they are
+_JUDGED = (3, 8)  # rounds at which lasting jumps are looked for again
 _KINKED = 15  # rounds after which a clock offset that still moves is at a kink of the cost
 _SEARCHED, _SEARCHES, _CLOCKS, _FOLLOWING = 0.1, 6, 9, 2  # clock offsets: range [s], rounds, number; steps at each
+_FOUND = 1e-3  # range at which a search for a clock offset ends [s]
 _HALVINGS = 6
 _STUCK = 3  # rounds without a step that lowers the cost, after which there will be none
 _SETTLED = 0.03  # change of the values, in standard errors
 _QUIET = 0.02  # relative change of the standard deviations of settled noise
 _LOUD = 0.1  # relative change of standard deviations far from settled
 _MIN_ROUNDS = 3  # before which gates may still change
-_GATE = 0.99  # quantile beyond which a pose is left out
-_STEP_GATE = 0.9999  # quantile beyond which a step is left out
-FIRST = Noise(np.array([0.02, 0.02, 0.005, 0.005, 0.01]))
+_GATE = 0.99  # quantile beyond which a pose or a step counts less
+_FAR = 3.0  # distance from which it is left out altogether [gates]
+FIRST = Noise(np.array([0.02, 0.02, 0.005, 0.005, 0.01, 0.05, 0.05]))
 """A first guess."""
-_FLOOR = np.array([1e-4, 1e-4, 1e-4, 1e-4, 2e-4])  # standard deviations below which noise doesn't matter
-_AVOIDED = np.array([0.0, 0.0, 1.0, 1.0, 1.0])  # power of a standard deviation in its prior: 0 is avoided
+_FLOOR = np.array([1e-4, 1e-4, 1e-4, 1e-4, 2e-4, 1e-3, 1e-3])  # standard deviations below which noise doesn't matter
+_AVOIDED = np.array([0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0])  # power of a standard deviation in its prior: 0 is avoided
 _MIN_FREEDOM = 0.25
 _RELAXATION = 1.5  # exponent of a change at first: small steps are usual
 _EXPONENTS = (0.5, 3.0)  # its limits
@@ -98,7 +100,12 @@ def fit_trajectory(
     iterate, stuck = Iterate.at(noise), 0
     found = residuals(model, nodes, states, values, free)
     if gated:
-        nodes = _without(measured, *far_off(model, measured, states, values, found.path))
+        far, lasting = far_off(model, measured, states, values, found.path)
+        nodes = replace(
+            measured,
+            weight=np.where(far[:, None], 0.0, measured.weight),
+            link=np.where(lasting, 0.0, measured.link),
+        )
         found = replace(found, pose=pose_residuals(model, nodes, states, values))
     for k in range(rounds or _ROUNDS):
         step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
@@ -114,7 +121,9 @@ def fit_trajectory(
             iterate = iterate.updated(found, nodes, used, trimmed)
             changed = float(np.abs(iterate.change).max())
         if gated and 1 < k <= _GATED:
-            nodes = _gated(model, measured, found, iterate.noise, states, values)
+            if k in _JUDGED:
+                _, lasting = far_off(model, measured, states, values, found.path)
+            nodes = _gated(model, measured, found, iterate.noise, states, values, lasting)
             trimmed = _trimming(nodes, measured)
             found = replace(found, pose=pose_residuals(model, nodes, states, values))
         if moved < _SETTLED and changed < _QUIET and (not gated or k > _MIN_ROUNDS):
@@ -158,6 +167,8 @@ def _at_best_clock(
                 best = (total, at, tried, there)
         if abs(best[2][clock] - middle) < 0.9 * width:  # not at the edge
             width /= 4
+            if width < _FOUND:
+                break
     return best[1:]
 
 
@@ -193,24 +204,29 @@ def _advanced(
     return states, values, found
 
 
-def _gated(model: DriveModel, measured: Nodes, found: Residuals, noise: Noise, states: Array, values: Array) -> Nodes:
-    """The nodes without poses and steps whose residuals are too large, and without steps across lasting jumps."""
-    _, lasting = far_off(model, measured, states, values, found.path)
+def _gated(
+    model: DriveModel,
+    measured: Nodes,
+    found: Residuals,
+    noise: Noise,
+    states: Array,
+    values: Array,
+    lasting: np.ndarray,
+) -> Nodes:
+    """The nodes with poses and steps that count the less the larger their residuals, and not at all across jumps."""
     pose = pose_residuals(model, measured, states, values)
-    squares = (measured.weight[:, [0, 0, 1]] * (pose / noise.values[[0, 0, 1]]) ** 2).sum(axis=1)
-    far = squares > scipy.special.chdtri(2 + measured.weight[:, 1], 1 - _GATE)
-    scaled = found.step / np.sqrt(found.distance)[:, None] / noise.values[2:]
-    slipped = (scaled**2).sum(axis=1) > scipy.special.chdtri(3, 1 - _STEP_GATE)
-    return _without(measured, far, slipped | lasting)
-
-
-def _without(measured: Nodes, poses: np.ndarray, steps: np.ndarray) -> Nodes:
-    """The nodes without poses (K,) bool and steps (K - 1,) bool."""
+    squares = (weights(found, measured, noise)[0] * pose**2).sum(axis=1)
+    kept = _robust(squares, scipy.special.chdtri(2 + measured.weight[:, 1], 1 - _GATE))
+    scaled = found.step / np.sqrt(found.distance)[:, None] / noise.values[2:5]
+    followed = _robust((scaled**2).sum(axis=1), scipy.special.chdtri(3, 1 - _GATE))
     return replace(
-        measured,
-        weight=np.where(poses[:, None], 0.0, measured.weight),
-        link=np.where(steps, 0.0, measured.link),
+        measured, weight=measured.weight * kept[:, None], link=np.where(lasting, 0.0, measured.link * followed)
     )
+
+
+def _robust(squares: Array, gate: float | Array) -> Array:
+    """Huber's weights (n,) of squared residuals (n,): 1 within the gate, less beyond, and 0 for those far beyond."""
+    return np.where(squares > _FAR**2 * gate, 0.0, np.sqrt(gate / np.maximum(squares, gate)))
 
 
 def _trimming(nodes: Nodes, measured: Nodes) -> float:
@@ -244,8 +260,8 @@ class Iterate:
     """An iterate of the noise, and how it was reached."""
 
     noise: Noise
-    change: Array  # (5,) last change of the logarithm of each standard deviation; NaN at first
-    exponent: Array  # (5,) power of the ratio of variances by which each was changed
+    change: Array  # (7,) last change of the logarithm of each standard deviation; NaN at first
+    exponent: Array  # (7,) power of the ratio of variances by which each was changed
 
     @classmethod
     def at(cls, noise: Noise) -> Iterate:
@@ -255,23 +271,31 @@ class Iterate:
     def updated(self, found: Residuals, nodes: Nodes, used: Array, trimmed: float) -> Iterate:
         """The next iterate, from residuals at the trajectory that this one led to.
 
-        Each variance is the sum of its squares over the number of its residuals less those `used` (5,) up by the
+        Each variance is the sum of its squares over the number of its residuals less those `used` (7,) up by the
         trajectory and the parameters. `trimmed` is the share of the variance that poses keep when outlying ones are
         left out.
         """
-        counts = np.array([2 * nodes.weight[:, 0].sum(), nodes.weight[:, 1].sum(), *[nodes.link.sum()] * 3])
-        share = np.array([trimmed, trimmed, 1.0, 1.0, 1.0])
-        squares = np.array([one.sum() for one in found.squares(nodes)])
-        variance = squares / share / np.maximum(counts - used - _AVOIDED, _MIN_FREEDOM)
+        poses, steps = weights(found, nodes, self.noise)
+        scaled = poses * found.pose**2
+        rest, grown = self.noise.of_poses(found.rate)
+        moving, count = grown / (rest + grown), nodes.weight * [2, 1]
+        square = np.column_stack([scaled[:, 0] + scaled[:, 1], scaled[:, 2]]) / trimmed
+        by_steps = (steps * found.step**2).sum(axis=0)
+
+        def of_kinds(of_poses: Array, of_steps: Array) -> Array:
+            return np.concatenate([((1 - moving) * of_poses).sum(0), of_steps, (moving * of_poses).sum(0)])
+
+        counts, squares = of_kinds(count, np.full(3, nodes.link.sum())), of_kinds(square, by_steps)
         before = self.noise.values
-        ratio = np.clip(variance / before**2, 1 / _MAX_CHANGE, _MAX_CHANGE)
+        ratio = squares / np.maximum(counts - used - _AVOIDED, _MIN_FREEDOM)
+        ratio = np.clip(ratio, 1 / _MAX_CHANGE, _MAX_CHANGE)
         values = np.maximum(before * ratio ** (self.exponent / 2), _FLOOR)
         values = np.where(counts > 0, values, before)
         change = np.log(values / before)
         return Iterate(Noise(values), change, self._exponent(change))
 
     def _exponent(self, change: Array) -> Array:
-        """Powers (5,) that would have led to the limit at once, as far as the last two changes tell."""
+        """Powers (7,) that would have led to the limit at once, as far as the last two changes tell."""
         with np.errstate(divide="ignore", invalid="ignore"):
             found = self.exponent / (1 - change / self.change)
         found = np.clip(np.where(found > 0, found, _EXPONENTS[1]), *_EXPONENTS)
@@ -285,7 +309,7 @@ def unlike_sprockets(noise: Noise, hopeless: bool = False) -> str:
     A drive from which nothing else follows, a `hopeless` one, is doubted earlier.
     """
     most = _HARDLY if hopeless else _WILD
-    slips = dict(zip(Noise.NAMES[2:], noise.values[2:].tolist(), strict=True))
+    slips = dict(zip(Noise.NAMES[2:5], noise.values[2:5].tolist(), strict=True))
     wild = [
         f"{name} = {value:.2g} {unit}"
         for (name, value), unit in zip(slips.items(), _UNITS, strict=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,11 +14,12 @@ from trackslip.identification.drive_equations import solve
 from trackslip.identification.drive_fit import FIRST, TrajectoryFit, fit_trajectory, unlike_sprockets
 from trackslip.identification.drive_model import EXTRAS, DriveModel
 from trackslip.identification.drive_residuals import Nodes, Noise, cost, residuals
-from trackslip.identification.drive_start import law_start, start, trajectory
+from trackslip.identification.drive_start import law_start, starts, trajectory
 from trackslip.identification.drives import PreparedDrive, drives_of
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.intervals import half_widths, model_errors
 from trackslip.identification.plausibility import require_units
+from trackslip.identification.prediction import held_out, score
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.se2 import Mounting
@@ -25,7 +27,7 @@ from trackslip.slip.families import FAMILIES, family
 
 REFERENCE = "icr_radius"
 """The law that is fitted first; others start from its trajectory, and its gates hold for all."""
-_LAG = 0.03  # starting value [s]
+_LAGS = (0.03, 0.3)  # starting values [s]
 _CERTAIN = 3.0  # lag that shows [standard errors]
 _TRIALS = 4  # steps after which a lag is given up unless it shows
 _LIKELIER = 10.0  # fall of -2 log likelihood that a lag must bring, or that poses count alike
@@ -109,32 +111,48 @@ def prepare(drives: Sequence[RunLog] | Sequence[PreparedDrive]) -> list[Prepared
 def _reference(
     drives: Sequence[PreparedDrive], geometry: RobotGeometry, sensor: Mounting | None, held: Mapping[str, float]
 ) -> DriveFit:
-    """The fit of REFERENCE, with the poses' covariances and with a lag if these make the poses likelier."""
+    """The fit of REFERENCE, with the poses' covariances if these make the poses likelier.
+
+    And with a lag, if that also predicts driving better to which it wasn't fitted.
+    """
     found = _without_lag(drives, geometry, sensor, held)
     if _likelier_alike(found.fit):
         found = _without_lag([replace(drive, whitening=None) for drive in drives], geometry, sensor, held)
-    if "lag" in held or "clock_offset" not in found.free or not _may_lag(found.fit):
-        return found
     first = found.fit
+    if "lag" in held or "clock_offset" not in found.free or (values := _lagged(first)) is None:
+        return found
     try:
-        values, nodes = _lagged(first), first.nodes
+        nodes = first.nodes
         lagging = _fitted(first.model, nodes, first.states, values, first.noise, sensor, held, False, lagging=True)
+        shown = "lag" in lagging.free and lagging.extras["lag"] > _CERTAIN * lagging.stderr["lag"]
+        if not shown or lagging.deviance > found.deviance - _LIKELIER:
+            return found
+        errors = {"without": held_out(first).errors(), "with": held_out(lagging.fit).errors()}
     except LogError:
         return found
-    shown = "lag" in lagging.free and lagging.extras["lag"] > _CERTAIN * lagging.stderr["lag"]
-    return lagging if shown and lagging.deviance < found.deviance - _LIKELIER else found
+    scores = score(errors, tuple(errors))
+    return lagging if scores["with"] < scores["without"] else found
 
 
 def _without_lag(
     drives: Sequence[PreparedDrive], geometry: RobotGeometry, sensor: Mounting | None, held: Mapping[str, float]
 ) -> DriveFit:
+    """The likeliest of the fits from all starting values."""
     model = DriveModel(FAMILIES[REFERENCE], geometry)
-    offset, clock_offset = start(drives, geometry)
+    starting = starts(drives, geometry)
     require_units(drives, geometry)
-    values: Array = np.zeros(len(model.names))
-    values[model.index("offset")], values[model.index("clock_offset")] = offset, clock_offset
-    states = np.concatenate([trajectory(drive, geometry, offset, clock_offset) for drive in drives])
-    return _fitted(model, Nodes.of(drives), states, values, FIRST, sensor, held, gated=True, lagging=False)
+    fits, error = [], None
+    for offset, clock_offset in starting:
+        values: Array = np.zeros(len(model.names))
+        values[model.index("offset")], values[model.index("clock_offset")] = offset, clock_offset
+        states = np.concatenate([trajectory(drive, geometry, offset, clock_offset) for drive in drives])
+        try:
+            fits.append(_fitted(model, Nodes.of(drives), states, values, FIRST, sensor, held, True, lagging=False))
+        except LogError as one:
+            error = error or one
+    if error and not fits:
+        raise error
+    return min(fits, key=lambda fit: fit.deviance)
 
 
 def _likelier_alike(found: TrajectoryFit) -> bool:
@@ -149,33 +167,29 @@ def _likelier_alike(found: TrajectoryFit) -> bool:
     return alike.deviance < found.deviance - _LIKELIER
 
 
-def _lagged(found: TrajectoryFit) -> Array:
-    """Values (p,) of a fit without lag, with one that begins later by as much."""
-    values = found.values.copy()
-    values[found.model.index("lag")] += _LAG
-    values[found.model.index("clock_offset")] += _LAG
-    return values
-
-
-def _may_lag(found: TrajectoryFit) -> bool:
-    """True if a few steps with a lag, at unchanged noise, make the poses likelier than a fit without it."""
-    free = np.append(found.free, found.model.index("lag"))
-    try:
-        tried = fit_trajectory(
-            found.model,
-            found.nodes,
-            found.states,
-            _lagged(found),
-            found.noise,
-            free,
-            found.mean,
-            gated=False,
-            quiet=True,
-            rounds=_TRIALS,
-        )
-    except LogError:
-        return False
-    return tried.deviance < found.deviance - _LIKELIER / 2
+def _lagged(found: TrajectoryFit) -> Array | None:
+    """Values (p,) with the lag that a few steps at unchanged noise lead to, if the poses are likelier than without."""
+    free, tried = np.append(found.free, found.model.index("lag")), []
+    for lag in _LAGS:  # the motion begins later by as much
+        values = found.values.copy()
+        values[[found.model.index("lag"), found.model.index("clock_offset")]] += lag
+        with contextlib.suppress(LogError):
+            tried.append(
+                fit_trajectory(
+                    found.model,
+                    found.nodes,
+                    found.states,
+                    values,
+                    found.noise,
+                    free,
+                    found.mean,
+                    gated=False,
+                    quiet=True,
+                    rounds=_TRIALS,
+                )
+            )
+    best = min(tried, key=lambda fit: fit.deviance, default=found)
+    return best.values if best.deviance < found.deviance - _LIKELIER / 2 else None
 
 
 def _fitted(
@@ -209,7 +223,11 @@ def _fitted(
         found = fit_trajectory(model, nodes, states, values, noise, free, mean, gated=gated)
         vague = undetermined_by_drives(found)
         if vague is None:
-            return _described(found, held)
+            described = _described(found, held)
+            rough = all(described.stderr[name] > scale for name, scale in _changes(model) if name in described.stderr)
+            if model.family.names and rough and (why := unlike_sprockets(found.noise, hopeless=True)):
+                raise LogError(f"the drives hardly determine the law: {why}")
+            return described
         name, reason = vague
         held[name] = f"not determined: {reason}"
         if model.family.names and held.keys() >= set(model.family.names):
@@ -220,6 +238,11 @@ def _fitted(
         if name in EXTRAS or model.limits[0][model.index(name)] <= 0 <= model.limits[1][model.index(name)]:
             values[model.index(name)] = mean[model.index(name)]
         gated = False
+
+
+def _changes(model: DriveModel) -> list[tuple[str, float]]:
+    """The law's parameters with changes that matter."""
+    return list(zip(model.family.names, model.family.limits(model.geometry.half_gauge)[2].tolist(), strict=True))
 
 
 def _described(found: TrajectoryFit, held: Mapping[str, str]) -> DriveFit:
@@ -244,9 +267,9 @@ def _described(found: TrajectoryFit, held: Mapping[str, str]) -> DriveFit:
         held=dict(held),
         correlation=covariance / np.outer(errors, errors),
         noise=dict(zip(Noise.NAMES, found.noise.values.tolist(), strict=True)),
-        poses=int(found.nodes.weight[:, 0].sum()),
-        left_out=int((measured.weight[:, 0] > found.nodes.weight[:, 0]).sum()),
-        breaks=int((measured.link > found.nodes.link).sum()),
+        poses=int((found.nodes.weight[:, 0] > 0).sum()),
+        left_out=int((measured.weight[:, 0] * (found.nodes.weight[:, 0] == 0)).sum()),
+        breaks=int((measured.link * (found.nodes.link == 0)).sum()),
         converged=found.converged,
         deviance=found.deviance,
         fit=found,

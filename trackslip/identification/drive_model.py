@@ -60,6 +60,8 @@ class Steps:
     motion: Array  # (3, K - 1): displacement in the frame of the first node [m, m], turn [rad]
     slope: Array  # (3, f, K - 1) by the chosen parameters; those of the sensor's place and yaw have none
     distance: Array  # (K - 1,) mean way of the two belts [m]
+    velocity: np.ndarray  # (K,) complex, forwards and to the left, at the nodes [m/s]
+    yaw_rate: Array  # (K,) [rad/s]
     path: Array  # (K, 3) of the turning centre from the origin [m, m, rad]
 
 
@@ -135,6 +137,8 @@ class DriveModel:
             np.stack([moved.real, moved.imag, np.diff(path.heading)]),
             np.stack([by.real, by.imag, np.diff(path.heading_slope, axis=-1)]),
             self._distance(line, line.within(time)),
+            path.velocity * np.exp(-1j * path.heading),
+            path.yaw_rate,
             np.column_stack([path.place.real, path.place.imag, path.heading]),
         )
 

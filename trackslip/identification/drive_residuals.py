@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackslip.identification.drive_model import DriveModel
+from trackslip.identification.drive_model import DriveModel, Steps
 from trackslip.identification.drives import PreparedDrive, Timeline
 from trackslip.kinematics import Array, wrap_angle
 
@@ -19,12 +19,28 @@ _MIN_DISTANCE = 1e-3  # of a step, so that a robot at rest isn't known to stay e
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of the five kinds of residuals."""
+    """Standard deviations of the kinds of noise.
+
+    Poses are less certain while the robot moves: their stamps jitter, and scanners distort what they see on the way.
+    """
 
     values: Array
-    """(5,): position [m] and heading [rad] of poses; slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]."""
+    """(7,): position [m] and heading [rad] of poses; slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)];
+    growth of the first two with the sensor's speed and the yaw rate [s], added in quadrature."""
 
-    NAMES = ("position", "heading", "slip_forward", "slip_sideways", "slip_turn")
+    NAMES = (
+        "position",
+        "heading",
+        "slip_forward",
+        "slip_sideways",
+        "slip_turn",
+        "position_by_speed",
+        "heading_by_yaw_rate",
+    )
+
+    def of_poses(self, rate: Array) -> tuple[Array, Array]:
+        """Variances (K, 2) of positions and headings at rest, and those that `rate` (K, 2) adds, of Residuals."""
+        return np.broadcast_to(self.values[:2] ** 2, rate.shape), (self.values[5:] * rate) ** 2
 
 
 @dataclass(frozen=True)
@@ -74,6 +90,7 @@ class Residuals:
     by_second: Array  # (K - 1, 3, 3) by that of the second
     by_values: Array  # (K - 1, 3, f) by the chosen parameters
     distance: Array  # (K - 1,) [m]
+    rate: Array  # (K, 2) speed of the sensor [m/s] and yaw rate [rad/s] at the nodes, by the law
     path: Array  # (K, 3) of the turning centre by dead reckoning [m, m, rad]
     free: np.ndarray  # (f,) indices of those parameters
 
@@ -82,20 +99,11 @@ class Residuals:
         kept = self.free != parameter
         return replace(self, by_values=self.by_values[..., kept], free=self.free[kept])
 
-    def squares(self, nodes: Nodes) -> list[Array]:
-        """Squares of the residuals of each kind of Noise, per unit variance, with their weights applied."""
-        position, heading = nodes.weight.T
-        scaled = self.step**2 * (nodes.link / self.distance)[:, None]
-        return [
-            np.concatenate([position * self.pose[:, 0] ** 2, position * self.pose[:, 1] ** 2]),
-            heading * self.pose[:, 2] ** 2,
-            *scaled.T,
-        ]
-
 
 def residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array, free: np.ndarray) -> Residuals:
     """Residuals at states (K, 3) and parameter values (p,), with derivatives by the parameters `free` (f,)."""
-    motion, slope, distance, path = _reckoned(model, nodes, values, free)
+    steps = _reckoned(model, nodes, values, free)
+    motion, slope = steps.motion, steps.slope
     x, y = model.index("sensor_x"), model.index("sensor_y")
     lever = values[x] + 1j * values[y]
     heading, turn = states[:-1, 2], np.diff(states[:, 2])
@@ -116,7 +124,8 @@ def residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array, fre
     by_values[0, free == y], by_values[1, free == y] = swing.imag, 1 - swing.real
     pose = pose_residuals(model, nodes, states, values)
     first, second, chosen = (np.moveaxis(one, -1, 0) for one in (by_first, by_second, by_values))
-    return Residuals(pose, step, first, second, chosen, distance, path, free)
+    rate = np.abs(np.column_stack([steps.velocity + 1j * steps.yaw_rate * lever, steps.yaw_rate]))
+    return Residuals(pose, step, first, second, chosen, steps.distance, rate, steps.path, free)
 
 
 def pose_residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array) -> Array:
@@ -130,10 +139,9 @@ def pose_residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array
 
 def weights(found: Residuals, nodes: Nodes, noise: Noise) -> tuple[Array, Array]:
     """Reciprocal variances (K, 3) of poses and (K - 1, 3) of steps."""
-    position, heading, *slips = noise.values
-    poses = nodes.weight[:, [0, 0, 1]] / np.array([position, position, heading]) ** 2
-    steps = (nodes.link / found.distance)[:, None] / np.array(slips) ** 2
-    return poses, steps
+    poses = nodes.weight / sum(noise.of_poses(found.rate))
+    steps = (nodes.link / found.distance)[:, None] / noise.values[2:5] ** 2
+    return poses[:, [0, 0, 1]], steps
 
 
 def cost(found: Residuals, nodes: Nodes, noise: Noise) -> float:
@@ -142,8 +150,8 @@ def cost(found: Residuals, nodes: Nodes, noise: Noise) -> float:
     return float(np.sum(poses * found.pose**2) + np.sum(steps * found.step**2))
 
 
-def _reckoned(model: DriveModel, nodes: Nodes, values: Array, free: np.ndarray) -> tuple[Array, Array, Array, Array]:
-    """Motion (3, K - 1), slope (3, f, K - 1) and distance of all steps, zero between drives, and paths (K, 3)."""
+def _reckoned(model: DriveModel, nodes: Nodes, values: Array, free: np.ndarray) -> Steps:
+    """Steps with motion and slope zero between drives."""
     steps, between = model.steps(values, nodes.timeline, free), nodes.timeline.between
     steps.motion[:, between], steps.slope[..., between], steps.distance[between] = 0.0, 0.0, 1.0
-    return steps.motion, steps.slope, np.maximum(steps.distance, _MIN_DISTANCE), steps.path
+    return replace(steps, distance=np.maximum(steps.distance, _MIN_DISTANCE))

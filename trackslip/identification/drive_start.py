@@ -17,6 +17,7 @@ from trackslip.slip.families import FAMILIES
 
 _OFFSETS = np.arange(-2.0, 2.0001, 0.05)  # clock offsets tried [s]
 _FINE = np.arange(-0.06, 0.0601, 0.01)  # around the best of them [s]
+_NEARLY, _APART, _MOST = 1.1, 0.3, 3  # clock offsets to start from: cost of the worst [-], distance [s], number
 _TURN_RATIOS = 1 / (1 + np.concatenate([np.arange(-0.3, 1.61, 0.1), np.arange(1.8, 3.01, 0.2)]))  # b / (b + D)
 _TURN_TIME = 1.0  # over which turns are compared [s]
 _WINDOW = 10.0  # of paths that are laid over each other, without headings [s]
@@ -32,8 +33,8 @@ _PIECE = 0.5  # time over which motion is averaged [s]
 _MAX_PIECES = 600
 
 
-def start(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> tuple[float, float]:
-    """Offset D of a constant ICR [m] and clock offset [s] that fit the drives best.
+def starts(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> list[tuple[float, float]]:
+    """Offsets D of a constant ICR [m] and clock offsets [s] that fit the drives well, the best first.
 
     Raises LogError if the robot clearly turns against its sprockets.
     """
@@ -45,12 +46,20 @@ def start(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> tuple[flo
         raise LogError(_AGAINST)
     if costs is _turning_costs:
         _require_both_forwards(drives, geometry, min(coarse)[0])
-    turning = [one for one in coarse if one[1] > 0]
-    _, ratio, offset = min(turning, default=(0.0, 1.0, 0.0))
-    _, ratio, offset = min(
-        (one for one in costs(drives, geometry, offset + _FINE) if one[1] > 0), default=(0.0, ratio, offset)
-    )
-    return geometry.half_gauge * (1 / float(np.clip(ratio, *_RATIO_LIMITS)) - 1), offset
+    by_offset: dict[float, _Tried] = {}
+    for one in coarse:
+        if one[1] > 0:
+            by_offset[one[2]] = min(one, by_offset.get(one[2], one))
+    turning = sorted(by_offset.values())
+    least, found = turning[0][0] if turning else 0.0, []
+    for cost, _, offset in turning:
+        if cost <= _NEARLY * least + 1e-12 and all(abs(offset - other) > _APART for _, other in found):
+            fine = [one for one in costs(drives, geometry, offset + _FINE) if one[1] > 0]
+            found.append(min(fine, default=(0.0, 1.0, offset))[1:])
+    return [
+        (geometry.half_gauge * (1 / float(np.clip(ratio, *_RATIO_LIMITS)) - 1), offset)
+        for ratio, offset in found[:_MOST] or [(1.0, 0.0)]
+    ]
 
 
 def _require_both_forwards(drives: Sequence[PreparedDrive], geometry: RobotGeometry, cost: float) -> None:
@@ -178,7 +187,7 @@ def pieces(fit: TrajectoryFit) -> tuple[Array, Array]:
     for drive, begin in zip(fit.nodes.drives, fit.nodes.first, strict=False):
         stride = max(1, round(_PIECE / drive.interval), len(drive.time) * len(fit.nodes.drives) // _MAX_PIECES)
         rows = np.arange(0, len(drive.time), stride)
-        broken = np.concatenate([[0.0], np.cumsum(1 - fit.nodes.link[begin : begin + len(drive.time) - 1])])
+        broken = np.concatenate([[0.0], np.cumsum(0 == fit.nodes.link[begin : begin + len(drive.time) - 1])])
         state, step = fit.states[begin + rows], np.diff(drive.time[rows])
         robot = np.column_stack([se2.to_world(state, -lever), state[:, 2]])
         twist = se2.log(se2.steps(robot))[:, ::2] / step[:, None]

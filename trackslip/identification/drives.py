@@ -17,6 +17,8 @@ _THINNED = 10_000  # poses used out of more than MAX_POSES
 MIN_POSES = 10  # of a drive
 _MAX_STEP = 2.5  # time between nodes [median time between poses]
 _MAX_SPEED = 1e4  # of a sprocket [rad/s]
+_MIN_HELD, _MAX_HELD = 1.5, 0.5  # time between readings of an encoder that is read less often than logged [rows, s]
+_MIN_READINGS = 4
 _STANDING = 1e-3  # sprocket speed of a robot at rest [rad/s]
 _PAUSE = 1.0  # between drives [s]
 _MOST_UNLIKE = 10.0  # ratio of a standard deviation to the usual one, and of that to it, at most [-]
@@ -89,7 +91,7 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
             f"run {log.run!r}: {name} = {speed:g} rad/s in its row {k + 1}, at most {_MAX_SPEED:g} is allowed"
         )
     rows = rows[:: -(-len(rows) // max(max_poses, MIN_POSES))]
-    edges, omega = merged(log.time, log.omega[1:], max_rows)
+    edges, omega = merged(log.time, interval_means(log.time, log.omega), max_rows)
     time, pose = log.time[rows], log.pose[rows].copy()
     known = np.isfinite(pose[:, 2])
     pose[known, 2] = np.unwrap(pose[known, 2])
@@ -107,6 +109,34 @@ def reckoned(drive: PreparedDrive, geometry: RobotGeometry, ratio: float, time: 
     middle = (heading[1:] + heading[:-1]) / 2
     place = np.concatenate([[0.0], np.cumsum(v * step * np.exp(1j * middle))])
     return np.interp(time, drive.edges, place), np.interp(time, drive.edges, heading)
+
+
+def interval_means(time: Array, omega: Array) -> Array:
+    """Mean sprocket speeds (T - 1, 2) between rows at `time` (T,), from the speeds logged there (T, 2).
+
+    A row has the mean since the row before. But many robots log each reading of an encoder several times, until the
+    next one: such a reading counts once, at the first row that has it, and speeds change linearly between readings.
+    """
+    return np.column_stack([_of_side(time, side) for side in omega.T])
+
+
+def _of_side(time: Array, omega: Array) -> Array:
+    """Mean speeds (T - 1,) of one sprocket."""
+    read = np.flatnonzero(np.diff(omega, prepend=np.nan) != 0)  # first rows of readings
+    turning = np.flatnonzero(np.diff(read) * (np.abs(omega[read[:-1]]) > _STANDING))
+    if len(turning) < _MIN_READINGS:
+        return omega[1:]
+    rows, usual = np.median(np.diff(read)[turning]), float(np.median(np.diff(time[read])[turning]))
+    if rows < _MIN_HELD or usual > _MAX_HELD:
+        return omega[1:]
+    # a value that lasts longer was read again, at the latest a usual interval before the next one
+    again = time[read[1:]] - usual
+    long = again - time[read[:-1]] > usual / 2
+    at = np.concatenate([time[read], again[long], time[-1:]])
+    values = np.concatenate([omega[read], omega[read[:-1]][long], omega[-1:]])
+    order = np.argsort(at, kind="stable")
+    at_rows = np.interp(time, at[order], values[order])
+    return (at_rows[1:] + at_rows[:-1]) / 2
 
 
 def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:

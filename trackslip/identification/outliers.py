@@ -118,30 +118,50 @@ def outlying(pose: Array, state: Array, motion: Array) -> tuple[np.ndarray, np.n
 
 def _mispredicted(pose: Array, state: Array, motion: Array) -> tuple[np.ndarray, np.ndarray]:
     """Poses (n,) bool that those before them mispredict far, and poses that those after them do."""
-    before = _missed(pose, state, motion)
-    after = _missed(pose[::-1], state[::-1], motion[::-1])[::-1]
-    known = np.isfinite(before + after)
-    usual = [
-        np.median(np.minimum(a, b)[k]) if k.any() else 0.0 for a, b, k in zip(before.T, after.T, known.T, strict=True)
-    ]
-    far = _JUMPED * np.maximum(1.4826 * np.array(usual), _MIN_SPREAD)
+    before, moved = _missed(pose, state, motion)
+    after, moved_on = (one[::-1] for one in _missed(pose[::-1], state[::-1], motion[::-1]))
+    columns = zip(np.minimum(before, after).T, ((moved + moved_on) / 2).T, _MIN_SPREAD, strict=True)
+    far = _JUMPED * np.column_stack([_usual(error, way, least) for error, way, least in columns])
     return (np.nan_to_num(before) > far).any(axis=1), (np.nan_to_num(after) > far).any(axis=1)
 
 
-def _missed(pose: Array, state: Array, motion: Array) -> Array:
-    """Errors (n, 2) of position and heading of each pose as predicted by the median of those before it."""
+def _usual(error: Array, way: Array, least: float) -> Array:
+    """Robust standard deviations (n,) of errors (n,), at least `least`: a constant and a part that grows with `way`.
+
+    Errors of a robot that drives are larger than those at rest. The two parts are told from the third of the poses
+    with the longest ways (n,), and that with the shortest.
+    """
+    known = np.flatnonzero(np.isfinite(error))
+    if not len(known):
+        return np.full(len(error), least)
+    order = known[np.argsort(way[known])]
+    third = -(-len(order) // 3)
+    (short, small), (long, large) = (
+        (np.median(way[rows]) ** 2, (1.4826 * np.median(error[rows])) ** 2) for rows in (order[:third], order[-third:])
+    )
+    growth = max(large - small, 0.0) / (long - short) if long > short else 0.0
+    return np.asarray(np.sqrt(np.maximum(small - growth * short, least**2) + growth * np.nan_to_num(way) ** 2))
+
+
+def _missed(pose: Array, state: Array, motion: Array) -> tuple[Array, Array]:
+    """Errors (n, 2) of position and heading of each pose as predicted by the median of those before it.
+
+    And the way and the turn (n, 2) from these poses to it.
+    """
     count = len(pose)
     size = min(_NEIGHBOURS, count - 1)
-    errors = np.full((count, 2), np.nan)
+    errors, moved = np.full((count, 2), np.nan), np.full((count, 2), np.nan)
     if size < 1:
-        return errors
+        return errors, moved
     rows = np.arange(size, count)
     window = sliding_window_view(np.arange(count), size)[:-1]  # (n - size, size) indices of the poses before
     z, c = pose[:, 0] + 1j * pose[:, 1], motion[:, 0] + 1j * motion[:, 1]
     turned = np.exp(1j * (state[:, 2] - motion[:, 2]))
-    predicted = z[window] + turned[window] * (c[rows, None] - c[window])
+    way, turn = c[rows, None] - c[window], motion[rows, None, 2] - motion[window, 2]
+    moved[rows] = np.column_stack([np.median(np.abs(one), axis=1) for one in (way, turn)])
+    predicted = z[window] + turned[window] * way
     middle = np.median(predicted.real, axis=1) + 1j * np.median(predicted.imag, axis=1)
     errors[rows, 0] = np.abs(z[rows] - middle)
-    heading = wrap_angle(pose[window, 2] + motion[rows, None, 2] - motion[window, 2] - pose[rows, None, 2])
+    heading = wrap_angle(pose[window, 2] + turn - pose[rows, None, 2])
     errors[rows, 1] = np.abs(np.median(heading, axis=1))
-    return errors
+    return errors, moved

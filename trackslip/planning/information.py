@@ -116,7 +116,7 @@ def information(
     """Information (f, f) on the parameters `names`, the trajectory being unknown, and of the priors."""
     nodes = Nodes.of(drives)
     states = np.concatenate([model.sensor_path(values, drive) for drive in drives])
-    noise = Noise(np.array([poses.position, poses.heading or _UNKNOWN_HEADING, *slip]))
+    noise = Noise(np.array([poses.position, poses.heading or _UNKNOWN_HEADING, *slip, 0.0, 0.0]))
     free = np.array([model.index(name) for name in names])
     found = residuals(model, nodes, states, values, free)
     still = np.zeros(len(values))

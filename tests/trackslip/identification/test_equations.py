@@ -85,7 +85,7 @@ def problem(free=None, white=False):
     values = np.array([*LAWS["icr_radius"], *PLACED, 0.0])
     states = np.nan_to_num(nodes.pose) + 0.01 * rng.normal(size=nodes.pose.shape)
     free = np.arange(len(values) - 1) if free is None else np.array(free, int)
-    return driven, nodes, states, values, Noise(NOISE), free
+    return driven, nodes, states, values, Noise(NOISE + [0, 0, 0, 0, 0, 0.3, 0.3]), free
 
 
 def dense(driven, nodes, states, values, noise, free):
@@ -140,8 +140,14 @@ def test_every_kind_of_residual_is_used_up_by_its_share_of_the_hessian(free, whi
     by_row = np.einsum("ri,ij,rj->r", jacobian, inverse, jacobian)
     poses, steps = by_row[: states.size].reshape(-1, 3), by_row[states.size : len(by_row) - len(free)].reshape(-1, 3)
     tied = 1e-3 * np.diag(inverse)[: states.size].sum() + by_row[len(by_row) - len(free) :].sum()  # and by priors
-    expected = [poses[:, :2].sum(), poses[:, 2].sum(), *steps.sum(axis=0)]
     found = residuals(driven, nodes, states, values, free)
+    at_rest, added = noise.of_poses(found.rate)
+    parts = [
+        [(share[:, 0] * poses[:, :2].sum(axis=1)).sum(), (share[:, 1] * poses[:, 2]).sum()]
+        for share in (at_rest / (at_rest + added), added / (at_rest + added))
+    ]
+    assert min(parts[1]) > 0.5
+    expected = [*parts[0], *steps.sum(axis=0), *parts[1]]
     yaw = driven.index("sensor_yaw")
     solution = solve(found, nodes, noise, yaw, driven.prior, np.zeros(len(values)))
     used = used_up(found, nodes, noise, solution, yaw)
