@@ -51,11 +51,11 @@ def starts(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> list[tup
         if one[1] > 0:
             by_offset[one[2]] = min(one, by_offset.get(one[2], one))
     turning = sorted(by_offset.values())
-    least, found = turning[0][0] if turning else 0.0, []
+    least, found = turning[0][0] if turning else 0.0, list[tuple[float, float]]()
     for cost, _, offset in turning:
         if cost <= _NEARLY * least + 1e-12 and all(abs(offset - other) > _APART for _, other in found):
             fine = [one for one in costs(drives, geometry, offset + _FINE) if one[1] > 0]
-            found.append(min(fine, default=(0.0, 1.0, offset))[1:])
+            found.append(min(fine, default=(0.0, 1.0, offset))[1:3])
     return [
         (geometry.half_gauge * (1 / float(np.clip(ratio, *_RATIO_LIMITS)) - 1), offset)
         for ratio, offset in found[:_MOST] or [(1.0, 0.0)]
@@ -187,7 +187,7 @@ def pieces(fit: TrajectoryFit) -> tuple[Array, Array]:
     for drive, begin in zip(fit.nodes.drives, fit.nodes.first, strict=False):
         stride = max(1, round(_PIECE / drive.interval), len(drive.time) * len(fit.nodes.drives) // _MAX_PIECES)
         rows = np.arange(0, len(drive.time), stride)
-        broken = np.concatenate([[0.0], np.cumsum(0 == fit.nodes.link[begin : begin + len(drive.time) - 1])])
+        broken = np.concatenate([[0.0], np.cumsum(fit.nodes.link[begin : begin + len(drive.time) - 1] == 0)])
         state, step = fit.states[begin + rows], np.diff(drive.time[rows])
         robot = np.column_stack([se2.to_world(state, -lever), state[:, 2]])
         twist = se2.log(se2.steps(robot))[:, ::2] / step[:, None]

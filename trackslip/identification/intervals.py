@@ -178,12 +178,15 @@ def innovation_scores(fit: TrajectoryFit, cuts: np.ndarray) -> Array:
 
 
 def _cuts(fit: TrajectoryFit, count: int) -> np.ndarray:
-    """Last nodes of about `count` stretches of equal duration."""
+    """Last nodes of about `count` stretches of equal duration: parts of long drives, or several short ones in a row."""
     time, first = fit.nodes.time, fit.nodes.first
     spans = time[first[1:] - 1] - time[first[:-1]]
-    cuts = []
+    usual, driven, cuts = spans.sum() / count, 0.0, []
     for begin, end, span in zip(first[:-1], first[1:], spans, strict=True):
-        parts = max(1, round(count * span / spans.sum()))
+        parts = max(1, round(span / usual))
         ends = time[begin] + span * np.arange(1, parts) / parts
-        cuts.append(np.append(begin + np.searchsorted(time[begin:end], ends), end - 1))
-    return np.unique(np.concatenate(cuts))
+        cuts.extend((begin + np.searchsorted(time[begin:end], ends)).tolist())
+        if (driven + span) // usual > driven // usual:
+            cuts.append(end - 1)
+        driven += span
+    return np.unique([*cuts, len(time) - 1])

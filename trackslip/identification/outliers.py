@@ -122,7 +122,8 @@ def _mispredicted(pose: Array, state: Array, motion: Array) -> tuple[np.ndarray,
     after, moved_on = (one[::-1] for one in _missed(pose[::-1], state[::-1], motion[::-1]))
     columns = zip(np.minimum(before, after).T, ((moved + moved_on) / 2).T, _MIN_SPREAD, strict=True)
     far = _JUMPED * np.column_stack([_usual(error, way, least) for error, way, least in columns])
-    return (np.nan_to_num(before) > far).any(axis=1), (np.nan_to_num(after) > far).any(axis=1)
+    beyond_before, beyond_after = ((np.nan_to_num(one) > far).any(axis=1) for one in (before, after))
+    return np.asarray(beyond_before), np.asarray(beyond_after)
 
 
 def _usual(error: Array, way: Array, least: float) -> Array:
@@ -136,9 +137,8 @@ def _usual(error: Array, way: Array, least: float) -> Array:
         return np.full(len(error), least)
     order = known[np.argsort(way[known])]
     third = -(-len(order) // 3)
-    (short, small), (long, large) = (
-        (np.median(way[rows]) ** 2, (1.4826 * np.median(error[rows])) ** 2) for rows in (order[:third], order[-third:])
-    )
+    ends = np.stack([order[:third], order[-third:]])
+    (short, long), (small, large) = np.median(way[ends], axis=1) ** 2, (1.4826 * np.median(error[ends], axis=1)) ** 2
     growth = max(large - small, 0.0) / (long - short) if long > short else 0.0
     return np.asarray(np.sqrt(np.maximum(small - growth * short, least**2) + growth * np.nan_to_num(way) ** 2))
 

@@ -254,7 +254,7 @@ def _predicted_drives(
         usable = np.flatnonzero(rows[inside] & (nodes.weight[inside, 0] > 0))
         if len(usable) < 2:
             continue
-        breaks = np.concatenate([[0.0], np.cumsum(0 == nodes.link[begin : begin + len(drive.time) - 1])])
+        breaks = np.concatenate([[0.0], np.cumsum(nodes.link[begin : begin + len(drive.time) - 1] == 0)])
         path = law.model.sensor_path(law.values, drive)
         pose = drive.pose.copy()
         pose[nodes.weight[inside, 1] == 0, 2] = np.nan

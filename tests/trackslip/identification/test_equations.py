@@ -85,7 +85,7 @@ def problem(free=None, white=False):
     values = np.array([*LAWS["icr_radius"], *PLACED, 0.0])
     states = np.nan_to_num(nodes.pose) + 0.01 * rng.normal(size=nodes.pose.shape)
     free = np.arange(len(values) - 1) if free is None else np.array(free, int)
-    return driven, nodes, states, values, Noise(NOISE + [0, 0, 0, 0, 0, 0.3, 0.3]), free
+    return driven, nodes, states, values, Noise(NOISE + np.array([0, 0, 0, 0, 0, 0.3, 0.3])), free
 
 
 def dense(driven, nodes, states, values, noise, free):
