@@ -19,7 +19,7 @@ from trackslip.identification.drives import PreparedDrive, drives_of
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.intervals import half_widths, model_errors
 from trackslip.identification.plausibility import require_units
-from trackslip.identification.prediction import held_out, score
+from trackslip.identification.prediction import held_out_deviance
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.se2 import Mounting
@@ -30,7 +30,8 @@ REFERENCE = "icr_radius"
 _LAGS = (0.03, 0.3)  # starting values [s]
 _CERTAIN = 3.0  # lag that shows [standard errors]
 _TRIALS = 4  # steps after which a lag is given up unless it shows
-_LIKELIER = 10.0  # fall of -2 log likelihood that a lag must bring, or that poses count alike
+_LIKELIER = 10.0  # fall of -2 log likelihood if poses that state their covariances count alike
+_LAGGING = 4.0  # the same, that a lag must bring
 _POINTS = 13
 _WIDTH = 6.0  # of the profile on each side [standard errors]
 _NEWTON_STEPS = 2  # of Gauss and Newton at each offset
@@ -113,7 +114,7 @@ def _reference(
 ) -> DriveFit:
     """The fit of REFERENCE, with the poses' covariances if these make the poses likelier.
 
-    And with a lag, if that also predicts driving better to which it wasn't fitted.
+    And with a lag, if that makes poses likelier to which it wasn't fitted.
     """
     found = _without_lag(drives, geometry, sensor, held)
     if _likelier_alike(found.fit):
@@ -125,13 +126,12 @@ def _reference(
         nodes = first.nodes
         lagging = _fitted(first.model, nodes, first.states, values, first.noise, sensor, held, False, lagging=True)
         shown = "lag" in lagging.free and lagging.extras["lag"] > _CERTAIN * lagging.stderr["lag"]
-        if not shown or lagging.deviance > found.deviance - _LIKELIER:
+        if not shown or lagging.deviance > found.deviance - _LAGGING:
             return found
-        errors = {"without": held_out(first).errors(), "with": held_out(lagging.fit).errors()}
+        better = held_out_deviance(lagging.fit) < held_out_deviance(first)
     except LogError:
         return found
-    scores = score(errors, tuple(errors))
-    return lagging if scores["with"] < scores["without"] else found
+    return lagging if better else found
 
 
 def _without_lag(
@@ -189,7 +189,7 @@ def _lagged(found: TrajectoryFit) -> Array | None:
                 )
             )
     best = min(tried, key=lambda fit: fit.deviance, default=found)
-    return best.values if best.deviance < found.deviance - _LIKELIER / 2 else None
+    return best.values if best.deviance < found.deviance - _LAGGING / 2 else None
 
 
 def _fitted(

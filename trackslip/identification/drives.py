@@ -15,6 +15,7 @@ MAX_POSES = 24_000  # poses that are all used
 MAX_ROWS = 100_000  # encoder intervals used in all; more are merged
 _THINNED = 10_000  # poses used out of more than MAX_POSES
 MIN_POSES = 10  # of a drive
+_INFORMATIVE, _NEARLY = 0.05, 0.1  # time between poses below which more tell little more [s]; tolerance [-]
 _MAX_STEP = 2.5  # time between nodes [median time between poses]
 _MAX_SPEED = 1e4  # of a sprocket [rad/s]
 _MIN_HELD, _MAX_HELD = 1.5, 0.5  # time between readings of an encoder that is read less often than logged [rows, s]
@@ -90,7 +91,8 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
         raise LogError(
             f"run {log.run!r}: {name} = {speed:g} rad/s in its row {k + 1}, at most {_MAX_SPEED:g} is allowed"
         )
-    rows = rows[:: -(-len(rows) // max(max_poses, MIN_POSES))]
+    often = int(_INFORMATIVE / np.median(np.diff(log.time[rows])) + _NEARLY)
+    rows = rows[:: max(-(-len(rows) // max(max_poses, MIN_POSES)), min(often, len(rows) // MIN_POSES), 1)]
     edges, omega = merged(log.time, interval_means(log.time, log.omega), max_rows)
     time, pose = log.time[rows], log.pose[rows].copy()
     known = np.isfinite(pose[:, 2])
@@ -114,8 +116,8 @@ def reckoned(drive: PreparedDrive, geometry: RobotGeometry, ratio: float, time: 
 def interval_means(time: Array, omega: Array) -> Array:
     """Mean sprocket speeds (T - 1, 2) between rows at `time` (T,), from the speeds logged there (T, 2).
 
-    A row has the mean since the row before. But many robots log each reading of an encoder several times, until the
-    next one: such a reading counts once, at the first row that has it, and speeds change linearly between readings.
+    A row has the mean since the row before. But many robots log each reading of an encoder several times: such a
+    reading counts once, in the middle of the time that has it, and speeds change linearly between readings.
     """
     return np.column_stack([_of_side(time, side) for side in omega.T])
 
@@ -129,14 +131,12 @@ def _of_side(time: Array, omega: Array) -> Array:
     rows, usual = np.median(np.diff(read)[turning]), float(np.median(np.diff(time[read])[turning]))
     if rows < _MIN_HELD or usual > _MAX_HELD:
         return omega[1:]
-    # a value that lasts longer was read again, at the latest a usual interval before the next one
-    again = time[read[1:]] - usual
-    long = again - time[read[:-1]] > usual / 2
-    at = np.concatenate([time[read], again[long], time[-1:]])
-    values = np.concatenate([omega[read], omega[read[:-1]][long], omega[-1:]])
-    order = np.argsort(at, kind="stable")
-    at_rows = np.interp(time, at[order], values[order])
-    return (at_rows[1:] + at_rows[:-1]) / 2
+    begin = time[np.maximum(read - 1, 0)]
+    end = np.append(begin[1:], time[-1])
+    inside = np.minimum(end - begin, usual) / 2  # a value that lasts longer was read again
+    knots = np.column_stack([begin + inside, end - inside]).ravel()
+    at_rows = np.interp(time, knots, np.repeat(omega[read], 2))
+    return np.asarray(at_rows[1:] + at_rows[:-1]) / 2
 
 
 def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:

@@ -209,6 +209,17 @@ def held_out(found: TrajectoryFit) -> DrivePredictions:
     return DrivePredictions(start, heading, horizon, error, part, np.array([refitted.values for refitted, _ in folds]))
 
 
+def held_out_deviance(found: TrajectoryFit) -> float:
+    """-2 log likelihood of poses by parameters fitted to the others, but for a constant.
+
+    The parts are the drives, in at most five groups, or the halves of a single one.
+    """
+    none, folds = found.free[:0], _folds(found)
+    if len(folds) == 1:
+        folds.append((_refitted(found, folds[0][1]), ~folds[0][1]))
+    return sum(_refitted(replace(found, values=other.values, free=none), rows).deviance for other, rows in folds)
+
+
 def _folds(found: TrajectoryFit) -> list[tuple[TrajectoryFit, np.ndarray]]:
     """Fits to a part of the drives, and bool (K,) of the nodes that they were not fitted to."""
     nodes, first = found.nodes, found.nodes.first
