@@ -59,7 +59,9 @@ from .slip.icr_load import IcrLoad as IcrLoad
 from .slip.law_file import load_laws as load_laws
 from .slip.law_file import save_laws as save_laws
 from .slip.online import IcrFilter as IcrFilter
+from .slip.turn_loss import Centrifugal as Centrifugal
 from .slip.turn_loss import TurnLoss as TurnLoss
+from .slip.turn_loss import TurnLossSides as TurnLossSides
 from .trajectory.base import Reference as Reference
 from .trajectory.named import named_reference as named_reference
 from .trajectory.segmented import circle as circle

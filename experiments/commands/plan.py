@@ -47,7 +47,7 @@ class Config(Repeatable):
     """Length of the drive [s]."""
     poses: Literal["slam", "mocap", "gnss", "scanner"] = "slam"
     """Source of the poses: SLAM, motion capture, GNSS (no headings), or a stationary scanner."""
-    law: Literal["icr", "icr_radius", "icr_sides", "turn_loss", "exponential"] = "icr_radius"
+    law: Literal["icr", "icr_radius", "icr_sides", "turn_loss", "turn_loss_sides", "exponential"] = "icr_radius"
     """Slip law to identify."""
     offset: Annotated[float | None, default_is("from --after, else 0.3 half gauges", "FLOAT")] = None
     """Expected D: distance of the ICRs (instantaneous centres of rotation) outside the tracks [m]."""

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 RUN_LAW = "icr_radius"
 """The law that is fitted to runs scanned repeatedly."""
-DRAWN_LAWS = tuple(name for name, family in FAMILIES.items() if family.names and not family.loaded)
-"""The laws that samples are drawn from; on level ground, none is of slip under load."""
+DRAWN_LAWS = tuple(name for name, one in FAMILIES.items() if one.names and not one.loaded and not one.fast)
+"""The laws that samples are drawn from: on level ground and in slow turns, none of slip under load or by speed."""
 _MOTION = "bundle"  # takes ranges, to which noise can be added again and again
 
 
@@ -157,7 +157,7 @@ def generating_values(name: str, fitted: SteadyComparison) -> Values:
     if name in fitted.laws:
         return fitted.laws[name].values
     both = fitted.laws[RUN_LAW].values
-    return {key: both[key.rsplit("_", 1)[0]] for key in FAMILIES[name].names}
+    return {key: both.get(key, both.get(key.rsplit("_", 1)[0], 0.0)) for key in FAMILIES[name].names}
 
 
 def scanned_again(

@@ -87,7 +87,8 @@ def deployed(
     ros = to in ("ros2_control", "ros_control")
     name = stored.law_named(best_expressible(stored) if law is None and ros else law)
     if not ros and to not in FAMILIES[name].targets:
-        why = "has no input for the load" if FAMILIES[name].loaded else "can express constant ICRs and the exponential"
+        can = "can express constant ICRs, turn loss and the exponential"
+        why = "has no input for the load" if FAMILIES[name].loaded else can
         raise TrackslipError(f"law = {name!r}: {to} {why}; {nearest(stored, name)}")
     if ros:
         return Deployed(name, TARGETS[to](stored, name, controller), instead_of_best(stored, name))

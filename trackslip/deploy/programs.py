@@ -43,7 +43,7 @@ def python_text(stored: StoredLaws, law: str) -> str:
 
 def _template(law: str, language: str) -> str:
     """The functions of a law; laws with constant ICRs share them."""
-    name = law if law in ("exponential", "turn_loss") else "icr"
+    name = {"exponential": "exponential", "turn_loss": "turn_loss", "turn_loss_sides": "turn_loss"}.get(law, "icr")
     return (_TEMPLATES / f"{name}.{language}.in").read_text(encoding="utf-8")
 
 
@@ -55,6 +55,12 @@ def _constants(stored: StoredLaws, law: str) -> dict[str, tuple[float, str]]:
         sides = list(zip(("left", "right"), constant_icrs(stored, law), strict=True))
         arms = {f"reach_{side}": (geometry.half_gauge + offset, "b + D [m]") for side, (offset, _) in sides}
         return radius | arms | {f"scale_{side}": (1 + error, "1 + epsilon [-]") for side, (_, error) in sides}
+    values = stored.values(law)
+    if "turn_loss" in values:
+        errors = [value for name, value in values.items() if name.startswith("radius_error")]
+        scales = {"scale_left": (1 + errors[0], "1 + epsilon [-]"), "scale_right": (1 + errors[-1], "1 + epsilon [-]")}
+        reach = {"reach": (geometry.half_gauge + values["offset"], "b + D [m]")}
+        return radius | reach | scales | {"turn_loss": (values["turn_loss"], "g [-]")}
     units = {name: f"[{parameter.unit or '-'}]" for name, parameter in family.parameters.items()}
-    values = {name: (value, units[name]) for name, value in stored.values(law).items()}
-    return {"half_gauge": (geometry.half_gauge, "b [m]")} | radius | values
+    named = {name: (value, units[name]) for name, value in values.items()}
+    return {"half_gauge": (geometry.half_gauge, "b [m]")} | radius | named

@@ -22,7 +22,7 @@ from trackslip.identification.prediction import (
     score,
 )
 from trackslip.identification.samples import SlipSamples
-from trackslip.kinematics import RobotGeometry
+from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES, drive_laws
 
@@ -32,6 +32,7 @@ _WITHOUT_RADIUS = ("none", "constant")  # laws that do not describe turning
 _INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred
 _MIN_LOADS = 1e-3  # range of the tractions per unit load from which their effect may show [-]
 _INDISTINCT_LIKELIHOOD = 4.0  # difference of Akaike's criterion within which the simpler law of drives is preferred
+_FAST, _OFTEN = 0.5, 0.05  # lateral acceleration from which slip by it may show [m/s^2], and share of the driving
 _SAME = 0.02  # difference of scores within which the likelihood decides [-]
 
 
@@ -111,7 +112,10 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     laws: dict[str, SteadyFit] = {}
     warnings: list[str] = []
     sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
+    fast = _turns_fast(samples.omega, geometry)
     for name, family in FAMILIES.items():
+        if family.fast and not fast:
+            continue
         if family.two_sided and min((sides > 0).sum(), (sides < 0).sum()) < 2:
             continue
         if family.loaded and (samples.load is None or np.ptp(samples.load) < _MIN_LOADS):
@@ -153,17 +157,21 @@ def compare_drives(
 
     By default, all families that are made for drives. Raises LogError if the drives determine no law with parameters.
     """
+    fast = names is not None or _turns_fast(np.concatenate([drive.omega for drive in drives]), geometry)
     reference = fit_drives(REFERENCE, drives, geometry, sensor)
     laws: dict[str, DriveFit] = {}
     predictions: dict[str, DrivePredictions] = {}
     warnings: list[str] = []
     for name in names or drive_laws():
-        try:
-            found = fit_drives(name, drives, geometry, sensor, reference=reference)
-            predictions[name] = held_out(found.fit)
-            laws[name] = found
-        except LogError as error:
-            warnings.append(f"law {name}: {error}")
+        if fast or not FAMILIES[name].fast:
+            try:
+                found = fit_drives(name, drives, geometry, sensor, reference=reference)
+                if FAMILIES[name].fast and found.at_limit:
+                    raise LogError("no slip by lateral acceleration shows")
+                predictions[name] = held_out(found.fit)
+                laws[name] = found
+            except LogError as error:
+                warnings.append(f"law {name}: {error}")
         step(1.0)
     if not any(law.values for law in laws.values()):
         raise LogError(warnings[-1] if warnings else "no law can be identified")
@@ -180,6 +188,12 @@ def compare_drives(
         clock=clock_profile(laws[best].fit) if "clock_offset" in laws[best].free else None,
         warnings=(*warnings, *doubts_of_drives(drives, laws, best)),
     )
+
+
+def _turns_fast(omega: Array, geometry: RobotGeometry) -> bool:
+    """True if sprocket speeds (n, 2) [rad/s] often demand a lateral acceleration that makes robots skid."""
+    v, w = body_twist(omega, 0.0, geometry).T
+    return bool(np.mean(np.abs(v * w) > _FAST) > _OFTEN)
 
 
 def _weights(aicc: Mapping[str, float | None]) -> dict[str, float | None]:

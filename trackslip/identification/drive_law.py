@@ -68,6 +68,12 @@ class DriveFit(FittedLaw):
         """Names of the fitted parameters."""
         return tuple(self.stderr)
 
+    @property
+    def at_limit(self) -> bool:
+        """True if a parameter of the law is at its lower limit."""
+        low = self.fit.model.limits[0][: len(self.values)]
+        return bool((self.fit.values[: len(self.values)] <= low).any())
+
 
 def fit_drives(
     name: str,
@@ -216,7 +222,7 @@ def _fitted(
         held.setdefault("sensor_yaw", "no headings were measured")
     if not lagging:
         held.setdefault("lag", "none shows")
-    if model.family.two_sided:
+    if "offset_left" in model.names:
         held.setdefault("sensor_y", "an offset of the sensor and unequal ICRs can't be told apart")
     while True:
         free = np.array([k for k, name in enumerate(model.names) if name not in held], int)

@@ -159,13 +159,19 @@ def _turned_to(place: np.ndarray, z: np.ndarray, measured: np.ndarray, time: Arr
 
 
 def law_start(name: str, reference: TrajectoryFit) -> Array:
-    """Values (p,) of a law that fit the mean twists of pieces of the reference's trajectory in least squares."""
+    """Values (p,) of a law that fit the mean twists of pieces of the reference's trajectory in least squares.
+
+    A law that contains the reference starts from its values, as least squares follow the few pieces that no law fits.
+    """
     model, family = reference.model, FAMILIES[name]
     if not family.names:
         return np.zeros(0)
-    omega, twist = pieces(reference)
     geometry = model.geometry
     starts = family.starts(geometry.half_gauge)
+    if set(model.family.names) <= set(family.names):
+        known = dict(zip(model.names, reference.values.tolist(), strict=True))
+        return np.array([known.get(key, value) for key, value in zip(family.names, starts[0].tolist(), strict=True)])
+    omega, twist = pieces(reference)
     low, high, scale = family.limits(geometry.half_gauge)
     measured = track_speeds(twist, geometry.half_gauge)
 

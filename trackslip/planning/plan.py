@@ -26,7 +26,7 @@ from trackslip.planning.route import Extent, PlacedRoute, Route, path, placed
 from trackslip.planning.search import best_route
 from trackslip.slip.families import LawFamily, drive_laws, family
 
-PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names)
+PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
 """Laws that a drive can be planned for."""
 PAPER_DURATION = 30.0
 """Duration of each of the paper's runs [s]."""

@@ -18,7 +18,7 @@ from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import Exponential, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
 from trackslip.slip.icr_load import MAX_COMPLIANCE, IcrLoad
-from trackslip.slip.turn_loss import TurnLoss
+from trackslip.slip.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,8 @@ class LawFamily:
     """True if slip depends on the traction per unit load, which runs must then provide."""
     two_sided: bool = False
     """True if left and right turns slip differently, so that fits need turns to both sides."""
+    fast: bool = False
+    """True if slip depends on the lateral acceleration, which must then be a few tenths of a m/s² for it to show."""
     of_drives: bool = True
     """True if it is fitted to whole drives, too."""
 
@@ -130,14 +132,22 @@ _TURN_LOSS = Parameter(
     (0.0, 0.5), -1.0, 0.99, 0.1, "", "g",
     "share of the belts' mean speed that a turn costs, the more the sharper it is",
 )  # fmt: skip
+_CENTRIFUGAL_SLIP = Parameter((0.05, 0.5), 0.0, 10.0, 0.1, "s²/m", "κ", "slip per lateral acceleration |v w|")
 
 _CONSTANT = {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER}
 _EXPONENTIAL = {"alpha_outer": _ALPHA_OUTER, "beta_outer": _DECAY, "alpha_inner": _ALPHA_INNER, "beta_inner": _DECAY}
 _SPEED = _EXPONENTIAL | {"gamma_outer": _GROWTH, "gamma_inner": _GROWTH}
 _RADIUS = {"offset": _OFFSET, "radius_error": _RADIUS_ERROR}
 _LOSS = _RADIUS | {"turn_loss": _TURN_LOSS}
+_FAST = _LOSS | {"centrifugal_slip": _CENTRIFUGAL_SLIP}
 _LOAD = _RADIUS | {"compliance": _COMPLIANCE, "turn_compliance": _TURN_COMPLIANCE}
 _SIDES = {f"{name}_{side}": parameter for name, parameter in _RADIUS.items() for side in ("left", "right")}
+_LOSS_SIDES = {
+    "offset": _OFFSET,
+    "radius_error_left": _RADIUS_ERROR,
+    "radius_error_right": _RADIUS_ERROR,
+    "turn_loss": _TURN_LOSS,
+}
 _PROGRAMS = ("json", "c", "python")
 _EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
 
@@ -196,6 +206,31 @@ FAMILIES: dict[str, LawFamily] = {
             ("w as above, v = s (1 − g sin²θ)", "s: the belts' mean speed, tan θ = (b + D) w / s"),
         ),
         _PROGRAMS,
+    ),
+    "turn_loss_sides": LawFamily(
+        "constant ICR, with a loss of speed in turns and ε of each side",
+        _LOSS_SIDES,
+        _build(TurnLossSides, gauge=True),
+        Look(
+            "constant ICR with turn loss, two-sided",
+            "#B5651D",
+            (0, (4, 1.5, 1, 1.5, 1, 1.5)),
+            ("as turn_loss, with ε of the left and the right track",),
+        ),
+        _PROGRAMS,
+        two_sided=True,
+    ),
+    "centrifugal": LawFamily(
+        "constant ICR, with a loss of speed in turns and slip in proportion to the lateral acceleration",
+        _FAST,
+        _build(Centrifugal, gauge=True),
+        Look(
+            "constant ICR with turn loss and centrifugal slip",
+            "#5F7F1F",
+            (0, (1, 2)),
+            ("as turn_loss, with v (1 + κ |v w|) for v", "and w (1 + κ |v w|) for w"),
+        ),
+        fast=True,
     ),
     "icr_load": LawFamily(
         "constant ICR, with slip in proportion to the traction",

@@ -21,15 +21,16 @@ class IcrLaw(SlipLaw):
 
     half_gauge: float
     closed_form: ClassVar[bool] = True
-    suffixes: ClassVar[tuple[str, ...]] = ("",)
-    """Ends of the names of each track's parameters."""
+    offsets: ClassVar[tuple[str, ...]] = ("offset",)
+    """Names of the D of both tracks, or of each."""
+    radius_errors: ClassVar[tuple[str, ...]] = ("radius_error",)
+    """Names of the epsilon of both tracks, or of each."""
 
     def __post_init__(self) -> None:
         require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")
-        for suffix in self.suffixes:
-            allowed = f"finite and > -half_gauge = {-self.half_gauge}"
-            require_between(self, (f"offset{suffix}",), -self.half_gauge, np.inf, allowed)
-            require_between(self, (f"radius_error{suffix}",), -1, np.inf, "finite and > -1")
+        allowed = f"finite and > -half_gauge = {-self.half_gauge}"
+        require_between(self, self.offsets, -self.half_gauge, np.inf, allowed)
+        require_between(self, self.radius_errors, -1, np.inf, "finite and > -1")
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...), driving forwards or turning in place."""
@@ -41,6 +42,11 @@ class IcrLaw(SlipLaw):
         commanded = self.sprocket_speeds(twist, RobotGeometry(self.half_gauge, sprocket_radius=1.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1 - track_speeds(twist, self.half_gauge) / commanded
+
+
+def of_both_sides(left: ArrayLike, right: ArrayLike) -> Array:
+    """Values (..., 2) of the left and the right track from those of each (...)."""
+    return np.stack(np.broadcast_arrays(left, right), axis=-1)
 
 
 class _ConstantIcrs(IcrLaw):
@@ -107,10 +113,10 @@ class IcrSides(_ConstantIcrs):
     half_gauge: float
     """b: half the distance between the tracks' centre lines [m]."""
 
-    suffixes = ("_left", "_right")
+    offsets = ("offset_left", "offset_right")
+    radius_errors = ("radius_error_left", "radius_error_right")
 
     @cached_property
     def _tracks(self) -> tuple[Array, Array]:
-        reach = np.stack(np.broadcast_arrays(self.offset_left, self.offset_right), axis=-1) + self.half_gauge
-        scale = np.stack(np.broadcast_arrays(self.radius_error_left, self.radius_error_right), axis=-1) + 1
-        return SIDES * reach, scale
+        reach = of_both_sides(self.offset_left, self.offset_right) + self.half_gauge
+        return SIDES * reach, of_both_sides(self.radius_error_left, self.radius_error_right) + 1

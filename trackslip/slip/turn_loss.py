@@ -1,24 +1,66 @@
-"""Constant ICRs of a robot that loses speed in turns."""
+"""Constant ICRs of a robot that loses speed in turns, and of one that skids where turns are fast."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.slip.base import require_between
-from trackslip.slip.icr import IcrLaw
+from trackslip.slip.icr import IcrLaw, of_both_sides
 
 _MIN_LOSS, _MAX_LOSS = -8.0, 1.0  # between these, v grows with the belts' mean speed at every difference
 _ITERATIONS = 60
 _CONVERGED = 1e-15  # last step, relative to the twist
 
 
+class _SpeedLost(IcrLaw):
+    """The yaw rate of constant ICRs, and a speed that turning diminishes.
+
+    With the belts' speeds V = (1 + epsilon) r omega, their mean s and half their difference d,
+
+        w = d / (b + D)        v = s (1 - g sin^2 theta)        tan theta = d / s
+    """
+
+    offset: float
+    turn_loss: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        allowed = f"between {_MIN_LOSS:g} and {_MAX_LOSS:g}, where sprocket speeds are unique"
+        require_between(self, ("turn_loss",), _MIN_LOSS, _MAX_LOSS, allowed)
+
+    @cached_property
+    def _scale(self) -> Array:
+        """1 + epsilon (..., 2) of the left and right track, or (..., 1) where both have the same."""
+        raise NotImplementedError
+
+    @property
+    def _reach(self) -> Array:
+        """b + D (...) [m]."""
+        return np.asarray(self.half_gauge + np.asarray(self.offset))
+
+    def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
+        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
+        v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+        v, difference, loss = np.broadcast_arrays(v, self._reach * w, self.turn_loss)
+        mean = _mean_speed(v, difference, loss)
+        return (mean[..., None] + SIDES * difference[..., None]) / (geometry.sprocket_radius * self._scale)
+
+    def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
+        belt = geometry.sprocket_radius * self._scale * np.asarray(omega, float)
+        mean, difference = (belt[..., 1] + belt[..., 0]) / 2, (belt[..., 1] - belt[..., 0]) / 2
+        v = mean * (1 - self.turn_loss * _sine(difference, mean) ** 2)
+        return np.stack(np.broadcast_arrays(v, difference / self._reach), axis=-1)
+
+
 @dataclass(frozen=True)
-class TurnLoss(IcrLaw):
-    """The yaw rate of constant ICRs, and a speed that turning diminishes, as seen with fast skid-steered robots.
+class TurnLoss(_SpeedLost):
+    """Constant ICRs of a robot that loses speed in turns, as seen with fast skid-steered robots.
 
     With the belts' speeds V = (1 + epsilon) r omega, their mean s and half their difference d,
 
@@ -36,25 +78,74 @@ class TurnLoss(IcrLaw):
     turn_loss: float = 0.0
     """g: share of the speed that is lost in a turn about the middle of the robot [-]."""
 
+    @cached_property
+    def _scale(self) -> Array:
+        return 1 + np.asarray(self.radius_error)[..., None]
+
+
+@dataclass(frozen=True)
+class TurnLossSides(_SpeedLost):
+    """TurnLoss with an epsilon for each side, as of tyres that are inflated unequally: the robot pulls to one side."""
+
+    offset: float
+    """D: distance of the ICRs outside the centre lines of the tracks [m]."""
+    radius_error_left: float
+    """epsilon of the left sprocket [-]."""
+    radius_error_right: float
+    """epsilon of the right sprocket [-]."""
+    half_gauge: float
+    """b: half the distance between the tracks' centre lines [m]."""
+    turn_loss: float = 0.0
+    """g: share of the speed that is lost in a turn about the middle of the robot [-]."""
+
+    radius_errors = ("radius_error_left", "radius_error_right")
+
+    @cached_property
+    def _scale(self) -> Array:
+        return 1 + of_both_sides(self.radius_error_left, self.radius_error_right)
+
+
+@dataclass(frozen=True)
+class Centrifugal(TurnLoss):
+    """Turn loss, and slip in proportion to the lateral acceleration, as of fast robots on ice.
+
+    With the twist (v', w') of the same belts under TurnLoss,
+
+        v' = v (1 + k |v w|)        w' = w (1 + k |v w|)
+
+    Friction that holds the robot on its curve doesn't drive it, so that it skids along the same curve, but slower.
+    """
+
+    centrifugal_slip: float = 0.0
+    """k: slip per lateral acceleration [s^2/m]."""
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        allowed = f"between {_MIN_LOSS:g} and {_MAX_LOSS:g}, where sprocket speeds are unique"
-        require_between(self, ("turn_loss",), _MIN_LOSS, _MAX_LOSS, allowed)
+        require_between(self, ("centrifugal_slip",), -0.01, np.inf, "finite and >= 0")  # with room for differences at 0
+
+    def __call__(self, kappa: ArrayLike) -> Array:
+        """Slips (..., 2) at curvatures (...) of slow driving."""
+        return TurnLoss(self.offset, self.half_gauge, self.radius_error, self.turn_loss)(kappa)
+
+    def slip(self, twist: ArrayLike) -> Array:
+        """Slips (..., 2) at twists (..., 2)."""
+        return self.slip_ratio(twist)
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
-        v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-        reach, scale = np.asarray(self.half_gauge + np.asarray(self.offset)), 1 + np.asarray(self.radius_error)
-        v, difference, loss, scale = np.broadcast_arrays(v, reach * w, self.turn_loss, scale)
-        mean = _mean_speed(v, difference, loss)
-        return (mean[..., None] + SIDES * difference[..., None]) / (geometry.sprocket_radius * scale[..., None])
+        twist = np.asarray(twist, float)
+        skid = 1 + np.asarray(self.centrifugal_slip) * np.abs(twist[..., 0] * twist[..., 1])
+        return super().sprocket_speeds(skid[..., None] * twist, geometry)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
-        belt = geometry.sprocket_radius * (1 + np.asarray(self.radius_error)[..., None]) * np.asarray(omega, float)
-        mean, difference = (belt[..., 1] + belt[..., 0]) / 2, (belt[..., 1] - belt[..., 0]) / 2
-        v = mean * (1 - self.turn_loss * _sine(difference, mean) ** 2)
-        return np.stack(np.broadcast_arrays(v, difference / (self.half_gauge + np.asarray(self.offset))), axis=-1)
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce.
+
+        The q = 1 + k |v w| is the only real root of q^3 - q^2 = k |v' w'|, by Viete's formula.
+        """
+        slow = super().twist(omega, geometry)
+        square = np.asarray(self.centrifugal_slip) * np.abs(slow[..., 0] * slow[..., 1])
+        skid = 2 / 3 * (np.cosh(2 / 3 * np.arcsinh(np.sqrt(6.75 * np.abs(square)))) - 1)
+        return np.asarray(slow / (1 + np.copysign(skid, square))[..., None])
 
 
 def _sine(difference: Array, mean: Array) -> Array:

@@ -13,7 +13,7 @@ from trackslip.deploy.programs import c_text, python_text
 from trackslip.errors import TrackslipError
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.icr_load import IcrLoad
-from trackslip.slip.law_file import save_laws
+from trackslip.slip.law_file import load_laws, save_laws
 
 LAWS = stored()
 OTHERS = stored(
@@ -111,14 +111,21 @@ def test_the_python_file_is_the_law(laws, name):
     compare(laws, name, each("sprocket_speeds"), each("body_twist"))
 
 
+def test_laws_come_back_from_files_as_they_were(tmp_path):
+    laws = {name: law for name, law in LAWS.laws.items() if name != "none"}
+    save_laws(tmp_path / "laws.json", laws, GEOMETRY)
+    assert load_laws(tmp_path / "laws.json", GEOMETRY) == laws
+
+
 @pytest.mark.parametrize(
     ("to", "name", "message"),
     [
         ("c", "icr_load", "c has no input for the load"),
         ("python", "icr_load", "python has no input for the load"),
         ("ros2_control", "icr_load", "diff_drive_controller can only express constant ICRs"),
-        ("c", "constant", "c can express constant ICRs and the exponential"),
-        ("python", "constant", "python can express constant ICRs and the exponential"),
+        ("c", "constant", "c can express constant ICRs, turn loss and the exponential"),
+        ("c", "centrifugal", "c can express constant ICRs, turn loss and the exponential"),
+        ("python", "constant", "python can express constant ICRs, turn loss and the exponential"),
     ],
 )
 def test_inexpressible_laws_are_refused(to, name, message, tmp_path):

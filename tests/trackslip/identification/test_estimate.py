@@ -15,7 +15,7 @@ from trackslip.identification.drives import drive_of
 from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES, drive_laws
 from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.turn_loss import TurnLoss
+from trackslip.slip.turn_loss import TurnLoss, TurnLossSides
 
 GNSS = PoseSource(rate=5.0, position_noise=0.05, heading=False)
 MOUNTED = replace(SLAM, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)
@@ -55,6 +55,7 @@ def within(found, names=TRUTH, sizes=4.0, noise=NOISE):
         ("icr_radius", ICR),
         ("icr_radius", ConstantIcr(-0.02, 0.168, -0.03)),
         ("turn_loss", TurnLoss(0.1, 0.168, 0.01, 0.4)),
+        ("turn_loss_sides", TurnLossSides(0.1, 0.03, -0.02, 0.168, 0.4)),
     ],
 )
 def test_motion_without_noise_gives_the_law_exactly(name, law):

@@ -18,7 +18,7 @@ from trackslip.kinematics import RobotGeometry, track_slip
 from trackslip.metrics import rms
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.turn_loss import TurnLoss
+from trackslip.slip.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
 pytestmark = pytest.mark.usefixtures("few_resamples")
 GEOMETRY = RobotGeometry(0.28, 0.16)
@@ -79,6 +79,30 @@ def test_the_best_law_is_the_one_that_predicts_motion_best(found):
             assert one.linear_speed > best.linear_speed
             assert one.run > best.run
     assert law.values["offset"] == pytest.approx(0.30, abs=4 * law.stderr["offset"])
+
+
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("turn_loss_sides", TurnLossSides(0.30, 0.05, -0.02, 0.28, 0.35)),
+        ("centrifugal", Centrifugal(0.30, 0.28, 0.02, 0.35, 0.3)),
+    ],
+)
+def test_unequal_sides_and_skidding_are_found_within_errors(name, law):
+    found = compare_laws(driven(law, count=80, scatter=0.01), GEOMETRY)
+    assert found.best == name
+    fit = found.laws[name]
+    for key, value in fit.values.items():
+        assert value == pytest.approx(getattr(law, key), abs=4 * fit.stderr[key])
+        assert fit.stderr[key] < 0.1
+
+
+def test_skidding_is_looked_for_only_where_turns_are_fast(found):
+    slow = compare_laws(grid(ConstantIcr(0.045, 0.168)), SLOW)
+    named = [
+        "centrifugal" in (*one.laws, *(line.split()[1].rstrip(":") for line in one.warnings)) for one in (found, slow)
+    ]
+    assert named == [True, False]
 
 
 def test_a_baseline_is_always_in_the_table(found):

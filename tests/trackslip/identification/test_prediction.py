@@ -3,12 +3,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from drives import EXACT, GEOMETRY, SLAM, STILL, drive_log
+from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, drive_log
 
+from sim.wander.motion import WHITE
 from trackslip.identification.comparison import compare_drives
 from trackslip.identification.drive_law import fit_drives
 from trackslip.identification.drives import drive_of, drives_of
 from trackslip.identification.prediction import HORIZONS, PredictionErrors, held_out, score
+from trackslip.slip.turn_loss import Centrifugal, TurnLossSides
 
 MOUNTED = replace(EXACT, ahead=0.2, left=0.05, mounting=0.1)
 
@@ -107,6 +109,41 @@ def test_the_best_law_of_motion_without_noise_is_the_simplest_exact_one():
     drives = [drive_of(drive_log(1, 30, EXACT, STILL))]
     found = compare_drives(drives, GEOMETRY, names=("none", "icr", "icr_radius", "icr_sides", "turn_loss"))
     assert found.best == "icr_radius"
+
+
+def fast_drive(law, source=SLAM, variation=WHITE):
+    """A drive of 40 s at belt speeds up to 2 m/s, changed every second."""
+    speeds = np.random.default_rng(0).uniform(-1, 2, (41, 2))
+    time = np.arange(2001) / 50
+    driving = np.stack([np.interp(time, np.arange(41), side) for side in speeds.T], axis=-1)
+    return drive_of(drive_log(1, 40, source, variation, law, driving))
+
+
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("turn_loss_sides", TurnLossSides(0.1, 0.03, -0.02, 0.168, 0.4)),
+        ("centrifugal", Centrifugal(0.1, 0.168, 0.01, 0.4, 0.3)),
+    ],
+)
+def test_unequal_sides_and_skidding_are_found_in_drives_within_errors(name, law):
+    found = compare_drives(
+        [fast_drive(law)], GEOMETRY, names=("icr_radius", "turn_loss", "turn_loss_sides", "centrifugal")
+    )
+    assert found.best == name
+    fit = found.laws[name]
+    for key, value in fit.values.items():
+        assert value == pytest.approx(getattr(law, key), abs=4 * fit.stderr[key])
+    assert "sensor_y" in fit.free  # D is the same on both sides
+
+
+def test_skidding_is_looked_for_only_where_turns_are_fast_and_kept_only_where_it_shows(monkeypatch):
+    monkeypatch.setattr("trackslip.identification.comparison.drive_laws", lambda: ("icr_radius", "centrifugal"))
+    slow = compare_drives([drive_of(drive_log(1, 20))], GEOMETRY)
+    fast = compare_drives([fast_drive(ICR, EXACT, STILL)], GEOMETRY)
+    assert list(slow.laws) == list(fast.laws) == ["icr_radius"]
+    line = "law centrifugal: no slip by lateral acceleration shows"
+    assert [line in one.warnings for one in (slow, fast)] == [False, True]
 
 
 def test_poses_too_short_for_any_horizon_give_no_score():

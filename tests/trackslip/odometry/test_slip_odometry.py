@@ -15,7 +15,7 @@ from trackslip.odometry.uncertainty import LawErrors, SlipNoise
 from trackslip.slip.constant import NoSlip
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.turn_loss import TurnLoss
+from trackslip.slip.turn_loss import Centrifugal, TurnLoss
 
 NOISE = SlipNoise(WHITE.along, WHITE.across, WHITE.turning)
 ERRORS = LawErrors(("offset", "radius_error"), np.outer((1e-3, 4e-3), (1e-3, 4e-3)) * [[1, 0.6], [0.6, 1]])
@@ -107,6 +107,7 @@ def test_the_covariance_at_the_start_is_carried_along():
     [
         (ICR, ("offset", "radius_error")),
         (TurnLoss(0.04, 0.168, 0.01, 0.2), ("offset", "radius_error", "turn_loss")),
+        (Centrifugal(0.04, 0.168, 0.01, 0.2, 0.0), ("offset", "centrifugal_slip")),
         (PUBLISHED, ("alpha_outer", "beta_outer")),
     ],
 )

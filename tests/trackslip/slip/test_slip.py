@@ -5,10 +5,11 @@ from hypothesis import strategies as st
 
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, body_twist, track_speeds
+from trackslip.slip.compensation import known_law
 from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
-from trackslip.slip.turn_loss import TurnLoss
+from trackslip.slip.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAWS = [
@@ -20,6 +21,7 @@ LAWS = [
 ]
 SPEED = ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)
 SIDES = IcrSides(0.04, 0.05, 0.005, 0.012, 0.168)
+LOSS_SIDES = TurnLossSides(0.045, 0.005, -0.012, 0.168, 0.3)
 curvatures = st.floats(-4, 4)
 
 
@@ -61,7 +63,7 @@ def test_sprocket_speeds_undo_the_slip(law, v, kappa):
     np.testing.assert_allclose(body_twist(omega, law(kappa), GEOMETRY), twist, atol=1e-9)
 
 
-@pytest.mark.parametrize("law", [*LAWS, SPEED, SIDES, Constant(0.03, -0.05)])
+@pytest.mark.parametrize("law", [*LAWS, SPEED, SIDES, LOSS_SIDES, Constant(0.03, -0.05)])
 @given(v=st.floats(0.05, 0.3), radius=st.floats(0.5, 1000.0), left=st.booleans(), backwards=st.booleans())
 def test_a_twist_is_found_from_its_sprocket_speeds(law, v, radius, left, backwards):
     kappa = (1 if left else -1) / radius
@@ -70,7 +72,7 @@ def test_a_twist_is_found_from_its_sprocket_speeds(law, v, radius, left, backwar
     np.testing.assert_allclose(back, twist, atol=1e-9)
 
 
-@pytest.mark.parametrize("law", [NoSlip(), ConstantIcr(0.045, 0.168, 0.0067), SIDES, LAWS[-1]])
+@pytest.mark.parametrize("law", [NoSlip(), ConstantIcr(0.045, 0.168, 0.0067), SIDES, LAWS[-1], LOSS_SIDES])
 def test_turning_in_place_and_standing_are_twists_too(law):
     for twist in ([0.0, 0.5], [0.0, -0.5], [0.0, 0.0]):
         np.testing.assert_allclose(law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY), twist, atol=1e-12)
@@ -89,12 +91,30 @@ def test_the_belts_of_a_robot_that_loses_speed_in_turns(v, w, loss):
     assert np.abs(roots - (right + left) / 2).min() == pytest.approx(0, abs=1e-4)  # of a triple root, as with w = 0
 
 
+@given(v=st.floats(-5, 5), w=st.floats(-9, 9), loss=st.floats(-1, 0.99), slip=st.floats(0, 10))
+def test_a_skidding_robot_keeps_its_curve_and_reaches_every_commanded_twist(v, w, loss, slip):
+    law = known_law(Centrifugal(0.045, 0.168, 0.0067, loss, slip)).law()
+    omega = law.sprocket_speeds([v, w], GEOMETRY)
+    np.testing.assert_allclose(law.twist(omega, GEOMETRY), [v, w], rtol=1e-11, atol=1e-14)
+    slow = TurnLoss(0.045, 0.168, 0.0067, loss)
+    grown = (1 + slip * abs(v * w)) * np.array([v, w])
+    np.testing.assert_allclose(slow.twist(omega, GEOMETRY), grown, rtol=1e-11, atol=1e-14)
+    np.testing.assert_array_equal(law(1.5), slow(1.5))
+    if (np.abs(omega) > 1e-3).all():
+        np.testing.assert_allclose(body_twist(omega, law.slip([v, w]), GEOMETRY), [v, w], rtol=1e-9, atol=1e-9)
+
+
 def test_special_cases_agree():
     kappa = np.linspace(-2, 2, 41)
     same = IcrSides(0.045, 0.045, 0.01, 0.01, 0.168)
     np.testing.assert_allclose(same(kappa), ConstantIcr(0.045, 0.168, 0.01)(kappa), atol=1e-12)
     lossless = TurnLoss(0.045, 0.168, 0.0067)
     np.testing.assert_allclose(lossless(kappa), ConstantIcr(0.045, 0.168, 0.0067)(kappa), atol=1e-9)
+    twist = np.random.default_rng(0).uniform(-3, 3, (50, 2))
+    for equal in (TurnLossSides(0.045, 0.01, 0.01, 0.168, 0.3), Centrifugal(0.045, 0.168, 0.01, 0.3, 0.0)):
+        omega = TurnLoss(0.045, 0.168, 0.01, 0.3).sprocket_speeds(twist, GEOMETRY)
+        np.testing.assert_array_equal(equal.sprocket_speeds(twist, GEOMETRY), omega)
+        np.testing.assert_allclose(equal.twist(omega, GEOMETRY), twist, rtol=1e-12)
     slow, fast = SPEED.slip([[0.1, 0.1], [0.3, 0.3]])
     np.testing.assert_allclose(fast - slow, np.array([-0.2 * np.exp(-0.63), 0.1 * np.exp(-0.68)]) * 0.2)
     np.testing.assert_allclose(SPEED(1.0), PUBLISHED(1.0))
@@ -113,6 +133,9 @@ def test_special_cases_agree():
         (lambda: IcrSides(0.04, -0.2, 0.0, 0.0, 0.168), "offset_right"),
         (lambda: TurnLoss(-0.2, 0.168), "offset"),
         (lambda: TurnLoss(0.04, 0.168, 0.0, 1.0), "turn_loss"),
+        (lambda: TurnLossSides(0.04, 0.0, -1.0, 0.168), "radius_error_right"),
+        (lambda: Centrifugal(0.04, 0.168, centrifugal_slip=-0.1), "centrifugal_slip = -0.1: must be finite and >= 0"),
+        (lambda: Centrifugal(0.04, 0.168, centrifugal_slip=np.inf), "centrifugal_slip"),
         (lambda: Constant(0.0, 1.0), "slip_inner"),
         (lambda: ExponentialSpeed(0.07, -0.68, -0.15, -0.63, np.nan, 0.0), "gamma_outer"),
         (lambda: Exponential(np.array([0.07, 1.5]), -0.1, -0.15, -0.6), "alpha_outer"),
@@ -150,6 +173,8 @@ def test_slips_between_those_of_left_and_right_turns_in_place_turn_in_place(law,
         (Exponential, [(0, 0.3), (-2, -0.1), (-0.5, 0), (-2, -0.1)]),
         (lambda d, e: ConstantIcr(d, 0.168, e), [(0, 0.1), (-0.1, 0.1)]),
         (lambda d, g: TurnLoss(d, 0.168, 0.0, g), [(0, 0.1), (-0.5, 0.5)]),
+        (lambda d, e, g: TurnLossSides(d, e, -e, 0.168, g), [(0, 0.1), (-0.1, 0.1), (-0.5, 0.5)]),
+        (lambda d, g, k: Centrifugal(d, 0.168, 0.0, g, k), [(0, 0.1), (-0.5, 0.5), (0, 5)]),
     ],
 )
 def test_many_laws_at_once_are_each_of_them(kind, ends):
