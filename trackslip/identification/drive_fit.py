@@ -92,10 +92,11 @@ def fit_trajectory(
     `mean` (p,) are the means of the priors. With `gated`, outlying poses and steps are left out, else the weights of
     `nodes` stay. With `quiet`, the noise stays as given. At most `rounds` steps are made. The cost has a kink in the
     clock offset wherever a pose's time meets an encoder's: a minimum there is no zero of the slope, and need not be the
-    lowest. So a clock offset that goes on moving while the others have settled is searched for, and then held.
+    lowest. So a clock offset, or a lag, that goes on moving while the others have settled is held: with `gated`, when
+    the best has been searched for, else where the cost fell last.
     """
     yaw, clock, prior = model.index("sensor_yaw"), model.index("clock_offset"), model.prior
-    measured = Nodes.of(nodes.drives)
+    timing, measured = (clock, model.index("lag")), Nodes.of(nodes.drives)
     trimmed, converged, changed = _trimming(nodes, measured), False, 0.0 if quiet else np.inf
     iterate, stuck = Iterate.at(noise), 0
     found = residuals(model, nodes, states, values, free)
@@ -132,11 +133,10 @@ def fit_trajectory(
         at_rest = stuck >= _STUCK and changed < _QUIET and not gated
         if at_rest and (quiet or clock not in found.free):
             break
-        if (at_rest or k >= _KINKED) and moved >= _SETTLED and linear.free[moves.argmax()] == clock:
-            states, values, found = _at_best_clock(
-                model, nodes, iterate.noise, states, values, found.without(clock), mean
-            )
-            stuck = 0
+        if (at_rest or k >= _KINKED) and moved >= _SETTLED and (mover := linear.free[moves.argmax()]) in timing:
+            found, stuck = found.without(mover), 0
+            if gated:
+                states, values, found = _at_best_clock(model, nodes, iterate.noise, states, values, found, mean)
     found = residuals(model, nodes, states, values, free)
     step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
     return TrajectoryFit(model, nodes, states, values, free, iterate.noise, found, step, mean, converged)
@@ -162,7 +162,7 @@ def _at_best_clock(
                 step = solve(there, nodes, noise, yaw, prior, tried - mean)
                 by = step.limited(*model.room(tried, found.free))
                 at, tried, there = _advanced(model, nodes, noise, at, tried, there, *by, mean)
-            total = cost(there, nodes, noise)
+            total = cost(there.weighted_as(found), nodes, noise)
             if total < best[0]:
                 best = (total, at, tried, there)
         if abs(best[2][clock] - middle) < 0.9 * width:  # not at the edge
@@ -185,14 +185,14 @@ def _advanced(
 ) -> tuple[Array, Array, Residuals]:
     """States, values and residuals after a step, `change` (K, 3) and `by` (f,), halved until the cost doesn't rise.
 
-    If it still rises, they stay as they are. The variance of steps is that at the start: that it changes with the
-    distance driven, by the clock offset, is no part of the step.
+    If it still rises, they stay as they are. The variances are those at the start: that they change with the speed and
+    the distance driven is no part of the step.
     """
     free, none = found.free, found.free[:0]
 
     def total(residual: Residuals, at: Array) -> float:
         pull = (at - mean)[free] / model.prior[free]
-        return cost(replace(residual, distance=found.distance), nodes, noise) + float(pull @ pull)
+        return cost(residual.weighted_as(found), nodes, noise) + float(pull @ pull)
 
     now = total(found, values) * (1 + 1e-9) + 1e-9
     for halving in range(_HALVINGS):

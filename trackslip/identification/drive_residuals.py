@@ -94,6 +94,10 @@ class Residuals:
     path: Array  # (K, 3) of the turning centre by dead reckoning [m, m, rad]
     free: np.ndarray  # (f,) indices of those parameters
 
+    def weighted_as(self, other: Residuals) -> Residuals:
+        """The same with the variances of others."""
+        return replace(self, distance=other.distance, rate=other.rate)
+
     def without(self, parameter: int) -> Residuals:
         """The same without the derivatives by a parameter, which is held."""
         kept = self.free != parameter

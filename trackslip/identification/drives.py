@@ -11,7 +11,7 @@ from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import RunLog
 
-MAX_POSES = 24_000  # poses that are all used
+MAX_POSES = 12_000  # poses that are all used
 MAX_ROWS = 100_000  # encoder intervals used in all; more are merged
 _THINNED = 10_000  # poses used out of more than MAX_POSES
 MIN_POSES = 10  # of a drive
