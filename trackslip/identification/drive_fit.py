@@ -120,7 +120,7 @@ def fit_trajectory(
         if not quiet and (moved < _SETTLED or k % (1 if changed > _LOUD else 2 if changed > _QUIET else 4) == 0):
             used = used_up(linear, nodes, before, step, yaw)
             iterate = iterate.updated(found, nodes, used, trimmed)
-            changed = float(np.abs(iterate.change).max())
+            changed = iterate.effect
         if gated and 1 < k <= _GATED:
             if k in _JUDGED:
                 _, lasting = far_off(model, measured, states, values, found.path)
@@ -262,6 +262,7 @@ class Iterate:
     noise: Noise
     change: Array  # (7,) last change of the logarithm of each standard deviation; NaN at first
     exponent: Array  # (7,) power of the ratio of variances by which each was changed
+    effect: float = np.inf  # largest change, relative to the standard deviation that the kind is a part of
 
     @classmethod
     def at(cls, noise: Noise) -> Iterate:
@@ -292,7 +293,9 @@ class Iterate:
         values = np.maximum(before * ratio ** (self.exponent / 2), _FLOOR)
         values = np.where(counts > 0, values, before)
         change = np.log(values / before)
-        return Iterate(Noise(values), change, self._exponent(change))
+        of_kind = np.maximum(np.concatenate([count.sum(axis=0), counts[2:5], count.sum(axis=0)]), 1.0)
+        effect = float(np.max(np.abs(change) * counts / of_kind))
+        return Iterate(Noise(values), change, self._exponent(change), effect)
 
     def _exponent(self, change: Array) -> Array:
         """Powers (7,) that would have led to the limit at once, as far as the last two changes tell."""

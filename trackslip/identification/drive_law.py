@@ -49,7 +49,8 @@ class DriveFit(FittedLaw):
     held: dict[str, str]
     """Parameters that were held, and why."""
     noise: dict[str, float]
-    """Standard deviations: position [m], heading [rad], slip_forward, slip_sideways [m/√m], slip_turn [rad/√m]."""
+    """Standard deviations: position [m], heading [rad], slip_forward, slip_sideways [m/√m], slip_turn [rad/√m], and
+    position_by_speed and heading_by_yaw_rate [s], by which those of poses grow."""
     poses: int
     """Poses used."""
     left_out: int
@@ -126,7 +127,8 @@ def _reference(
     if _likelier_alike(found.fit):
         found = _without_lag([replace(drive, whitening=None) for drive in drives], geometry, sensor, held)
     first = found.fit
-    if "lag" in held or "clock_offset" not in found.free or (values := _lagged(first)) is None:
+    coarse = any(drive.coarse for drive in drives)
+    if "lag" in held or coarse or "clock_offset" not in found.free or (values := _lagged(first)) is None:
         return found
     try:
         nodes = first.nodes
@@ -221,7 +223,8 @@ def _fitted(
     if not any(drive.has_heading for drive in nodes.drives):
         held.setdefault("sensor_yaw", "no headings were measured")
     if not lagging:
-        held.setdefault("lag", "none shows")
+        coarse = any(drive.coarse for drive in nodes.drives)
+        held.setdefault("lag", "encoders with so few ticks don't tell it" if coarse else "none shows")
     if "offset_left" in model.names:
         held.setdefault("sensor_y", "an offset of the sensor and unequal ICRs can't be told apart")
     while True:

@@ -20,6 +20,8 @@ _MAX_STEP = 2.5  # time between nodes [median time between poses]
 _MAX_SPEED = 1e4  # of a sprocket [rad/s]
 _MIN_HELD, _MAX_HELD = 1.5, 0.5  # time between readings of an encoder that is read less often than logged [rows, s]
 _MIN_READINGS = 4
+_SMALLEST, _EXACT, _MOSTLY = 0.002, 0.02, 0.97  # ticks of encoders: quantile that is one, tolerance, share within it
+_FEW, _OFTEN = 40, 0.05  # few ticks in a row's interval, the share of rows in which their number changes
 _STANDING = 1e-3  # sprocket speed of a robot at rest [rad/s]
 _PAUSE = 1.0  # between drives [s]
 _MOST_UNLIKE = 10.0  # ratio of a standard deviation to the usual one, and of that to it, at most [-]
@@ -38,6 +40,7 @@ class PreparedDrive:
     rows: np.ndarray  # (K,) int: row of the log of each node; -1 for nodes inserted into gaps
     interval: float  # usual time between poses [s]
     whitening: Array | None = None  # (K, 3, 3) see `whitening`; None where the poses' covariances are not known
+    coarse: bool = False  # encoders with few ticks: smoothing helps, as a lag would, though nothing lags
 
     @property
     def has_heading(self) -> bool:
@@ -93,14 +96,15 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
         )
     often = int(_INFORMATIVE / np.median(np.diff(log.time[rows])) + _NEARLY)
     rows = rows[:: max(-(-len(rows) // max(max_poses, MIN_POSES)), min(often, len(rows) // MIN_POSES), 1)]
-    edges, omega = merged(log.time, interval_means(log.time, log.omega), max_rows)
+    coarse = _counts_few_ticks(log.time, log.omega)
+    edges, omega = merged(log.time, interval_means(log.time, log.omega, coarse), max_rows)
     time, pose = log.time[rows], log.pose[rows].copy()
     known = np.isfinite(pose[:, 2])
     pose[known, 2] = np.unwrap(pose[known, 2])
     usual = float(np.median(np.diff(time)))
     nodes = _filled(time, pose, rows, usual)
     stated = None if log.covariance is None else log.covariance[nodes[2]]
-    return PreparedDrive(log.run, edges, omega, *nodes, usual, whitening(nodes[1], stated))
+    return PreparedDrive(log.run, edges, omega, *nodes, usual, whitening(nodes[1], stated), coarse)
 
 
 def reckoned(drive: PreparedDrive, geometry: RobotGeometry, ratio: float, time: Array) -> tuple[np.ndarray, Array]:
@@ -113,13 +117,24 @@ def reckoned(drive: PreparedDrive, geometry: RobotGeometry, ratio: float, time: 
     return np.interp(time, drive.edges, place), np.interp(time, drive.edges, heading)
 
 
-def interval_means(time: Array, omega: Array) -> Array:
+def interval_means(time: Array, omega: Array, coarse: bool = False) -> Array:
     """Mean sprocket speeds (T - 1, 2) between rows at `time` (T,), from the speeds logged there (T, 2).
 
     A row has the mean since the row before. But many robots log each reading of an encoder several times: such a
-    reading counts once, in the middle of the time that has it, and speeds change linearly between readings.
+    reading counts once, in the middle of the time that has it, and speeds change linearly between readings. With
+    `coarse`, of encoders with few ticks, the angle changes linearly from tick to tick.
     """
-    return np.column_stack([_of_side(time, side) for side in omega.T])
+    return np.column_stack([(_between_ticks if coarse else _of_side)(time, side) for side in omega.T])
+
+
+def _between_ticks(time: Array, omega: Array) -> Array:
+    """Mean speeds (T - 1,) of one sprocket whose ticks came in the middle of the intervals that count them."""
+    step = np.diff(time)
+    angle = np.concatenate([[0.0], np.cumsum(omega[1:] * step)])
+    ticked = np.flatnonzero(omega[1:])
+    middle, half = (time[ticked] + time[ticked + 1]) / 2, (angle[ticked] + angle[ticked + 1]) / 2
+    ends = np.concatenate([time[:1], middle, time[-1:]]), np.concatenate([angle[:1], half, angle[-1:]])
+    return np.diff(np.interp(time, *ends)) / step
 
 
 def _of_side(time: Array, omega: Array) -> Array:
@@ -137,6 +152,23 @@ def _of_side(time: Array, omega: Array) -> Array:
     knots = np.column_stack([begin + inside, end - inside]).ravel()
     at_rows = np.interp(time, knots, np.repeat(omega[read], 2))
     return np.asarray(at_rows[1:] + at_rows[:-1]) / 2
+
+
+def _counts_few_ticks(time: Array, omega: Array) -> bool:
+    """True if sprocket speeds (T, 2) are multiples of one angle a row, or of one speed, and few of them."""
+    step = np.diff(time)
+    return any(_of_few(np.abs(side * by)) for side in omega[1:].T for by in (step, 1.0))
+
+
+def _of_few(size: Array) -> bool:
+    """True if sizes (n,) are multiples of the smallest one, and few of them, and change often."""
+    turning = size[size > 1e-9]
+    if not len(turning):
+        return False
+    ticks = size / np.quantile(turning, _SMALLEST)
+    near = np.round(ticks)
+    exact, changing = np.abs(ticks - near) < _EXACT, np.diff(near) != 0
+    return bool(exact.mean() > _MOSTLY and near[exact].max() <= _FEW and changing.mean() > _OFTEN)
 
 
 def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:

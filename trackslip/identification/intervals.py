@@ -146,7 +146,7 @@ def half_widths(fit: TrajectoryFit) -> Array:
 
 def _scattered(fit: TrajectoryFit, count: int) -> tuple[Array, Array]:
     """Standard errors (f,) and half widths (f,) by the scatter of the scores of about `count` stretches."""
-    scores = np.diff(innovation_scores(fit, _cuts(fit, count)), axis=0, prepend=0.0)
+    scores = np.diff(innovation_scores(fit, stretch_ends(fit, count)), axis=0, prepend=0.0)
     k, f = scores.shape
     errors = np.sqrt(np.diag(fit.covariance @ (scores.T @ scores) @ fit.covariance))
     quantile = scipy.special.stdtrit(max(k - 1, 1), (1 + CONFIDENCE) / 2)
@@ -177,7 +177,7 @@ def innovation_scores(fit: TrajectoryFit, cuts: np.ndarray) -> Array:
     return scores
 
 
-def _cuts(fit: TrajectoryFit, count: int) -> np.ndarray:
+def stretch_ends(fit: TrajectoryFit, count: int) -> np.ndarray:
     """Last nodes of about `count` stretches of equal duration: parts of long drives, or several short ones in a row."""
     time, first = fit.nodes.time, fit.nodes.first
     spans = time[first[1:] - 1] - time[first[:-1]]

@@ -4,7 +4,7 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy
-from drives import EXACT, GEOMETRY, ICR, NOISE, SLAM, STILL, constant_speeds, drive_log, without_poses
+from drives import EXACT, GEOMETRY, ICR, NOISE, SLAM, STILL, constant_speeds, drive_log, held, without_poses
 
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
@@ -12,6 +12,7 @@ from trackslip.identification.drive_equations import solve
 from trackslip.identification.drive_law import fit_drives
 from trackslip.identification.drive_residuals import Noise
 from trackslip.identification.drives import drive_of
+from trackslip.identification.intervals import stretch_ends
 from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES, drive_laws
 from trackslip.slip.icr import ConstantIcr
@@ -137,6 +138,69 @@ def test_noise_is_found_to_within_its_sampling_error():
     clear = unlagged([drive_log(1, 30, sharp)])
     for key, true in zip(Noise.NAMES[2:5], NOISE[2:5], strict=True):
         assert clear.noise[key] == pytest.approx(true, rel=0.35)
+
+
+def test_poses_are_noisier_in_motion_where_their_stamps_jitter():
+    """Jitter moves a pose along the path only, so each of its two coordinates has half the variance."""
+    still = PoseSource(rate=20.0, position_noise=5e-4, heading_noise=5e-4)
+    for jitter in (0.0, 0.01):
+        found = unlagged([drive_log(1, 40, replace(still, jitter=jitter))])
+        assert found.noise["position"] == pytest.approx(5e-4, rel=0.2)
+        assert found.noise["position_by_speed"] == pytest.approx(jitter / np.sqrt(2), rel=0.2, abs=2e-3)
+        assert found.noise["heading_by_yaw_rate"] == pytest.approx(jitter, rel=0.2, abs=2e-3)
+        assert found.left_out < 0.01 * found.poses
+
+
+def test_a_vague_value_that_is_no_chance_is_not_held():
+    found = unlagged([drive_log(0, 6, law=ConstantIcr(0.045, 0.168, -0.25))])
+    assert 0.03 < found.stderr["radius_error"] < 0.07
+    assert found.values["radius_error"] == pytest.approx(-0.25, abs=2 * found.stderr["radius_error"])
+
+
+def as_logged(log, period):
+    """A log as a robot writes it that reads its encoders every `period` [s] and logs the last readings."""
+    return replace(log, omega=held(log.time, log.omega, period, (0.0, period / 2)))
+
+
+def counted_in_ticks(log, ticks):
+    """A log of encoders with so many ticks a turn."""
+    step, tick = np.diff(log.time)[:, None], 2 * np.pi / ticks
+    angle = np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * step, axis=0)])
+    return replace(log, omega=np.concatenate([np.zeros((1, 2)), np.diff(np.floor(angle / tick) * tick, axis=0) / step]))
+
+
+@pytest.mark.parametrize("logged", [lambda log: as_logged(log, 0.2), lambda log: counted_in_ticks(log, 64)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_readings_that_are_rare_or_coarse_show_no_lag(logged, seed):
+    source = PoseSource(rate=20.0, position_noise=0.002, heading_noise=np.radians(0.25))
+    found = fit_drives("icr_radius", [logged(drive_log(seed, 60, source))], GEOMETRY)
+    assert "lag" in found.held
+    for name, true in TRUTH.items():
+        low, high = found.interval95[name]
+        assert abs(found.values[name] - true) < high - low  # 4 standard errors
+    assert found.stderr["offset"] < 4e-4
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.05])
+def test_fast_poses_show_the_lag_there_is_and_no_other(lag):
+    source = PoseSource(rate=180.0, position_noise=0.002, heading_noise=np.radians(0.2))
+    found = fit_drives("icr_radius", [drive_log(1, 90, source, lag=lag)], GEOMETRY)
+    assert found.interval95["clock_offset"][0] < 0 < found.interval95["clock_offset"][1]
+    if lag:
+        assert found.interval95["lag"][0] < lag < found.interval95["lag"][1]
+    else:
+        assert found.held["lag"] == "none shows"
+
+
+def test_short_drives_in_a_row_make_the_stretches_of_intervals():
+    log = drive_log(2, 60)
+    parts = [replace(log.between(k, k + 140), run=f"part {k}") for k in range(0, len(log.time) - 140, 140)]
+    fit = unlagged(parts).fit
+    cuts = stretch_ends(fit, 6)
+    assert len(parts) > 20
+    assert len(cuts) == pytest.approx(6, abs=1)
+    assert set(cuts) <= set(fit.nodes.first[1:] - 1)
+    assert np.diff(fit.nodes.time[cuts]).min() > 5.0
 
 
 def test_the_optimum_is_where_the_gradient_vanishes():
