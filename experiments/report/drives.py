@@ -23,7 +23,7 @@ from trackslip.errors import counted
 from trackslip.identification.comparison import DriveComparison
 from trackslip.identification.drive_law import DriveFit
 from trackslip.identification.drive_model import EXTRAS
-from trackslip.identification.prediction import HORIZONS
+from trackslip.identification.prediction import GAINS, TODAY
 from trackslip.identification.result import Identification
 
 _VALUES = ("value ± std. error", "95 % interval")
@@ -31,11 +31,14 @@ _LAW_NOTE = (
     "The standard error holds if slip varies from moment to moment; the 95 % interval also allows for slip that lasts "
     "for seconds. A parameter that the driving does not show is held."
 )
-AHEAD = tuple(f"{horizon:g} s" for horizon in HORIZONS)
 _SCORE_NOTE = (
-    "The score is the mean ratio of a law's rms errors to the smallest of any law. Laws whose score is within 2 % of "
-    "the smallest predict equally well; of these, the best is the simplest of the likeliest."
+    "Of all pairs of measured poses between which the robot moves, outlying poses included. Today: dead reckoning "
+    "without slip, delay, or a place of the sensor that wasn't given. Two gains: factors on speed and yaw rate by "
+    "least squares, likewise without delay. The score is the mean error relative to the smallest of any law, averaged "
+    "over the times ahead. Of the laws that predict as well as the one with the smallest errors at most times ahead, "
+    "within one standard error, the best is the simplest."
 )
+_PLAIN = {TODAY: "as it drives today", GAINS: "two gains"}
 _HELD = "held"
 _TOLD = 2.0  # horizon of the errors in the text [s]
 _NOISE = {
@@ -83,27 +86,38 @@ def held_lines(law: DriveFit) -> list[str]:
 
 
 def position_table(found: DriveComparison) -> Table:
-    """Errors of position of held-out prediction, the best law first."""
-    rows = [(*_errors(found, name, "position", 1.0, 3), number(found.score[name], 3)) for name in found.ranking]
-    header = ("law", *AHEAD, "score")
-    return Table("Held-out prediction of position, rms | median [m]", header, rows, note=_SCORE_NOTE)
+    """Errors of position of held-out prediction: without identification, then the best law first."""
+    rows = [(*_errors(found, name, "position", 1.0, 3), number(found.score.get(name), 2)) for name in _rows(found)]
+    title = "Held-out prediction of position, rms | median | 90 % [m]"
+    return Table(title, (*_header(found), "score"), rows, note=_SCORE_NOTE)
 
 
 def heading_table(found: DriveComparison) -> Table | None:
     """Errors of heading; None if no headings were measured."""
     if not _has_headings(found):
         return None
-    rows = [_errors(found, name, "heading", degrees(1.0), 2) for name in found.ranking]
-    return Table("Held-out prediction of heading, rms | median [deg]", ("law", *AHEAD), rows)
+    rows = [_errors(found, name, "heading", degrees(1.0), 1) for name in _rows(found)]
+    return Table("Held-out prediction of heading, rms | median | 90 % [deg]", _header(found), rows)
+
+
+def _rows(found: DriveComparison) -> list[str]:
+    """What is compared by prediction, in the order of its rows."""
+    return [*(name for name in _PLAIN if name in found.errors), *found.ranking]
+
+
+def _header(found: DriveComparison) -> tuple[str, ...]:
+    """The times ahead that the drives are long enough for, with the number of pairs of poses."""
+    return ("law", *(f"{ahead:g} s, {errors.count:,} pairs" for ahead, errors in found.errors[found.best].items()))
 
 
 def _errors(found: DriveComparison, law: str, quantity: str, factor: float, digits: int) -> tuple[str | Cell, ...]:
-    """A law and its errors of `quantity`, rms | median, at each horizon."""
+    """A law and its errors of `quantity`, rms | median | 90 %, at each horizon."""
     title = law_cell(law, law == found.best, formula=False)
-    cells: list[str | Cell] = [Cell(NO_SLIP, "none", ["none"], title.mark) if law == "none" else title]
-    for horizon in HORIZONS:
+    plain = {"none": Cell(NO_SLIP, "none", ["none"], title.mark)} | {key: Cell(text) for key, text in _PLAIN.items()}
+    cells: list[str | Cell] = [plain.get(law, title)]
+    for horizon in found.errors[found.best]:
         errors = found.errors[law].get(horizon)
-        known = [getattr(errors, f"{quantity}_{kind}", None) for kind in ("rms", "median")]
+        known = [getattr(errors, f"{quantity}_{kind}", None) for kind in ("rms", "median", "p90")]
         sizes = [number(factor * error, digits) for error in known if error is not None]
         cells.append(pair(sizes) if sizes else MISSING)
     return tuple(cells)
@@ -126,14 +140,16 @@ def noise_text(found: DriveComparison) -> str:
 
 
 def gain(found: DriveComparison) -> str:
-    """A sentence on the gain of the best law over no compensation; empty if it isn't known."""
-    ours, theirs = (found.errors.get(name, {}).get(_TOLD) for name in (found.best, "none"))
-    if ours is None or theirs is None or found.best == "none":
+    """A sentence on the gain of the best law over what the robot has today; empty if it isn't known."""
+    ours, theirs = (found.errors.get(name, {}) for name in (found.best, TODAY))
+    ahead = _TOLD if _TOLD in ours else min(ours, default=_TOLD)
+    if not ours or ahead not in theirs:
         return ""
-    parts = [f"position {theirs.position_rms / ours.position_rms:.2g} times"]
-    if ours.heading_rms and theirs.heading_rms:
-        parts.append(f"heading {theirs.heading_rms / ours.heading_rms:.2g} times")
-    return f"{_TOLD:g} s ahead, it predicts {' and '.join(parts)} better than {NO_SLIP} (rms)"
+    us, them = ours[ahead], theirs[ahead]
+    parts = [f"position {them.position_median / us.position_median:.2g} times"]
+    if us.heading_median and them.heading_median:
+        parts.append(f"heading {them.heading_median / us.heading_median:.2g} times")
+    return f"{ahead:g} s ahead, it predicts {' and '.join(parts)} better than the robot does today (median)"
 
 
 def whole_drives(found: Identification) -> Section | None:
@@ -157,10 +173,10 @@ def whole_drives(found: Identification) -> Section | None:
         "Which law predicts motion",
         [
             Markup(
-                "The best law here is <strong>{}</strong>{}. Each law is fitted to a part of the driving and predicts "
-                "the rest: from every measured pose, the sprocket speeds lead 1, 2, 5 and 10 s ahead. Errors include "
-                "those of the measured poses at both ends, which no law can remove."
-            ).format(prediction_title(drive.best), told and f": {told}"),
+                "The best law here is <strong>{}</strong>: {}. {}Each law is fitted to a part of the driving and "
+                "predicts the rest: from every measured pose, the sprocket speeds lead 1, 2, 5 and 10 s ahead. Errors "
+                "include those of the measured poses at both ends, which no law can remove."
+            ).format(prediction_title(drive.best), drive.reason, told and f"{told[0].upper()}{told[1:]}. "),
             Plot(
                 "drive_prediction_errors",
                 partial(figures.prediction_errors, drive),

@@ -18,7 +18,6 @@ from experiments.report.formats import number, pair
 from experiments.report.laws import parameter_bullets
 from experiments.report.page import Block, Bullets, Page, Plot, Section, warnings
 from experiments.report.steady_laws import best_text, criteria_table, lack_of_fit_text, law_table, size_text
-from trackslip.identification.comparison import SteadyComparison
 from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.families import FAMILIES
@@ -86,13 +85,13 @@ def print_identification(found: Identification) -> None:
 
 
 def _why(found: Identification) -> str:
-    """Why the best law isn't the first of its table; empty if it is."""
-    chosen = found.drive if found.method == "drive" else found.steady
-    if chosen is None or chosen.ranking[0] == chosen.best:
-        return ""
+    """Why the best law is the best, where that isn't obvious; empty if it is."""
+    if found.method == "drive" and found.drive is not None:
+        return found.drive.reason
+    chosen = found.comparison
     first, best = chosen.ranking[0], chosen.best
-    if not isinstance(chosen, SteadyComparison):
-        return f"{first} scores less than 2 % better than {best}, which is the simplest of the likeliest"
+    if first == best:
+        return ""
     if chosen.criterion.startswith("left-out"):
         return f"{first} has a smaller AICc than {best}, but does not predict {chosen.criterion} better"
     return f"{first} has a smaller AICc than {best}, but by so little that the simpler law is preferred"

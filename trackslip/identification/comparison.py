@@ -17,9 +17,11 @@ from trackslip.identification.prediction import (
     DrivePredictions,
     PredictionErrors,
     RunPredictions,
+    ScoredPairs,
+    baselines,
+    best_of_drives,
     best_predictors,
     held_out,
-    score,
 )
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array, RobotGeometry, body_twist
@@ -31,9 +33,7 @@ BASELINES = ("none", "exponential", "icr")
 _WITHOUT_RADIUS = ("none", "constant")  # laws that do not describe turning
 _INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred
 _MIN_LOADS = 1e-3  # range of the tractions per unit load from which their effect may show [-]
-_INDISTINCT_LIKELIHOOD = 4.0  # difference of Akaike's criterion within which the simpler law of drives is preferred
 _FAST, _OFTEN = 0.5, 0.05  # lateral acceleration from which slip by it may show [m/s^2], and share of the driving
-_SAME = 0.02  # difference of scores within which the likelihood decides [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,10 +79,7 @@ class SteadyComparison(Comparison):
 
 @dataclass(frozen=True, kw_only=True)
 class DriveComparison(Comparison):
-    """Laws identified from drives.
-
-    Of the laws whose score is within 2 % of the smallest, the simplest of the likeliest is the best.
-    """
+    """Laws identified from drives, and compared by predictions (see `best_of_drives`)."""
 
     drives: tuple[PreparedDrive, ...]
     """The drives, as used."""
@@ -91,17 +88,18 @@ class DriveComparison(Comparison):
     predictions: Mapping[str, DrivePredictions]
     """Held-out predictions by name of the law."""
     errors: Mapping[str, Mapping[float, PredictionErrors]]
-    """Errors of those by law and horizon [s]."""
+    """Errors by horizon [s] of those, and before them of what needs no identification, TODAY and GAINS."""
     score: Mapping[str, float]
-    """Mean ratio of a law's errors to the smallest; NaN if nothing could be predicted [-]."""
+    """Mean over the horizons of a law's mean error relative to the smallest; empty without predictions [-]."""
+    reason: str
+    """Why `best` is the best, in one sentence."""
     clock: ClockProfile | None
     """Likelihood of clock offsets under the best law."""
 
     @property
     def ranking(self) -> tuple[str, ...]:
         """Names of the laws, the best predictions first."""
-        score = {name: np.nan_to_num(value, nan=np.inf) for name, value in self.score.items()}
-        return tuple(sorted(self.laws, key=lambda name: (score[name], len(self.laws[name].values))))
+        return tuple(sorted(self.laws, key=lambda name: (name != self.best, self.score.get(name, 0.0))))
 
 
 def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyComparison:
@@ -159,6 +157,7 @@ def compare_drives(
     """
     fast = names is not None or _turns_fast(np.concatenate([drive.omega for drive in drives]), geometry)
     reference = fit_drives(REFERENCE, drives, geometry, sensor)
+    pairs = ScoredPairs.of(reference.fit)
     laws: dict[str, DriveFit] = {}
     predictions: dict[str, DrivePredictions] = {}
     warnings: list[str] = []
@@ -168,16 +167,21 @@ def compare_drives(
                 found = fit_drives(name, drives, geometry, sensor, reference=reference)
                 if FAMILIES[name].fast and found.at_limit:
                     raise LogError("no slip by lateral acceleration shows")
-                predictions[name] = held_out(found.fit)
+                predictions[name] = held_out(found.fit, pairs)
                 laws[name] = found
             except LogError as error:
                 warnings.append(f"law {name}: {error}")
         step(1.0)
     if not any(law.values for law in laws.values()):
         raise LogError(warnings[-1] if warnings else "no law can be identified")
-    errors = {name: one.errors() for name, one in predictions.items()}
-    scores = score(errors, tuple(laws))
-    best = _best_of_drives(laws, scores)
+    plain = baselines(pairs, geometry, sensor) | predictions
+    errors = {name: one.errors() for name, one in plain.items()}
+    free = {name: len(law.values) for name, law in laws.items()}
+    best, reason, scores = best_of_drives(predictions, free, pairs) or (
+        REFERENCE if REFERENCE in laws else max(free, key=lambda name: free[name] > 0),
+        "no motion could be predicted: the drives are too short or hardly move",
+        {},
+    )
     return DriveComparison(
         drives=tuple(drives),
         laws=laws,
@@ -185,6 +189,7 @@ def compare_drives(
         errors=errors,
         score=scores,
         best=best,
+        reason=reason,
         clock=clock_profile(laws[best].fit) if "clock_offset" in laws[best].free else None,
         warnings=(*warnings, *doubts_of_drives(drives, laws, best)),
     )
@@ -223,13 +228,3 @@ def _best_of_samples(
         near = [name for name, value in known.items() if value <= min(known.values()) + _INDISTINCT]
         return min(near, key=lambda name: (len(laws[name].values), known[name])), "AICc"
     return min(laws, key=lambda name: laws[name].scatter), "scatter"
-
-
-def _best_of_drives(laws: Mapping[str, DriveFit], scores: Mapping[str, float]) -> str:
-    known = {name: value for name, value in scores.items() if np.isfinite(value)}
-    if not known:
-        return REFERENCE if REFERENCE in laws else next(name for name in laws if laws[name].values)
-    near = [name for name, value in known.items() if value <= min(known.values()) * (1 + _SAME)]
-    criterion = {name: laws[name].deviance + 2 * len(laws[name].values) for name in near}
-    likely = [name for name in near if criterion[name] <= min(criterion.values()) + _INDISTINCT_LIKELIHOOD]
-    return min(likely, key=lambda name: (len(laws[name].values), criterion[name]))

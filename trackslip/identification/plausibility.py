@@ -31,7 +31,7 @@ _FACTORS = (
     ("t", 1e6, "times in µs"),
     ("t", 1e9, "times in ns"),
 )
-_COMPARED = 2.0  # over which ways are compared [s]
+_COMPARED = 1.0  # over which ways are compared [s]
 _MIN_WINDOWS = 5
 _KEPT_WAY = (0.2, 3.0)  # plausible ratios of measured to commanded ways
 _BACKWARDS = -0.3  # ratio below which a robot drives the other way round
@@ -139,6 +139,14 @@ def require_units(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> N
         f"the poses {wrong} as the sprockets drive: check the units (rad/s, m, rad, s), the gear and "
         f"sprocket_radius = {geometry.sprocket_radius:g} m{guess}"
     )
+
+
+def least_squares_gains(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> tuple[float, float]:
+    """Factors on commanded ways and turns that fit the measured ones in least squares; NaN where none can be found."""
+    real, commanded = (np.concatenate(part) for part in zip(*(_ways(drive, geometry) for drive in drives), strict=True))
+    with np.errstate(invalid="ignore"):
+        speed, turn = np.sum(real * commanded, axis=0) / np.sum(commanded**2, axis=0)
+    return float(speed), float(turn)
 
 
 def _slope(real: Array, commanded: Array) -> float:

@@ -165,8 +165,10 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
     if drive is not None:
         content["drive"] = {
             "best": drive.best,
+            "reason": drive.reason,
             "drives": [one.name for one in drive.drives],
-            "laws": {name: _content(law, _UNSTORED) | {"score": drive.score[name]} for name, law in drive.laws.items()},
+            "score": dict(drive.score),
+            "laws": {name: _content(law, _UNSTORED) for name, law in drive.laws.items()},
             "clock_profile": drive.clock and {"offset": drive.clock.offset.tolist(), "rise": drive.clock.rise.tolist()},
             "warnings": list(drive.warnings),
         }

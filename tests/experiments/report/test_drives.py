@@ -32,12 +32,14 @@ def test_predictions_are_printed_in_metres_and_degrees(two_drives):
     found = two_drives.drive
     position, heading = tables.position_table(found), tables.heading_table(found)
     errors = found.errors["none"][2.0]
-    at = position.header.index("2 s")
-    assert floats(position.rows[-1][at]) == pytest.approx([errors.position_rms, errors.position_median], abs=6e-4)
-    degrees = np.degrees([errors.heading_rms, errors.heading_median])
-    assert floats(heading.rows[-1][at]) == pytest.approx(degrees, abs=6e-3)
-    ratio = re.search(r"heading (\S+) times better than no slip compensation", tables.gain(found))[1]
-    told = [found.errors[name][2.0].heading_rms for name in ("none", found.best)]
+    at = position.header.index(f"2 s, {errors.count:,} pairs")
+    assert [row[0].text for row in position.rows][:3] == ["as it drives today", "two gains", position.rows[2][0].text]
+    sizes = [errors.position_rms, errors.position_median, errors.position_p90]
+    assert floats(position.rows[-1][at]) == pytest.approx(sizes, abs=6e-4)
+    degrees = np.degrees([errors.heading_rms, errors.heading_median, errors.heading_p90])
+    assert floats(heading.rows[-1][at]) == pytest.approx(degrees, abs=6e-2)
+    ratio = re.search(r"heading (\S+) times better than the robot does today", tables.gain(found))[1]
+    told = [found.errors[name][2.0].heading_median for name in ("today", found.best)]
     assert float(ratio) == pytest.approx(told[0] / told[1], rel=0.06)
 
 

@@ -3,13 +3,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, drive_log
+from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log
 
 from sim.wander.motion import WHITE
 from trackslip.identification.comparison import compare_drives
 from trackslip.identification.drive_law import fit_drives
+from trackslip.identification.drive_residuals import Nodes
 from trackslip.identification.drives import drive_of, drives_of
-from trackslip.identification.prediction import HORIZONS, PredictionErrors, held_out, score
+from trackslip.identification.prediction import HORIZONS, DrivePredictions, ScoredPairs, best_of_drives, held_out
+from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.turn_loss import Centrifugal, TurnLossSides
 
 MOUNTED = replace(EXACT, ahead=0.2, left=0.05, mounting=0.1)
@@ -76,13 +78,82 @@ def test_without_headings_positions_are_predicted_from_the_trail():
         assert one.heading_median is None
 
 
-def test_the_score_is_the_mean_ratio_to_the_smallest_error():
-    def errors(position, heading):
-        return PredictionErrors(10, position, position, heading, heading)
+def test_robots_that_stand_are_not_predicted_and_outlying_poses_are():
+    driving = constant_speeds(0.1, 0.15, 40.0)
+    driving[500:] = 0.0  # from 10 s on
+    moving = drive_log(1, 40, EXACT, STILL, driving=constant_speeds(0.1, 0.15, 40.0))
+    moving.pose[np.flatnonzero(moving.is_valid)[100], :2] += 0.2  # a pose that jumps away and back
+    standing = replace(drive_log(2, 40, EXACT, STILL, driving=driving), run="stands")
+    fit = fit_drives("icr_radius", [moving, standing], GEOMETRY).fit
+    pairs = ScoredPairs.of(fit)
+    nodes = fit.nodes
+    assert (nodes.weight[:, 0] == 0).sum() == 1
+    left_out = int(np.flatnonzero(nodes.weight[:, 0] == 0)[0])
+    assert left_out in pairs.start
+    assert left_out in pairs.end
+    late = pairs.start[pairs.start >= nodes.first[1]] - nodes.first[1]
+    assert nodes.drives[1].time[late].max() < 10.1
+    assert len(late) > 100
+    errors = held_out(fit).errors()[1.0]
+    assert errors.count == (pairs.horizon == 1.0).sum()
+    assert errors.position_median < errors.position_p90 < errors.position_rms
 
-    table = {"a": {1.0: errors(0.1, 0.2), 2.0: errors(0.2, None)}, "b": {1.0: errors(0.2, 0.1), 2.0: errors(0.2, None)}}
-    assert score(table, ("a", "b")) == pytest.approx({"a": (1 + 2 + 1) / 3, "b": (2 + 1 + 1) / 3})
-    assert np.isnan(score({"a": {}, "b": {}}, ("a", "b"))["a"])
+
+def test_what_the_robot_has_today_knows_no_delay_and_no_gains():
+    late = replace(EXACT, delay=0.3)
+    drives = [drive_of(drive_log(seed, 30, late, STILL, law=ConstantIcr(0.08, 0.168, -0.1))) for seed in (1, 2)]
+    found = compare_drives(drives, GEOMETRY, names=("none", "icr_radius"))
+    today, gains, none, best = (found.errors[name][2.0] for name in ("today", "two_gains", "none", "icr_radius"))
+    assert list(found.errors)[:2] == ["today", "two_gains"]
+    assert best.position_rms < 1e-3 < none.position_rms < today.position_rms
+    assert best.heading_rms < gains.heading_rms < none.heading_rms
+    timely = compare_drives([drive_of(drive_log(1, 30, EXACT, STILL))], GEOMETRY, names=("icr_radius",))
+    assert timely.errors["two_gains"][2.0].position_rms < 0.002
+
+
+def predictions(size, seed=0):
+    """Predictions of a law whose errors at horizons are `size`; 200 pairs of 20 drives at each."""
+    rng = np.random.default_rng(seed)
+    error = np.concatenate([one * np.abs(rng.normal(1.0, 0.2, (200, 3))) for one in size])
+    pairs = paired()
+    none = np.zeros(len(error))
+    return DrivePredictions(pairs.start, none, pairs.horizon, error, none.astype(int), np.zeros((1, 0)))
+
+
+def paired():
+    drives = [drive_of(drive_log(1, 2.0, EXACT, STILL, driving=constant_speeds(0.1, 0.1, 2.0)))] * 20
+    start = np.tile(np.repeat(np.arange(20) * len(drives[0].time), 10), len(HORIZONS))
+    return ScoredPairs(Nodes.of(drives), start, start + 1, np.repeat(HORIZONS, 200))
+
+
+FREE = {"simple": 1, "rich": 4}
+
+
+def test_the_best_law_has_the_smallest_errors_at_most_horizons():
+    laws = {"simple": predictions((1.0, 1.0, 1.0, 2.0)), "rich": predictions((0.9, 0.9, 0.9, 9.0), 1)}
+    best, why, score = best_of_drives(laws, FREE, paired())
+    assert best == "rich"
+    assert why == "rich has the smallest errors at 3 of 4 horizons"
+    assert score["simple"] < score["rich"]  # 10 s would decide a mean
+
+
+def test_of_laws_that_differ_by_chance_the_simpler_is_best():
+    rich, simple = predictions((1.0,) * 4), predictions((1.0,) * 4)
+    chance = np.random.default_rng(2).normal(0.0, 0.05, simple.error.shape)
+    simple.error[:] += chance - chance.mean(axis=0)
+    best, why, _ = best_of_drives({"rich": rich, "simple": simple}, FREE, paired())
+    assert best == "simple"
+    assert "simple is as good at" in why or why.startswith("simple has")
+    simple.error[:] += 0.02
+    best, why, _ = best_of_drives({"rich": rich, "simple": simple}, FREE, paired())
+    assert (best, why) == ("rich", "rich has the smallest errors at 4 of 4 horizons")
+
+
+def test_one_wrong_pose_does_not_choose_the_law():
+    laws = {"rich": predictions((1.0,) * 4), "simple": predictions((1.2,) * 4, 1)}
+    laws["rich"].error[0, :2] += [1000.0, 0.2]  # equal but for what the laws predict
+    laws["simple"].error[0, :2] += [1000.0, 0.0]
+    assert best_of_drives(laws, FREE, paired())[0] == "rich"
 
 
 def test_of_laws_that_predict_equally_well_the_simplest_is_best():
@@ -151,5 +222,6 @@ def test_poses_too_short_for_any_horizon_give_no_score():
     first, end = np.searchsorted(log.time, [6.0, 7.9])
     drives = [drive_of(log.between(first, end))]
     found = compare_drives(drives, GEOMETRY, names=("none", "icr", "icr_radius"))
-    assert all(np.isnan(value) for value in found.score.values())
+    assert found.score == {}
+    assert found.reason.startswith("no motion could be predicted")
     assert found.best in ("icr", "icr_radius")
