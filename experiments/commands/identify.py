@@ -20,6 +20,7 @@ from experiments.options.base import (
     default_is,
 )
 from experiments.options.world import Method
+from trackslip.doubts import Accepted
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import GEARS
 from trackslip.motion.constant_speed import SETTLE
@@ -67,6 +68,8 @@ class Config(ResultsOptions):
     """Estimate the sensor's place from steady stretches; whole drives always do unless --sensor is given."""
     motion: Method = None
     """Method that estimates the twist of a run; bundle needs ranges (see grid)."""
+    accept: Annotated[tuple[Accepted, ...] | None, Distinct("KIND"), default_is("none", "KIND ...")] = None
+    """Runs to use although these look wrong in them; warnings of what is left out name the word."""
     settle: Annotated[float, NonNegative(3600.0, "s")] = SETTLE
     """Time left out of each run after the sprockets have become steady [s]."""
     bag: Bag = field(default_factory=BagOptions)
@@ -105,8 +108,6 @@ def run(config: Config) -> None:
     stages = 3 + len(drive_laws())  # reading, steady stretches, each law of whole drives, the report
     with Run(config) as run, run.progress("identification", stages, "stages") as report:
         source = source_of(config)
-        for line in source.taken:
-            print(line)
         report(1)
         sensor = None if config.sensor is None else Mounting(*config.sensor)
         with run.watch.stage("identify"):
@@ -118,7 +119,7 @@ def run(config: Config) -> None:
         title = f"Slip laws identified from “{config.path.resolve().name}”"
         page(found, title, command_line("identify"), manifest).write(run.folder, config.pdf)
         report(1)
-    print_identification(found)
+    print_identification(found, source.taken)
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
 
 
@@ -127,7 +128,8 @@ def source_of(config: Config) -> "Source":
     from experiments.sweep.table import chosen
     from trackslip.identification.source import ReadOptions, read_source
 
+    bag, accept = config.bag.choice(), config.accept or ()
     reading = ReadOptions(
-        config.half_gauge, config.sprocket_radius, config.gear, config.settle, config.motion, config.bag.choice()
+        config.half_gauge, config.sprocket_radius, config.gear, config.settle, config.motion, bag, accept
     )
     return read_source(config.path, reading, partial(chosen, where=config.where) if config.where else None)

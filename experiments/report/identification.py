@@ -16,8 +16,10 @@ from experiments.report.figures.localization import error_against_viewing_angle
 from experiments.report.figures.slip_under_load import slip_under_load
 from experiments.report.formats import number, pair
 from experiments.report.laws import parameter_bullets
-from experiments.report.page import Block, Bullets, Page, Plot, Section, warnings
+from experiments.report.page import Block, Page, Plot, Section, warnings
 from experiments.report.steady_laws import best_text, criteria_table, lack_of_fit_text, law_table, size_text
+from experiments.report.table import Table
+from trackslip.doubts import severity
 from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.families import FAMILIES
@@ -41,7 +43,8 @@ _COMPARED = (
 def page(found: Identification, title: str, command: str, manifest: Mapping[str, Any]) -> Page:
     """The page of an identification."""
     sections = [measured_slip(found, found.logs), drives.whole_drives(found), *remarks(found)]
-    return Page(title, command, manifest, sections, [INTRO])
+    alarms = [Markup('<strong class="mark">Alarm</strong> {}').format(line) for line in found.alarms]
+    return Page(title, command, manifest, sections, [*alarms, INTRO])
 
 
 def measured_slip(found: Identification, logs: Sequence[RunLog]) -> Section | None:
@@ -54,16 +57,19 @@ def measured_slip(found: Identification, logs: Sequence[RunLog]) -> Section | No
 
 
 def remarks(found: Identification, more: Sequence[str] = ()) -> tuple[Section | None, Section | None]:
-    """Excluded runs, and warnings, `more` first; excluded runs are not repeated among the warnings."""
-    excluded = [Markup("<strong>{}</strong>: {}.").format(one.run, one.reason) for one in found.outliers]
-    why = "Runs that cannot be used, or whose motion no law explains together with the other runs':"
-    known = set(map(str, found.outliers))
-    told = warnings([*more, *(line for line in found.warnings if line not in known)])
-    return (Section("Excluded runs", [why, Bullets(excluded)]) if excluded else None, told)
+    """Excluded runs, and warnings, `more` first; alarms are at the top of the page."""
+    rows = [(one.run, one.reason) for one in found.outliers]
+    told = warnings([*more, *(line for line in found.warnings if line not in found.alarms)])
+    return (
+        Section("Excluded runs", [Table("All of them", ("run", "why"), rows, "l", folded=True)]) if rows else None,
+        told,
+    )
 
 
-def print_identification(found: Identification) -> None:
-    """Print the laws by the chosen method in full, and those by the other one, if there are any, briefly."""
+def print_identification(found: Identification, taken: Sequence[str] = ()) -> None:
+    """Print alarms, what was `taken` from bags, the laws by the chosen method in full, and those by the other one."""
+    for line in (*(f"ALARM: {alarm}" for alarm in found.alarms), *taken):
+        print(line)
     steady = [] if found.steady is None else [law_table(found), criteria_table(found)]
     if found.method == "drive" and found.drive is not None:
         best = found.drive.laws[found.drive.best]
@@ -78,7 +84,8 @@ def print_identification(found: Identification) -> None:
         if table is not None:
             table.print()
     for warning in found.warnings:
-        print(f"warning: {warning}")
+        if (loud := severity(warning)) != "alarm":
+            print(f"{'note' if loud == 'remark' else 'warning'}: {warning}")
     if reason := _why(found):
         print(reason)
     print(f"best: {found.best}, {FAMILIES[found.best].title}")

@@ -1,123 +1,128 @@
-"""Doubts about identified laws, one line each."""
+"""Doubts about identified laws, in the words of `trackslip.doubts`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 
-from trackslip.errors import counted
+from trackslip.doubts import MANY, Doubt, doubt
+from trackslip.errors import LogError, counted
 from trackslip.identification.drive_fit import unlike_sprockets
 from trackslip.identification.drive_law import DriveFit
+from trackslip.identification.drive_model import EXTRAS
 from trackslip.identification.drives import PreparedDrive
 from trackslip.identification.fitted import FittedLaw, SteadyFit
+from trackslip.identification.intervals import CONFIDENCE, half_widths
+from trackslip.identification.prediction import refitted
 from trackslip.identification.sensor import offset_between_sides
 from trackslip.slip.families import FAMILIES
 
 _CERTAIN = 3.0  # size of a value that is no chance [standard errors]
 _LARGE_RADIUS_ERROR = 0.1  # radius error above which a wrong gear or sprocket radius is more likely [-]
-_MANY = 0.1  # share of outlying poses worth a line
-_SENSOR: dict[str, tuple[str, float, float, str, str]] = {
-    "sensor_y": (
-        "mm",
-        1e3,
-        5.0,
-        "the sensor sits {} to the left, if the ICRs are equal",
-        "the sensor sits {} to the right, if the ICRs are equal",
-    ),
-    "sensor_yaw": (
-        "°",
-        180 / np.pi,
-        0.5,
-        "the sensor is mounted {} counter-clockwise",
-        "the sensor is mounted {} clockwise",
-    ),
-    "clock_offset": (
-        "ms",
-        1e3,
-        20.0,
-        "the encoders' clock is {} ahead of the poses'",
-        "the encoders' clock is {} behind the poses'",
-    ),
-}  # unit as printed, SI to unit, size worth a line, words for positive and for negative values
+_SHORT_WAY = 10.0  # way of the belts that shows too little [half gauges]
+_SENSOR = {
+    "sensor_y": ("mm", 1e3, 5.0, "the sensor sits {} to the {}, if the ICRs are equal", "left", "right"),
+    "sensor_yaw": ("°", 180 / np.pi, 0.5, "the sensor is mounted {} {}", "counter-clockwise", "clockwise"),
+    "clock_offset": ("ms", 1e3, 20.0, "the encoders' clock is {} {} the poses'", "ahead of", "behind"),
+}  # unit as printed, SI to unit, size worth a line, words, and those for positive and for negative values
 
 
-def doubts_of_samples(laws: Mapping[str, SteadyFit], best: str) -> list[str]:
-    """Warnings about laws fitted to samples."""
-    doubts, law = [], laws[best]
-    if law.lacks_fit and law.determined:
-        doubts.append(
-            f"law {best}: it misses the samples by {law.rms:.2g} rms, more than they scatter (lack of fit), so its "
-            "intervals are widened"
-        )
+def doubts_of_samples(laws: Mapping[str, SteadyFit], best: str) -> list[Doubt]:
+    """Doubts about laws fitted to samples."""
+    law = laws[best]
+    doubts = [doubt("misses", law=best, by=law.rms)] if law.lacks_fit and law.determined else []
     doubts += _implausible_values(law)
     if "icr_sides" in laws:
         offset, error = offset_between_sides(laws["icr_sides"])
         if abs(offset) > _CERTAIN * error:
             differ, sits = (f"{1e3 * k * abs(offset):.1f} ± {1e3 * k * error:.2g} mm" for k in (2, 1))
-            doubts.append(
-                f"law icr_sides: D_left and D_right differ by {differ}: the sensor may sit {sits} to the "
-                f"{'left' if offset > 0 else 'right'} of the middle (--sensor X Y YAW, or --estimate-sensor); an "
-                "offset and unequal ICRs can't be told apart"
-            )
-    if FAMILIES[best].two_sided:
-        doubts.append(f"left and right turns differ: {best} describes both, the other laws assume symmetry")
-    return doubts
+            doubts.append(doubt("sides", differ=differ, sits=f"{sits} to the {'left' if offset > 0 else 'right'}"))
+    return doubts + ([doubt("unequal", law=best)] if FAMILIES[best].two_sided else [])
 
 
-def doubts_of_drives(drives: Sequence[PreparedDrive], laws: Mapping[str, DriveFit], best: str) -> list[str]:
-    """Warnings about laws fitted to drives."""
-    doubts = [
-        f"law {name}: the fit to whole drives did not converge, so its values and errors are rough"
-        for name, law in laws.items()
-        if law.values and not law.converged
-    ]
+def doubts_of_drives(drives: Sequence[PreparedDrive], laws: Mapping[str, DriveFit], best: str) -> list[Doubt]:
+    """Doubts about laws fitted to drives."""
     law = laws[best]
+    shown = next((one for one in (law, *laws.values()) if one.values), law)
+    doubts = [*_left_out(law), *_halves(law), *_little(shown)]
+    doubts += [doubt("rough", law=name) for name, one in laws.items() if one.values and not one.converged]
     if law.fit.nodes.whitening is None and any(drive.whitening is not None for drive in drives):
-        doubts.append("the covariances of the poses don't tell how they scatter: all poses count alike")
+        doubts.append(doubt("alike"))
     if wild := unlike_sprockets(law.fit.noise):
-        doubts.append(f"law {best}: {wild}")
-    for name, reason in law.held.items():
-        if reason.startswith("not determined"):
-            doubts.append(f"{name} is held at {law.values.get(name, law.extras.get(name, 0.0)):g}: {reason}")
-    return [*doubts, *_implausible_values(law), *_mounting(law), *_left_out(law)]
+        doubts.append(doubt("wild", law=best, what=wild))
+    return [*doubts, *_implausible_values(law), *_mounting(law)]
 
 
-def _implausible_values(law: FittedLaw) -> list[str]:
+def _implausible_values(law: FittedLaw) -> list[Doubt]:
     """Questions about ICRs inside their tracks and large radius errors."""
     doubts = []
     for name, value in law.values.items():
         if name.startswith("offset") and name in law.interval95 and law.interval95[name][1] < 0:
-            doubts.append(
-                f"law {law.name}: {name} = {1e3 * value:.1f} ± {1e3 * law.stderr[name]:.2g} mm is negative, but tracks "
-                "that skid have their ICRs outside: is half_gauge right, do the poses turn too far, or does the sensor "
-                "sit off the middle (--sensor X Y YAW, or --estimate-sensor)?"
-            )
+            doubts.append(doubt("inside", law=law.name, name=name, value=1e3 * value, error=1e3 * law.stderr[name]))
         if name.startswith("radius_error") and abs(value) > _LARGE_RADIUS_ERROR:
-            doubts.append(
-                f"law {law.name}: {name} = {value:+.0%} is implausible for a track: are gear and sprocket_radius right?"
-            )
+            doubts.append(doubt("far", law=law.name, name=name, value=value, times=1 + value))
     return doubts
 
 
-def _mounting(law: DriveFit) -> list[str]:
+def _mounting(law: DriveFit) -> list[Doubt]:
     """Estimates of the sensor's mounting and clock that are neither chance nor negligible."""
     told = []
-    for name, (unit, factor, least, positive, negative) in _SENSOR.items():
+    for name, (unit, factor, least, words, positive, negative) in _SENSOR.items():
         value, error = factor * law.extras[name], factor * law.stderr.get(name, np.inf)
         if abs(value) > max(_CERTAIN * error, least):
-            line = (positive if value > 0 else negative).format(f"{abs(value):.3g} ± {error:.2g} {unit}")
-            told.append(f"{line}; the law allows for it")
+            size = f"{abs(value):.3g} ± {error:.2g} {unit}"
+            told.append(doubt("sensor", what=words.format(size, positive if value > 0 else negative)))
     return told
 
 
-def _left_out(law: DriveFit) -> list[str]:
+def _left_out(law: DriveFit) -> list[Doubt]:
     """Poses and steps that were left out of the drives."""
-    doubts = []
-    if law.left_out > _MANY * (law.poses + law.left_out):
-        doubts.append(f"{law.left_out} of {counted(law.left_out + law.poses, 'pose')} left out: outlying")
+    total, doubts = law.left_out + law.poses, []
+    if law.left_out > MANY * total:
+        what = f"{law.left_out:,} of {counted(total, 'pose')}"
+        why = "are clocks and geometry right, or do the poses jump?"
+        doubts.append(doubt("left out", what=what, share=100 * law.left_out / total, why=why))
     if law.breaks:
-        doubts.append(
-            f"{counted(law.breaks, 'step')} of the poses left out: lasting jumps, or slip out of all proportion"
-        )
+        doubts.append(doubt("breaks", what=counted(law.breaks, "step")))
     return doubts
+
+
+def _halves(law: DriveFit) -> list[Doubt]:
+    """Parameters that differ between the two halves of the way by more than their joint intervals allow."""
+    fit, first = law.fit, law.fit.nodes.first
+    way = np.append(0.0, np.cumsum(fit.residuals.distance))
+    if len(first) > 2:  # whole drives, by their middles
+        way = np.repeat((way[first[:-1]] + way[first[1:] - 1]) / 2, np.diff(first))
+    early = way < fit.residuals.distance.sum() / 2
+    try:
+        halves = [refitted(fit, rows) for rows in (early, ~early)]
+        (a, wide_a), (b, wide_b) = ((half.values[half.free], half_widths(half)) for half in halves)
+    except (LogError, np.linalg.LinAlgError):
+        return []  # a half tells too little
+    normal = scipy.special.ndtri
+    many = normal(1 - (1 - CONFIDENCE) / 2 / max(len(a), 1)) / normal((1 + CONFIDENCE) / 2)  # Bonferroni
+    told = []
+    for k in np.flatnonzero(np.abs(a - b) > many * np.hypot(wide_a, wide_b)):
+        name = law.free[k]
+        unit = EXTRAS[name].unit if name in EXTRAS else FAMILIES[law.name].parameters[name].unit
+        told.append(f"{name} {a[k]:.3g} ± {wide_a[k]:.2g} and {b[k]:.3g} ± {wide_b[k]:.2g} {unit}".rstrip())
+    return [doubt("halves", law=law.name, what=", ".join(told))] if told else []
+
+
+def _little(law: DriveFit) -> list[Doubt]:
+    """Parameters that the driving leaves open, and too short a way."""
+    told, doubts = [], []
+    way, gauge = float(law.fit.residuals.distance.sum()), law.fit.model.geometry.half_gauge
+    if way < _SHORT_WAY * gauge:
+        told.append(f"the belts drive {way:.2g} m, which is less than {_SHORT_WAY:g} half gauges")
+    for name, why in law.held.items():
+        if why.startswith("not determined"):
+            value = law.values.get(name, law.extras.get(name, 0.0))
+            line = doubt("held", name=name, value=value, why=why)
+            if name in law.values or name == "sensor_y":  # without it, D may be wrong
+                told.append(line)
+            else:
+                doubts.append(line)
+    return [*([doubt("little", what="; ".join(told))] if told else []), *doubts]

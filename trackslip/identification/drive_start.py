@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from trackslip import se2
+from trackslip.doubts import refuse
 from trackslip.errors import LogError
 from trackslip.identification.drive_fit import TrajectoryFit
 from trackslip.identification.drives import PreparedDrive, reckoned
@@ -23,10 +24,6 @@ _TURN_TIME = 1.0  # over which turns are compared [s]
 _WINDOW = 10.0  # of paths that are laid over each other, without headings [s]
 _CAP = 3.0  # deviations beyond which turns count no further [median deviations]
 _RATIO_LIMITS = (0.2, 2.0)
-_AGAINST = (
-    "the robot turns against its sprockets: are the tracks swapped, does phi run clockwise, or do the encoders count "
-    "backwards?"
-)
 _Tried = tuple[float, float, float]  # cost, ratio of turns, clock offset [s]
 _EXPLAINED = 0.7  # share of the cost that turns to the wrong side leave, below which they are believed
 _PIECE = 0.5  # time over which motion is averaged [s]
@@ -43,7 +40,7 @@ def starts(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> list[tup
     coarse = costs(drives, geometry, _OFFSETS)
     against = min((cost for cost, ratio, _ in coarse if ratio < 0), default=np.inf)
     if against < _EXPLAINED * min(cost for cost, ratio, _ in coarse if ratio >= 0):
-        raise LogError(_AGAINST)
+        refuse("against", drives[0].accept)
     if costs is _turning_costs:
         _require_both_forwards(drives, geometry, min(coarse)[0])
     by_offset: dict[float, _Tried] = {}
@@ -67,8 +64,7 @@ def _require_both_forwards(drives: Sequence[PreparedDrive], geometry: RobotGeome
     mirrored = [replace(drive, omega=drive.omega * [-1, 1]) for drive in drives]
     least, ratio, _ = min(_turning_costs(mirrored, geometry, _OFFSETS[::2]), key=lambda one: one[0])
     if least < _EXPLAINED * cost and 0.1 < abs(ratio) < 10:
-        side = "left" if ratio > 0 else "right"
-        raise LogError(f"the robot turns as if the encoder of the {side} sprocket counted backwards: does it?")
+        refuse("mirrored", drives[0].accept, side="left" if ratio > 0 else "right")
 
 
 def trajectory(drive: PreparedDrive, geometry: RobotGeometry, offset: float, clock_offset: float) -> Array:

@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trackslip.doubts import refuse
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array, RobotGeometry, body_twist
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import Refused, RunLog, none_usable
 
 MAX_POSES = 12_000  # poses that are all used
 MAX_ROWS = 100_000  # encoder intervals used in all; more are merged
 _THINNED = 10_000  # poses used out of more than MAX_POSES
-MIN_POSES = 10  # of a drive
+MIN_POSES, _FEWEST = 10, 3  # of a drive, and if the user insists
 _INFORMATIVE, _NEARLY = 0.05, 0.1  # time between poses below which more tell little more [s]; tolerance [-]
 _MAX_STEP = 2.5  # time between nodes [median time between poses]
 _MAX_SPEED = 1e4  # of a sprocket [rad/s]
@@ -41,6 +42,7 @@ class PreparedDrive:
     interval: float  # usual time between poses [s]
     whitening: Array | None = None  # (K, 3, 3) see `whitening`; None where the poses' covariances are not known
     coarse: bool = False  # encoders with few ticks: smoothing helps, as a lag would, though nothing lags
+    accept: tuple[str, ...] = ()  # doubts to ignore
 
     @property
     def has_heading(self) -> bool:
@@ -58,12 +60,12 @@ class PreparedDrive:
         return replace(self, time=self.time[nodes], pose=self.pose[nodes], rows=self.rows[nodes], whitening=shape)
 
 
-def drives_of(logs: Sequence[RunLog], max_poses: int = MAX_POSES) -> tuple[list[PreparedDrive], list[str]]:
-    """The drives that can be used, and a line for each that cannot be; raises LogError if there is none.
+def drives_of(logs: Sequence[RunLog], max_poses: int = MAX_POSES) -> tuple[list[PreparedDrive], list[Refused]]:
+    """The drives that can be used, and those that cannot be; raises LogError if there is none.
 
     Of more than `max_poses` poses in all, a part is used.
     """
-    drives, refused = [], []
+    drives, refused = [], list[Refused]()
     share = max(len(logs), 1)
     if sum(int(log.is_valid.sum()) for log in logs) > max_poses:
         max_poses = min(max_poses, _THINNED)
@@ -71,9 +73,9 @@ def drives_of(logs: Sequence[RunLog], max_poses: int = MAX_POSES) -> tuple[list[
         try:
             drives.append(drive_of(log, max_poses // share, MAX_ROWS // share))
         except LogError as error:
-            refused.append(str(error))
+            refused.append(Refused.of(log.run, error))
     if not drives:
-        raise LogError(refused[0] if refused else "no drives")
+        raise LogError(none_usable(refused) if refused else "no drives")
     return drives, refused
 
 
@@ -82,10 +84,10 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
     rows = np.flatnonzero(log.is_valid)
     if len(rows) > 1:
         rows = rows[_changing(log.pose[rows], _moving(log, rows))]
-    if len(rows) < MIN_POSES:
-        raise LogError(f"run {log.run!r}: {counted(len(rows), 'pose')} while it drives, needs at least {MIN_POSES}")
+    if len(rows) < (_FEWEST if "short" in log.accept else MIN_POSES):
+        refuse("short", run=log.run, poses=counted(len(rows), "pose"), least=MIN_POSES)
     if not np.abs(log.omega[1:]).max() > _STANDING:
-        raise LogError(f"run {log.run!r}: the sprockets stand still")
+        refuse("still", run=log.run)
     wild = np.flatnonzero(np.abs(log.omega).max(axis=1) > _MAX_SPEED)
     if len(wild):
         k = int(wild[0])
@@ -104,7 +106,8 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
     usual = float(np.median(np.diff(time)))
     nodes = _filled(time, pose, rows, usual)
     stated = None if log.covariance is None else log.covariance[nodes[2]]
-    return PreparedDrive(log.run, edges, omega, *nodes, usual, whitening(nodes[1], stated), coarse)
+    shape = whitening(nodes[1], stated)
+    return PreparedDrive(log.run, edges, omega, *nodes, usual, shape, coarse, log.accept)
 
 
 def reckoned(drive: PreparedDrive, geometry: RobotGeometry, ratio: float, time: Array) -> tuple[np.ndarray, Array]:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from trackslip.doubts import Accepted, in_few_lines
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.comparison import DriveComparison, compare_drives, compare_laws
-from trackslip.identification.drives import drives_of
+from trackslip.identification.drives import MAX_POSES, drives_of
 from trackslip.identification.outliers import split_outliers
 from trackslip.identification.result import Identification, Method
 from trackslip.identification.samples import Sampling
 from trackslip.identification.sensor import with_sensor
 from trackslip.identification.source import ReadOptions, Source, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import Refused, RunLog
 from trackslip.motion.constant_speed import SETTLE
 from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.se2 import Mounting
@@ -37,6 +38,7 @@ def identify(
     settle: float = SETTLE,
     motion: str | None = None,
     bag: BagChoice | None = None,
+    accept: Sequence[Accepted] = (),
 ) -> Identification:
     """Identify slip laws from steady runs or from any driving.
 
@@ -53,13 +55,15 @@ def identify(
         motion: how a steady run becomes a twist: paper, arc or bundle; by default the most accurate method
             that each run allows.
         bag: which topics of a bag are encoders and poses; needed if the bag leaves a doubt.
+        accept: data to use although they look wrong: runs with odd `headings`, implausible slip (`units`), belts that
+            move against their sprockets (`signs`) or `unsteady` motion, `outliers`, and `short` drives.
 
     Raises:
         LogError: if the log cannot be read, or its runs determine no law.
         InvalidValueError: for an invalid option, or if neither `geometry` nor the log states the geometry.
     """
     b, r = (geometry.half_gauge, geometry.sprocket_radius) if geometry else (None, None)
-    reading = ReadOptions(b, r, gear, settle, motion, bag or AUTOMATIC)
+    reading = ReadOptions(b, r, gear, settle, motion, bag or AUTOMATIC, tuple(accept))
     if isinstance(source, str | Path):
         found = read_source(Path(source), reading)
     else:
@@ -83,7 +87,8 @@ def identify_source(
         if estimate_sensor is None and sensor is None and source.logs and all(map(_centred, source.logs)):
             estimate_sensor = False
         try:
-            steady = identify_samples(source.sampling, source.geometry, source.logs, sensor, estimate_sensor)
+            accept = source.reading.accept
+            steady = identify_samples(source.sampling, source.geometry, source.logs, sensor, estimate_sensor, accept)
         except LogError as error:
             reason = str(error)
     step(1.0)
@@ -97,18 +102,22 @@ def identify_source(
         return steady
     main = steady is None or not _mostly_steady(source.sampling)
     try:
-        drive = _drive(source, sensor, None if main else _POSES_BESIDE, None if main else _BESIDE, step)
+        drive, refused = _drive(source, sensor, None if main else _POSES_BESIDE, None if main else _BESIDE, step)
     except LogError as error:
         if steady is None:
             both = f"{error}; from steady stretches: {reason}"
             raise LogError(both if reason and method is None else str(error)) from error
         return replace(steady, warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"))
     if steady is None or len(steady.samples) < _MIN_SAMPLES:
-        warnings = (*source.notes, *map(str, source.refused), *drive.warnings)
-        return Identification(source.geometry, "drive", None, drive, source.refused, warnings, source.logs)
-    return replace(
-        steady, method="drive" if main else "steady", drive=drive, warnings=(*steady.warnings, *drive.warnings)
-    )
+        out = (*source.refused, *refused)
+        lines = (*source.notes, *(one.doubt for one in out), *drive.warnings)
+        warnings = in_few_lines(lines, len(source.logs) + len(source.refused))
+        return Identification(source.geometry, "drive", None, drive, out, warnings, source.logs)
+    lines = in_few_lines((*(one.doubt for one in refused), *drive.warnings), len(source.logs))
+    if main:
+        beside = [f"from steady stretches: {line}" for line in steady.warnings]
+        return replace(steady, method="drive", drive=drive, warnings=(*lines, *beside))
+    return replace(steady, drive=drive, warnings=(*steady.warnings, *(f"from whole drives: {line}" for line in lines)))
 
 
 def identify_samples(
@@ -117,15 +126,18 @@ def identify_samples(
     logs: tuple[RunLog, ...] = (),
     sensor: Mounting | None = None,
     estimate_sensor: bool | None = False,
+    accept: Collection[str] = (),
 ) -> Identification:
     """Leave out outliers, fit and compare the laws; raises LogError if the samples determine no law.
 
-    For `sensor` and `estimate_sensor` see `with_sensor`; by default the sensor is at the robot's centre.
+    For `sensor` and `estimate_sensor` see `with_sensor`; by default the sensor is at the robot's centre. `accept` are
+    doubts to ignore.
     """
     centred, _, notes = with_sensor(sampling.samples, geometry, sensor, estimate_sensor)
-    samples, outliers = split_outliers(centred, geometry)
+    samples, outliers = (centred, []) if "outliers" in accept else split_outliers(centred, geometry)
     steady, left_out = compare_laws(samples, geometry), (*sampling.refused, *outliers)
-    warnings = (*sampling.notes, *notes, *map(str, left_out), *steady.warnings)
+    lines = (*sampling.notes, *notes, *(one.doubt for one in left_out), *steady.warnings)
+    warnings = in_few_lines(lines, len(samples) + len(left_out))
     return Identification(geometry, "steady", steady, None, left_out, warnings, logs)
 
 
@@ -135,10 +147,9 @@ def _drive(
     most: int | None,
     names: Sequence[str] | None,
     step: Callable[[float], None],
-) -> DriveComparison:
-    drives, refused = drives_of(source.logs, *([most] if most else []))
-    found = compare_drives(drives, source.geometry, sensor, names, step)
-    return replace(found, warnings=(*refused, *found.warnings))
+) -> tuple[DriveComparison, list[Refused]]:
+    drives, refused = drives_of(source.logs, most or MAX_POSES)
+    return compare_drives(drives, source.geometry, sensor, names, step), refused
 
 
 def _mostly_steady(sampling: Sampling) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from trackslip.doubts import doubt
 from trackslip.identification.lack_of_fit import by_command, by_load
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_fit import fit
@@ -58,9 +59,8 @@ def split_outliers(
     if not far.any() or far.sum() > _MAX_OUTLIER_SHARE * count:
         return samples, []
     nearest = np.min([worst for worst, _ in good], axis=0)  # (n,) deviation from the law that fits the run best
-    reason = "its motion deviates by {:.3g} of its speed from what fits the other runs, which scatter by {:.2g}"
-    outliers = [Refused(samples.run[k], reason.format(nearest[k], least)) for k in np.flatnonzero(far)]
-    return samples.take(~far), outliers
+    lines = [(samples.run[k], doubt("outlier", far=nearest[k], scatter=least)) for k in np.flatnonzero(far)]
+    return samples.take(~far), [Refused(run, line.reason, line.kind) for run, line in lines]
 
 
 def _worst(deviation: Array, labels: np.ndarray) -> Array:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from trackslip.errors import LogError
+from trackslip.doubts import refuse
 from trackslip.identification.drives import PreparedDrive, reckoned
 from trackslip.kinematics import Array, RobotGeometry, body_twist, track_speeds
 
@@ -40,7 +40,13 @@ _MIN_SHARE = 0.1  # rms commanded way of a window, in half gauges, below which t
 
 
 def require_plausible(
-    omega: Array, twist: Array, slip: Array, geometry: RobotGeometry, run: Sequence[str], yaw_stderr: Array
+    omega: Array,
+    twist: Array,
+    slip: Array,
+    geometry: RobotGeometry,
+    run: Sequence[str],
+    yaw_stderr: Array,
+    accept: Collection[str] = (),
 ) -> None:
     """Raise LogError for samples (n, 2) with implausible slip, or that turn in the wrong direction.
 
@@ -49,7 +55,7 @@ def require_plausible(
     """
     size = np.abs(omega)
     if (k := _first(size.max(axis=1) == 0)) is not None:
-        raise LogError(f"run {run[k]!r}: the sprockets stand still")
+        refuse("still", run=run[k])
     ideal = body_twist(omega, 0.0, geometry)
     fastest = geometry.sprocket_radius * size.max(axis=1)  # (n,) [m/s]
     suspicious = ~_as_commanded(ideal, twist, geometry.half_gauge, fastest)
@@ -58,28 +64,19 @@ def require_plausible(
     against = (slip > 1) & (slip < _TWICE) & swift & suspicious[:, None]
     if (k := _first(against.sum(axis=1) == 1)) is not None:
         track = int(np.argmax(against[k]))
-        says = geometry.sprocket_radius * omega[k, track]
-        raise LogError(
-            f"run {run[k]!r}: its {('left', 'right')[track]} track moves at {speed[k, track]:+.3g} m/s where its "
-            f"sprocket says {says:+.3g} m/s: does its encoder count backwards?"
-        )
+        says, side = geometry.sprocket_radius * omega[k, track], ("left", "right")[track]
+        refuse("encoder", accept, run[k], side=side, v=speed[k, track], says=says)
     of_faster = slip[np.arange(len(slip)), size.argmax(axis=1)]
     wild = (np.abs(of_faster) > _WILD) & suspicious
     opposite = (ideal[:, 1] * twist[:, 1] < 0) & (np.abs(twist[:, 1]) > 0.2 * np.abs(ideal[:, 1]))
     reversed_turn = opposite & wild & (np.abs(twist[:, 1]) < 2 * np.abs(ideal[:, 1]))
     if (k := _first(wild & ~reversed_turn.any())) is not None:
-        raise LogError(
-            f"run {run[k]!r}: slip {of_faster[k]:.3g} of the faster track is implausible (over {_WILD}): "
-            f"check the units (rad/s, m, rad, s), the gear and sprocket_radius = {geometry.sprocket_radius:g} m"
-            f"{unit_guess(ideal[k], twist[k])}"
-        )
+        radius, guess = geometry.sprocket_radius, unit_guess(ideal[k], twist[k])
+        refuse("slip", accept, run[k], guess, slip=of_faster[k], most=_WILD, radius=radius)
     relevant = geometry.half_gauge * np.abs(twist[:, 1] - ideal[:, 1]) > _ASIDE * fastest
     backwards = opposite & relevant & (np.abs(twist[:, 1]) > _SIGNIFICANT * yaw_stderr)
     if (k := _first(backwards)) is not None:
-        raise LogError(
-            f"run {run[k]!r}: it turns at {twist[k, 1]:+.3g} rad/s where its sprockets say {ideal[k, 1]:+.3g} rad/s: "
-            "are the tracks swapped, or phi not counter-clockwise?"
-        )
+        refuse("turn", accept, run[k], w=twist[k, 1], says=ideal[k, 1])
 
 
 def _as_commanded(ideal: Array, twist: Array, half_gauge: float, fastest: Array) -> np.ndarray:
@@ -114,7 +111,8 @@ def unit_guess(ideal: Array, twist: Array) -> str:
             or (what == "w" and near(v, 1.0) and near(w, factor * _SLIPPING))
         ):
             return f"; it looks like {name}"
-    return f"; it looks like a gear of about {slowed:.3g} between encoder and sprocket" if 0 < v < 1 / 2 else ""
+    gear = f"; it looks like a gear of about {slowed:.2g} between encoder and sprocket"
+    return gear if 0 < v < _KEPT_WAY[0] else ""  # beyond, wheels may spin on ice
 
 
 def require_units(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> None:
@@ -123,22 +121,16 @@ def require_units(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> N
     real, commanded = (np.concatenate(part) for part in zip(*parts, strict=True))
     if len(real) < _MIN_WINDOWS or np.sqrt(np.mean(commanded[:, 0] ** 2)) < _MIN_SHARE * geometry.half_gauge:
         return
-    way = _slope(real[:, 0], commanded[:, 0])
+    way = _ratio(real[:, 0], commanded[:, 0])
     known = np.isfinite(real[:, 1])
-    turn = _slope(real[known, 1], commanded[known, 1]) if known.any() else 1.0
+    turn = _ratio(real[known, 1], commanded[known, 1]) if known.any() else 1.0
     if way < _BACKWARDS:
-        raise LogError(
-            "the robot moves backwards where its sprockets drive forwards: are both encoders swapped and reversed, or "
-            "does phi point backwards?"
-        )
-    if _KEPT_WAY[0] <= way <= _KEPT_WAY[1] and turn <= _TURN_LIMIT:
+        refuse("backwards", drives[0].accept)
+    elif _KEPT_WAY[0] <= way <= _KEPT_WAY[1] and turn <= _TURN_LIMIT:
         return
     wrong = f"turn {turn:.3g} times as far" if _KEPT_WAY[0] <= way <= _KEPT_WAY[1] else f"move {way:.3g} times as far"
     guess = unit_guess(np.ones(2), np.array([way, turn]))
-    raise LogError(
-        f"the poses {wrong} as the sprockets drive: check the units (rad/s, m, rad, s), the gear and "
-        f"sprocket_radius = {geometry.sprocket_radius:g} m{guess}"
-    )
+    refuse("ways", drives[0].accept, guess=guess, wrong=wrong, radius=geometry.sprocket_radius)
 
 
 def least_squares_gains(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> tuple[float, float]:
@@ -149,10 +141,18 @@ def least_squares_gains(drives: Sequence[PreparedDrive], geometry: RobotGeometry
     return float(speed), float(turn)
 
 
-def _slope(real: Array, commanded: Array) -> float:
-    """Ratio of measured to commanded values (n,) in least squares; 1 if nothing is commanded."""
-    power = float(commanded @ commanded)
-    return float(real @ commanded) / power if power > 0 else 1.0
+def _ratio(real: Array, commanded: Array) -> float:
+    """Ratio of measured to commanded values (n,), 1 if nothing is commanded.
+
+    Of the one in least squares, which a jump of the poses spoils, and the median, the one that is nearer to 1.
+    """
+    weight = np.abs(commanded)
+    if not weight.any():
+        return 1.0
+    ratio = np.divide(real, commanded, out=np.zeros(len(real)), where=weight > 0)
+    order = np.argsort(ratio)
+    median = ratio[order][np.searchsorted(np.cumsum(weight[order]), weight.sum() / 2)]
+    return float(min(median, real @ commanded / (commanded @ commanded), key=lambda one: abs(one - 1)))
 
 
 def _ways(drive: PreparedDrive, geometry: RobotGeometry) -> tuple[Array, Array]:

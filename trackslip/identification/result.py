@@ -9,6 +9,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
 
+from trackslip.doubts import severity
 from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.identification.comparison import Comparison, DriveComparison, SteadyComparison
 from trackslip.identification.fitted import FittedLaw
@@ -45,9 +46,14 @@ class Identification:
     outliers: tuple[Refused, ...]
     """Runs that gave no sample or were left out of the fits."""
     warnings: tuple[str, ...]
-    """Doubts and remarks, one line each."""
+    """Alarms, doubts and remarks, one line each."""
     logs: tuple[RunLog, ...] = ()
     """The runs that the laws were identified from, if there were any."""
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """The warnings that say not to trust the laws as they are."""
+        return tuple(line for line in self.warnings if severity(line) == "alarm")
 
     @property
     def samples(self) -> SlipSamples:
@@ -176,7 +182,8 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
             name: {f"{horizon:g}": asdict(errors) for horizon, errors in by_horizon.items()}
             for name, by_horizon in drive.errors.items()
         }
-    return content | {"outliers": [asdict(outlier) for outlier in found.outliers], "warnings": list(found.warnings)}
+    outliers = [asdict(outlier) for outlier in found.outliers]
+    return content | {"outliers": outliers, "alarms": list(found.alarms), "warnings": list(found.warnings)}
 
 
 def _steady_law(name: str, found: SteadyComparison) -> dict[str, Any]:

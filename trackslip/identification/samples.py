@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -66,6 +66,7 @@ class SlipSamples:
         lateral: Array | None = None,
         lateral_stderr: Array | None = None,
         load: Array | None = None,
+        accept: Collection[str] = (),
     ) -> SlipSamples:
         """Samples from steady sprocket speeds and twists (n, 2); Eqs. 2-3.
 
@@ -73,13 +74,13 @@ class SlipSamples:
         unit load (n, 2) if known.
 
         The slip of a track whose sprocket stands, or nearly so, is undefined: NaN. Raises LogError if both stand or the
-        motion is implausible.
+        motion is implausible, unless a user should `accept` that.
         """
         size = np.abs(omega)
         standing = size < NEARLY_STANDING * size.max(axis=1, keepdims=True)
         slip = np.where(standing, np.nan, track_slip(omega, twist, geometry))
         yaw_stderr = np.zeros(len(twist)) if covariance is None else np.sqrt(np.maximum(covariance[:, 1, 1], 0.0))
-        require_plausible(omega, twist, slip, geometry, run, yaw_stderr)
+        require_plausible(omega, twist, slip, geometry, run, yaw_stderr, accept)
         return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr, load)
 
     @classmethod
@@ -164,14 +165,18 @@ def usable_samples(
                     usable.append(_sample(piece, geometry, method or best_method(piece.log)))
                     steady += piece.window[1] - piece.window[0] + lead + trail
                 except LogError as error:
-                    left_out.append(Refused(piece.name, Refused.of(log.run, error).reason))
+                    left_out.append(replace(Refused.of(log.run, error), run=piece.name))
         notes += parts[0].notes if len(usable) > before else ()
     moving = sum(_moving_time(log) for log in logs)
     return _sampling(usable, left_out, notes, min(1.0, steady / moving) if moving > 0 else 1.0)
 
 
 def usable_rows(
-    omega: Array, twist: Array, geometry: RobotGeometry, unread: Mapping[int, str] = MappingProxyType({})
+    omega: Array,
+    twist: Array,
+    geometry: RobotGeometry,
+    unread: Mapping[int, str] = MappingProxyType({}),
+    accept: Collection[str] = (),
 ) -> Sampling:
     """The usable samples of steady sprocket speeds and twists (n, 2), named row 1, row 2, ...; LogError if none is.
 
@@ -183,7 +188,7 @@ def usable_rows(
         try:
             if k in unread:
                 raise LogError(unread[k])
-            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name]))
+            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name], accept=accept))
         except LogError as error:
             left_out.append(Refused.of(name, error))
     return _sampling(usable, left_out)
@@ -233,6 +238,7 @@ def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSampl
         None if steady.lateral is None else np.array([steady.lateral]),
         None if steady.lateral_stderr is None else np.array([steady.lateral_stderr]),
         None if part.load is None else part.load[None],
+        part.log.accept,
     )
 
 

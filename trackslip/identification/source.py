@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, LogError, counted, require_within
+from trackslip.doubts import ACCEPTED
+from trackslip.errors import InvalidValueError, LogError, counted, require, require_within
 from trackslip.identification.samples import Sampling, usable_rows, usable_samples
 from trackslip.kinematics import GEARS, RobotGeometry
 from trackslip.logs.columns import Columns
@@ -41,8 +42,11 @@ class ReadOptions:
     """Name of a motion method; None for the most accurate that each run allows."""
     bag: BagChoice = AUTOMATIC
     """Topics to read from bags."""
+    accept: tuple[str, ...] = ()
+    """What to accept although it looks wrong: any of `trackslip.doubts.ACCEPTED`."""
 
     def __post_init__(self) -> None:
+        require(set(self.accept) <= set(ACCEPTED), "accept", self.accept, f"among {', '.join(ACCEPTED)}")
         require_within("gear", self.gear, *GEARS)
 
 
@@ -122,7 +126,8 @@ def source_of_runs(
     loads = _require_one_setting(runs, name)
     geometry = _geometry(reading, runs[0].metadata.get("geometry"), name)
     known = {"geometry": asdict(geometry)}
-    logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in runs]
+    gear, accept = reading.gear, reading.accept
+    logs = [replace(log, omega=log.omega / gear, accept=accept, metadata=log.metadata | known) for log in runs]
     left_out = left_out or ReadRuns()
     return Source(
         name,
@@ -152,12 +157,12 @@ def _read(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[
         if chosen is not None:
             raise LogError(f"{file}: holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
-        rows = _sampled(Columns(table, str(file)), reading.gear, geometry)
+        rows = _sampled(Columns(table, str(file)), reading, geometry)
         return Source(str(file), geometry, reading, rows=rows)
     if not set(columns) & set(REQUIRED[1:]):
         needed = f"{', '.join(REQUIRED)} and usually phi, or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
-    read = runs_from_table(table, str(file))
+    read = runs_from_table(table, str(file), reading.accept)
     runs: Sequence[RunLog] = read.runs
     if chosen is not None:
         names = chosen(file.parent)
@@ -181,7 +186,7 @@ def _of_bags(path: Path, reading: ReadOptions, chosen: Callable[[Path], Collecti
         raise _of(str(path), error) from error
 
 
-def _sampled(columns: Columns, gear: float, geometry: RobotGeometry) -> Sampling:
+def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) -> Sampling:
     """The samples in a table of steady samples."""
     columns.require(SAMPLE_COLUMNS)
     values = np.stack([columns.cells(name).values for name in SAMPLE_COLUMNS], axis=-1)
@@ -190,7 +195,7 @@ def _sampled(columns: Columns, gear: float, geometry: RobotGeometry) -> Sampling
     bad = np.argwhere(np.isnan(values))
     complaints = {int(row): columns.complaint(SAMPLE_COLUMNS[column], int(row)) for row, column in reversed(bad)}
     unread = {row: complaint.removeprefix(f"row {row + 1}, ") for row, complaint in complaints.items()}
-    return usable_rows(values[:, :2] / gear, values[:, 2:], geometry, unread)
+    return usable_rows(values[:, :2] / reading.gear, values[:, 2:], geometry, unread, reading.accept)
 
 
 def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]:

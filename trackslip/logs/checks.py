@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections.abc import Collection
 
 import numpy as np
 import scipy
 
-from trackslip.errors import LogError
+from trackslip.doubts import refuse
 from trackslip.kinematics import Array
 
 _RESTART = 1.0  # time by which a restarted clock goes back at least [s]
@@ -48,7 +49,7 @@ def in_order(time: Array) -> np.ndarray:
     return rows
 
 
-def require_headings(time: Array, pose: Array, run: str) -> None:
+def require_headings(time: Array, pose: Array, run: str, accept: Collection[str] = ()) -> None:
     """Raise LogError if the headings of measured poses (T, 3) only fit the path as degrees or clockwise.
 
     The chord between two poses has the heading of the pose half-way in time. Runs that turn in place have no such path
@@ -71,9 +72,6 @@ def require_headings(time: Array, pose: Array, run: str) -> None:
         return
     agrees = _AGREES if moved.sum() < _MANY_STEPS else _AGREE_MANY
     if agreement(np.radians(heading)) > agrees:
-        raise LogError(f"run {run!r}: column phi: headings fit the path in degrees, must be in radians")
+        refuse("headings", accept, run, ", but do in degrees: they must be in radians")
     if agreement(-heading) > agrees:
-        raise LogError(
-            f"run {run!r}: column phi: headings fit the path clockwise, must be counter-clockwise from x to y: "
-            "are they a compass's, or x and y swapped?"
-        )
+        refuse("headings", accept, run, ", but do clockwise: are they a compass's, or x and y swapped?")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from trackslip.doubts import Doubt, joined
 from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.scanlog import ScanLog
@@ -50,6 +51,8 @@ class RunLog:
     load: Array | None = None  # (T, 2) traction per unit load that the robot needs, along and to its left [-]
     truth: Truth | None = None
     scans: ScanLog | None = None  # T rows: the scans from which the poses were estimated
+    accept: tuple[str, ...] = ()
+    """Doubts about the run that the user wants to be ignored, of `trackslip.doubts.ACCEPTED`."""
     metadata: dict[str, Any] = field(default_factory=dict)
     """A JSON-compatible description of the run: geometry, ground, reference, controller, seed."""
 
@@ -109,20 +112,37 @@ class Refused:
     """Name of the run, or of its steady stretch."""
     reason: str
     """The reason for its exclusion."""
+    kind: str = "unusable"
+    """One of `trackslip.doubts.KINDS`."""
+    guess: str = ""
+    """A guess at the cause."""
 
     @classmethod
-    def of(cls, run: str, error: Exception) -> Refused:
+    def of(cls, run: str, error: LogError) -> Refused:
         """A run that raised an error, whose message may begin with the name of the run."""
+        doubt = error.doubt
+        if isinstance(doubt, Doubt):
+            return cls(run, doubt.reason, doubt.kind, doubt.guess)
         return cls(run, str(error).removeprefix(f"run {run!r}: "))
 
+    @property
+    def doubt(self) -> Doubt:
+        """The line about it."""
+        return Doubt.about(self.run, self.kind, self.reason, self.guess, left_out=True)
+
     def __str__(self) -> str:
-        return f"run {self.run!r} left out: {self.reason}"
+        return self.doubt
 
 
 def none_usable(refused: Sequence[Refused]) -> str:
-    """One line for a log all of whose runs are refused."""
-    every = f"none of the {len(refused)} runs can be used; " if len(refused) > 1 else ""
-    return f"{every}run {refused[0].run!r}: {refused[0].reason}"
+    """One line for a log all of whose runs are refused: the most frequent kind of doubt."""
+    if len(refused) == 1:
+        return f"run {refused[0].run!r}: {refused[0].reason}{refused[0].guess}"
+    kinds = [one.kind for one in refused]
+    most = max(kinds, key=kinds.count)
+    known = len({one.guess for one in refused if one.guess}) == 1
+    line = joined([one.doubt for one in refused if one.kind == most], len(refused), known)
+    return f"none of the {len(refused)} runs can be used; {line}"
 
 
 def stored_geometry(log: RunLog) -> RobotGeometry | None:

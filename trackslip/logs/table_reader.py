@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
+from trackslip.doubts import doubt
 from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
 from trackslip.logs.checks import in_order, require_headings, restarts
@@ -41,22 +42,23 @@ class ReadRuns:
         return (*self.notes, *map(str, self.refused))
 
 
-def runs_from_table(table: pa.Table, source: str) -> ReadRuns:
-    """The runs in a table; `source` names it in errors. Raises LogError if it holds no run that can be read.
+def runs_from_table(table: pa.Table, source: str, accept: Collection[str] = ()) -> ReadRuns:
+    """The runs in a table; `source` names it in errors, `accept` says what to accept although it looks wrong.
+    Raises LogError if it holds no run that can be read.
 
     A row without pose, or with one that cannot be read, counts as not valid. A row without encoder reading gets that
     of the next row that has one, a mean that covers it. Rows with a damaged reading or time are left out.
     """
-    return _Reader(table, source).read()
+    return _Reader(table, source, accept).read()
 
 
 class _Reader:
     """The columns of a table, and what was left out so far."""
 
-    def __init__(self, table: pa.Table, source: str) -> None:
+    def __init__(self, table: pa.Table, source: str, accept: Collection[str]) -> None:
         columns = Columns(table, source)
         columns.require(REQUIRED)
-        self._table, self._source, self._columns = table, source, columns
+        self._table, self._source, self._columns, self._accept = table, source, columns, accept
         self._label, self._names = _labels(table, source)
         self._metadata = stored_metadata(table, source)
         self._cells = {name: columns.cells(name) for name in ("t", *_ENCODER, *_POSE)}
@@ -96,10 +98,8 @@ class _Reader:
         if not starts.size:
             return [self._run(name, name, rows)]
         first = starts[0]
-        self._notes.append(
-            f"run {name!r}: row {rows[first] + 1}, column t: goes back from {time[first - 1]:.12g} s "
-            f"to {time[first]:.12g} s: read as {starts.size + 1} runs"
-        )
+        back = f"goes back from {time[first - 1]:.12g} s to {time[first]:.12g} s: read as {starts.size + 1} runs"
+        self._notes.append(doubt("rows", name, note=f"row {rows[first] + 1}, column t: {back}"))
         runs = []
         for number, part in enumerate(np.split(rows, starts), start=1):
             called = f"{name}, part {number}"
@@ -116,7 +116,7 @@ class _Reader:
         pose, valid = self._poses(called, rows)
         time = self._cells["t"].values[rows]
         headed = valid & np.isfinite(pose[:, 2])
-        require_headings(time[headed], pose[headed], called)
+        require_headings(time[headed], pose[headed], called, self._accept)
         pose[headed, 2] = np.unwrap(pose[headed, 2])
         metadata = self._metadata.get(name, {})
         return RunLog(
@@ -148,7 +148,7 @@ class _Reader:
         """Note that rows or poses are left out; raises LogError if these are most of them."""
         if count > _MOST * total:
             raise LogError(f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason)
-        self._notes.append(f"run {name!r}: {count} {what}{'s' if count > 1 else ''} left out: {reason}")
+        self._notes.append(doubt("rows", name, note=f"{count} {what}{'s' if count > 1 else ''} left out: {reason}"))
 
     def _joined(self, rows: np.ndarray) -> np.ndarray:
         """The rows without those that only add an encoder reading or a pose to the row before, of the same time."""
@@ -191,9 +191,10 @@ class _Reader:
             row = rows[np.argmax(nan)]
             column = next(column for column in _ENCODER if self._cells[column].nan[row])
             reason = self._columns.complaint(column, int(row))
-            self._notes.append(f"run {name!r}: {_rows(nan.sum())} without encoder reading: {reason}")
+            self._notes.append(doubt("rows", name, note=f"{_rows(nan.sum())} without encoder reading: {reason}"))
         if count < len(rows):
-            self._notes.append(f"run {name!r}: {_rows(len(rows) - count)} after its last encoder reading left out")
+            after = f"{_rows(len(rows) - count)} after its last encoder reading left out"
+            self._notes.append(doubt("rows", name, note=after))
         return omega[read[np.searchsorted(read, np.arange(count))]], rows[:count]
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:

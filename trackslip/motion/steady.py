@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from trackslip.doubts import Doubt, doubt, refuse
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
@@ -34,7 +35,7 @@ _CHANGE = 0.05  # relevant relative change of the twist
 _TURNING = 0.2  # curvature [1/m] of nearly straight paths, and radius [m] of turns nearly in place
 _EVEN = 1e-3  # relative difference of time steps that count as equal
 _MIN_COMPARED = 8  # poses needed to find jumps
-_LISTED = 3  # jumps of a run that are described one by one
+_LISTED = 3  # gaps and jumps that are described where no stretch is long enough
 _LOAD_CHANGE = 0.1  # change of the traction per unit load within a piece [-]
 _SHORTEST_PIECE = 1.5  # duration of a piece [s]
 
@@ -49,7 +50,7 @@ class SteadyPart:
     """The run from the stretch before to the one after; poses that jump away and back are marked as not valid."""
     window: tuple[float, float]
     """Start and end [s]."""
-    notes: tuple[str, ...]
+    notes: tuple[Doubt, ...]
     """Parts excluded from the run besides settling, one line each; the same for all its stretches."""
 
     @cached_property
@@ -92,7 +93,7 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
     _require_lengths(log, geometry)
     step = np.diff(log.time)
     gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
-    notes = [f"its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s" for k in gaps]
+    notes = [doubt("gap", log.run, begin=log.time[k], end=log.time[k + 1]) for k in gaps]
     lead = max(settle, MARGIN)
     enough = max(_SHORTEST, _time_of_poses(log, MIN_ARC_POSES))
     least = lead + MARGIN + enough
@@ -103,23 +104,24 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
     if not long:
         longest = max(pieces, key=lambda piece: log.time[piece[1]] - log.time[piece[0]], default=longest)
         begin, end = log.time[list(longest)]
-        notes.append(f"steady from {begin:.12g} s to {end:.12g} s only, too short")
+        why = [note.reason for note in notes[:_LISTED]] + [
+            f"steady from {begin:.12g} s to {end:.12g} s only, too short"
+        ]
         left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out, and an arc needs {enough:.2g} s"
-        raise LogError(f"run {log.run!r}: {'; '.join(notes)}: {left_out}")
+        refuse("brief", run=log.run, why=f"{'; '.join(why)}: {left_out}")
     moving = [piece for piece in long if _turns(log.omega, *piece)]
     if not moving:
-        raise LogError(f"run {log.run!r}: the sprockets stand still")
+        refuse("still", run=log.run)
     windows = [(float(log.time[first]) + lead, float(log.time[last]) - MARGIN) for first, last in moving]
     first, last = moving[0]
     if len(long) == 1 and log.time[last] - log.time[first] < 0.8 * (log.time[-1] - log.time[0]):
-        notes.append(f"steady, and used, from {windows[0][0]:.12g} s to {windows[0][1]:.12g} s only")
-    said = tuple(f"run {log.run!r}: {note}" for note in notes)
+        notes.append(doubt("part", log.run, begin=windows[0][0], end=windows[0][1]))
     parts = []
     for k, window in enumerate(windows):
         before = moving[k - 1][1] + 1 if k else 0
         after = moving[k + 1][0] if k + 1 < len(moving) else len(log.time)
         name = log.run if len(moving) == 1 else f"{log.run} @ {window[0]:.1f} s"
-        parts.append(SteadyPart(name, log.between(before, after), window, said))
+        parts.append(SteadyPart(name, log.between(before, after), window, tuple(notes)))
     return tuple(parts)
 
 
@@ -140,12 +142,7 @@ def require_steady_motion(part: SteadyPart) -> None:
     v, w = np.abs(np.stack([first.twist, second.twist])).max(axis=0)
     size = np.array([v + _TURNING * w, w + _TURNING * v])
     if (significant & (np.abs(change) > _CHANGE * size)).any():
-        v, w = change
-        raise LogError(
-            f"run {part.log.run!r}: its sprockets are steady from {begin:.12g} s to {end:.12g} s, "
-            f"but its motion is not: v changes by {v:+.3g} m/s and w by {w:+.3g} rad/s "
-            "from the first half to the second"
-        )
+        refuse("unsteady", part.log.accept, part.log.run, begin=begin, end=end, v=change[0], w=change[1])
 
 
 def _time_of_poses(log: RunLog, count: int) -> float:
@@ -185,12 +182,12 @@ def _turns(omega: Array, first: int, last: int) -> bool:
 
 def _without_jumps(
     log: RunLog, stretches: Sequence[tuple[int, int]]
-) -> tuple[RunLog, list[tuple[int, int]], list[str]]:
+) -> tuple[RunLog, list[tuple[int, int]], list[Doubt]]:
     """The run with glitches marked as not valid, the stretches cut where poses jump for good, and notes."""
     headed = np.flatnonzero(log.has_heading)
     valid = log.is_valid.copy()
     pieces: list[tuple[int, int]] = []
-    notes: list[str] = []
+    notes: list[Doubt] = []
     for first, last in stretches:
         rows = headed[np.searchsorted(headed, first) : np.searchsorted(headed, last + 1)]
         starts: list[int] = []
@@ -198,11 +195,9 @@ def _without_jumps(
             jumps = find_jumps(log.time[rows], log.pose[rows])
             valid[rows[jumps.glitch]] = False
             starts = [int(rows[k]) for k in jumps.lasting]
-            notes += _described(log.time[rows], jumps)
+            notes += _described(log.run, log.time[rows], jumps)
         edges = [first, *starts, last + 1]
         pieces += [(begin, end - 1) for begin, end in itertools.pairwise(edges)]
-    if len(notes) > _LISTED:
-        notes = [*notes[:_LISTED], f"its poses jump {len(notes) - _LISTED} more times"]
     if valid.sum() < log.is_valid.sum():
         log = replace(log, valid=valid, pose=log.pose.copy())
         kept = log.has_heading
@@ -210,14 +205,15 @@ def _without_jumps(
     return log, pieces, notes
 
 
-def _described(time: Array, jumps: Jumps) -> list[str]:
+def _described(run: str, time: Array, jumps: Jumps) -> list[Doubt]:
     """A line for each jump; successive glitches count as one."""
     notes = []
     begins = jumps.glitch & ~np.concatenate([[False], jumps.glitch[:-1]])
     for k in sorted([*np.flatnonzero(begins), *jumps.lasting]):
         way, turn = float(np.hypot(*jumps.size[k, :2])), float(np.degrees(np.abs(jumps.size[k, 2])))
-        size = f"pose jumps by {way:.3g} m" + (f" and {turn:.2g}°" if turn > 1 else "")
-        notes.append(f"its {size} at t = {time[k]:.12g} s" + (" and stays there" if k in jumps.lasting else ""))
+        size = f"{way:.3g} m" + (f" and {turn:.2g}°" if turn > 1 else "")
+        stays = " and stays there" if k in jumps.lasting else ""
+        notes.append(doubt("jump", run, size=size, time=time[k], stays=stays))
     return notes
 
 

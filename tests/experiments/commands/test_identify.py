@@ -78,13 +78,13 @@ def test_turns_either_way_forwards_backwards_and_in_place(trackslip, tmp_path):
 @pytest.mark.parametrize(
     ("factors", "guess"),
     [
-        ({"omega_l": 30.0, "omega_r": 30.0}, "it looks like a gear of about 29.6"),
+        ({"omega_l": 30.0, "omega_r": 30.0}, "it looks like a gear of about 30"),
         ({"phi": 180 / np.pi}, "degrees"),
-        ({"phi": -1.0}, "headings fit the path clockwise"),
+        ({"phi": -1.0}, "do clockwise: are they a compass's"),
         ({"omega_l": -1.0}, "does its encoder count backwards?"),
         ({"t": 1e3}, "times in ms"),
         ({"t": 1e9}, "times in ns"),
-        ({"phi": -1.0, "y": -1.0}, "tracks swapped, or phi not counter-clockwise"),
+        ({"phi": -1.0, "y": -1.0}, "are the tracks swapped, does phi run clockwise"),
     ],
 )
 def test_wrong_units_are_guessed(refused, tmp_path, factors, guess):
@@ -121,7 +121,7 @@ def test_what_is_odd_is_listed_and_the_rest_is_used(tmp_path):
     warnings = " ".join(found.warnings)
     assert "run 'run 0': its clock has a gap from t = 4.9 s to 35 s" in warnings
     assert "run 'run 2': its pose jumps by" in warnings
-    assert "run 'run 3' left out: column phi: headings fit the path in degrees" in warnings
+    assert "run 'run 3' left out: column phi: headings don't fit the path" in warnings
     assert {outlier.run for outlier in found.outliers} == {"run 3", "ice"}
     assert [name for name in found.samples.run if name.startswith("run 0")] == ["run 0 @ 1.5 s", "run 0 @ 36.5 s"]
     assert offset_of(found) == pytest.approx(0.09, abs=0.003)
@@ -189,3 +189,25 @@ def test_a_clock_offset_is_not_held_at_a_wrong_kink(trackslip):
     assert fit.converged
     assert abs(fit.extras["clock_offset"]) < 0.06  # one of 0.1 s, at a kink, was held with an error of 7 ms
     assert found.clock.rise.min() > -1.0
+
+
+@pytest.mark.usefixtures("few_laws")
+def test_alarms_come_first_and_a_user_insists(trackslip, refused, tmp_path):
+    drives = [wandered(name="a", duration=20.0), wandered(name="b", duration=20.0, seed=1).between(0, 12)]
+    for log in drives:
+        written_drive(log, tmp_path / f"{log.run}.csv")
+    first, second = ((tmp_path / f"{name}.csv").read_text().splitlines() for name in "ab")
+    (tmp_path / "log.csv").write_text("\n".join([*first, *second[1:]]))
+    log = str(tmp_path / "log.csv")
+    result = trackslip("identify", log, *OF_DRIVES, "--method", "drive")
+    alarm = "1 of 2 runs left out (50 %), so the laws hold for the rest alone: see the warnings"
+    assert result.printed.startswith(f"ALARM: {alarm}\n")
+    assert result.summary["alarms"][0] == result.summary["warnings"][0] == alarm
+    assert result.printed.count(alarm) == 1
+    page = (result.folder / "report.html").read_text(encoding="utf-8")
+    assert page.index(alarm) < page.index("The slip of a track is")
+    assert [one["kind"] for one in result.summary["outliers"]] == ["short"]
+    insisted = trackslip("identify", log, *OF_DRIVES, "--method", "drive", "--accept", "short", "units")
+    assert insisted.summary["drive"]["drives"] == ["a", "b"]
+    assert not any("left out" in line for line in insisted.summary["alarms"])
+    assert "accept" in refused("identify", log, *OF_DRIVES, "--accept", "short", "short")

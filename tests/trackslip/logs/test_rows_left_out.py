@@ -164,7 +164,7 @@ def test_a_run_in_degrees_is_refused_and_the_others_read(tmp_path):
     ]
     found = read(tmp_path, rows)
     assert [run.run for run in found.runs] == ["radians"]
-    assert "run 'degrees' left out: column phi: headings fit the path in degrees" in str(found.refused[0])
+    assert "run 'degrees' left out: column phi: headings don't fit the path, but do in degrees" in str(found.refused[0])
 
 
 def test_what_is_left_out_warns_whoever_loads_it(tmp_path):
