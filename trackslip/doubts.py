@@ -48,6 +48,7 @@ KINDS = {
     ),
     "slip": Kind("slip {slip:.3g} of the faster track is implausible (over {most}): " + _UNITS, "units"),
     "ways": Kind("the poses {wrong} as the sprockets drive: " + _UNITS, "units"),
+    "hopeless": Kind("the drives hardly determine the law: {why}", "units"),
     "encoder": Kind(
         "its {side} track moves at {v:+.3g} m/s where its sprocket says {says:+.3g} m/s: does its encoder count "
         "backwards?",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trackslip.doubts import refuse
 from trackslip.errors import LogError
 from trackslip.identification.determined import undetermined_by_drives
 from trackslip.identification.drive_equations import solve
@@ -235,7 +236,7 @@ def _fitted(
             described = _described(found, held)
             rough = all(described.stderr[name] > scale for name, scale in _changes(model) if name in described.stderr)
             if model.family.names and rough and (why := unlike_sprockets(found.noise, hopeless=True)):
-                raise LogError(f"the drives hardly determine the law: {why}")
+                refuse("hopeless", nodes.drives[0].accept, why=why)
             return described
         name, reason = vague
         held[name] = f"not determined: {reason}"
