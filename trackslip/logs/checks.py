@@ -1,4 +1,4 @@
-"""Checks of the rows of a run: clocks that restart, stamps that go back, headings in degrees or clockwise."""
+"""Checks of the rows of a run: clocks that restart, stamps that go back, headings and yaw rates in other units."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ _MIN_STEPS = 5  # minimum number of directions
 _MANY_STEPS = 30  # number of directions that make chance agreement unlikely
 _AGREES, _DISAGREES = 0.9, 0.5  # mean resultant length of the residuals of right and of wrong headings
 _AGREE_MANY = 0.6  # the same of right headings, out of many noisy ones
+_TURN_TIME = 2.0  # over which a gyro's turns are compared: poses may be stamped half a second late [s]
+_MIN_TURN = 0.1  # root mean square of turns that show a gyro's axis and unit [rad]
+_SAME_UNIT = (0.5, 2.0)  # ratio of turns in the same unit [-]
 
 
 def restarts(time: Array) -> np.ndarray:
@@ -75,3 +78,39 @@ def require_headings(time: Array, pose: Array, run: str, accept: Collection[str]
         refuse("headings", accept, run, ", but do in degrees: they must be in radians")
     if agreement(-heading) > agrees:
         refuse("headings", accept, run, ", but do clockwise: are they a compass's, or x and y swapped?")
+
+
+def compared_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Array]:
+    """Correlations (...) of turns with the headings' (T,) [rad], NaN where not measured, and factors (...) to these.
+
+    `turned` (..., T) are the turns since any time [rad]. NaN if there are hardly any.
+    """
+    known = np.flatnonzero(np.isfinite(heading))
+    nothing = np.full(turned.shape[:-1], np.nan)
+    if not known.size:
+        return nothing, nothing
+    ends = known[np.unique(np.searchsorted(time[known], np.arange(time[known[0]], time[known[-1]], _TURN_TIME)))]
+    turn, by = np.diff(np.unwrap(heading[known])[np.searchsorted(known, ends)]), np.diff(turned[..., ends])
+    shared, power, own = (by * turn).sum(axis=-1), (turn**2).sum(), (by**2).sum(axis=-1)
+    if len(turn) < _MIN_STEPS or power < len(turn) * _MIN_TURN**2:
+        return nothing, nothing
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return shared / np.sqrt(power * own), shared / own
+
+
+def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[Array | None, str]:
+    """Yaw rates (T,), None if they don't follow the headings (T,) at all, and a line on that; both may hold NaN.
+
+    Raises LogError for rates in another unit, or clockwise.
+    """
+    turned = np.append(0.0, np.cumsum(np.nan_to_num(rate[1:]) * np.diff(time)))
+    agreement, factor = (float(one) for one in compared_turns(time, turned, heading))
+    if np.isnan(agreement) or (agreement >= _DISAGREES and _SAME_UNIT[0] < factor < _SAME_UNIT[1]):
+        return rate, ""
+    if agreement >= _DISAGREES:
+        degrees = _SAME_UNIT[0] < np.degrees(factor) < _SAME_UNIT[1]
+        wrong = "fit the headings in degrees per second" if degrees else f"are {1 / factor:.3g} times the headings'"
+        raise LogError(f"run {run!r}: column gyro: turns {wrong}, must be in rad/s")
+    if agreement <= -_DISAGREES:
+        raise LogError(f"run {run!r}: column gyro: turns fit the headings clockwise, must be counter-clockwise")
+    return None, f"run {run!r}: column gyro left out: its turns don't follow the headings (correlation {agreement:.2f})"

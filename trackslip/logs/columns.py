@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
+from trackslip.logs.runlog import MAX_YAW_RATE
 from trackslip.logs.schema import COLUMNS
 
 _HUGE = 1e21  # no measurement in SI units is larger, nor a time in ns
@@ -71,8 +72,8 @@ class Columns:
         """A complaint about a cell."""
         value = self._table.column(name)[row].as_py()
         shown = repr(value) if len(repr(value)) <= 40 else repr(value)[:40] + "…"
-        expected = "true or false" if name == "valid" else "a finite number"
-        return f"row {row + 1}, column {name}: {shown} is not {expected}"
+        expected = {"valid": "true or false", "gyro": f"a yaw rate of at most {MAX_YAW_RATE:g} rad/s"}.get(name)
+        return f"row {row + 1}, column {name}: {shown} is not {expected or 'a finite number'}"
 
     def boolean(self, name: str, label: np.ndarray) -> Cells | None:
         """1 or 0, NaN where the cell is empty; None if the column is missing.

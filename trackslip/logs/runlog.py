@@ -16,7 +16,9 @@ from trackslip.logs.scanlog import ScanLog
 
 MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError, OverflowError)
 """Errors from metadata of runs that are not as trackslip writes them."""
-_BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid", "load")
+_BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid", "load", "gyro")
+MAX_YAW_RATE = 100.0
+"""Yaw rate above which a gyro's reading is none [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ class RunLog:
     covariance: Array | None = None  # (T, 3, 3) of the pose
     valid: np.ndarray | None = None  # (T,) bool: whether the pose was measured; None if every pose was
     load: Array | None = None  # (T, 2) traction per unit load that the robot needs, along and to its left [-]
+    gyro: Array | None = None  # (T,) yaw rate by a gyroscope, mean since the previous row; NaN if not measured [rad/s]
     truth: Truth | None = None
     scans: ScanLog | None = None  # T rows: the scans from which the poses were estimated
     accept: tuple[str, ...] = ()
@@ -73,6 +76,11 @@ class RunLog:
         if bad.any():
             k, j = np.argwhere(bad)[0]
             raise LogError(f"run {self.run!r}: {names[j]} is not finite in row {k + 1}")
+        if self.gyro is not None and (wild := np.abs(self.gyro) > MAX_YAW_RATE).any():
+            k = int(np.argmax(wild))
+            raise LogError(
+                f"run {self.run!r}: gyro = {self.gyro[k]:g} rad/s in row {k + 1}, at most {MAX_YAW_RATE:g} is allowed"
+            )
 
     @property
     def is_valid(self) -> np.ndarray:
@@ -98,7 +106,7 @@ class RunLog:
         return replace(self, **changed)
 
     def __repr__(self) -> str:
-        optional = ("command", "twist_command", "icr", "covariance", "valid", "load", "truth", "scans")
+        optional = ("command", "twist_command", "icr", "covariance", "valid", "load", "gyro", "truth", "scans")
         held = [name for name in optional if getattr(self, name) is not None]
         size = f"{len(self.time)} rows, {self.time[-1] - self.time[0]:.4g} s"
         return f"<RunLog {self.run!r}: {', '.join([size, *held])}>"

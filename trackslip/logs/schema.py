@@ -42,6 +42,7 @@ _ALL = (
     Column("x", "m", "estimated position in the field"),
     Column("y", "m", "estimated position in the field"),
     Column("phi", "rad", "estimated heading, counter-clockwise from x, unwrapped"),
+    Column("gyro", "rad/s", "yaw rate measured by a gyroscope, counter-clockwise, mean since the previous row"),
     Column("valid", NO_UNIT, "whether the pose was measured in this scan"),
     Column("load_along", PURE, "traction along the robot that slope and pull take, over the load on its tracks"),
     Column("load_left", PURE, "the same to its left, as where uphill is to the left"),

@@ -31,6 +31,7 @@ BLOCKS: dict[str, tuple[str, ...]] = {  # columns of fields of a RunLog
     "twist_command": ("v_cmd", "w_cmd"),
     "icr": ("icr_offset", "icr_radius_error"),
     "load": ("load_along", "load_left"),
+    "gyro": ("gyro",),
     "omega": ("omega_l", "omega_r"),
     "pose": ("x", "y", "phi"),
 }

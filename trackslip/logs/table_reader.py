@@ -12,14 +12,15 @@ import pyarrow as pa
 from trackslip.doubts import doubt
 from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
-from trackslip.logs.checks import in_order, require_headings, restarts
+from trackslip.logs.checks import in_order, plausible_gyro, require_headings, restarts
 from trackslip.logs.columns import Columns
-from trackslip.logs.runlog import Refused, RunLog, Truth, none_usable
+from trackslip.logs.runlog import MAX_YAW_RATE, Refused, RunLog, Truth, none_usable
 from trackslip.logs.scan_columns import SCANNED, from_list_column, scans_from_table
 from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, SHEAR, TRUTH, UPPER, stored_metadata
 
 _OPTIONAL = ("command", "twist_command", "icr", "load")
-_ENCODER, _POSE = BLOCKS["omega"], BLOCKS["pose"]
+_ENCODER, _POSE, _GYRO = BLOCKS["omega"], BLOCKS["pose"], BLOCKS["gyro"]
+_GYRO_GAP = 1.0  # without readings that the next one covers [s]
 _LONGEST = 500  # name of a run [characters]
 _MOST = 0.5  # share of damaged rows above which a run cannot be read
 
@@ -61,7 +62,7 @@ class _Reader:
         self._table, self._source, self._columns, self._accept = table, source, columns, accept
         self._label, self._names = _labels(table, source)
         self._metadata = stored_metadata(table, source)
-        self._cells = {name: columns.cells(name) for name in ("t", *_ENCODER, *_POSE)}
+        self._cells = {name: columns.cells(name) for name in ("t", *_ENCODER, *_POSE, *_GYRO)}
         self._valid = columns.boolean("valid", self._label)
         self._blocks = {field: columns.optional(BLOCKS[field]) for field in _OPTIONAL}
         upper = columns.optional(COVARIANCE)
@@ -126,6 +127,7 @@ class _Reader:
             pose=pose,
             **_present(self._blocks, rows),
             valid=None if self._valid is None and valid.all() else valid,
+            gyro=self._gyro(called, rows, np.where(valid, pose[:, 2], np.nan)),
             truth=_truth(
                 _present(self._truth, rows),
                 from_list_column(self._table, CONTACT, rows),
@@ -151,12 +153,12 @@ class _Reader:
         self._notes.append(doubt("rows", name, note=f"{count} {what}{'s' if count > 1 else ''} left out: {reason}"))
 
     def _joined(self, rows: np.ndarray) -> np.ndarray:
-        """The rows without those that only add an encoder reading or a pose to the row before, of the same time."""
+        """The rows without those that only add readings or a pose to the row before, of the same time."""
         same = np.flatnonzero(np.diff(self._cells["t"].values[rows]) == 0)
         first, second = rows[same], rows[same + 1]
         filled = {
             block: np.all([np.isfinite(self._cells[column].values) for column in block[:2]], axis=0)
-            for block in (_ENCODER, _POSE)
+            for block in (_ENCODER, _POSE, _GYRO)
         }
         adds = ~np.any([there[first] & there[second] for there in filled.values()], axis=0)
         for block, there in filled.items():
@@ -210,6 +212,25 @@ class _Reader:
             claimed["valid"] = self._valid.damaged
         bad = self._left_out(name, rows, claimed, "pose")
         return pose, np.isfinite(pose[:, :2]).all(axis=1) & (stated[rows] == 1) & ~bad
+
+    def _gyro(self, name: str, rows: np.ndarray, heading: Array) -> Array | None:
+        """Yaw rates (n,), NaN where not measured, None if nowhere; empty cells take the next reading, as encoders do.
+
+        `heading` (n,) [rad] is NaN where not measured. Raises LogError if it shows that the gyro has another unit.
+        """
+        cells, time = self._cells["gyro"], self._cells["t"].values[rows]
+        wild = {"gyro": cells.damaged | (np.abs(cells.values) > MAX_YAW_RATE)}
+        rate = np.where(self._left_out(name, rows, wild, "gyro reading"), np.nan, cells.values[rows])
+        read = np.flatnonzero(np.isfinite(rate))
+        if not read.size:
+            return None
+        after = read[np.minimum(np.searchsorted(read, np.arange(len(rows))), len(read) - 1)]
+        ahead = time[after] - time
+        empty = ~(np.isfinite(cells.values) | cells.nan | cells.damaged)[rows]
+        rate = np.where(empty & (ahead >= 0) & (ahead <= _GYRO_GAP), rate[after], rate)
+        plausible, doubt = plausible_gyro(time, rate, heading, name)
+        self._notes += [doubt] if doubt else []
+        return plausible
 
 
 def _labels(table: pa.Table, source: str) -> tuple[np.ndarray, list[str]]:

@@ -44,6 +44,7 @@ def full(scan_rectangle):
         covariance=np.tile(np.eye(3), (ROWS, 1, 1)),
         valid=np.ones(ROWS, bool),
         load=two,
+        gyro=two[:, 0],
         truth=Truth(pose, three, two, two, two, two, three[:, 0], np.ones((ROWS, 20, 3)), np.ones((ROWS, 20))),
         scans=scans,
         metadata={"seed": 1},

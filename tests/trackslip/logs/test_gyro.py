@@ -1,0 +1,101 @@
+"""The column gyro: written and read back, in the right unit, and left out where it measures something else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trackslip.errors import LogError
+from trackslip.logs.logfile import read_log, write_csv, write_parquet
+from trackslip.logs.runlog import RunLog
+
+TIME = 0.05 * np.arange(800)
+RATE = 0.6 * np.sin(0.5 * TIME)
+HEADING = np.append(0.0, np.cumsum(RATE[1:] * np.diff(TIME)))
+
+
+@pytest.fixture
+def log():
+    """A robot that turns to and fro on the spot, by a gyro with a little noise and bias."""
+    noise = np.random.default_rng(0).normal(0.01, 0.01, len(TIME))
+    pose = np.column_stack([np.zeros((len(TIME), 2)), HEADING])
+    return RunLog("a", TIME, 5 * RATE[:, None] * [-1, 1], pose, gyro=RATE + noise)
+
+
+def cells(log, gyro, path):
+    """A CSV file of the log with these texts in the column gyro."""
+    lines = ["run,t,omega_l,omega_r,x,y,phi,gyro"]
+    for t, omega, pose, cell in zip(log.time, log.omega, log.pose, gyro, strict=True):
+        lines.append(",".join(map(str, ("a", t, *omega, *pose, cell))))
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize(("write", "name"), [(write_csv, "a.csv"), (write_parquet, "a.parquet")])
+def test_it_is_written_and_read_back(log, tmp_path, write, name):
+    gyro = np.where(np.arange(len(TIME)) % 7 == 3, np.nan, log.gyro)
+    write([replace(log, gyro=gyro), replace(log, run="b", gyro=None)], tmp_path / name)
+    read = read_log(tmp_path / name)
+    first, second = read.runs
+    np.testing.assert_array_equal(first.gyro, gyro)
+    assert second.gyro is None
+    assert not read.warnings
+    assert "gyro" in repr(first)
+    np.testing.assert_array_equal(first.between(5, 20).gyro, gyro[5:20])
+
+
+def test_an_empty_cell_takes_the_next_reading_of_the_same_second(log, tmp_path):
+    texts = ["" if k % 2 or 100 <= k < 150 else repr(value) for k, value in enumerate(log.gyro.tolist())]
+    (read,) = read_log(cells(log, texts, tmp_path / "a.csv")).runs
+    np.testing.assert_array_equal(read.gyro[1:99:2], log.gyro[2:100:2])
+    assert np.isnan(read.gyro[99:130]).all()
+    assert np.isfinite(read.gyro[130:-1]).all()
+
+
+def test_wild_readings_are_left_out_in_one_line(log, tmp_path):
+    texts = [*map(repr, log.gyro.tolist())]
+    texts[3], texts[4], texts[5] = "1e6", "inf", "fast"
+    read = read_log(cells(log, texts, tmp_path / "a.csv"))
+    assert np.isnan(read.runs[0].gyro[3:6]).all()
+    (line,) = read.warnings
+    assert line == (
+        "run 'a': 3 gyro readings left out: row 4, column gyro: '1e6' is not a yaw rate of at most 100 rad/s"
+    )
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (180 / np.pi, "fit the headings in degrees per second"),
+        (-1.0, "fit the headings clockwise"),
+        (1e-3, "are 0.001 times the headings'"),
+    ],
+)
+def test_other_units_are_refused(log, tmp_path, factor, words):
+    write_parquet([replace(log, gyro=factor * log.gyro)], tmp_path / "a.parquet")
+    with pytest.raises(LogError, match=f"run 'a': column gyro: turns {words}, must be"):
+        read_log(tmp_path / "a.parquet")
+
+
+def test_another_axis_is_left_out(log, tmp_path):
+    other = np.random.default_rng(1).normal(0, 0.2, len(TIME))
+    write_parquet([replace(log, gyro=other)], tmp_path / "a.parquet")
+    read = read_log(tmp_path / "a.parquet")
+    assert read.runs[0].gyro is None
+    assert "column gyro left out: its turns don't follow the headings" in read.warnings[0]
+
+
+def test_headings_that_come_late_or_not_at_all_leave_no_doubt(log, tmp_path):
+    late = np.interp(TIME - 0.5, TIME, HEADING)
+    for heading in (late, np.full(len(TIME), np.nan)):
+        write_parquet([replace(log, pose=np.column_stack([log.pose[:, :2], heading]))], tmp_path / "a.parquet")
+        read = read_log(tmp_path / "a.parquet")
+        np.testing.assert_array_equal(read.runs[0].gyro, log.gyro)
+        assert not read.warnings
+
+
+def test_a_run_in_memory_has_no_wild_rates(log):
+    with pytest.raises(LogError, match=r"run 'a': gyro = -120 rad/s in row 8, at most 100 is allowed"):
+        replace(log, gyro=np.where(np.arange(len(TIME)) == 7, -120.0, log.gyro))
