@@ -21,6 +21,7 @@ _AGREES, _DISAGREES = 0.9, 0.5  # mean resultant length of the residuals of righ
 _AGREE_MANY = 0.6  # the same of right headings, out of many noisy ones
 _TURN_TIME = 2.0  # over which a gyro's turns are compared: poses may be stamped half a second late [s]
 _MIN_TURN = 0.1  # root mean square of turns that show a gyro's axis and unit [rad]
+_CLEARLY = 0.8  # correlation of turns that leaves no doubt
 _SAME_UNIT = (0.5, 2.0)  # ratio of turns in the same unit [-]
 
 
@@ -101,6 +102,7 @@ def compared_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, A
 def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[Array | None, str]:
     """Yaw rates (T,), None if they don't follow the headings (T,) at all, and a line on that; both may hold NaN.
 
+    Logs whose maker took the gyro's rate for an angle hold its derivative; its sums are the rate but for a constant.
     Raises LogError for rates in another unit, or clockwise.
     """
     turned = np.append(0.0, np.cumsum(np.nan_to_num(rate[1:]) * np.diff(time)))
@@ -113,4 +115,10 @@ def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[
         raise LogError(f"run {run!r}: column gyro: turns {wrong}, must be in rad/s")
     if agreement <= -_DISAGREES:
         raise LogError(f"run {run!r}: column gyro: turns fit the headings clockwise, must be counter-clockwise")
+    first, last = np.flatnonzero(np.isfinite(heading))[[0, -1]]
+    twice = np.append(0.0, np.cumsum(turned[1:] * np.diff(time)))
+    offset = np.diff((heading - twice)[[first, last]]) / np.diff(time[[first, last]])
+    if compared_turns(time, twice + offset * time, heading)[0] >= _CLEARLY:
+        line = "is the change of the yaw rate, in rad/s²: its sums over time, which follow the headings, are taken"
+        return np.where(np.isfinite(rate), turned + offset, np.nan), f"run {run!r}: column gyro {line}"
     return None, f"run {run!r}: column gyro left out: its turns don't follow the headings (correlation {agreement:.2f})"
