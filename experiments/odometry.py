@@ -25,6 +25,7 @@ from trackslip.odometry.evaluation import OdometryErrors, PoseErrors, odometry_e
 from trackslip.odometry.identified import LawInUse, identified_law, no_slip
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.tum import write_tum
+from trackslip.odometry.uncertainty import Gyro
 from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES, RETIRED
 from trackslip.slip.law_file import NO_SLIP
@@ -71,7 +72,8 @@ def evaluated(
     """Errors of laws, by their labels, on the same logs; `step(1.0)` is called after each law.
 
     Unless given, sensor and clock are as identified with each law, for laws shift and turn them differently; for laws
-    that come without, as with the first law that has them. Raises LogError if no log has poses to compare with.
+    that come without, as with the first law that has them. If a log has a gyro, the best law comes once more, with it,
+    as the last. Raises LogError if no log has poses to compare with.
     """
     first = next((used for _, used in laws if used.mounting is not None), None)
     found = []
@@ -79,9 +81,21 @@ def evaluated(
         known = first if used.mounting is None else used
         place = mounting or (known.mounting if known else None) or Mounting()
         offset = ((known.clock_offset if known else None) or 0.0) if clock_offset is None else clock_offset
+        used = replace(used, gyro=None)
         found.append(Evaluated(label, used, place, offset, odometry_errors(logs, _odometry(used), place, offset)))
         step(1.0)
+    if any(log.gyro is not None for log in logs):
+        best = min(found, key=_misfit)
+        used = replace(best.used, gyro=dict(laws)[best.label].gyro or Gyro())
+        errors = odometry_errors(logs, _odometry(used), best.mounting, best.clock_offset)
+        found.append(replace(best, label=f"{best.label} with gyro", used=used, errors=errors))
     return found
+
+
+def _misfit(one: Evaluated) -> float:
+    """Median error of position after the longest time [m]."""
+    ahead = [*one.errors.after_seconds.values()]
+    return ahead[-1].position.median if ahead and ahead[-1].position else float("inf")
 
 
 def clock_doubt(found: Sequence[Evaluated], logs: Sequence[RunLog]) -> list[str]:
@@ -133,8 +147,8 @@ def summary_of(one: Evaluated) -> dict[str, Any]:
 
 
 def _odometry(used: LawInUse) -> SlipOdometry:
-    """Odometry without the covariance, which takes longer."""
-    return SlipOdometry(used.law, used.geometry, drift=used.drift)
+    """Odometry without the errors of the law, which take longer."""
+    return SlipOdometry(used.law, used.geometry, used.noise, drift=used.drift, gyro=used.gyro)
 
 
 def law_files(config: Config) -> list[LawFile]:

@@ -19,6 +19,8 @@ MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError,
 _BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid", "load", "gyro")
 MAX_YAW_RATE = 100.0
 """Yaw rate above which a gyro's reading is none [rad/s]."""
+MEASURED = 0.99
+"""Share of a time that a gyro must have measured for its turn to count [-]."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,14 @@ class RunLog:
     def has_heading(self) -> np.ndarray:
         """(T,) bool: whether the pose was measured with its heading."""
         return self.is_valid & np.isfinite(self.pose[:, 2])
+
+    @property
+    def gyro_sums(self) -> Array | None:
+        """(T, 2) turn by the gyro until each row [rad], and how long it has measured [s]; None without a gyro."""
+        if self.gyro is None:
+            return None
+        rates = np.column_stack([np.nan_to_num(self.gyro), np.isfinite(self.gyro)])[1:]
+        return np.concatenate([np.zeros((1, 2)), np.cumsum(rates * np.diff(self.time)[:, None], axis=0)])
 
     def between(self, first: int, end: int) -> RunLog:
         """The rows from `first` up to, but not including, `end`."""

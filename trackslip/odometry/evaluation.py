@@ -11,7 +11,7 @@ from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError, counted
 from trackslip.identification.prediction import trailing_heading
 from trackslip.kinematics import Array, body_twist
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.trajectory_errors import (
     Statistics,
@@ -103,7 +103,7 @@ def odometry_errors(
 
     Args:
         logs: one or several drives.
-        odometry: of the robot; its pose and covariance do not matter.
+        odometry: of the robot; its pose and covariance do not matter. It takes the logs' gyro if it has one.
         mounting: of the sensor that measured the poses; at the turning centre by default.
         clock_offset: encoder clock minus pose clock [s].
         lengths: of stretches [m and s].
@@ -152,7 +152,8 @@ def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock
         raise LogError(f"run {log.run!r}: encoders were read at {count}, needs at least {_MIN_POSES}")
     rows, at = rows[covered], at[covered]
     time = np.union1d(log.time, at)
-    path = odometry.path(time, log.omega[np.searchsorted(log.time, time)])
+    gyro = None if odometry.gyro is None else _readings(log, time + odometry.gyro.clock)
+    path = odometry.path(time, log.omega[np.searchsorted(log.time, time)], gyro)
     estimated = se2.compose(path.pose[np.searchsorted(time, at)], mounting.pose)
     measured = log.pose[rows]
     heading = measured[:, 2]
@@ -161,6 +162,15 @@ def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock
     speed = np.abs(body_twist(log.omega[1:], 0.0, odometry.geometry)[:, 0])
     way = np.concatenate([[0.0], np.cumsum(speed * np.diff(log.time))])
     return Trajectory(log.run, log.time[rows], np.interp(at, log.time, way), measured, estimated, heading)
+
+
+def _readings(log: RunLog, time: Array) -> Array | None:
+    """Mean yaw rates (T,) by the gyro since the time before of (T,), NaN where not measured; None without a gyro."""
+    if log.gyro_sums is None:
+        return None
+    turned, measured = (np.diff(np.interp(time, log.time, sums)) for sums in log.gyro_sums.T)
+    step = np.diff(time)
+    return np.append(np.nan, np.where(measured >= MEASURED * step, turned / step, np.nan))
 
 
 def _absolute(trajectories: Sequence[Trajectory], aligned: bool) -> PoseErrors:

@@ -11,7 +11,7 @@ from trackslip.files import reason
 from trackslip.identification.result import Identification, identification_to_json
 from trackslip.kinematics import RobotGeometry, wrap_angle
 from trackslip.odometry.slip_odometry import SlipOdometry
-from trackslip.odometry.uncertainty import LawErrors, SlipNoise
+from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
 from trackslip.se2 import Mounting
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
@@ -38,9 +38,12 @@ class LawInUse:
     clock_offset: float | None = None
     """Encoder clock minus pose clock there, less the lag of the motion; None if not known [s]."""
 
+    gyro: Gyro | None = None
+    """Errors of the gyroscope there; None without one."""
+
     def odometry(self, **start: Any) -> SlipOdometry:
         """Odometry by this law; `start` and `start_covariance` as for SlipOdometry."""
-        return SlipOdometry(self.law, self.geometry, self.noise, self.errors, self.drift, **start)
+        return SlipOdometry(self.law, self.geometry, self.noise, self.errors, self.drift, gyro=self.gyro, **start)
 
 
 def no_slip(geometry: RobotGeometry) -> LawInUse:
@@ -89,7 +92,17 @@ def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
         for key, value in extras.items():
             require_finite(key, value)
         found["noise"] = SlipNoise.of(fit["noise"])
+        found["clock_offset"] = extras["clock_offset"] - extras["lag"]
+        if "gyro" in fit["noise"]:
+            bias_error, scale_error = (float(fit["stderr"].get(name) or 0.0) for name in ("gyro_bias", "gyro_scale"))
+            found["gyro"] = Gyro(
+                extras["gyro_bias"],
+                extras["gyro_scale"],
+                float(fit["noise"]["gyro"]),
+                bias_error,
+                scale_error,
+                extras["gyro_clock"] - found["clock_offset"],
+            )
         found["drift"] = extras["drift"] if own else 0.0
         found["mounting"] = Mounting(extras["sensor_x"], extras["sensor_y"], float(wrap_angle(extras["sensor_yaw"])))
-        found["clock_offset"] = extras["clock_offset"] - extras["lag"]
     return found

@@ -8,6 +8,9 @@ d_k of the heading, which moves everything driven after it,
 
 with m_k, the middle of arc k. So two sums of the errors' moments, taken once along the way, give the covariance at
 every pose, and odometry step by step is the same as that of a whole log, to the last bit.
+
+Where a gyro is read, the turn is the gyro's: errors of laws last, which noise doesn't. While the sprockets stand and it
+reads next to nothing, the robot doesn't turn, and its mean reading is its bias.
 """
 
 from __future__ import annotations
@@ -16,13 +19,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, require_finite
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.odometry.uncertainty import LawErrors, SlipNoise
+from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
 from trackslip.se2 import arc_quotients
 from trackslip.slip.base import SlipLaw
+
+_STILL = 1e-3  # sprocket speed of a robot at rest [rad/s]
+_MAX_DRIFT = 0.05  # reading of a gyro at rest, less its bias [rad/s]
+_TRUSTED = 5.0  # time at rest that tells as much of the bias as its first value [s]
 
 
 @dataclass(frozen=True)
@@ -46,6 +54,7 @@ class _State:
     moments: Array  # (..., 3, 3) of the sums of e - d J m and of d
     swing: Array  # (..., p) derivatives of the heading by the parameters
     drift: np.ndarray  # (..., p) complex, those of the place
+    rest: Array  # (..., 2) time at rest [s], and the gyro's turn meanwhile [rad]
 
 
 class SlipOdometry:
@@ -66,6 +75,7 @@ class SlipOdometry:
         drift: float = 0.0,
         start: ArrayLike = (0.0, 0.0, 0.0),
         start_covariance: ArrayLike | None = None,
+        gyro: Gyro | None = None,
     ) -> None:
         """Start at a pose.
 
@@ -77,6 +87,7 @@ class SlipOdometry:
             drift: c, for a lateral speed of -c v w in turns, outwards [s].
             start: pose or poses (..., 3) [m, m, rad].
             start_covariance: (..., 3, 3) of the start; zero by default.
+            gyro: errors of the gyroscope whose readings updates get; none by default.
 
         Raises:
             InvalidValueError: for a value that is not finite, or of the wrong shape.
@@ -85,19 +96,24 @@ class SlipOdometry:
         self.law, self.geometry, self.drift = law, geometry, drift
         self.noise = SlipNoise.of(noise) if isinstance(noise, Mapping) else noise or SlipNoise()
         self.errors = errors or LawErrors((), np.zeros((0, 0)))
+        self.gyro, self._errors = gyro, self.errors.covariance
+        if gyro is not None:
+            of_gyro = np.diag(np.square([gyro.bias_error, gyro.scale_error]))
+            self._errors = scipy.linalg.block_diag(self._errors, of_gyro)
         self.reset(start, start_covariance)
 
     def reset(self, pose: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None) -> None:
         """Go on from a pose or poses (..., 3) [m, m, rad] with covariance (..., 3, 3), by default zero."""
         self._start = _finite("pose", pose, 1, 3)
         known = np.zeros((3, 3)) if covariance is None else _finite("covariance", covariance, 2, 3)
-        shape, p = self._start.shape[:-1], len(self.errors.names)
+        shape, p, bias = self._start.shape[:-1], len(self._errors), self.gyro.bias if self.gyro else 0.0
         self._state = _State(
             np.zeros(shape, complex),
             self._start[..., 2].copy(),
             np.broadcast_to(known, (*shape, 3, 3)).copy(),
             np.zeros((*shape, p)),
             np.zeros((*shape, p), complex),
+            np.broadcast_to(_TRUSTED * np.array([1.0, bias]), (*shape, 2)),
         )
 
     @property
@@ -110,8 +126,10 @@ class SlipOdometry:
         """Covariance (..., 3, 3) of the pose."""
         return self._covariances(self._state)
 
-    def update(self, omega: ArrayLike, dt: float) -> None:
+    def update(self, omega: ArrayLike, dt: float, gyro: ArrayLike | None = None) -> None:
         """Drive on with mean sprocket speeds (..., 2) [rad/s] for `dt` [s], at least 0.
+
+        `gyro` (...) is the mean yaw rate that a gyroscope measured meanwhile [rad/s], NaN for none.
 
         Raises:
             InvalidValueError: for a negative time, or values that are not finite.
@@ -119,16 +137,17 @@ class SlipOdometry:
         if not 0 <= dt < np.inf:
             raise InvalidValueError("dt", dt, "a finite number of seconds >= 0")
         omega = _finite("omega", omega, 1, 2)
-        after = self._driven(omega[None], np.array([dt]))
+        after = self._driven(omega[None], np.array([dt]), None if gyro is None else _readings(gyro, omega)[None])
         self._state = _State(*(value[-1] for value in vars(after).values()))
 
-    def path(self, time: ArrayLike, omega: ArrayLike) -> OdometryPath:
+    def path(self, time: ArrayLike, omega: ArrayLike, gyro: ArrayLike | None = None) -> OdometryPath:
         """Poses at all rows of a log, beginning with the present pose, which it does not change.
 
         Args:
             time: (T,) of the rows, ascending [s].
             omega: (T, ..., 2) sprocket speeds, mean since the previous row; those of the first row are not used
                 [rad/s].
+            gyro: (T, ...) yaw rates that a gyroscope measured, likewise; NaN for none [rad/s].
 
         Raises:
             InvalidValueError: for times that do not ascend, or values that are not finite or of the wrong shape.
@@ -139,34 +158,58 @@ class SlipOdometry:
             raise InvalidValueError("time", time.shape, f"one time per row of omega, ({len(omega)},)")
         if not (np.isfinite(time).all() and (step > 0).all()):
             raise InvalidValueError("time", float(time[0]), "finite, and ascending from row to row")
-        states = self._driven(omega[1:], step)
+        states = self._driven(omega[1:], step, None if gyro is None else _readings(gyro, omega)[1:])
         return OdometryPath(time, self._poses(states), self._covariances(states))
 
-    def _driven(self, omega: Array, step: Array) -> _State:
+    def _driven(self, omega: Array, step: Array, gyro: Array | None) -> _State:
         """The states (T + 1, ...) from now on, driving at `omega` (T, ..., 2) for `step` (T,) each."""
         now, geometry = self._state, self.geometry
         dt = step.reshape(-1, *[1] * (omega.ndim - 2))
         twist = self.law.twist(omega, geometry)
         v, w = np.broadcast_arrays(twist[..., 0], twist[..., 1])
+        slopes = self.errors.slopes(self.law, omega, geometry)
+        way = geometry.sprocket_radius * np.abs(omega).mean(axis=-1) * dt
+        variance, rest = self.noise.turn**2 * way, _summed(now.rest, np.zeros((*v.shape, 2)))
+        if len(self._errors) > slopes.shape[-1]:
+            slopes = np.concatenate([slopes, np.zeros((*slopes.shape[:-1], 2))], axis=-1)
+        if gyro is not None:
+            w, variance, rest = self._with_gyro(gyro, omega, w, dt, variance, slopes)
         speed, turn = v - 1j * self.drift * v * w, w * dt
         along, across, d_along, d_across = arc_quotients(turn)
         heading = _summed(now.heading, turn)
         before = heading[:-1]
         moved = speed * dt * (along + 1j * across) * np.exp(1j * before)
         place = _summed(now.place, moved)
-        slopes = self.errors.slopes(self.law, omega, geometry)
         dv, dw = slopes[..., 0, :], slopes[..., 1, :]
         swing = _summed(now.swing, dw * dt[..., None])
         by_speed = dv - 1j * self.drift * (dv * w[..., None] + v[..., None] * dw)
         aside = by_speed * (dt * (along + 1j * across) * np.exp(1j * before))[..., None]
         aside = aside + dw * (speed * dt**2 * (d_along + 1j * d_across) * np.exp(1j * before))[..., None]
         aside = aside + 1j * swing[:-1] * moved[..., None]
-        way = geometry.sprocket_radius * np.abs(omega).mean(axis=-1) * dt
-        moments = self._moments(place[:-1] + moved / 2, moved, before + turn / 2, way)
-        return _State(place, heading, _summed(now.moments, moments), swing, _summed(now.drift, aside))
+        moments = self._moments(place[:-1] + moved / 2, moved, before + turn / 2, way, variance)
+        return _State(place, heading, _summed(now.moments, moments), swing, _summed(now.drift, aside), rest)
 
-    def _moments(self, middle: np.ndarray, moved: np.ndarray, heading: Array, way: Array) -> Array:
-        """Moments (T, ..., 3, 3) of the errors of arcs.
+    def _with_gyro(
+        self, gyro: Array, omega: Array, w: Array, dt: Array, variance: Array, slopes: Array
+    ) -> tuple[Array, Array, Array]:
+        """Yaw rates (T, ...) and variances of turns, the law's but where a gyro is read, and sums at rest.
+
+        It changes the slopes in place.
+        """
+        known, errors = np.isfinite(gyro), self.gyro or Gyro()
+        still = known & (np.abs(omega) < _STILL).all(axis=-1) & (np.abs(gyro - errors.bias) < _MAX_DRIFT)
+        gyro = np.where(known, gyro, 0.0)
+        rest = _summed(self._state.rest, np.where(still, dt, 0.0)[..., None] * np.stack([np.ones_like(gyro), gyro], -1))
+        unbiased = gyro - rest[:-1, ..., 1] / rest[:-1, ..., 0]
+        taken, size = known & ~still, 1 + errors.scale
+        slopes[taken, 1] = 0.0
+        if self.gyro is not None:
+            slopes[taken, 1, -2], slopes[taken, 1, -1] = -1 / size, -unbiased[taken] / size**2
+        turning = np.where(taken, unbiased / size, w)
+        return turning, np.where(taken, (errors.noise / size) ** 2 * dt, variance), rest
+
+    def _moments(self, middle: np.ndarray, moved: np.ndarray, heading: Array, way: Array, variance: Array) -> Array:
+        """Moments (T, ..., 3, 3) of the errors of arcs, whose turns have a `variance` (T, ...).
 
         The heading walks along an arc, too: as if its error arose in the middle, but for a scatter across the chord.
         """
@@ -174,13 +217,13 @@ class SlipOdometry:
         forward = np.exp(1j * heading)
         lever = -1j * middle
         place = noise.forward**2 * _outer(forward) + noise.sideways**2 * _outer(1j * forward)
-        place = place + noise.turn**2 * (_outer(lever) + _outer(1j * moved) / 12)
+        swung = _outer(lever) + _outer(1j * moved) / 12
         moments = np.empty((*way.shape, 3, 3))
-        moments[..., :2, :2] = place
-        moments[..., 0, 2] = moments[..., 2, 0] = noise.turn**2 * lever.real
-        moments[..., 1, 2] = moments[..., 2, 1] = noise.turn**2 * lever.imag
-        moments[..., 2, 2] = noise.turn**2
-        return moments * way[..., None, None]
+        moments[..., :2, :2] = way[..., None, None] * place + variance[..., None, None] * swung
+        moments[..., 0, 2] = moments[..., 2, 0] = variance * lever.real
+        moments[..., 1, 2] = moments[..., 2, 1] = variance * lever.imag
+        moments[..., 2, 2] = variance
+        return moments
 
     def _poses(self, state: _State) -> Array:
         place = state.place
@@ -193,7 +236,7 @@ class SlipOdometry:
         carried[..., 0, 2], carried[..., 1, 2] = -state.place.imag, state.place.real
         by_law = np.stack([state.drift.real, state.drift.imag, state.swing], axis=-2)
         found = carried @ state.moments @ carried.swapaxes(-1, -2)
-        found = found + by_law @ self.errors.covariance @ by_law.swapaxes(-1, -2)
+        found = found + by_law @ self._errors @ by_law.swapaxes(-1, -2)
         return (found + found.swapaxes(-1, -2)) / 2
 
 
@@ -207,6 +250,16 @@ def _summed(first: np.ndarray, increments: np.ndarray) -> np.ndarray:
     """Sums (T + 1, ...) that begin with `first`; added one by one, as steps are."""
     begin = np.broadcast_to(first, increments.shape[1:])[None]
     return np.cumsum(np.concatenate([begin, increments]), axis=0)
+
+
+def _readings(gyro: ArrayLike, omega: Array) -> Array:
+    """Readings of a gyro with sprocket speeds (..., 2), NaN for none."""
+    array = np.asarray(gyro, float)
+    if array.shape != omega.shape[:-1]:
+        raise InvalidValueError("gyro", array.shape, f"of shape {omega.shape[:-1]}, as omega")
+    if np.isinf(array).any():
+        raise InvalidValueError("gyro", float(array[np.isinf(array)][0]), "finite, or NaN for no reading")
+    return array
 
 
 def _finite(name: str, values: ArrayLike, axes: int, last: int) -> Array:

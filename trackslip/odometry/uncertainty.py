@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require_non_negative
+from trackslip.errors import InvalidValueError, require_finite, require_non_negative
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.derivatives import parameter_derivatives
@@ -45,6 +45,30 @@ class SlipNoise:
         if missing:
             raise InvalidValueError("noise", [*noise], f"a mapping with {', '.join(_SLIP)}")
         return cls(*(float(noise[name]) for name in _SLIP))
+
+
+@dataclass(frozen=True)
+class Gyro:
+    """Errors of a gyroscope, which reads (1 + scale) yaw rate + bias + noise."""
+
+    bias: float = 0.0
+    """[rad/s]."""
+    scale: float = 0.0
+    """[-]."""
+    noise: float = 0.0
+    """Standard deviation of the sum of readings, a random walk [rad/sqrt(s)]."""
+    bias_error: float = 0.0
+    """Standard error of the bias [rad/s]."""
+    scale_error: float = 0.0
+    """Standard error of the scale [-]."""
+    clock: float = 0.0
+    """Its clock minus encoder clock [s]: readings stamped t + clock belong to sprocket speeds stamped t."""
+
+    def __post_init__(self) -> None:
+        for name in ("bias", "scale", "clock"):
+            require_finite(name, getattr(self, name))
+        for name in ("noise", "bias_error", "scale_error"):
+            require_non_negative(name, getattr(self, name))
 
 
 @dataclass(frozen=True)

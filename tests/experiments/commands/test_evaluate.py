@@ -10,6 +10,7 @@ from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
 from wandered import identified_from, wandered
 
 from experiments.storage.plain_json import write_json
+from sim.wander.motion import LASTING
 from trackslip.identification.result import identification_to_json
 from trackslip.logs.logfile import write_parquet
 from trackslip.slip.law_file import save_laws
@@ -111,3 +112,19 @@ def test_mistakes_are_told_in_a_line(refused, files, folder):
         ),
     ):
         assert message in refused("evaluate", *arguments), arguments
+
+
+def test_the_best_law_comes_once_more_with_the_logs_gyro(trackslip, files, tmp_path):
+    log = drive_log(6, 60.0, EXACT, LASTING)
+    rate = np.append(0.0, np.diff(np.unwrap(log.truth.pose[:, 2])) / np.diff(log.time))
+    write_parquet([replace(log, gyro=rate + 0.002)], tmp_path / "gyro.parquet")
+    true = f"{files / 'true.json'}:icr_radius"
+    result = trackslip("evaluate", str(tmp_path / "gyro.parquet"), "--law", "none", "--law", true)
+    laws = result.summary["laws"]
+    assert list(laws) == ["none", "icr_radius", "icr_radius with gyro"]
+    without, gyro = (laws[name]["after_seconds"]["5"] for name in ("icr_radius", "icr_radius with gyro"))
+    assert gyro["position"]["rms"] < 0.75 * without["position"]["rms"]
+    assert gyro["heading"]["rms"] < 0.5 * without["heading"]["rms"]
+    assert "icr_radius with gyro" in result.printed
+    assert "icr_radius with gyro" in (result.folder / "report.html").read_text()
+    assert "icr_radius with gyro" in pyarrow.parquet.read_table(result.folder / "table.parquet")["law"].to_pylist()

@@ -107,3 +107,12 @@ def test_headings_that_come_late_or_not_at_all_leave_no_doubt(log, tmp_path):
 def test_a_run_in_memory_has_no_wild_rates(log):
     with pytest.raises(LogError, match=r"run 'a': gyro = -120 rad/s in row 8, at most 100 is allowed"):
         replace(log, gyro=np.where(np.arange(len(TIME)) == 7, -120.0, log.gyro))
+
+
+def test_turns_are_sums_of_readings(log):
+    gap = np.where((TIME > 10) & (TIME <= 12), np.nan, RATE)
+    turned, measured = replace(log, gyro=gap).gyro_sums.T
+    assert measured[-1] == pytest.approx(TIME[-1] - 2)
+    before = TIME <= 10
+    np.testing.assert_allclose(turned[before], HEADING[before], atol=1e-12)
+    assert replace(log, gyro=None).gyro_sums is None
