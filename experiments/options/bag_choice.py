@@ -30,6 +30,8 @@ class BagOptions:
     """Encoders that count backwards; none says that the bag's signs are right whatever the motion."""
     poses: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
     """Topic of the poses, or tf:PARENT:CHILD for the pose of a frame, as in tf:map:base_link."""
+    imu: Annotated[str | None, default_is("found", "TOPIC")] = None
+    """Topic of sensor_msgs/Imu whose gyro measures the yaw rate; none to take no gyro."""
     plate: Annotated[str | None, default_is("poses are read", "LENGTHxTHICKNESS")] = None
     """Find a plate of this size on the robot, such as 0.5x0.02, in the scans of a stationary scanner [m]."""
     scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
@@ -52,6 +54,7 @@ class BagOptions:
             _names("right", self.right),
             self.reversed,
             self.poses,
+            self.imu,
             self.scan,
             None if self.plate is None else plate_of(self.plate),
             self.mount,

@@ -20,6 +20,7 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 STAMPED = "geometry_msgs/msg/PoseStamped"
 WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 FIX = "sensor_msgs/msg/NavSatFix"
+IMU = "sensor_msgs/msg/Imu"
 TF = "tf2_msgs/msg/TFMessage"
 
 
@@ -230,3 +231,9 @@ def ecef(latitude, longitude, height):
     n = a / np.sqrt(1 - e2 * np.sin(phi) ** 2)
     across = (n + height) * np.cos(phi)
     return np.stack([across * np.cos(lam), across * np.sin(lam), (n * (1 - e2) + height) * np.sin(phi)], axis=-1)
+
+
+def imu(at, rates, frame="imu_link", topic="/imu/data", unknown=False, late=1_000_000):
+    """An IMU's angular velocities about its axes [rad/s]."""
+    fields = {"header": header(at, frame), "angular_velocity": dict(zip("xyz", rates, strict=True))}
+    return topic, IMU, at + late, fields | {"angular_velocity_covariance": [-1.0 if unknown else 0.0, *[0.0] * 8]}

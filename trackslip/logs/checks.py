@@ -11,6 +11,8 @@ import scipy
 from trackslip.doubts import refuse
 from trackslip.kinematics import Array
 
+CLEARLY = 0.8
+"""Correlation of turns that leaves no doubt [-]."""
 _RESTART = 1.0  # time by which a restarted clock goes back at least [s]
 _GLITCH = 4  # largest number of successive rows that are stamped wrongly rather than part of another drive
 _STRIDE = 0.5  # time over which a direction is estimated [s]
@@ -21,7 +23,6 @@ _AGREES, _DISAGREES = 0.9, 0.5  # mean resultant length of the residuals of righ
 _AGREE_MANY = 0.6  # the same of right headings, out of many noisy ones
 _TURN_TIME = 2.0  # over which a gyro's turns are compared: poses may be stamped half a second late [s]
 _MIN_TURN = 0.1  # root mean square of turns that show a gyro's axis and unit [rad]
-_CLEARLY = 0.8  # correlation of turns that leaves no doubt
 _SAME_UNIT = (0.5, 2.0)  # ratio of turns in the same unit [-]
 
 
@@ -81,22 +82,26 @@ def require_headings(time: Array, pose: Array, run: str, accept: Collection[str]
         refuse("headings", accept, run, ", but do clockwise: are they a compass's, or x and y swapped?")
 
 
-def compared_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Array]:
-    """Correlations (...) of turns with the headings' (T,) [rad], NaN where not measured, and factors (...) to these.
+def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Array] | None:
+    """Turns (n,) by headings (T,) [rad], NaN where not measured, over _TURN_TIME each, and (..., n) by others (..., T).
 
-    `turned` (..., T) are the turns since any time [rad]. NaN if there are hardly any.
+    `turned` are turns since any time [rad]. None if there are hardly any.
     """
     known = np.flatnonzero(np.isfinite(heading))
-    nothing = np.full(turned.shape[:-1], np.nan)
     if not known.size:
-        return nothing, nothing
+        return None
     ends = known[np.unique(np.searchsorted(time[known], np.arange(time[known[0]], time[known[-1]], _TURN_TIME)))]
     turn, by = np.diff(np.unwrap(heading[known])[np.searchsorted(known, ends)]), np.diff(turned[..., ends])
-    shared, power, own = (by * turn).sum(axis=-1), (turn**2).sum(), (by**2).sum(axis=-1)
-    if len(turn) < _MIN_STEPS or power < len(turn) * _MIN_TURN**2:
-        return nothing, nothing
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return shared / np.sqrt(power * own), shared / own
+    return None if len(turn) < _MIN_STEPS or np.mean(turn**2) < _MIN_TURN**2 else (turn, by)
+
+
+def compared_turns(time: Array, turned: Array, heading: Array) -> tuple[float, float]:
+    """Correlation of turns (T,) with the headings', and their factor to these; NaN if there are hardly any."""
+    paired = paired_turns(time, turned, heading)
+    if paired is None or not paired[1].any():
+        return np.nan, np.nan
+    turn, by = paired
+    return float(turn @ by / np.sqrt((turn @ turn) * (by @ by))), float(turn @ by / (by @ by))
 
 
 def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[Array | None, str]:
@@ -106,7 +111,7 @@ def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[
     Raises LogError for rates in another unit, or clockwise.
     """
     turned = np.append(0.0, np.cumsum(np.nan_to_num(rate[1:]) * np.diff(time)))
-    agreement, factor = (float(one) for one in compared_turns(time, turned, heading))
+    agreement, factor = compared_turns(time, turned, heading)
     if np.isnan(agreement) or (agreement >= _DISAGREES and _SAME_UNIT[0] < factor < _SAME_UNIT[1]):
         return rate, ""
     if agreement >= _DISAGREES:
@@ -118,7 +123,7 @@ def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[
     first, last = np.flatnonzero(np.isfinite(heading))[[0, -1]]
     twice = np.append(0.0, np.cumsum(turned[1:] * np.diff(time)))
     offset = np.diff((heading - twice)[[first, last]]) / np.diff(time[[first, last]])
-    if compared_turns(time, twice + offset * time, heading)[0] >= _CLEARLY:
+    if compared_turns(time, twice + offset * time, heading)[0] >= CLEARLY:
         line = "is the change of the yaw rate, in rad/s²: its sums over time, which follow the headings, are taken"
         return np.where(np.isfinite(rate), turned + offset, np.nan), f"run {run!r}: column gyro {line}"
     return None, f"run {run!r}: column gyro left out: its turns don't follow the headings (correlation {agreement:.2f})"

@@ -37,6 +37,8 @@ class BagChoice:
     """Side whose encoders count backwards: left, right, both or none; None to find out."""
     poses: str | None = None
     """Topic of poses, or tf:PARENT:CHILD for the pose of a frame in another."""
+    imu: str | None = None
+    """Topic of `sensor_msgs/Imu` whose gyro to take; none for no gyro."""
     scan: str | None = None
     """Topic of `sensor_msgs/LaserScan` of a stationary scanner, in which to find the plate."""
     plate: Plate | None = None

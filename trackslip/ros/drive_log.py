@@ -17,6 +17,7 @@ from trackslip.ros.checks import DOUBTS, REPEATED_POSES, repeated, sign_doubt, s
 from trackslip.ros.choice import AUTOMATIC, SIDES, BagChoice
 from trackslip.ros.encoders import Encoders, by_drive, read_encoders
 from trackslip.ros.files import is_bag
+from trackslip.ros.imu import read_imu, with_gyro
 from trackslip.ros.poses import Poses, read_poses
 from trackslip.ros.scanned import scanned_drives
 from trackslip.ros.sources import PoseOrigin, pose_source
@@ -88,8 +89,15 @@ def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tu
     encoders = read_encoders(bag, choice, notes)
     source = pose_source(bag, choice)
     poses = read_poses(bag, source.name, notes)
+    try:
+        imus = read_imu(bag, choice, notes)
+    except LogError as error:
+        if choice.imu is not None:
+            raise
+        imus = []
+        notes.append(f"read without gyro: {error}")
     found = []
-    for part, turned, seen in by_drive(bag, name, encoders, poses):
+    for k, (part, turned, seen) in enumerate(by_drive(bag, name, encoders, poses)):
         outside = int(((seen.stamp < turned.stamp[0]) | (seen.stamp > turned.stamp[-1])).sum())
         if outside > _MANY * len(seen.stamp):
             notes.append(
@@ -97,7 +105,10 @@ def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tu
             )
         perhaps_wheels = source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned
         log = _checked(_log(part, turned, seen), turned, seen, perhaps_wheels, choice, notes)
-        found.append((log, f"{turned.taken}; poses: {source.name} ({source.origin.value})"))
+        by_gyro = ""
+        if len(imus) == len(encoders):
+            log, by_gyro = with_gyro(log, imus[k], int(turned.stamp[0]), notes)
+        found.append((log, f"{turned.taken}; poses: {source.name} ({source.origin.value}){by_gyro}"))
     return found
 
 

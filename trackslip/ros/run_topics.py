@@ -94,6 +94,16 @@ class RunTopics:
         if rest.any():
             yield _fixes("/fix", self._stamps(log.time[rest]), log.pose[rest, :2], errors[rest])
 
+    def gyro(self) -> Iterator[Publication]:
+        """The yaw rate of a gyroscope, stamped in the middle of the time that each reading covers."""
+        log = self._log
+        if log.gyro is not None and (rows := np.flatnonzero(np.isfinite(log.gyro[1:])) + 1).size:
+            stamps = self._stamps((log.time[rows] + log.time[rows - 1]) / 2)
+            unknown = np.tile(-np.eye(1, 9), (len(rows), 1))  # a first entry of -1 stands for "not measured"
+            fields = {"header": header(stamps, "base_link"), "angular_velocity": {"z": log.gyro[rows]}}
+            rest = {f"{name}_covariance": unknown for name in ("orientation", "linear_acceleration")}
+            yield Publication("/imu/data", "sensor_msgs/msg/Imu", stamps, fields | rest)
+
     def truth(self) -> Iterator[Publication]:
         """The true motion."""
         log, read = self._log, self._read

@@ -9,6 +9,7 @@ from enum import Enum
 from trackslip.errors import LogError
 from trackslip.ros.bag import Bag, Topic
 from trackslip.ros.choice import BagChoice
+from trackslip.ros.imu import IMU, imu_topic
 from trackslip.ros.joints import ODOMETRY, encoder_topics
 from trackslip.ros.poses import FIX, POSE_TYPES
 from trackslip.ros.scans import LASER_SCAN, scan_topic
@@ -111,6 +112,7 @@ def overview(bag: Bag, choice: BagChoice) -> tuple[dict[str, str], list[str], li
     """
     uses: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
     uses |= {source.name: f"poses: {source.origin.value}" for source in pose_sources(bag)}
+    uses |= {topic.name: "gyro" for topic in bag.of_type(IMU)}
     taken: list[str] = []
     doubts: list[str] = []
     try:
@@ -129,6 +131,9 @@ def overview(bag: Bag, choice: BagChoice) -> tuple[dict[str, str], list[str], li
             name = pose_source(bag, choice).name
             uses[name] = f"* {uses.get(name, 'poses')}"
             taken.append(f"poses: {name}")
+        if choice.plate is None and (imu := imu_topic(bag, choice)) is not None:
+            uses[imu.name] = "* gyro"
+            taken.append(f"gyro: {imu.name}")
     except LogError as error:
         doubts.append(str(error))
     return uses, taken, doubts

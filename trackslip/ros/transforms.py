@@ -91,13 +91,14 @@ def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> list[Spac
     return [_sampled([(links[pair][k % len(links[pair])], forwards) for pair, forwards in way]) for k in range(*counts)]
 
 
-def fixed_in(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Rotation] | None:
+def fixed_in(bag: Bag, frame: str, notes: list[str], static: bool = False) -> tuple[str, Array, Rotation] | None:
     """The outermost frame that a frame is fixed in, and its place (3,) [m] and rotation there.
 
-    None if there are no transforms of it. Raises LogError, naming the frames, if that frame moves in another one.
+    None if there are no transforms of it. Raises LogError, naming the frames, if that frame moves in another one. With
+    `static`, only topics of static transforms are read.
     """
     frame = frame.strip("/")
-    transforms = _read(bag, notes)
+    transforms = _read(bag, notes, static)
     place, turn, outer, seen = np.zeros(3), Rotation.identity(), frame, {frame}
     while (pair := next((one for one in transforms if one[1] == outer), None)) is not None and pair[0] not in seen:
         links = _links(pair, transforms[pair], notes)
@@ -115,10 +116,13 @@ def _pair(transform: Any) -> Pair:
     return transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
 
 
-def _read(bag: Bag, notes: list[str]) -> dict[Pair, list[tuple[bool, int, int, Any]]]:
-    """All transforms by pair of frames: whether they are static, stamps and arrivals [ns], and their content."""
+def _read(bag: Bag, notes: list[str], static: bool = False) -> dict[Pair, list[tuple[bool, int, int, Any]]]:
+    """Transforms by pair of frames: whether they are static, stamps and arrivals [ns], and their content.
+
+    With `static`, those of static topics alone.
+    """
     found: dict[Pair, list[tuple[bool, int, int, Any]]] = defaultdict(list)
-    topics = [topic.name for topic in bag.of_type(*TRANSFORMS)]
+    topics = [topic.name for topic in bag.of_type(*TRANSFORMS) if "static" in topic.name or not static]
     for message in bag.messages(*topics, notes=notes) if topics else ():
         for one in message.content.transforms:
             stamp = one.header.stamp.sec * 1_000_000_000 + one.header.stamp.nanosec

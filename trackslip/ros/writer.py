@@ -79,6 +79,7 @@ def write_bag(
         *contents.encoders(),
         *contents.commands(),
         *contents.poses(poses, covariance),
+        *contents.gyro(),
         *contents.truth(),
         *contents.scans(scans, scan_duration),
     ]
