@@ -23,7 +23,8 @@ _OTHERS = {
 NO_SLIP = "no slip compensation"
 _TRACKS = ("outer", "inner", "left", "right")
 _EXTRA_SYMBOLS = {"sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"}
-_PRINTED = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°")}
+_EXTRA_SYMBOLS |= {"gyro_bias": "β", "gyro_scale": "κ", "gyro_clock": "τ gyro"}
+_PRINTED = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°"), "rad/s": (math.degrees(1.0), "°/s")}
 _MAX_DIGITS = 7
 _UNKNOWN_DIGITS = 2
 
@@ -66,7 +67,7 @@ def parameter_bullets(laws: Iterable[str], robot: RobotGeometry) -> Bullets:
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:
     """Factor from SI and unit in which a law's or a drive's parameter is printed: mm, ms, °; % for radius errors."""
-    if parameter.startswith("radius_error"):
+    if parameter.startswith(("radius_error", "gyro_scale")):
         return 1e2, "%"
     unit = (EXTRAS[parameter] if parameter in EXTRAS else FAMILIES[law].parameters[parameter]).unit
     return _PRINTED.get(unit, (1.0, unit))

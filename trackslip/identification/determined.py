@@ -26,6 +26,7 @@ _REASONS = {
     "clock_offset": "it shows only where the driving changes",
     "sensor_yaw": "it needs headings, and driving forwards for some metres",
     "lag": "it shows only where the driving changes fast",
+    "gyro_scale": "it shows only in turns",
 }
 
 

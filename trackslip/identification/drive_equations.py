@@ -80,7 +80,7 @@ def solve(found: Residuals, nodes: Nodes, noise: Noise, yaw: int, prior: Array, 
 
 
 def used_up(found: Residuals, nodes: Nodes, noise: Noise, solution: GaussNewtonStep, yaw: int) -> Array:
-    """Number (7,) of residuals of each kind of Noise that the unknowns use up; together, the number of unknowns.
+    """Number (7,) or (8,) of residuals of each kind of Noise that the unknowns use up; together, their own number.
 
     Each is the derivative of the Hessian's log determinant by the logarithm of the weights: of the trajectory's part by
     differences, of the parameters' from their residuals with the trajectory eliminated.
@@ -110,13 +110,13 @@ def used_up(found: Residuals, nodes: Nodes, noise: Noise, solution: GaussNewtonS
         _add(change, _of_poses(nodes, part, found.pose)[0])
         by_poses.append(used(change, of_poses, part.T))
     by_steps = []
-    for kind in range(3):
+    for kind in range(steps.shape[1]):
         one = slice(kind, kind + 1)
         by_states = np.einsum("ik,ijk->jk", first[kind], follows[..., :-1])
         by_states += np.einsum("ik,ijk->jk", second[kind], follows[..., 1:])
         rows = (slope[kind] - by_states)[None]
         by_steps.append(used(_bands(first[one], second[one], steps[:, one]), rows, steps.T[one]))
-    every = np.array([by_poses[0], *by_steps, *by_poses[1:]])
+    every = np.array([by_poses[0], *by_steps[:3], *by_poses[1:], *by_steps[3:]])
     return np.concatenate([[poses.size + len(found.free) - every.sum()], every])
 
 

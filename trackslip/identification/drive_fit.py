@@ -28,10 +28,10 @@ _LOUD = 0.1  # relative change of standard deviations far from settled
 _MIN_ROUNDS = 3  # before which gates may still change
 _GATE = 0.99  # quantile beyond which a pose or a step counts less
 _FAR = 3.0  # distance from which it is left out altogether [gates]
-FIRST = Noise(np.array([0.02, 0.02, 0.005, 0.005, 0.01, 0.05, 0.05]))
-"""A first guess."""
-_FLOOR = np.array([1e-4, 1e-4, 1e-4, 1e-4, 2e-4, 1e-3, 1e-3])  # standard deviations below which noise doesn't matter
-_AVOIDED = np.array([0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0])  # power of a standard deviation in its prior: 0 is avoided
+FIRST = np.array([0.02, 0.02, 0.005, 0.005, 0.01, 0.05, 0.05, 0.01])
+"""A first guess of the noise, with a gyro."""
+_FLOOR = np.array([1e-4, 1e-4, 1e-4, 1e-4, 2e-4, 1e-3, 1e-3, 3e-5])  # below which noise doesn't matter
+_AVOIDED = np.array([0, 0, 1.0, 1.0, 1.0, 0, 0, 1.0])  # power of a standard deviation in its prior: 0 is avoided
 _MIN_FREEDOM = 0.25
 _RELAXATION = 1.5  # exponent of a change at first: small steps are usual
 _EXPONENTS = (0.5, 3.0)  # its limits
@@ -217,7 +217,7 @@ def _gated(
     pose = pose_residuals(model, measured, states, values)
     squares = (weights(found, measured, noise)[0] * pose**2).sum(axis=1)
     kept = _robust(squares, scipy.special.chdtri(2 + measured.weight[:, 1], 1 - _GATE))
-    scaled = found.step / np.sqrt(found.distance)[:, None] / noise.values[2:5]
+    scaled = (found.step / np.sqrt(found.distance) / noise.of_steps)[:, :3]
     followed = _robust((scaled**2).sum(axis=1), scipy.special.chdtri(3, 1 - _GATE))
     return replace(
         measured, weight=measured.weight * kept[:, None], link=np.where(lasting, 0.0, measured.link * followed)
@@ -284,16 +284,19 @@ class Iterate:
         by_steps = (steps * found.step**2).sum(axis=0)
 
         def of_kinds(of_poses: Array, of_steps: Array) -> Array:
-            return np.concatenate([((1 - moving) * of_poses).sum(0), of_steps, (moving * of_poses).sum(0)])
+            rest, grown = ((share * of_poses).sum(axis=0) for share in (1 - moving, moving))
+            return np.concatenate([rest, of_steps[:3], grown, of_steps[3:]])
 
-        counts, squares = of_kinds(count, np.full(3, nodes.link.sum())), of_kinds(square, by_steps)
+        known = (nodes.link[:, None] * np.isfinite(found.distance)).sum(axis=0) * np.ones(steps.shape[1])
+        counts, squares = of_kinds(count, known), of_kinds(square, by_steps)
         before = self.noise.values
-        ratio = squares / np.maximum(counts - used - _AVOIDED, _MIN_FREEDOM)
+        ratio = squares / np.maximum(counts - used - _AVOIDED[: len(counts)], _MIN_FREEDOM)
         ratio = np.clip(ratio, 1 / _MAX_CHANGE, _MAX_CHANGE)
-        values = np.maximum(before * ratio ** (self.exponent / 2), _FLOOR)
+        values = np.maximum(before * ratio ** (self.exponent / 2), _FLOOR[: len(counts)])
         values = np.where(counts > 0, values, before)
         change = np.log(values / before)
-        of_kind = np.maximum(np.concatenate([count.sum(axis=0), counts[2:5], count.sum(axis=0)]), 1.0)
+        total = count.sum(axis=0)
+        of_kind = np.maximum(np.concatenate([total, known[:3], total, known[3:]]), 1.0)
         effect = float(np.max(np.abs(change) * counts / of_kind))
         return Iterate(Noise(values), change, self._exponent(change), effect)
 

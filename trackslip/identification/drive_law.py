@@ -15,7 +15,7 @@ from trackslip.identification.drive_equations import solve
 from trackslip.identification.drive_fit import FIRST, TrajectoryFit, fit_trajectory, unlike_sprockets
 from trackslip.identification.drive_model import EXTRAS, DriveModel
 from trackslip.identification.drive_residuals import Nodes, Noise, cost, residuals
-from trackslip.identification.drive_start import law_start, starts, trajectory
+from trackslip.identification.drive_start import gyro_clock, law_start, starts, trajectory
 from trackslip.identification.drives import PreparedDrive, drives_of
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.intervals import half_widths, model_errors
@@ -50,8 +50,10 @@ class DriveFit(FittedLaw):
     held: dict[str, str]
     """Parameters that were held, and why."""
     noise: dict[str, float]
-    """Standard deviations: position [m], heading [rad], slip_forward, slip_sideways [m/√m], slip_turn [rad/√m], and
-    position_by_speed and heading_by_yaw_rate [s], by which those of poses grow."""
+    """Standard deviations: position [m], heading [rad], slip_forward, slip_sideways [m/√m], slip_turn [rad/√m].
+
+    And position_by_speed and heading_by_yaw_rate [s], by which those of poses grow; with a gyro, also gyro [rad/√s].
+    """
     poses: int
     """Poses used."""
     left_out: int
@@ -99,13 +101,13 @@ def fit_drives(
         LogError: if no drive can be used, or the driving doesn't determine the law.
         InvalidValueError: for an unknown law.
     """
-    model = DriveModel(family(name), geometry)
     prepared = prepare(drives)
     if reference is None:
         reference = _reference(prepared, geometry, sensor, held or {})
     if name == REFERENCE:
         return reference
     first = reference.fit
+    model = DriveModel(family(name), geometry, first.model.gyro)
     values = np.concatenate([law_start(name, first), first.values[len(first.model.family.names) :]])
     lagging = "lag" in reference.free
     return _fitted(model, first.nodes, first.states, values, first.noise, sensor, held or {}, False, lagging)
@@ -147,16 +149,18 @@ def _without_lag(
     drives: Sequence[PreparedDrive], geometry: RobotGeometry, sensor: Mounting | None, held: Mapping[str, float]
 ) -> DriveFit:
     """The likeliest of the fits from all starting values."""
-    model = DriveModel(FAMILIES[REFERENCE], geometry)
+    model = DriveModel(FAMILIES[REFERENCE], geometry, any(drive.gyro is not None for drive in drives))
     starting = starts(drives, geometry)
     require_units(drives, geometry)
-    fits, error = [], None
+    noise, fits, error = Noise(FIRST if model.gyro else FIRST[:-1]), [], None
     for offset, clock_offset in starting:
         values: Array = np.zeros(len(model.names))
         values[model.index("offset")], values[model.index("clock_offset")] = offset, clock_offset
+        if model.gyro:
+            values[model.index("gyro_clock")] = gyro_clock(drives, geometry, clock_offset)
         states = np.concatenate([trajectory(drive, geometry, offset, clock_offset) for drive in drives])
         try:
-            fits.append(_fitted(model, Nodes.of(drives), states, values, FIRST, sensor, held, True, lagging=False))
+            fits.append(_fitted(model, Nodes.of(drives), states, values, noise, sensor, held, True, lagging=False))
         except LogError as one:
             error = error or one
     if error and not fits:
@@ -268,7 +272,7 @@ def _described(found: TrajectoryFit, held: Mapping[str, str]) -> DriveFit:
         name=next(name for name, one in FAMILIES.items() if one is model.family),
         law=model.family.build(parameters, model.geometry),
         values=parameters,
-        extras=dict(zip(EXTRAS, found.values[law:].tolist(), strict=True)),
+        extras=dict(zip(model.extras, found.values[law:].tolist(), strict=True)),
         stderr=dict(zip(names, errors.tolist(), strict=True)),
         interval95={
             name: (float(value - width), float(value + width))
@@ -276,7 +280,7 @@ def _described(found: TrajectoryFit, held: Mapping[str, str]) -> DriveFit:
         },
         held=dict(held),
         correlation=covariance / np.outer(errors, errors),
-        noise=dict(zip(Noise.NAMES, found.noise.values.tolist(), strict=True)),
+        noise=dict(zip(Noise.NAMES, found.noise.values.tolist(), strict=False)),
         poses=int((found.nodes.weight[:, 0] > 0).sum()),
         left_out=int((measured.weight[:, 0] * (found.nodes.weight[:, 0] == 0)).sum()),
         breaks=int((measured.link * (found.nodes.link == 0)).sum()),

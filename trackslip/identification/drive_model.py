@@ -9,6 +9,8 @@ Its parameters are the law's, followed by EXTRAS:
 - clock_offset: tau, encoder clock minus pose clock [s]: encoders show at stamp t + tau what poses show at stamp t.
 - sensor_yaw: heading of the sensor minus heading of the robot [rad].
 - lag: time constant with which the motion follows the belts [s].
+- gyro_bias, gyro_scale: a gyro reads (1 + scale) yaw rate + bias [rad/s, -].
+- gyro_clock: gyro's clock minus pose clock [s]; it differs from tau where encoders are read late.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import scipy
 from trackslip import se2
 from trackslip.identification.drives import PreparedDrive, Timeline
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.logs.runlog import MEASURED
 from trackslip.se2 import arc_quotients
 from trackslip.slip.derivatives import twist_derivatives
 from trackslip.slip.families import LawFamily
@@ -48,7 +51,12 @@ EXTRAS: dict[str, Extra] = {
     "clock_offset": Extra("s", 0.05, 2.0, -10.0, 10.0, "encoder clock minus pose clock"),
     "sensor_yaw": Extra("rad", 0.02, 1.0, -4.0, 4.0, "heading of the sensor in the robot"),
     "lag": Extra("s", 0.05, 0.1, 0.0, 2.0, "lag of the motion behind the belts"),
+    "gyro_bias": Extra("rad/s", 0.01, 0.05, -1.0, 1.0, "bias of the gyro"),
+    "gyro_scale": Extra("", 0.02, 0.03, -0.5, 0.5, "error of the gyro's scale"),
+    "gyro_clock": Extra("s", 0.05, 2.0, -10.0, 10.0, "gyro's clock minus pose clock"),
 }
+GYRO = ("gyro_bias", "gyro_scale", "gyro_clock")
+"""The last of them, for drives with a gyro."""
 _LAG_DIFFERENCE = 1e-3  # [s]
 _MIN_LAG = 1e-3  # while it is estimated [s]
 
@@ -71,11 +79,18 @@ class DriveModel:
 
     family: LawFamily
     geometry: RobotGeometry
+    gyro: bool = False
+    """True for drives with a gyro; without, the parameters GYRO are missing."""
+
+    @property
+    def extras(self) -> dict[str, Extra]:
+        """The parameters that aren't the law's."""
+        return {name: extra for name, extra in EXTRAS.items() if self.gyro or name not in GYRO}
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters, in the order of their values in arrays (p,)."""
-        return (*self.family.names, *EXTRAS)
+        return (*self.family.names, *self.extras)
 
     def index(self, name: str) -> int:
         """Place of a parameter in arrays of values."""
@@ -84,14 +99,14 @@ class DriveModel:
     @property
     def limits(self) -> Array:
         """Lower limits, upper limits and scales (3, p)."""
-        extras = np.array([(e.low, e.high, e.scale) for e in EXTRAS.values()]).T
+        extras = np.array([(e.low, e.high, e.scale) for e in self.extras.values()]).T
         return np.concatenate([self.family.limits(self.geometry.half_gauge), extras], axis=1)
 
     @property
     def prior(self) -> Array:
         """Standard deviations (p,) of the priors; the law's are too wide to matter where data say anything."""
         scale = self.family.limits(self.geometry.half_gauge)[2]
-        return np.concatenate([10 * scale, [extra.prior for extra in EXTRAS.values()]])
+        return np.concatenate([10 * scale, [extra.prior for extra in self.extras.values()]])
 
     def room(self, values: Array, free: np.ndarray) -> Array:
         """Smallest and largest changes (2, f) of the parameters `free` (f,) that `moved` allows."""
@@ -123,7 +138,7 @@ class DriveModel:
     def steps(self, values: Array, line: Timeline, free: np.ndarray) -> Steps:
         """Dead reckoning of drives with parameter values (p,), with derivatives by the parameters `free` (f,)."""
         law = len(self.family.names)
-        extra = dict(zip(EXTRAS, values[law:], strict=True))
+        extra = dict(zip(self.extras, values[law:], strict=True))
         motion, slope = self._motion(values[:law], extra, line, free)
         time = line.time + extra["clock_offset"]
         path = path_at(line.edges, motion, slope, time, line.intervals(time))
@@ -141,6 +156,18 @@ class DriveModel:
             path.yaw_rate,
             np.column_stack([path.place.real, path.place.imag, path.heading]),
         )
+
+    def gyro_turns(self, values: Array, line: Timeline, free: np.ndarray) -> tuple[Array, Array]:
+        """Readings (K - 1,) of the gyro between nodes, less bias, in rad, NaN for none; derivatives (f, K - 1)."""
+        assert line.gyro is not None
+        bias, offset = values[self.index("gyro_bias")], values[self.index("gyro_clock")]
+        time, step = line.time + offset, np.diff(line.time)
+        reading, rate = np.diff(line.gyro_turn(time)), line.gyro_turn(time, 1)
+        slope = np.zeros((len(free), len(step)))
+        slope[free == self.index("gyro_clock")] = np.diff(rate)
+        slope[free == self.index("gyro_bias")] = -step
+        whole = np.diff(np.interp(time, line.gyro[:, 0], line.gyro[:, 2])) >= MEASURED * step
+        return np.where(whole, reading - bias * step, np.nan), slope
 
     def sensor_path(self, values: Array, drive: PreparedDrive) -> Array:
         """Positions of the sensor and headings of the robot (K, 3) by dead reckoning, from anywhere."""

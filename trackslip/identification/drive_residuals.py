@@ -26,7 +26,10 @@ class Noise:
 
     values: Array
     """(7,): position [m] and heading [rad] of poses; slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)];
-    growth of the first two with the sensor's speed and the yaw rate [s], added in quadrature."""
+    growth of the first two with the sensor's speed and the yaw rate [s], added in quadrature.
+
+    With a gyro (8,): that of its turns [rad/sqrt(s)].
+    """
 
     NAMES = (
         "position",
@@ -36,11 +39,17 @@ class Noise:
         "slip_turn",
         "position_by_speed",
         "heading_by_yaw_rate",
+        "gyro",
     )
 
     def of_poses(self, rate: Array) -> tuple[Array, Array]:
         """Variances (K, 2) of positions and headings at rest, and those that `rate` (K, 2) adds, of Residuals."""
-        return np.broadcast_to(self.values[:2] ** 2, rate.shape), (self.values[5:] * rate) ** 2
+        return np.broadcast_to(self.values[:2] ** 2, rate.shape), (self.values[5:7] * rate) ** 2
+
+    @property
+    def of_steps(self) -> Array:
+        """(c,) of the components of steps."""
+        return np.append(self.values[2:5], self.values[7:])
 
 
 @dataclass(frozen=True)
@@ -81,15 +90,16 @@ class Nodes:
 class Residuals:
     """Residuals at a trajectory and parameters, with the derivatives of the step residuals.
 
-    In memory, nodes are the last axis of the derivatives.
+    Steps have c = 3 components, with a gyro 4, the last being the turn by the gyro. In memory, nodes are the last axis
+    of the derivatives.
     """
 
     pose: Array  # (K, 3) of positions and headings, white, 0 where not measured
-    step: Array  # (K - 1, 3) in the frame of the first node [m, m, rad]
-    by_first: Array  # (K - 1, 3, 3) derivatives of step by the state of the first node
-    by_second: Array  # (K - 1, 3, 3) by that of the second
-    by_values: Array  # (K - 1, 3, f) by the chosen parameters
-    distance: Array  # (K - 1,) [m]
+    step: Array  # (K - 1, c) in the frame of the first node [m, m, rad, rad]
+    by_first: Array  # (K - 1, c, 3) derivatives of step by the state of the first node
+    by_second: Array  # (K - 1, c, 3) by that of the second
+    by_values: Array  # (K - 1, c, f) by the chosen parameters
+    distance: Array  # (K - 1, c) by which variances grow: the way [m], with a gyro the time in the end [s]
     rate: Array  # (K, 2) speed of the sensor [m/s] and yaw rate [rad/s] at the nodes, by the law
     path: Array  # (K, 3) of the turning centre by dead reckoning [m, m, rad]
     free: np.ndarray  # (f,) indices of those parameters
@@ -107,7 +117,7 @@ class Residuals:
 def residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array, free: np.ndarray) -> Residuals:
     """Residuals at states (K, 3) and parameter values (p,), with derivatives by the parameters `free` (f,)."""
     steps = _reckoned(model, nodes, values, free)
-    motion, slope = steps.motion, steps.slope
+    motion, slope, distance = steps.motion, steps.slope, steps.distance[:, None]
     x, y = model.index("sensor_x"), model.index("sensor_y")
     lever = values[x] + 1j * values[y]
     heading, turn = states[:-1, 2], np.diff(states[:, 2])
@@ -126,10 +136,20 @@ def residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array, fre
     by_values = -slope
     by_values[0, free == x], by_values[1, free == x] = 1 - swing.real, -swing.imag
     by_values[0, free == y], by_values[1, free == y] = swing.imag, 1 - swing.real
+    if model.gyro:
+        turned, by_gyro = model.gyro_turns(values, nodes.timeline, free)
+        known = np.isfinite(turned)
+        size, turn = 1 + values[model.index("gyro_scale")], wrap_angle(turn)
+        step = np.column_stack([step, np.where(known, size * turn - turned, 0.0)])
+        by_gyro[free == model.index("gyro_scale")] = -turn
+        by_first, by_second = (np.append(one, size * one[2:], axis=0) for one in (by_first, by_second))
+        by_values = np.append(by_values, -by_gyro[None], axis=0)
+        time = np.where(known, np.diff(nodes.timeline.time), np.inf)
+        distance = np.column_stack([*[distance] * 3, time])
     pose = pose_residuals(model, nodes, states, values)
     first, second, chosen = (np.moveaxis(one, -1, 0) for one in (by_first, by_second, by_values))
     rate = np.abs(np.column_stack([steps.velocity + 1j * steps.yaw_rate * lever, steps.yaw_rate]))
-    return Residuals(pose, step, first, second, chosen, steps.distance, rate, steps.path, free)
+    return Residuals(pose, step, first, second, chosen, distance, rate, steps.path, free)
 
 
 def pose_residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array) -> Array:
@@ -142,9 +162,9 @@ def pose_residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array
 
 
 def weights(found: Residuals, nodes: Nodes, noise: Noise) -> tuple[Array, Array]:
-    """Reciprocal variances (K, 3) of poses and (K - 1, 3) of steps."""
+    """Reciprocal variances (K, 3) of poses and (K - 1, c) of steps."""
     poses = nodes.weight / sum(noise.of_poses(found.rate))
-    steps = (nodes.link / found.distance)[:, None] / noise.values[2:5] ** 2
+    steps = nodes.link[:, None] / found.distance / noise.of_steps**2
     return poses[:, [0, 0, 1]], steps
 
 

@@ -59,6 +59,20 @@ def starts(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> list[tup
     ]
 
 
+def gyro_clock(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock_offset: float) -> float:
+    """Gyro's clock minus pose clock [s] at which it fits the headings best; without any, `clock_offset`."""
+    turning = []
+    for drive in drives:
+        if drive.gyro is not None and drive.has_heading:
+            rate = np.diff(drive.gyro[:, 1]) / np.diff(drive.gyro[:, 0])
+            sides = rate[:, None] * [-1, 1] * geometry.half_gauge / geometry.sprocket_radius
+            turning.append(replace(drive, edges=drive.gyro[:, 0], omega=sides))
+    if not turning:
+        return clock_offset
+    coarse = min(_turning_costs(turning, geometry, _OFFSETS))[2]
+    return min(_turning_costs(turning, geometry, coarse + _FINE))[2]
+
+
 def _require_both_forwards(drives: Sequence[PreparedDrive], geometry: RobotGeometry, cost: float) -> None:
     """Raise LogError if turns are explained much better, than with `cost`, by an encoder that counts backwards."""
     mirrored = [replace(drive, omega=drive.omega * [-1, 1]) for drive in drives]

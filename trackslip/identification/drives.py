@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from trackslip.doubts import refuse
 from trackslip.errors import LogError, counted
@@ -43,6 +46,7 @@ class PreparedDrive:
     whitening: Array | None = None  # (K, 3, 3) see `whitening`; None where the poses' covariances are not known
     coarse: bool = False  # encoders with few ticks: smoothing helps, as a lag would, though nothing lags
     accept: tuple[str, ...] = ()  # doubts to ignore
+    gyro: Array | None = None  # (T, 3) encoder clock [s], and sums as in RunLog
 
     @property
     def has_heading(self) -> bool:
@@ -107,7 +111,8 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
     nodes = _filled(time, pose, rows, usual)
     stated = None if log.covariance is None else log.covariance[nodes[2]]
     shape = whitening(nodes[1], stated)
-    return PreparedDrive(log.run, edges, omega, *nodes, usual, shape, coarse, log.accept)
+    turned = None if log.gyro_sums is None else np.column_stack([log.time, log.gyro_sums])
+    return PreparedDrive(log.run, edges, omega, *nodes, usual, shape, coarse, log.accept, turned)
 
 
 def reckoned(drive: PreparedDrive, geometry: RobotGeometry, ratio: float, time: Array) -> tuple[np.ndarray, Array]:
@@ -224,17 +229,21 @@ class Timeline:
     first: np.ndarray  # (K,) first interval of the drive that each node belongs to
     last: np.ndarray  # (K,) and its last one
     between: np.ndarray  # (D - 1,) steps between nodes that lead from one drive to the next
+    gyro: Array | None  # (G, 3) of the drives that have one, as theirs, sums going on
 
     @classmethod
     def of(cls, drives: Sequence[PreparedDrive]) -> Timeline:
         """The drives in a row."""
         edges, omega, times, begins, ends = [], [], [], [], []
+        gyros: list[Array] = []
         clock, interval = 0.0, 0
         for k, drive in enumerate(drives):
             shift = clock - float(drive.edges[0])
             edges.append(drive.edges + shift)
             omega.append(drive.omega if k == len(drives) - 1 else np.append(drive.omega, np.zeros((1, 2)), axis=0))
             times.append(drive.time + shift)
+            if drive.gyro is not None:
+                gyros.append(drive.gyro + np.append(shift, gyros[-1][-1, 1:] if gyros else (0.0, 0.0)))
             begins.append(interval)
             ends.append(interval + len(drive.omega) - 1)
             clock, interval = float(edges[-1][-1]) + _PAUSE, interval + len(drive.omega) + 1
@@ -247,7 +256,14 @@ class Timeline:
             np.repeat(begins, nodes),
             np.repeat(ends, nodes),
             np.cumsum(nodes)[:-1] - 1,
+            np.concatenate(gyros) if gyros else None,
         )
+
+    @cached_property
+    def gyro_turn(self) -> Any:
+        """The gyro's turn as a function of time, smooth, so that it has no kinks in the clock offset."""
+        assert self.gyro is not None
+        return PchipInterpolator(*self.gyro.T[:2])
 
     def intervals(self, time: Array) -> np.ndarray:
         """The interval (K,) that each node is in at other times (K,); beyond the ends of its drive, the nearest one."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.errors import counted
 from trackslip.identification.drive_fit import TrajectoryFit, far_off, fit_trajectory
-from trackslip.identification.drive_model import EXTRAS, DriveModel
+from trackslip.identification.drive_model import DriveModel
 from trackslip.identification.drive_residuals import Nodes
 from trackslip.identification.drives import PreparedDrive
 from trackslip.identification.fitted import SteadyFit
@@ -284,10 +284,10 @@ def baselines(pairs: ScoredPairs, geometry: RobotGeometry, sensor: Mounting | No
     GAINS are factors on speed and yaw rate from a plain least-squares fit of ways and turns to those of the sprockets
     in the driving that isn't predicted. Neither knows delays, nor the sensor's place but for the one given.
     """
-    extras = np.zeros(len(EXTRAS))
-    if sensor is not None:
-        extras[[list(EXTRAS).index(f"sensor_{name}") for name in ("x", "y", "yaw")]] = sensor.x, sensor.y, sensor.yaw
     plain = DriveModel(FAMILIES["none"], geometry)
+    extras = np.zeros(len(plain.names))
+    if sensor is not None:
+        extras[[plain.index(f"sensor_{name}") for name in ("x", "y", "yaw")]] = sensor.x, sensor.y, sensor.yaw
     found = {TODAY: _predicted(plain, extras[None], np.zeros(len(pairs.start), int), pairs)}
     held = _held(pairs.nodes)
     gains = np.array([least_squares_gains(_part(pairs.nodes, ~rows), geometry) for rows in held])

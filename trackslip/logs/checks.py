@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from trackslip.doubts import refuse
+from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
 CLEARLY = 0.8

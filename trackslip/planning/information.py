@@ -10,7 +10,7 @@ import numpy as np
 from trackslip.errors import require, require_positive
 from trackslip.identification.determined import vaguest
 from trackslip.identification.drive_equations import solve
-from trackslip.identification.drive_model import EXTRAS, DriveModel
+from trackslip.identification.drive_model import EXTRAS, GYRO, DriveModel
 from trackslip.identification.drive_residuals import Nodes, Noise, residuals
 from trackslip.identification.drives import PreparedDrive, merged
 from trackslip.kinematics import Array
@@ -124,8 +124,8 @@ def information(
 
 
 def with_extras(law: Array) -> Array:
-    """Parameters (p,) of a model: the law's, followed by EXTRAS, which are 0."""
-    return np.concatenate([law, np.zeros(len(EXTRAS))])
+    """Parameters (p,) of a model without gyro: the law's, followed by EXTRAS, which are 0."""
+    return np.concatenate([law, np.zeros(len(EXTRAS) - len(GYRO))])
 
 
 def rate_of(poses: PoseQuality) -> int:

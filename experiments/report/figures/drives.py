@@ -142,7 +142,7 @@ def pose_residuals(fit: TrajectoryFit) -> tuple[Array, np.ndarray]:
 def step_residuals(fit: TrajectoryFit) -> tuple[Array, np.ndarray]:
     """Slip of each step (K - 1, 3) [standard deviations], NaN between drives; and whether each was kept (K - 1,)."""
     measured = Nodes.of(fit.nodes.drives)
-    scaled = fit.residuals.step / (np.sqrt(fit.residuals.distance)[:, None] * fit.noise.values[2:5])
+    scaled = fit.residuals.step / (np.sqrt(fit.residuals.distance) * fit.noise.of_steps)
     return np.where(measured.link[:, None] > 0, scaled, np.nan), fit.nodes.link == measured.link
 
 
