@@ -33,6 +33,7 @@ from .odometry.evaluation import odometry_errors as odometry_errors
 from .odometry.identified import identified_law as identified_law
 from .odometry.slip_odometry import SlipOdometry as SlipOdometry
 from .odometry.tum import write_tum as write_tum
+from .odometry.uncertainty import Gyro as Gyro
 from .odometry.uncertainty import LawErrors as LawErrors
 from .odometry.uncertainty import SlipNoise as SlipNoise
 from .planning.information import PoseQuality as PoseQuality
