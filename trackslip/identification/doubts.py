@@ -92,10 +92,10 @@ def _left_out(law: DriveFit) -> list[Doubt]:
 def _halves(law: DriveFit) -> list[Doubt]:
     """Parameters that differ between the two halves of the way by more than their joint intervals allow."""
     fit, first = law.fit, law.fit.nodes.first
-    way = np.append(0.0, np.cumsum(fit.residuals.distance))
+    way = np.append(0.0, np.cumsum(fit.residuals.way))
     if len(first) > 2:  # whole drives, by their middles
         way = np.repeat((way[first[:-1]] + way[first[1:] - 1]) / 2, np.diff(first))
-    early = way < fit.residuals.distance.sum() / 2
+    early = way < fit.residuals.way.sum() / 2
     try:
         halves = [refitted(fit, rows) for rows in (early, ~early)]
         (a, wide_a), (b, wide_b) = ((half.values[half.free], half_widths(half)) for half in halves)
@@ -114,7 +114,7 @@ def _halves(law: DriveFit) -> list[Doubt]:
 def _little(law: DriveFit) -> list[Doubt]:
     """Parameters that the driving leaves open, and too short a way."""
     told, doubts = [], []
-    way, gauge = float(law.fit.residuals.distance.sum()), law.fit.model.geometry.half_gauge
+    way, gauge = float(law.fit.residuals.way.sum()), law.fit.model.geometry.half_gauge
     if way < _SHORT_WAY * gauge:
         told.append(f"the belts drive {way:.2g} m, which is less than {_SHORT_WAY:g} half gauges")
     for name, why in law.held.items():

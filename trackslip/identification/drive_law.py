@@ -230,8 +230,9 @@ def _fitted(
     if not lagging:
         coarse = any(drive.coarse for drive in nodes.drives)
         held.setdefault("lag", "encoders with so few ticks don't tell it" if coarse else "none shows")
-    if "offset_left" in model.names:
-        held.setdefault("sensor_y", "an offset of the sensor and unequal ICRs can't be told apart")
+    if "offset_left" in model.names and "sensor_y" not in held:
+        held["sensor_y"] = "an offset of the sensor and unequal ICRs can't be told apart"
+        values[model.index("sensor_y")] = 0.0
     while True:
         free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
         found = fit_trajectory(model, nodes, states, values, noise, free, mean, gated=gated)

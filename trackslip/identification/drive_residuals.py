@@ -104,6 +104,11 @@ class Residuals:
     path: Array  # (K, 3) of the turning centre by dead reckoning [m, m, rad]
     free: np.ndarray  # (f,) indices of those parameters
 
+    @property
+    def way(self) -> Array:
+        """Way of the belts in each step (K - 1,) [m]."""
+        return self.distance[:, 0]
+
     def weighted_as(self, other: Residuals) -> Residuals:
         """The same with the variances of others."""
         return replace(self, distance=other.distance, rate=other.rate)
