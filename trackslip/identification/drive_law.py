@@ -131,11 +131,12 @@ def _reference(
         found = _without_lag([replace(drive, whitening=None) for drive in drives], geometry, sensor, held)
     first = found.fit
     coarse = any(drive.coarse for drive in drives)
-    if "lag" in held or coarse or "clock_offset" not in found.free or (values := _lagged(first)) is None:
+    if "lag" in held or coarse or "clock_offset" not in found.free or (tried := _lagged(first)) is None:
         return found
     try:
-        nodes = first.nodes
-        lagging = _fitted(first.model, nodes, first.states, values, first.noise, sensor, held, False, lagging=True)
+        lagging = _fitted(
+            tried.model, tried.nodes, tried.states, tried.values, tried.noise, sensor, held, False, lagging=True
+        )
         shown = "lag" in lagging.free and lagging.extras["lag"] > _CERTAIN * lagging.stderr["lag"]
         if not shown or lagging.deviance > found.deviance - _LAGGING:
             return found
@@ -180,8 +181,8 @@ def _likelier_alike(found: TrajectoryFit) -> bool:
     return alike.deviance < found.deviance - _LIKELIER
 
 
-def _lagged(found: TrajectoryFit) -> Array | None:
-    """Values (p,) with the lag that a few steps at unchanged noise lead to, if the poses are likelier than without."""
+def _lagged(found: TrajectoryFit) -> TrajectoryFit | None:
+    """A few steps with a lag at unchanged noise, if the poses are likelier than without."""
     free, tried = np.append(found.free, found.model.index("lag")), []
     for lag in _LAGS:  # the motion begins later by as much
         values = found.values.copy()
@@ -202,7 +203,7 @@ def _lagged(found: TrajectoryFit) -> Array | None:
                 )
             )
     best = min(tried, key=lambda fit: fit.deviance, default=found)
-    return best.values if best.deviance < found.deviance - _LAGGING / 2 else None
+    return best if best.deviance < found.deviance - _LAGGING / 2 else None
 
 
 def _fitted(
@@ -230,29 +231,31 @@ def _fitted(
     if not lagging:
         coarse = any(drive.coarse for drive in nodes.drives)
         held.setdefault("lag", "encoders with so few ticks don't tell it" if coarse else "none shows")
-    if "offset_left" in model.names and "sensor_y" not in held:
-        held["sensor_y"] = "an offset of the sensor and unequal ICRs can't be told apart"
-        values[model.index("sensor_y")] = 0.0
+    if "offset_left" in model.names:
+        held.setdefault("sensor_y", "taken with equal ICRs: an offset of the sensor and unequal ICRs can't be told apart")
     while True:
         free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
         found = fit_trajectory(model, nodes, states, values, noise, free, mean, gated=gated)
         vague = undetermined_by_drives(found)
-        if vague is None:
+        if vague is None and "gyro_clock" not in held and model.gyro:
+            vague = "gyro_clock", "aligned with the turns of the poses, whose stamps jitter more than its error would say"
+        elif vague is None:
             described = _described(found, held)
             rough = all(described.stderr[name] > scale for name, scale in _changes(model) if name in described.stderr)
             if model.family.names and rough and (why := unlike_sprockets(found.noise, hopeless=True)):
                 refuse("hopeless", nodes.drives[0].accept, why=why)
             return described
         name, reason = vague
-        held[name] = f"not determined: {reason}"
+        held[name] = reason if name == "gyro_clock" else f"not determined: {reason}"
         if model.family.names and held.keys() >= set(model.family.names):
             reason = unlike_sprockets(found.noise, hopeless=True) or reason
             raise LogError(f"the drives determine no parameter of the law: {reason}")
         nodes, states, noise = found.nodes, found.states, found.noise
-        values = found.values.copy()
+        values, gated = found.values.copy(), False
+        if name == "gyro_clock":
+            continue
         if name in EXTRAS or model.limits[0][model.index(name)] <= 0 <= model.limits[1][model.index(name)]:
             values[model.index(name)] = mean[model.index(name)]
-        gated = False
 
 
 def _changes(model: DriveModel) -> list[tuple[str, float]]:
