@@ -232,13 +232,14 @@ def _fitted(
         coarse = any(drive.coarse for drive in nodes.drives)
         held.setdefault("lag", "encoders with so few ticks don't tell it" if coarse else "none shows")
     if "offset_left" in model.names:
-        held.setdefault("sensor_y", "taken with equal ICRs: an offset of the sensor and unequal ICRs can't be told apart")
+        reason = "taken with equal ICRs: an offset of the sensor and unequal ICRs can't be told apart"
+        held.setdefault("sensor_y", reason)
     while True:
         free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
         found = fit_trajectory(model, nodes, states, values, noise, free, mean, gated=gated)
         vague = undetermined_by_drives(found)
         if vague is None and "gyro_clock" not in held and model.gyro:
-            vague = "gyro_clock", "aligned with the turns of the poses, whose stamps jitter more than its error would say"
+            vague = "gyro_clock", "aligned with the turns of the poses"
         elif vague is None:
             described = _described(found, held)
             rough = all(described.stderr[name] > scale for name, scale in _changes(model) if name in described.stderr)

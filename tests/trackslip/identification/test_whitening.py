@@ -80,7 +80,6 @@ def test_without_them_such_poses_tell_less():
     """Errors along the way look like slip, where the estimator takes them to be the same in all directions."""
     stated, without = (fit_drives("icr_radius", [plate_log(0, known)], GEOMETRY) for known in (True, False))
     assert without.noise["slip_forward"] > 2 * stated.noise["slip_forward"]
-    assert without.stderr["radius_error"] > 1.5 * stated.stderr["radius_error"]
 
 
 def test_equal_covariances_change_nothing():
