@@ -95,8 +95,8 @@ def sensing_lines(found: Sequence[Evaluated], sensor_given: bool, clock_given: b
         by_sensing.setdefault((one.mounting, one.clock_offset), []).append(one.label)
     return [
         f"{', '.join(labels) + ': the' if len(by_sensing) > 1 else 'The'} poses' sensor sits {place.x:z.3f} m ahead "
-        f"of and {place.y:z.3f} m left of the turning centre, turned by {degrees(place.yaw):z.2f}° ({words[0]}); the "
-        f"encoders' clock is {clock_words(offset)} ({words[1]})."
+        f"of and {abs(place.y):.3f} m {'right' if place.y < 0 else 'left'} of the turning centre, turned by "
+        f"{degrees(place.yaw):z.2f}° ({words[0]}); the encoders' clock is {clock_words(offset)} ({words[1]})."
         for (place, offset), labels in by_sensing.items()
     ]
 

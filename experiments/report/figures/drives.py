@@ -205,5 +205,5 @@ def prediction_errors(found: DriveComparison) -> Figure:
     figure = style.errors_ahead(panels, HORIZONS, "time ahead [s]")
     best = {found.best: " – best"}
     handles = [style.key(prediction_title(name) + best.get(name, ""), **look) for name, look in looks.items()]
-    style.legend_below(figure, handles, ncols=4, handlelength=3.2)
+    style.legend_below(figure, handles, handlelength=3.2)
     return figure

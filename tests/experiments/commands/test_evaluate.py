@@ -81,7 +81,7 @@ def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip
     (law,) = given.summary["laws"].values()
     assert law["sensor"] == {"x": 0.1, "y": -0.2, "yaw": 0.3}
     assert law["clock_offset"] == 0.05
-    assert "0.100 m ahead of and -0.200 m left of the turning centre, turned by 17.19° (given)" in given.printed
+    assert "0.100 m ahead of and 0.200 m right of the turning centre, turned by 17.19° (given)" in given.printed
 
 
 def test_names_of_drives_become_names_of_files(trackslip, tmp_path):

@@ -1,6 +1,7 @@
 """Laws identified from whole drives: tables and figures against the fits."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,6 +68,13 @@ def test_predicted_paths_end_where_the_errors_say(two_drives, without_headings, 
         error = np.array([np.cos(turn) * forwards - np.sin(turn) * left, np.sin(turn) * forwards + np.cos(turn) * left])
         np.testing.assert_allclose(path[0], fit.nodes.pose[start, :2], atol=1e-12)
         np.testing.assert_allclose(path[-1] - error, fit.nodes.pose[start + len(path) - 1, :2], atol=1e-9)
+
+
+def test_long_names_of_laws_fit_below_the_errors(two_drives):
+    found, best = two_drives.drive, "centrifugal"
+    names = (best, "turn_loss_sides", "turn_loss", "exponential", "icr_radius", "icr_sides", "icr", "none")
+    laws, errors = (dict.fromkeys(names, known["icr"]) for known in (found.laws, found.errors))
+    assert_readable(drives.prediction_errors(replace(found, best=best, laws=laws, errors=errors)))
 
 
 def test_the_clock_offset_lies_in_the_valley(two_drives):
