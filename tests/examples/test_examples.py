@@ -23,6 +23,14 @@ def run(capsys):
     return call
 
 
+def test_logs_are_small_and_their_licences_beside_them():
+    files = [file for file in (FOLDER / "logs").iterdir() if file.name != "README.md"]
+    assert sum(file.stat().st_size for file in files) < 2e6
+    told = (FOLDER / "logs" / "README.md").read_text(encoding="utf-8")
+    assert all(f"`{file.name}`" in told for file in files)
+    assert sum(file.name.startswith("LICENSE") for file in files) == 2
+
+
 def numbers(pattern, text):
     return [float(number) for number in re.findall(pattern, text)]
 

@@ -19,7 +19,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from pages import Block, arguments, blocks, commands, missing_line
+from pages import ROOT, Block, arguments, blocks, commands, missing_line
 
 from experiments.cli import main, parse
 
@@ -43,6 +43,9 @@ class PageRunner:
     """By the block before, if it was run."""
     missing: list[str] = field(default_factory=list)
     """Optional libraries that aren't installed."""
+
+    def __post_init__(self) -> None:
+        (self.folder / "examples").symlink_to(ROOT / "examples")  # pages are read in a checkout
 
     def run(self, block: Block) -> None:
         """Run a block; raises AssertionError where a page shows what wasn't printed, or a command ends otherwise."""
