@@ -324,5 +324,5 @@ def clock_profile(fit: TrajectoryFit) -> ClockProfile:
             values[free] = np.clip(values[free] + step.values, low[free], high[free])
             states = states + step.states
         found = residuals(model, nodes, states, values, free[:0])
-        rise.append(cost(found, nodes, fit.noise) - least)
+        rise.append(cost(found.weighted_as(fit.residuals), nodes, fit.noise) - least)
     return ClockProfile(offsets, np.array(rise))

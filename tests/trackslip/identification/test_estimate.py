@@ -9,7 +9,7 @@ from drives import EXACT, GEOMETRY, ICR, NOISE, SLAM, STILL, constant_speeds, dr
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.drive_equations import solve
-from trackslip.identification.drive_law import fit_drives
+from trackslip.identification.drive_law import clock_profile, fit_drives
 from trackslip.identification.drive_residuals import Noise
 from trackslip.identification.drives import drive_of
 from trackslip.identification.intervals import stretch_ends
@@ -149,6 +149,8 @@ def test_poses_are_noisier_in_motion_where_their_stamps_jitter():
         assert 0.2 * jitter < found.noise["position_by_speed"] < 2e-3 + jitter / np.sqrt(2)
         assert found.noise["heading_by_yaw_rate"] == pytest.approx(jitter, rel=0.2, abs=2e-3)
         assert found.left_out < 0.01 * found.poses
+        profile = clock_profile(found.fit)
+        assert abs(profile.offset[profile.rise.argmin()] - found.extras["clock_offset"]) < found.stderr["clock_offset"]
 
 
 def test_a_vague_value_that_is_no_chance_is_not_held():
