@@ -23,7 +23,7 @@ from trackslip.errors import counted
 from trackslip.identification.comparison import DriveComparison
 from trackslip.identification.drive_law import DriveFit
 from trackslip.identification.drive_model import EXTRAS
-from trackslip.identification.prediction import GAINS, TODAY
+from trackslip.identification.drive_prediction import GAINS, TODAY
 from trackslip.identification.result import Identification
 
 _VALUES = ("value ± std. error", "95 % interval")

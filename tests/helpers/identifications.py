@@ -8,9 +8,9 @@ import numpy as np
 
 from trackslip.identification.comparison import SteadyComparison
 from trackslip.identification.fitted import fit_law
-from trackslip.identification.prediction import CrossValidation, RunPredictions
 from trackslip.identification.result import Identification
 from trackslip.identification.samples import SlipSamples
+from trackslip.identification.steady_prediction import CrossValidation, RunPredictions
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import Refused
 from trackslip.slip.icr import ConstantIcr

@@ -10,20 +10,18 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.identification.doubts import doubts_of_drives, doubts_of_samples
 from trackslip.identification.drive_law import REFERENCE, ClockProfile, DriveFit, clock_profile, fit_drives
-from trackslip.identification.drives import PreparedDrive
-from trackslip.identification.fitted import FittedLaw, SteadyFit, fit_law
-from trackslip.identification.prediction import (
-    CrossValidation,
+from trackslip.identification.drive_prediction import (
     DrivePredictions,
     PredictionErrors,
-    RunPredictions,
     ScoredPairs,
     baselines,
     best_of_drives,
-    best_predictors,
     held_out,
 )
+from trackslip.identification.drives import PreparedDrive
+from trackslip.identification.fitted import FittedLaw, SteadyFit, fit_law
 from trackslip.identification.samples import SlipSamples
+from trackslip.identification.steady_prediction import CrossValidation, RunPredictions, best_predictors
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES, drive_laws

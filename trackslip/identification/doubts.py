@@ -12,10 +12,10 @@ from trackslip.errors import LogError, counted
 from trackslip.identification.drive_fit import unlike_sprockets
 from trackslip.identification.drive_law import DriveFit
 from trackslip.identification.drive_model import EXTRAS
+from trackslip.identification.drive_prediction import refitted
 from trackslip.identification.drives import PreparedDrive
 from trackslip.identification.fitted import FittedLaw, SteadyFit
 from trackslip.identification.intervals import CONFIDENCE, half_widths
-from trackslip.identification.prediction import refitted
 from trackslip.identification.sensor import offset_between_sides
 from trackslip.slip.families import FAMILIES
 

@@ -14,13 +14,13 @@ from trackslip.identification.determined import undetermined_by_drives
 from trackslip.identification.drive_equations import solve
 from trackslip.identification.drive_fit import FIRST, TrajectoryFit, fit_trajectory, unlike_sprockets
 from trackslip.identification.drive_model import EXTRAS, DriveModel
+from trackslip.identification.drive_prediction import held_out_deviance
 from trackslip.identification.drive_residuals import Nodes, Noise, cost, residuals
 from trackslip.identification.drive_start import gyro_clock, law_start, starts, trajectory
 from trackslip.identification.drives import PreparedDrive, drives_of
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.intervals import half_widths, model_errors
 from trackslip.identification.plausibility import require_units
-from trackslip.identification.prediction import held_out_deviance
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.se2 import Mounting

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError, counted
-from trackslip.identification.prediction import trailing_heading
+from trackslip.identification.drive_prediction import trailing_heading
 from trackslip.kinematics import Array, body_twist
 from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry

@@ -13,8 +13,8 @@ from experiments.report.laws import prediction_title, symbol
 from trackslip.identification.comparison import DriveComparison
 from trackslip.identification.drive_fit import TrajectoryFit
 from trackslip.identification.drive_law import DriveFit
+from trackslip.identification.drive_prediction import HORIZONS, DrivePredictions
 from trackslip.identification.drive_residuals import Nodes
-from trackslip.identification.prediction import HORIZONS, DrivePredictions
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.se2 import rotate
 

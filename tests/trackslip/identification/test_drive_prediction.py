@@ -8,9 +8,9 @@ from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log
 from sim.wander.motion import WHITE
 from trackslip.identification.comparison import compare_drives
 from trackslip.identification.drive_law import fit_drives
+from trackslip.identification.drive_prediction import HORIZONS, DrivePredictions, ScoredPairs, best_of_drives, held_out
 from trackslip.identification.drive_residuals import Nodes
 from trackslip.identification.drives import drive_of, drives_of
-from trackslip.identification.prediction import HORIZONS, DrivePredictions, ScoredPairs, best_of_drives, held_out
 from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.turn_loss import Centrifugal, TurnLossSides
 
