@@ -5,6 +5,7 @@ from .drive.pull import Pull as Pull
 from .fleet import Fleet as Fleet
 from .ground.ground import Ground as Ground
 from .ground.named import load_ground as load_ground
+from .log_replay import replay as replay
 from .loop import closed_loop as closed_loop
 from .loop import open_loop as open_loop
 from .pilot import Pilot as Pilot

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.bodies import EVERYONE, Bodies, Rows, along_robot
-from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState
+from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast
 from sim.drive.pull import Drawbar, Pull
 from sim.drive.saturation import SpeedSearch
 from sim.fleet_ground import FleetGround, one_each, require_at_rest, require_held
@@ -17,6 +17,7 @@ from sim.ground.ground import Ground
 from sim.ground.shear import Shear
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
+from trackslip import se2
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
@@ -177,6 +178,17 @@ class Fleet(Bodies):
         for _ in range(periods):
             self._advance_within_limits(weak, limited)
         self.drive.put(weak, limited)
+
+    def launch(self, twist: ArrayLike) -> None:
+        """Set the robots in motion with twists (N, 3) or (3,): forwards, to the left [m/s], yaw rate [rad/s]."""
+        twist = np.broadcast_to(np.asarray(twist, float), (self.size, 3))
+        require(np.isfinite(twist).all(), "twist", twist.tolist(), "finite")
+        self._velocity[:, :2], self._velocity[:, 5] = se2.rotate(self._heading, twist[:, :2]), twist[:, 2]
+
+    def follow(self, omega: Array) -> None:
+        """Turn the sprockets at mean speeds (P, N, 2) in the next P servo periods, whatever the torques [rad/s]."""
+        forecast = Forecast(np.concatenate([self.drive.omega[None], omega]), omega, omega[-1] - self.drive.set_point)
+        self.drive.accept(forecast, self.drive.torque_for(forecast, self._run(EVERYONE, omega)))
 
     def _run(self, rows: Rows, mean: Array) -> Array:
         """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from sim.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.loop import Progress
 from sim.robot.parameters import RobotParameters
-from sim.robot.robot import Robot, load_robot
+from sim.robot.robot import compiled
 from trackslip import se2
 from trackslip.errors import require
 from trackslip.kinematics import Array, RobotGeometry
@@ -80,7 +79,7 @@ def bounds(base: Candidate) -> dict[str, tuple[float, float]]:
 
 def simulated_twist(candidate: Candidate, target: Target, along: float = Ground().along, threads: int = 0) -> Array:
     """Simulated steady twists (M, 2) of a candidate at a target's sprocket speeds [m/s, rad/s]."""
-    robot = _compiled(replace(candidate.robot, radius_error=0.0))
+    robot = compiled(replace(candidate.robot, radius_error=0.0))
     omega = target.omega(candidate.geometry)
     drive = tireless(max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * candidate.robot.sprocket_radius))
     ground = Ground(along, along * candidate.friction_ratio, shear=candidate.shear)
@@ -100,11 +99,6 @@ def _time_to_be_steady(candidate: Candidate, omega: Array, period: float) -> flo
         return _STEADY
     passed = _PASSES * candidate.robot.contact_length / float(moving.min())
     return round(min(_STEADY + passed, _LONGEST) / period) * period
-
-
-@lru_cache(maxsize=16)
-def _compiled(parameters: RobotParameters) -> Robot:
-    return load_robot(parameters=parameters)
 
 
 def theoretical_twist(candidate: Candidate, target: Target) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import mujoco
@@ -124,6 +125,12 @@ def load_robot(
         return replace(robot, path=path, parameters=parameters, contact_sensors=contact_sensors)
     except (ValueError, KeyError, AttributeError) as error:
         raise TrackslipError(f"{path}: {' '.join(str(error).split())}") from error
+
+
+@lru_cache(maxsize=16)
+def compiled(parameters: RobotParameters) -> Robot:
+    """The robot of the paper's field with these parameters, compiled once."""
+    return load_robot(parameters=parameters)
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, points: int) -> None:

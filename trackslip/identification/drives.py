@@ -102,7 +102,7 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
         )
     often = int(_INFORMATIVE / np.median(np.diff(log.time[rows])) + _NEARLY)
     rows = rows[:: max(-(-len(rows) // max(max_poses, MIN_POSES)), min(often, len(rows) // MIN_POSES), 1)]
-    coarse = _counts_few_ticks(log.time, log.omega)
+    coarse = counts_few_ticks(log.time, log.omega)
     edges, omega = merged(log.time, interval_means(log.time, log.omega, coarse), max_rows)
     time, pose = log.time[rows], log.pose[rows].copy()
     known = np.isfinite(pose[:, 2])
@@ -162,7 +162,7 @@ def _of_side(time: Array, omega: Array) -> Array:
     return np.asarray(at_rows[1:] + at_rows[:-1]) / 2
 
 
-def _counts_few_ticks(time: Array, omega: Array) -> bool:
+def counts_few_ticks(time: Array, omega: Array) -> bool:
     """True if sprocket speeds (T, 2) are multiples of one angle a row, or of one speed, and few of them."""
     step = np.diff(time)
     return any(_of_few(np.abs(side * by)) for side in omega[1:].T for by in (step, 1.0))

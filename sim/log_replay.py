@@ -1,0 +1,215 @@
+"""Replay: the robots of a simulated fleet drive as logs say that a robot drove, one robot a log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
+
+from sim.drive.drive import Drive, tireless
+from sim.fleet import Fleet
+from sim.ground.ground import Ground
+from sim.robot.named import RobotSource, load_parameters
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import compiled
+from trackslip import se2
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.identification.drives import counts_few_ticks, interval_means
+from trackslip.kinematics import Array, RobotGeometry, body_twist
+from trackslip.logs.runlog import RunLog, Truth
+from trackslip.se2 import Mounting
+
+Inputs = Literal["encoders", "commands"]
+"""What drives the robots: measured sprocket speeds, or commands to the drive."""
+RUN_UP = 0.5
+"""Time driven before a log begins, at its first measured sprocket speeds [s]."""
+_FIRST = 0.3  # time over which poses give the twist at the start [s]
+_BEYOND = 1e4  # [s]
+_ROUNDING = 1e-9  # [s]
+MAX_SPEED = 9.9
+"""Speed of a belt that can be replayed [m/s]."""
+_MARGIN = 1.01  # top speed of a drive that follows every measured speed, over the largest [-]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Simulated motion of N robots, each by the encoder clock of its log."""
+
+    begin: Array  # (N,) start of the run-up [s]
+    period: float
+    """Time between states [s]."""
+    pose: Array  # (P + 1, N, 3) of the robots, from the origin [m, m, rad]
+    twist: Array  # (P + 1, N, 3) forwards, to the left, yaw rate [m/s, rad/s]
+
+    def at(self, robot: Any, time: Array) -> Array:
+        """Poses (n, 3) of robots (n,) at times (n,), at the ends of the replay if these are beyond."""
+        return self._at(self.pose, robot, time)
+
+    def twist_at(self, robot: Any, time: Array) -> Array:
+        """Twists (n, 3) of robots (n,) at times (n,)."""
+        return self._at(self.twist, robot, time)
+
+    def _at(self, states: Array, robot: Any, time: Array) -> Array:
+        place = np.clip((time - self.begin[robot]) / self.period, 0, len(states) - 1)
+        before = np.minimum(place.astype(int), len(states) - 2)
+        share = (place - before)[:, None]
+        return np.asarray((1 - share) * states[before, robot] + share * states[before + 1, robot])
+
+
+def replay(
+    log: RunLog | Sequence[RunLog],
+    robot: RobotSource,
+    ground: Ground | None = None,
+    *,
+    inputs: Inputs = "encoders",
+    start_twist: ArrayLike | None = None,
+    drive: Drive | None = None,
+    sensor: Mounting | None = None,
+    clock: float = 0.0,
+    threads: int = 0,
+) -> list[RunLog]:
+    """Drive a robot as it drove when it was logged.
+
+    Args:
+        log: a drive, or several, each of which is replayed from its own start.
+        robot: the robot.
+        ground: the ground; by default the one of the robot's file.
+        inputs: "encoders" for the measured sprocket speeds, which change smoothly from row to row, or "commands" for
+            the logged commands, which hold until the next one.
+        start_twist: twists (N, 3) or (3,) at the start, forwards, to the left [m/s], yaw rate [rad/s]; by default from
+            the poses of the first 0.3 s.
+        drive: servo and motor that obey commands, by default the shipped robot's.
+        sensor: place of the sensor of the poses on the robot; by default its middle.
+        clock: encoder clock minus pose clock [s].
+        threads: number of worker threads, 0 for one per processor.
+
+    Returns:
+        One log each, of the same rows: simulated poses of the sensor, which begin at the first measured one, measured
+        sprocket speeds, and the robot's true pose and twist.
+
+    Raises:
+        LogError: for a log without commands, if these are asked for, and for belts faster than 9.9 m/s.
+        InvalidValueError: for arguments out of range.
+    """
+    logs = [log] if isinstance(log, RunLog) else list(log)
+    parameters, own = load_parameters(robot)
+    ground = ground or own
+    motion = Replayer(logs, inputs, start_twist, drive).run(parameters, ground, threads)
+    about = {"geometry": vars(parameters.geometry), "replay": {"inputs": inputs, "clock": clock}}
+    placed = sensor or Mounting()
+    return [_as_log(motion, k, one, placed, clock, about) for k, one in enumerate(logs)]
+
+
+def _as_log(motion: Replay, k: int, log: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]) -> RunLog:
+    def placed(robot: Array) -> Array:
+        return se2.compose(robot, sensor.pose)
+
+    known = np.flatnonzero(log.has_heading)
+    row = int(known[0]) if len(known) else 0
+    first = log.pose[row] if len(known) else np.zeros(3)
+    seen, true = motion.at(k, log.time + clock), motion.at(k, log.time)
+    frame = se2.compose(first, se2.inverse(placed(seen[row])))  # of the simulated world, in that of the log
+    return RunLog(
+        log.run,
+        log.time,
+        log.omega,
+        se2.compose(frame, placed(seen)),
+        command=log.command,
+        truth=Truth(se2.compose(frame, true), motion.twist_at(k, log.time)),
+        metadata=about,
+    )
+
+
+class Replayer:
+    """Inputs of N logs, for replays by different robots on different grounds."""
+
+    def __init__(
+        self,
+        logs: Sequence[RunLog],
+        inputs: Inputs = "encoders",
+        start_twist: ArrayLike | None = None,
+        drive: Drive | None = None,
+    ) -> None:
+        """`inputs`, `start_twist` and `drive` as for `replay`."""
+        self.logs, self.inputs, self.drive = list(logs), inputs, drive or Drive()
+        if inputs == "commands":
+            for log in logs:
+                if log.command is None or not np.isfinite(log.command).all():
+                    raise LogError(
+                        f"run {log.run!r}: needs omega_cmd_l and omega_cmd_r in every row to replay commands"
+                    )
+        elif inputs != "encoders":
+            raise InvalidValueError("inputs", inputs, "encoders or commands")
+        self.begin = np.array([log.time[0] - RUN_UP for log in logs])
+        """Start of the run-up of each log (N,) [s]."""
+        self._turned = [_angle(log) for log in logs]
+        self._given = None if start_twist is None else np.atleast_2d(np.asarray(start_twist, float))
+        if self._given is not None and self._given.shape not in ((1, 3), (len(logs), 3)):
+            raise InvalidValueError("start_twist", self._given.shape, f"(3,) or ({len(logs)}, 3)")
+        self._fastest = max(float(np.abs(log.omega).max()) for log in logs)
+
+    def start_twist(self, geometry: RobotGeometry) -> Array:
+        """Twists (N, 3) at the start, if a sensor of the poses were at the middle of the robot."""
+        if self._given is not None:
+            return self._given
+        return np.array([first_twist(log, geometry) for log in self.logs])
+
+    def run(self, parameters: RobotParameters, ground: Ground, threads: int = 0) -> Replay:
+        """The motion of a robot on a ground."""
+        robot = compiled(parameters)
+        fastest = self._fastest * robot.geometry.sprocket_radius
+        if not fastest < MAX_SPEED:
+            raise LogError(f"belts as fast as {fastest:.3g} m/s: replayed are speeds below {MAX_SPEED:g} m/s")
+        drive = self.drive if self.inputs == "commands" else tireless(max(Drive.top_speed, _MARGIN * fastest))
+        fleet = Fleet(robot, np.zeros((len(self.logs), 3)), ground, parameters.radius_error, drive, threads)
+        fleet.launch(self.start_twist(robot.geometry))
+        period = fleet.period
+        periods = round((max(log.time[-1] - log.time[0] for log in self.logs) + RUN_UP) / period)
+        poses, twists = np.empty((2, periods + 1, fleet.size, 3))
+        poses[0], twists[0] = fleet.pose(), fleet.twist()
+        edges = self.begin[:, None] + period * np.arange(periods + 1)  # (N, P + 1)
+        speeds = [np.diff(angle(at), axis=0) / period for angle, at in zip(self._turned, edges, strict=True)]
+        measured = np.stack(speeds, axis=1)  # (P, N, 2)
+        commanded = self._commands(edges[:, :-1]) if self.inputs == "commands" else measured
+        for k in range(periods):
+            if self.inputs == "commands" and k * period >= RUN_UP:
+                fleet.command(commanded[k])
+                fleet.advance(period)
+            else:
+                fleet.follow(measured[k : k + 1])
+            poses[k + 1], twists[k + 1] = fleet.pose(), fleet.twist()
+        return Replay(self.begin, period, poses, twists)
+
+    def _commands(self, time: Array) -> Array:
+        """Commands (P, N, 2) at times (N, P) [rad/s]."""
+        held = []
+        for log, at in zip(self.logs, time, strict=True):
+            assert log.command is not None
+            row = np.searchsorted(log.time, at + _ROUNDING, side="right") - 1
+            held.append(log.command[np.maximum(row, 0)])
+        return np.stack(held, axis=1)
+
+
+def _angle(log: RunLog) -> PchipInterpolator:
+    """Angles of the sprockets over time, which turn on at their first and last speeds before and after the log."""
+    means = interval_means(log.time, log.omega, counts_few_ticks(log.time, log.omega))
+    ends = log.time[0] - 2 * RUN_UP, log.time[-1] + _BEYOND
+    time = np.concatenate([[ends[0]], log.time, [ends[1]]])
+    speeds = np.concatenate([log.omega[:1], means, means[-1:]])
+    return PchipInterpolator(time, np.append(np.zeros((1, 2)), np.cumsum(speeds * np.diff(time)[:, None], axis=0), 0))
+
+
+def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:
+    """Twist (3,) in the first 0.3 s of poses with headings; that of the sprockets without slip if these are few."""
+    rows = np.flatnonzero(log.has_heading)
+    rows = rows[log.time[rows] - log.time[rows[:1]] <= _FIRST] if len(rows) else rows
+    if len(rows) < 2:
+        v, w = body_twist(log.omega[0], 0.0, geometry)
+        return np.array([v, 0.0, w])
+    time, pose = log.time[rows], log.pose[rows]
+    moved = np.polynomial.polynomial.polyfit(time - time.mean(), pose, 1)
+    return np.append(se2.rotate(-moved[0, 2], moved[1, :2]), moved[1, 2])

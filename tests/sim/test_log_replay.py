@@ -1,0 +1,116 @@
+"""Replays of simulated drives, whose motion is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim import replay
+from sim.drive.drive import tireless
+from sim.fleet import Fleet
+from sim.ground.ground import Ground
+from sim.log_replay import first_twist
+from sim.loop import open_loop
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
+from trackslip import se2
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.kinematics import RobotGeometry
+from trackslip.se2 import Mounting
+
+ROBOT = RobotParameters(radius_error=0.0)
+GROUND = Ground(0.6, 0.75)
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """Two drives of 8 s at speeds that change slowly, rows every 0.05 s."""
+    fleet = Fleet(load_robot(parameters=ROBOT), np.zeros((2, 3)), GROUND, 0.0, tireless())
+    time = np.arange(161)[:, None] * 0.05
+    left, right = 2.0 + 1.5 * np.sin(0.9 * time), 2.0 + 1.5 * np.cos(0.7 * time)
+    omega = np.stack([np.hstack([left, right]), np.hstack([right, -left])], axis=1)
+    return open_loop(fleet, omega, 8.0, period=0.05)
+
+
+def missed(logs, replayed):
+    """Errors of position [m] and heading [rad] at the ends."""
+    apart = [se2.between(a.truth.pose[-1], b.pose[-1]) for a, b in zip(logs, replayed, strict=True)]
+    return np.hypot(*np.array(apart)[:, :2].T), np.abs(np.array(apart)[:, 2])
+
+
+@pytest.mark.parametrize("inputs", ["encoders", "commands"])
+def test_a_robot_drives_again_as_it_drove(driven, inputs):
+    replayed = replay(driven, ROBOT, GROUND, inputs=inputs)
+    position, heading = missed(driven, replayed)
+    # ways of 1.0 m and 2.0 m; the rows tell the sprockets' mean speeds, not how they change in between
+    assert position.max() < 0.005
+    assert heading.max() < 0.01
+    for log, again in zip(driven, replayed, strict=True):
+        np.testing.assert_array_equal(again.time, log.time)
+        np.testing.assert_array_equal(again.omega, log.omega)
+        np.testing.assert_allclose(again.pose[0], log.pose[0], atol=1e-12)
+        np.testing.assert_allclose(again.truth.pose, again.pose, atol=1e-9)  # sensor in the middle, clocks alike
+
+
+def test_another_ground_shows(driven):
+    heading = missed(driven, replay(driven, ROBOT, Ground(0.6, 1.0)))[1]
+    assert heading.max() > 0.1
+
+
+def test_parts_of_a_drive_go_on_at_the_speed_they_begin_with(driven):
+    middle = [log.between(60, 120) for log in driven]
+    position, heading = missed(middle, replay(middle, ROBOT, GROUND))
+    assert position.max() < 0.005
+    assert heading.max() < 0.02
+    np.testing.assert_allclose(
+        [first_twist(log, ROBOT.geometry) for log in middle],
+        [log.truth.twist[:7].mean(axis=0) for log in middle],
+        atol=0.01,
+    )
+
+
+def test_sensors_and_clocks_are_those_of_the_log(driven):
+    sensor, late = Mounting(0.2, -0.1, 0.3), 0.2
+    shift = round(late / 0.05)
+
+    def as_measured(log):
+        pose = se2.compose(log.truth.pose, sensor.pose)
+        pose = np.concatenate([np.repeat(pose[:1], shift, axis=0), pose[:-shift]])  # of 0.2 s ago
+        return replace(log, pose=pose)
+
+    logs = [as_measured(log) for log in driven]
+    for log, again in zip(logs, replay(logs, ROBOT, GROUND, sensor=sensor, clock=-late), strict=True):
+        apart = se2.between(log.pose[shift:], again.pose[shift:])
+        assert np.abs(apart[:, :2]).max() < 0.005
+        assert np.abs(apart[:, 2]).max() < 0.01
+
+
+def test_a_start_twist_is_taken(driven):
+    still = replace(driven[0], omega=np.zeros_like(driven[0].omega))
+    moving = replay(still, ROBOT, GROUND, start_twist=[0.3, 0.0, 0.0])[0]
+    at_rest = replay(still, ROBOT, GROUND, start_twist=np.zeros(3))[0]
+    # on locked tracks it slides for v² / (2 μ g) in the run-up, before the first row
+    assert np.abs(moving.pose[:, :2]).max() < 1e-3
+    assert np.abs(at_rest.pose).max() < 1e-3
+
+
+def test_refusals(driven):
+    with pytest.raises(InvalidValueError, match="inputs = 'wheels': must be encoders or commands"):
+        replay(driven, ROBOT, inputs="wheels")
+    with pytest.raises(LogError, match="run 'run 0': needs omega_cmd_l and omega_cmd_r"):
+        replay([replace(driven[0], command=None)], ROBOT, inputs="commands")
+    with pytest.raises(InvalidValueError, match="start_twist"):
+        replay(driven, ROBOT, start_twist=np.zeros((5, 3)))
+
+
+def test_few_poses_leave_the_start_to_the_sprockets(driven):
+    log = replace(driven[0], valid=np.arange(len(driven[0].time)) == 0)
+    v, lateral, w = first_twist(log, RobotGeometry(0.168, 0.06))
+    assert (v, lateral) == (0.06 * log.omega[0].mean(), 0.0)
+    assert w == pytest.approx(0.06 * (log.omega[0, 1] - log.omega[0, 0]) / 0.336)
+
+
+def test_speeds_beyond_the_simulators_are_refused(driven):
+    wild = replace(driven[0], omega=np.where(np.arange(161)[:, None] == 9, 400.0, driven[0].omega))
+    with pytest.raises(LogError, match=r"belts as fast as 24 m/s: replayed are speeds below 9.9 m/s"):
+        replay(wild, ROBOT)
