@@ -49,6 +49,10 @@ class Replay:
         """Poses (n, 3) of robots (n,) at times (n,), at the ends of the replay if these are beyond."""
         return self._at(self.pose, robot, time)
 
+    def sensor_at(self, robot: int, sensor: Mounting, time: Array) -> Array:
+        """Poses (n, 3) of a robot's sensor at times (n,)."""
+        return se2.compose(self.at(robot, time), sensor.pose)
+
     def twist_at(self, robot: Any, time: Array) -> Array:
         """Twists (n, 3) of robots (n,) at times (n,)."""
         return self._at(self.twist, robot, time)
@@ -101,10 +105,12 @@ def replay(
     motion = Replayer(logs, inputs, start_twist, drive).run(parameters, ground, threads)
     about = {"geometry": vars(parameters.geometry), "replay": {"inputs": inputs, "clock": clock}}
     placed = sensor or Mounting()
-    return [_as_log(motion, k, one, placed, clock, about) for k, one in enumerate(logs)]
+    return [replayed_log(motion, k, one, placed, clock, about) for k, one in enumerate(logs)]
 
 
-def _as_log(motion: Replay, k: int, log: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]) -> RunLog:
+def replayed_log(motion: Replay, k: int, log: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]) -> RunLog:
+    """The motion of robot `k` as a log of the same rows as its own; arguments as for `replay`, and the metadata."""
+
     def placed(robot: Array) -> Array:
         return se2.compose(robot, sensor.pose)
 

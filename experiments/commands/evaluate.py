@@ -106,8 +106,8 @@ def run(config: Config) -> None:
         odometry.write_error_table(found, run.folder / TABLE_FILE)
         if config.tum:
             odometry.write_trajectories(found, run.folder / TRAJECTORIES_FOLDER)
-        name = config.path.resolve().name
-        page(found, notes, sensing, manifest, command_line("evaluate"), name).write(run.folder, config.pdf)
+        title = f"Odometry by slip laws on “{config.path.resolve().name}”"
+        page(found, notes, sensing, manifest, command_line("evaluate"), title).write(run.folder, config.pdf)
         step(1.0)
     print_errors(found, notes, sensing)
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")

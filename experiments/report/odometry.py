@@ -116,15 +116,15 @@ def page(
     sensing: Sequence[str],
     manifest: Mapping[str, Any],
     command: str,
-    name: str,
+    title: str,
+    about: str = "Odometry turns encoder readings into poses by a slip law. Here it is compared",
 ) -> Page:
-    """The page of odometry on the log `name`."""
+    """The page of odometry, or of what else `about` says, under a title."""
     drives, told, longest = found[0].errors.drives, gain(found), figures.longest(found)
     way, duration = sum(drive.way for drive in drives), sum(drive.duration for drive in drives)
     intro = (
-        "Odometry turns encoder readings into poses by a slip law. Here it is compared with measured poses of "
-        f"{counted(len(drives), 'drive')}: {way:.0f} m by the encoders in {duration:.0f} s, "
-        f"{counted(sum(drive.poses for drive in drives), 'pose')}. "
+        f"{about} with measured poses of {counted(len(drives), 'drive')}: {way:.0f} m by the encoders in "
+        f"{duration:.0f} s, {counted(sum(drive.poses for drive in drives), 'pose')}. "
     )
     along = "Every path begins at the first measured pose, with its heading."
     if not longest.has_heading:
@@ -157,4 +157,4 @@ def page(
         Section("Warnings", [Bullets(notes)]) if notes else None,
     ]
     best = told and Markup("<strong>{}.</strong>").format(told)
-    return Page(f"Odometry by slip laws on “{name}”", command, manifest, sections, [intro + " ".join(sensing), best])
+    return Page(title, command, manifest, sections, [intro + " ".join(sensing), best])

@@ -113,6 +113,14 @@ FILES = [
         "radius,speed,observed_radius,slip_outer,slip_inner\n0.5,0.1,0.6,1.5,-0.1",
         "row 1, column slip_outer: 1.5 must be < 1",
     ),
+    (
+        "replay {}",
+        "samples.csv",
+        "omega_l,omega_r,v,w\n2,3,0.15,0.1\n3,2,0.15,-0.1",
+        "holds steady samples; a replay needs",
+    ),
+    ("replay {} --inputs commands", "log.csv", TRACE, "needs omega_cmd_l and omega_cmd_r in every row"),
+    ("replay {}", "log.csv", TRACE.replace(",2,3,", ",200,300,"), "belts as fast as 18 m/s: replayed are speeds below"),
     ("track --laws {}", "laws.json", "[" * 100_000, "laws.json"),
     ("deploy {}", "laws.json", '{"slip_laws": {"icr"', "not JSON"),
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError, counted
 from trackslip.identification.drive_prediction import trailing_heading
-from trackslip.kinematics import Array, body_twist
+from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.trajectory_errors import (
@@ -121,6 +121,14 @@ def odometry_errors(
             trajectories.append(trajectory_of(log, odometry, mounting or Mounting(), clock_offset))
         except LogError as error:
             notes.append(str(error))
+    return errors_of(trajectories, notes, lengths)
+
+
+def errors_of(
+    trajectories: Sequence[Trajectory], notes: Sequence[str] = (), lengths: Sequence[float] = LENGTHS
+) -> OdometryErrors:
+    """Errors of estimated trajectories, as `odometry_errors` gives those of odometry; raises LogError without any."""
+    notes = list(notes)
     if not trajectories:
         raise LogError(notes[0] if notes else "no drives")
     after_metres, after_seconds = (
@@ -144,6 +152,23 @@ def odometry_errors(
 
 def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock_offset: float) -> Trajectory:
     """Measured poses of a log, and the sensor's poses by odometry; raises LogError if there are fewer than two."""
+
+    def by_odometry(at: Array) -> Array:
+        time = np.union1d(log.time, at)
+        gyro = None if odometry.gyro is None else _readings(log, time + odometry.gyro.clock)
+        path = odometry.path(time, log.omega[np.searchsorted(log.time, time)], gyro)
+        return se2.compose(path.pose[np.searchsorted(time, at)], mounting.pose)
+
+    return estimated_trajectory(log, by_odometry, odometry.geometry, clock_offset)
+
+
+def estimated_trajectory(
+    log: RunLog, estimate: Callable[[Array], Array], geometry: RobotGeometry, clock_offset: float
+) -> Trajectory:
+    """Measured poses of a log, and those that `estimate` gives of the sensor at times (K,) of the encoders' clock.
+
+    Raises LogError if there are fewer than two.
+    """
     rows = np.flatnonzero(log.is_valid)
     at = log.time[rows] + clock_offset
     covered = (at >= log.time[0]) & (at <= log.time[-1])
@@ -151,15 +176,12 @@ def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock
         count = f"{int(covered.sum())} of {counted(len(rows), 'measured pose')}"
         raise LogError(f"run {log.run!r}: encoders were read at {count}, needs at least {_MIN_POSES}")
     rows, at = rows[covered], at[covered]
-    time = np.union1d(log.time, at)
-    gyro = None if odometry.gyro is None else _readings(log, time + odometry.gyro.clock)
-    path = odometry.path(time, log.omega[np.searchsorted(log.time, time)], gyro)
-    estimated = se2.compose(path.pose[np.searchsorted(time, at)], mounting.pose)
+    estimated = estimate(at)
     measured = log.pose[rows]
     heading = measured[:, 2]
     if not np.isfinite(heading).any():
         heading = trailing_heading(at, measured[:, :2], estimated)
-    speed = np.abs(body_twist(log.omega[1:], 0.0, odometry.geometry)[:, 0])
+    speed = np.abs(body_twist(log.omega[1:], 0.0, geometry)[:, 0])
     way = np.concatenate([[0.0], np.cumsum(speed * np.diff(log.time))])
     return Trajectory(log.run, log.time[rows], np.interp(at, log.time, way), measured, estimated, heading)
 
