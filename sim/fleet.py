@@ -81,8 +81,8 @@ class Fleet(Bodies):
         """Speed of each pad's surface, along its own axis (N, P) [m/s], live."""
         self._slanted = surface[:, robot.pads, 0]  # (N, P), live: the same across a tilted pad
         fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
-        cell = 4 * robot.contact_half_length / len(robot.pad_side)
-        self.shear = Shear(robot.pad_position, cell, self.size, drive.period, fastest) if shears else None
+        laid = robot.pad_position, robot.patches, robot.patch_length
+        self.shear = Shear(*laid, self.size, drive.period, fastest) if shears else None
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
         self._ground = FleetGround(self.batch, robot, grounds, self.shear)
         self._sensed = self._substeps, robot.model.nsensordata  # what the engine records of a period

@@ -12,7 +12,7 @@ from sim.ground.ground import MAX_FRICTION, Ground
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
 from trackslip.paper import OBSERVED_RADII
-from trackslip.skid_theory import Load, line_contact, steady_turns, steady_twist
+from trackslip.skid_theory import Load, steady_turns, steady_twist
 from trackslip.slip.icr import ConstantIcr
 
 EXAMPLES = (
@@ -89,8 +89,7 @@ def run(config: Config) -> None:
     from trackslip.logs.file_format import FORMAT
 
     robot, ground, load = predicted_world(config)
-    centre = (robot.com_x, 0.0, robot.com_height)
-    contact = line_contact(robot.half_gauge, robot.contact_length / 2, ground.along, ground.across, centre)
+    contact = robot.contact_theory(ground.along, ground.across)
     turns = steady_turns(config.radii, contact, ground.shear, load)
     error = (1 + config.radius_error) * (1 - float(turns.loss.mean())) - 1
     law = ConstantIcr(float(turns.offset.mean()), robot.half_gauge, error)
@@ -137,8 +136,10 @@ def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
     from sim.robot.named import load_parameters
 
     robot, ground = load_parameters(config.robot)
-    given = {name: getattr(config, name) for name in ("half_gauge", "contact_length", "com_x", "sprocket_radius")}
+    given = {name: getattr(config, name) for name in ("half_gauge", "com_x", "sprocket_radius")}
     robot = replace(robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None})
+    if config.contact_length is not None:
+        robot = robot.with_contact_length(config.contact_length)
     along = ground.along if config.friction is None else config.friction
     ratio = ground.across / ground.along if config.friction_ratio is None else config.friction_ratio
     shear = ground.shear if config.shear is None else config.shear

@@ -22,7 +22,7 @@ from trackslip import se2
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds
 from trackslip.logs.runlog import RunLog
-from trackslip.skid_theory import coulomb_tractions, line_contact, steady_twist
+from trackslip.skid_theory import coulomb_tractions, steady_twist
 
 CLEARANCE = 1.5
 """Distance from the scanner to the nearest point of each circle [m]."""
@@ -136,9 +136,7 @@ def _too_weak(
     robot, ground = specification.parameters, specification.ground
     driven = [cell for cell in cells if cell[0] > robot.half_gauge and ground.shear == 0]
     radius, speed = np.reshape(driven, (-1, 2)).T
-    contact = line_contact(
-        robot.half_gauge, robot.contact_length / 2, ground.along, ground.across, robot.centre_of_mass
-    )
+    contact = robot.contact_theory(ground.along, ground.across)
     omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
     effective = robot.sprocket_radius * (1 + specification.radius_error)
     belts = effective * omega

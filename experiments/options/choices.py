@@ -12,7 +12,7 @@ GROUND_NAMES = (
     *("firm_sand", "loose_sand", "clay", "snow", "ice"),
 )
 """The grounds of sim.ground."""
-ROBOT_NAMES = (SHIPPED := "shipped", "rescue", "box")
+ROBOT_NAMES = (SHIPPED := "shipped", "rescue", "box", "husky", "warthog", "maxxii")
 """The robots of sim.robot."""
 WITHOUT_LAWS = ("none", "published", "online_cold")
 """Compensations that need no identified law."""

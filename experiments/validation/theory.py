@@ -15,7 +15,7 @@ from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
 from trackslip.kinematics import Array, limit_sprocket_speeds, sprocket_speeds, track_slip
 from trackslip.paper import COMMANDED_RADII, SPEEDS
-from trackslip.skid_theory import Contact, line_contact
+from trackslip.skid_theory import Contact
 
 WATCH = 0.5
 """Time over which twists are averaged, because MuJoCo's default contact shakes [s]."""
@@ -75,9 +75,8 @@ def belt_speeds(parameters: RobotParameters, omega: Array) -> Array:
 
 
 def contact(parameters: RobotParameters, ground: Ground) -> Contact:
-    """The tracks as two lines of contact under the robot's centre of mass."""
-    size, centre = (parameters.half_gauge, parameters.contact_length / 2), parameters.centre_of_mass
-    return line_contact(*size, ground.along, ground.across, centre, points=_POINTS)
+    """The contact of the robot with the ground, for theory."""
+    return parameters.contact_theory(ground.along, ground.across, _POINTS)
 
 
 def mean_twist(fleet: Fleet, settle: float) -> Array:

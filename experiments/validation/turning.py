@@ -91,7 +91,8 @@ def variants(parameters: RobotParameters) -> Iterator[RobotParameters]:
         com_y = parameters.com_y + left * parameters.half_gauge
         try:
             with warnings.catch_warnings(action="ignore", category=RobotWarning):  # the robot's own is enough
-                variant = replace(parameters, contact_length=contact_length, com_x=com_x, com_y=com_y)
+                variant = replace(parameters, com_x=0.0, com_y=0.0).with_contact_length(contact_length)
+                variant = replace(variant, com_x=com_x, com_y=com_y)
         except InvalidValueError:
             continue
         yield variant

@@ -19,7 +19,7 @@ from sim.robot.robot import compiled
 from trackslip import se2
 from trackslip.errors import require
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.skid_theory import line_contact, steady_twist
+from trackslip.skid_theory import steady_twist
 
 _STEADY = 2.0  # time until the motion is steady [s]
 _PASSES, _LONGEST = 2.0, 12.0  # on ground that shears: contact lengths of the slowest belt; but no longer than [s]
@@ -104,8 +104,7 @@ def _time_to_be_steady(candidate: Candidate, omega: Array, period: float) -> flo
 def theoretical_twist(candidate: Candidate, target: Target) -> Array:
     """Theoretical steady twists (M, 2) of a candidate at a target's sprocket speeds [m/s, rad/s]."""
     robot, ratio = candidate.robot, candidate.friction_ratio
-    com = robot.com_x, robot.com_y, robot.com_height
-    contact = line_contact(robot.half_gauge, robot.contact_length / 2, 1.0, ratio, com, points=20)
+    contact = robot.contact_theory(1.0, ratio, points=20)
     surface = target.omega(candidate.geometry) * robot.sprocket_radius * (1 + robot.radius_error)
     return steady_twist(surface, contact, 9.81, candidate.shear)[:, [0, 2]]
 

@@ -38,29 +38,33 @@ _Rows = np.ndarray | slice
 
 
 class Shear(Restorable):
-    """Displacements and shares at the P points of N robots' tracks, whose pads touch the ground at one point each."""
+    """Displacements and shares at the P points of N robots' tracks, whose pads touch the ground at one point each.
+
+    A wheel is a track as long as its patch.
+    """
 
     STATE = ("_moved", "share")
 
-    def __init__(self, place: Array, cell: float, size: int, period: float, top_speed: float) -> None:
+    def __init__(self, place: Array, patches: int, length: float, size: int, period: float, top_speed: float) -> None:
         """Start with no shear.
 
         Args:
-            place: points (P, 2) on the robot, those of the left track first, from its rear to its front [m].
-            cell: length of track that belongs to a point [m].
+            place: points (P, 2) on the robot, those of the left side first, from its rear to its front [m].
+            patches: number of patches of a side, which have equally many points each.
+            length: of a patch [m].
             size: number of robots.
             period: of the servos [s].
             top_speed: the largest that belts are given [m/s].
         """
-        points = len(place) // 2
-        along, across = (column.reshape(2, points) for column in place.T)
-        self._along, self._across = along.T[:, None], across[:, 0]  # (points of a track, 1, 2), (2,)
-        self._cell = cell
+        self._patches, points = patches, len(place) // (2 * patches)
+        along, across = (column.reshape(2 * patches, points) for column in place.T)
+        self._along, self._across = along.T[:, None], across[:, 0]  # (points of a patch, 1, patches), (patches,)
+        self._cell = length / points
         self._period = period
         self._steps = max(1, math.ceil(top_speed * period / (_COURANT * self._cell)))
-        # x, y in the world; the points of a track, from the rear, come first because neighbours are needed at a time
-        self._moved = np.zeros((points, 2, size, 2))
-        self.share = np.ones((size, 2 * points))
+        # x, y in the world; the points of a patch, from the rear, come first because neighbours are needed at a time
+        self._moved = np.zeros((points, 2, size, 2 * patches))
+        self.share = np.ones((size, len(place)))
         """Share (N, P) of the friction that acts at each point in the next period [-]."""
 
     @property
@@ -90,6 +94,7 @@ class Shear(Restorable):
             modulus: shear moduli (R, P) under their points [m].
         """
         old: Array = np.ascontiguousarray(self._moved[:, :, rows])
+        belt = belt.repeat(self._patches, axis=1)
         travel = belt * (self._period / self._steps)
         new: Array = old
         place, part = before, (after - before) / self._steps
@@ -97,14 +102,14 @@ class Shear(Restorable):
             new = self._carried(new, place, part, travel)
             place = place + part
         ahead = new + (new - old) * (_AHEAD / self._period)
-        by_track = _by_track(modulus)
-        size, most = np.sqrt(new[:, 0] ** 2 + new[:, 1] ** 2), LARGEST * by_track
+        by_patch = modulus.reshape(*belt.shape, -1).transpose(2, 0, 1)
+        size, most = np.sqrt(new[:, 0] ** 2 + new[:, 1] ** 2), LARGEST * by_patch
         new = new * np.where(size > most, most / np.maximum(size, _TINY), 1.0)[:, None]
         self._moved[:, :, rows] = new
-        self.share[rows] = _share(np.sqrt(ahead[:, 0] ** 2 + ahead[:, 1] ** 2), by_track, belt)
+        self.share[rows] = _share(np.sqrt(ahead[:, 0] ** 2 + ahead[:, 1] ** 2), by_patch, belt)
 
     def _carried(self, moved: Array, place: Array, part: Array, travel: Array) -> Array:
-        """Displacements (p, 2, R, 2) after elements `travel` (R, 2) [m] while places (4, R) change by `part` (4, R)."""
+        """Displacements (p, 2, R, T) after elements `travel` (R, T) [m] while places (4, R) change by `part` (4, R)."""
         new = _interpolated(moved, travel / self._cell)
         _, _, cos, sin = place[..., None]
         x, y, more_cos, more_sin = part[..., None]
@@ -135,12 +140,12 @@ class Shear(Restorable):
         size = np.sqrt((to**2).sum(axis=-1))
         moved = to * (-modulus * np.log1p(-share) / np.where(size > 0, size, 1.0))[..., None]
         world = se2.rotate(heading[:, None], moved).swapaxes(1, 2)  # (R, 2, P)
-        self._moved[:, :, rows] = world.reshape(len(rows), 2, 2, -1).transpose(3, 1, 0, 2)
+        self._moved[:, :, rows] = world.reshape(len(rows), 2, 2 * self._patches, -1).transpose(3, 1, 0, 2)
         self.share[rows] = np.where(modulus > 0, np.maximum(share, LEAST_SHARE), 1.0)
 
 
 def _interpolated(moved: Array, c: Array) -> Array:
-    """Displacements (p, 2, R, 2) by `c` (R, 2) cells ahead of the points, along the robot."""
+    """Displacements (p, 2, R, T) by `c` (R, T) cells ahead of the points, along the robot."""
     padded = np.empty((len(moved) + 2, *moved.shape[1:]))
     padded[1:-1] = moved
     forwards, backwards = c > 0, c < 0
@@ -161,13 +166,8 @@ def _interpolated(moved: Array, c: Array) -> Array:
     return new
 
 
-def _by_track(values: Array) -> Array:
-    """Values (R, P) of the points, with those of a track first (p, R, 2)."""
-    return values.reshape(len(values), 2, -1).transpose(2, 0, 1)
-
-
 def _share(distance: Array, modulus: Array, belt: Array) -> Array:
-    """Shares (R, P) after displacements (p, R, 2) [m] over moduli (p, R, 2) [m], of belts with speeds (R, 2)."""
+    """Shares (R, P) after displacements (p, R, T) [m] over moduli (p, R, T) [m], of belts with speeds (R, T)."""
     a = distance / np.where(modulus > 0, modulus, 1.0)
     half = np.empty_like(a)  # of the change over a cell
     half[1:-1] = (a[2:] - a[:-2]) / 4

@@ -10,14 +10,13 @@ import mujoco
 import numpy as np
 
 from sim.robot.named import load_tracked
-from sim.robot.parameters import BELT_LOOKS, RobotParameters
+from sim.robot.parameters import BELT_LOOKS, BODY_LOOKS, RobotParameters
 from sim.robot.robot import FIELD
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.tracked_view import track_looks
 from sim.tracks.drawing import TrackLook
 from trackslip.kinematics import Array
 
-_BODY_LOOKS = ("hull", "deck", "bumper", "left_lamp", "right_lamp")
 _PAINTED = ("hull", "plate")
 _WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # of the shipped robot: x, z, radius; width [m]
 _ATTACHED = "robot/"  # prefix of the names of a tracked robot's model
@@ -46,7 +45,7 @@ def robot_looks(parameters: RobotParameters, colour: Sequence[float] = ()) -> Ro
     """The looks of a robot, in its own colours or painted in one (4,); TrackslipError where its file is gone."""
     spec = mujoco.MjSpec.from_file(str(FIELD))
     parameters.apply(spec)
-    for name in BELT_LOOKS:
+    for name in () if parameters.axles else BELT_LOOKS:
         spec.delete(spec.geom(name))
     looks = _tracked_looks(spec, parameters.looks) if parameters.looks else _shipped_looks(spec, parameters)
     model = looks.model
@@ -64,8 +63,9 @@ def _shipped_looks(spec: Any, parameters: RobotParameters) -> RobotLooks:
     tracks = [
         (f"{name}_track", body, TrackLook(np.array(_WHEELS), sign * parameters.half_gauge, _BELT))
         for name, sign in (("left", 1.0), ("right", -1.0))
+        if not parameters.axles
     ]
-    return RobotLooks(model, tracks, np.arange(2), model.qpos0.copy())
+    return RobotLooks(model, tracks, np.arange(len(tracks)), model.qpos0.copy())
 
 
 def _tracked_looks(spec: Any, source: str) -> RobotLooks:
@@ -75,7 +75,7 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     body = chassis_of(own, robot)
     for joint in list(body.joints):
         own.delete(joint)
-    for name in _BODY_LOOKS:
+    for name in BODY_LOOKS:
         spec.delete(spec.geom(name))
     _agree(own, spec)
     frame = spec.body("chassis").add_frame(pos=[-robot.middle, 0.0, -robot.lowest])

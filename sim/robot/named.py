@@ -12,7 +12,7 @@ import numpy as np
 
 import models
 from sim.ground.ground import Ground
-from sim.robot.parameters import BELT_LOOKS, RobotParameters
+from sim.robot.parameters import BELT_LOOKS, TRACKS, RobotParameters
 from sim.robot.tracked import TrackedRobot, Wheels
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.urdf import said_of
@@ -23,7 +23,10 @@ from trackslip.errors import InvalidValueError, SettingsFileError, require
 SHIPPED = "shipped"
 """Name of the robot of models/tracked_robot.xml."""
 _FOLDER = Path(models.__file__).parent
-_FILES = {"rescue": _FOLDER / "rescue_robot.toml", "box": _FOLDER / "box_robot.toml"}
+_FILES = {
+    **{name: _FOLDER / f"{name}_robot.toml" for name in ("rescue", "box")},
+    **{name: _FOLDER / f"{name}.toml" for name in ("husky", "warthog", "maxxii")},
+}
 ROBOTS = (SHIPPED, *_FILES)
 """Names of robots."""
 _PLATE_ABOVE = 0.1  # lower edge of the plate above everything else on a robot, at least [m]
@@ -123,7 +126,11 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
 
 
 def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
-    """The tracked robot that parameters describe: the shipped one's body on tracks as long as its contact."""
+    """The tracked robot that parameters describe: the shipped one's body on tracks as long as its contact.
+
+    Raises InvalidValueError for a robot on wheels.
+    """
+    require(parameters.contact == TRACKS, "contact", parameters.contact, f"{TRACKS}, to drive over terrain")
     radius, half = parameters.sprocket_radius + _BELT, parameters.contact_length / 2
     hull: Wheels = ((-half, radius, radius), (half, radius, radius))
     return PlainRobot(_FOLDER / "tracked_robot.xml", parameters.half_gauge, hull, name=name, parameters=parameters)

@@ -10,22 +10,39 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR
-from sim.ground.ground import Ground
-from sim.robot.pads import lay_pads, points_per_track
+from sim.ground.ground import UNLESS_ZERO, Ground
+from sim.robot.pads import lay_pads, lay_wheels, points_per_track
 from sim.width import warn_if_unverified
-from trackslip.errors import require, require_at_most, require_finite, require_positive, require_within
+from trackslip.errors import (
+    require,
+    require_at_most,
+    require_finite,
+    require_non_negative,
+    require_positive,
+    require_within,
+)
 from trackslip.kinematics import RobotGeometry
+from trackslip.skid_theory import Contact, line_contact, wheel_contact
 
 if TYPE_CHECKING:
     import mujoco
 
+TRACKS, WHEELS = "tracks", "wheels"
+"""Kinds of contact with the ground."""
 BELT_LOOKS = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("belt", "wheels", "sprocket"))
 """Geoms that are the looks of the shipped robot's tracks."""
+BODY_LOOKS = ("hull", "deck", "bumper", "left_lamp", "right_lamp")
+"""Geoms that are the looks of its body."""
 SINK = 0.002
 """Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for any robot [m]."""
 _MIN_SIZE = 1e-3  # length [m] and mass [kg]
 _MAX_MASS = 1e5  # [kg]
 _PLATE_HEIGHT = 0.5  # of models/tracked_robot.xml [m]
+_WHEEL_WIDTH = 0.35  # half the width of a wheel that is drawn, over its radius [-]
+_PATCH_LENGTH = 0.1  # of a wheel, by default [m]
+_MOST_AXLES = 10
+_CENTRED = 1e-3  # mean of the axles' positions, at most [m]
+_SPREAD = (0.2, 3.0)  # radius of gyration about the vertical axis, over the distance of the contact's corners [-]
 _FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel
 
 
@@ -56,8 +73,17 @@ class RobotParameters:
     """Height of the plate's centre, and of the scanner, above the ground [m]."""
     looks: str = field(default="", metadata={"stored_unless": ""})
     """Name or file of the tracked robot that is drawn; empty for the shipped robot's looks."""
+    contact: str = field(default=TRACKS, metadata={"stored_unless": TRACKS})
+    """What touches the ground: "tracks", or "wheels", those of a side turning at one speed."""
+    axles: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
+    """Axles of the wheels, ahead of the middle of all [m]. Their contact length is from the first patch to the last."""
+    patch_length: float = field(default=_PATCH_LENGTH, metadata={"stored_unless": _PATCH_LENGTH})
+    """Length of a wheel's contact with the ground [m]."""
+    yaw_inertia: float = field(default=0.0, metadata=UNLESS_ZERO)
+    """Inertia about the vertical axis through the centre of mass; 0 for that of `inertia` or the shape [kg m^2]."""
 
     def __post_init__(self) -> None:
+        self._lay_axles()
         for name in ("half_gauge", "contact_length", "sprocket_radius", "mass", "com_height", "plate_height"):
             value, unit = getattr(self, name), "kg" if name == "mass" else "m"
             require_positive(name, value)
@@ -69,6 +95,11 @@ class RobotParameters:
         for name in ("com_x", "com_y"):
             require_finite(name, getattr(self, name))
         self._require_standing()
+        require_non_negative("yaw_inertia", self.yaw_inertia)
+        if self.yaw_inertia > 0:
+            corner = self.mass * (self.half_gauge**2 + self.contact_length**2 / 4)
+            least, most = (share**2 * corner for share in _SPREAD)
+            require_within("yaw_inertia", self.yaw_inertia, least, most, "kg m^2, for this mass, gauge and length")
         warn_if_unverified(self.half_gauge, self.contact_length, level=3)
 
     @property
@@ -81,19 +112,62 @@ class RobotParameters:
         """Centre of mass, ahead and to the left of the middle of the tracks, and above the ground [m]."""
         return self.com_x, self.com_y, self.com_height
 
+    def with_contact_length(self, length: float) -> RobotParameters:
+        """The same robot with a contact of another length [m]; wheels move apart, or together, on patches as long."""
+        if not self.axles:
+            return dataclasses.replace(self, contact_length=length)
+        growth = (length - self.patch_length) / (self.contact_length - self.patch_length)
+        require(growth > 0, "contact_length", length, f"more than that of a patch, {self.patch_length:g} m")
+        axles = tuple(growth * x for x in self.axles)
+        return dataclasses.replace(self, contact_length=RobotParameters.contact_length, axles=axles)
+
+    def contact_theory(self, along: float, across: float, points: int = 200) -> Contact:
+        """The contact with ground of these friction coefficients, for `skid_theory`; at least `points` a side."""
+        rest = (along, across, self.centre_of_mass)
+        if not self.axles:
+            return line_contact(self.half_gauge, self.contact_length / 2, *rest, points)
+        return wheel_contact(self.half_gauge, self.axles, self.patch_length, *rest, -(-points // len(self.axles)))
+
+    def _lay_axles(self) -> None:
+        """Check the kind of contact; sort the axles, and take the contact length from them."""
+        require(self.contact in (TRACKS, WHEELS), "contact", self.contact, f"{TRACKS} or {WHEELS}")
+        if self.contact == TRACKS:
+            for name, default in (("axles", ()), ("patch_length", _PATCH_LENGTH)):
+                value = getattr(self, name)
+                require(value == default, name, value, f'left out without contact = "{WHEELS}"')
+            return
+        require(not self.looks, "looks", self.looks, f'left out with contact = "{WHEELS}"')
+        axles = tuple(sorted(self.axles))
+        few = 2 <= len(axles) <= _MOST_AXLES and bool(np.isfinite(axles).all())
+        require(few, "axles", list(axles), f"2 to {_MOST_AXLES} positions ahead of the middle [m]")
+        allowed = f"positions ahead of the middle of all, whose mean is 0 within {1e3 * _CENTRED:g} mm"
+        require(abs(np.mean(axles)) <= _CENTRED, "axles", list(axles), allowed)
+        require_positive("patch_length", self.patch_length)
+        apart = min(float(np.diff(axles).min()), 2 * self.sprocket_radius)
+        allowed = f"less than the distance of the axles and the wheels' diameter, {apart:.4g} m"
+        require(_MIN_SIZE <= self.patch_length < apart, "patch_length", self.patch_length, allowed)
+        span = round(axles[-1] - axles[0] + self.patch_length, 9)
+        derived = self.contact_length in (RobotParameters.contact_length, span)
+        require(derived, "contact_length", self.contact_length, f"left out: the axles make it {span:.4g} m")
+        object.__setattr__(self, "axles", axles)
+        object.__setattr__(self, "contact_length", span)
+
     def _require_standing(self) -> None:
         """Raise InvalidValueError if the centre of mass is so high, or so far off centre, that a track lifts off."""
         # mean squares of the coordinates of the ground's springs; they yield by SINK, so that a high robot leans more
-        spread_x, spread_y = self.contact_length**2 / 12, self.half_gauge**2
+        spread_x, end, spread_y = self.contact_length**2 / 12, self.contact_length / 2, self.half_gauge**2
+        if self.axles:
+            spread_x = float(np.mean(np.square(self.axles))) + self.patch_length**2 / 12
+            end = float(np.abs(self.axles).max()) + self.patch_length / 2
         highest = _FIRM * min(spread_x, spread_y) / SINK
-        allowed = f"at most {highest:.4g} m, to stand on tracks of this length and gauge"
+        allowed = f"at most {highest:.4g} m, to stand on {self.contact} of this length and gauge"
         require(self.com_height <= highest, "com_height", self.com_height, allowed)
-        reach_x = self.contact_length / 6 * (1 - self.com_height * SINK / spread_x)
+        reach_x = spread_x / end * (1 - self.com_height * SINK / spread_x)
         reach_y = self.half_gauge * (1 - self.com_height * SINK / spread_y)
         for name, com, reach in (("com_x", self.com_x, reach_x), ("com_y", self.com_y, reach_y)):
             require(abs(com) < reach, name, com, f"between -{reach:.4g} and {reach:.4g} m")
         central = abs(self.com_x) / reach_x + abs(self.com_y) / reach_y < 1
-        allowed = "closer to the centre, to load every point of the tracks"
+        allowed = f"closer to the centre, to load every point of the {self.contact}"
         require(central, "com_x, com_y", (self.com_x, self.com_y), allowed)
 
     def apply(self, spec: mujoco.MjSpec) -> None:
@@ -115,8 +189,12 @@ class RobotParameters:
                 thing.size = np.array(thing.size) * [stretch, 1.0, 1.0]
         for name in ("left_sprocket", "right_sprocket"):
             spec.geom(name).size[0] = self.sprocket_radius
-        points = points_per_track(self.half_gauge, self.contact_length)
-        if points > points_per_track(default.half_gauge, default.contact_length):
+        if self.axles:
+            lay_wheels(spec, self.axles, self.patch_length)
+            self._show_wheels(spec)
+        elif (points := points_per_track(self.half_gauge, self.contact_length)) > points_per_track(
+            default.half_gauge, default.contact_length
+        ):
             lay_pads(spec, points)
         raised = [0.0, 0.0, self.plate_height - default.plate_height]
         mast = spec.geom("mast")
@@ -132,8 +210,33 @@ class RobotParameters:
         moments = (inertia.sum() / 2 - inertia) * growth
         chassis.inertia = moments.sum() - moments
         chassis.mass = self.mass
-        if self.inertia:
-            chassis.inertia, chassis.fullinertia = [0.0, 0.0, 0.0], self.inertia
+        own = self.inertia
+        if self.yaw_inertia > 0:
+            own = _with_yaw_inertia(own or (*chassis.inertia, 0.0, 0.0, 0.0), self.yaw_inertia)
+        if own:
+            chassis.inertia, chassis.fullinertia = [0.0, 0.0, 0.0], own
+
+    def _show_wheels(self, spec: mujoco.MjSpec) -> None:
+        """Draw wheels instead of tracks, and a body as large as they need."""
+        default, chassis, look = RobotParameters(), spec.body("chassis"), spec.find_default("visual")
+        wide, radius = self.half_gauge / default.half_gauge, self.sprocket_radius
+        size = np.array([self.contact_length / default.contact_length, wide, wide])
+        spec.mesh("hull").scale = size
+        for name in BODY_LOOKS:
+            geom = spec.geom(name)
+            geom.pos, geom.size = geom.pos * size, geom.size * size
+        for side in ("left", "right"):
+            for part in ("belt", "wheels"):
+                spec.delete(spec.geom(f"{side}_{part}"))
+            sprocket = spec.geom(f"{side}_sprocket")  # the rearmost wheel
+            sprocket.pos, sprocket.size = [self.axles[0], sprocket.pos[1], radius], [radius, _WHEEL_WIDTH * radius, 0.0]
+            tyre, hub = sprocket.size, sprocket.size * [0.5, 1.02, 1.0]
+            wheels = [(f"hub{k}", x, hub, "steel") for k, x in enumerate(self.axles)]
+            wheels += [(f"wheel{k}", x, tyre, sprocket.material) for k, x in enumerate(self.axles) if k]
+            for name, x, shape, material in wheels:
+                place, kind = [x, *sprocket.pos[1:]], sprocket.type
+                geom = chassis.add_geom(look, name=f"{side}_{name}", type=kind, pos=place, size=shape)
+                geom.material, geom.quat = material, [1.0, 1.0, 0.0, 0.0]  # along y
 
 
 def require_inertia(inertia: Sequence[float]) -> None:
@@ -145,9 +248,22 @@ def require_inertia(inertia: Sequence[float]) -> None:
     require(moments[0] > 0 and moments[2] <= moments[:2].sum() * (1 + 1e-9), "inertia", list(inertia), allowed)
 
 
+def _with_yaw_inertia(inertia: Sequence[float], yaw_inertia: float) -> tuple[float, ...]:
+    """An inertia xx, yy, zz, xy, xz, yz whose masses are moved along the ground so that zz is `yaw_inertia`."""
+    xx, yy, zz, xy, xz, yz = inertia
+    moments = (xx + yy + zz) / 2 * np.eye(3) - [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    away = np.sqrt([yaw_inertia / zz, yaw_inertia / zz, 1.0])
+    moments *= np.outer(away, away)
+    moved = np.trace(moments) * np.eye(3) - moments
+    return tuple(moved[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist())
+
+
 def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
     """Text of a robot file; `ground` must be level, without patches and changes."""
     shear = f"shear = {ground.shear!r}\n" if ground.shear > 0 else ""
-    given = {name: value for name, value in dataclasses.asdict(parameters).items() if value not in ((), "")}
-    lines = [f"{name} = {list(value) if name == 'inertia' else value!r}\n" for name, value in given.items()]
+    values = {f.name: (f, getattr(parameters, f.name)) for f in dataclasses.fields(parameters)}
+    given = {name: value for name, (f, value) in values.items() if f.metadata.get("stored_unless", ...) != value}
+    if parameters.axles:
+        del given["contact_length"]
+    lines = [f"{name} = {list(value) if isinstance(value, tuple) else value!r}\n" for name, value in given.items()]
     return f"# {comment}\n{''.join(lines)}\n[ground]\nalong = {ground.along!r}\nacross = {ground.across!r}\n{shear}"

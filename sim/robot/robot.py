@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 import models
-from sim.robot.pads import lay_pads
+from sim.robot.pads import lay_pads, shearing_points
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
@@ -40,7 +40,7 @@ class Robot:
     geometry: RobotGeometry
     """Half gauge and nominal sprocket radius."""
     contact_half_length: float
-    """Half the length of the tracks' contact with the ground [m]."""
+    """Half the length of the tracks' contact with the ground, from the first wheel's patch to the last one's [m]."""
     mass: float
     """Mass of the robot [kg]."""
     plate: Plate
@@ -67,6 +67,10 @@ class Robot:
     """True if there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
     points_per_pad: int = CONTACT_POINTS
     """Number of points at which a pad touches the ground."""
+    patches: int = 1
+    """Number of contact patches of a side: one a wheel, or the track's."""
+    patch_length: float = 0.0
+    """Length of a patch [m]."""
 
     def pad_speeds(self, belts: Array) -> Array:
         """Speeds (..., P) of the pads' surfaces, each along its own axis, for belt speeds (..., 2) [m/s]."""
@@ -87,7 +91,8 @@ class Robot:
                 getattr(robot.model.opt, name)[:] = value
             else:
                 setattr(robot.model.opt, name, value)
-        for name in ("pair_solref", "pair_solreffriction", "pair_solimp"):
+        alike = len(robot.contact_points) == len(self.contact_points)
+        for name in ("pair_solref", "pair_solreffriction", "pair_solimp") if alike else ():
             getattr(robot.model, name)[:] = getattr(self.model, name)[0]
         return replace(robot, digest=self.digest)
 
@@ -111,8 +116,9 @@ def load_robot(
         if parameters is not None:
             parameters.apply(spec)
         sprocket_radius = float(spec.geom("left_sprocket").size[0])
+        shape = parameters or RobotParameters()
         if single_contacts:
-            lay_pads(spec, single=True)
+            lay_pads(spec, single=True, at=shearing_points(shape.axles, shape.patch_length) if shape.axles else None)
         for geom in list(spec.geoms):
             if geom.group == VISUAL_GROUP:
                 spec.delete(geom)
@@ -122,6 +128,10 @@ def load_robot(
             _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
         model = spec.compile()
         robot = _read(model, sprocket_radius, digest, single_contacts)
+        robot = replace(robot, patch_length=2 * robot.contact_half_length)
+        if shape.axles:
+            half, patches = shape.contact_length / 2, len(shape.axles)
+            robot = replace(robot, contact_half_length=half, patches=patches, patch_length=shape.patch_length)
         return replace(robot, path=path, parameters=parameters, contact_sensors=contact_sensors)
     except (ValueError, KeyError, AttributeError) as error:
         raise TrackslipError(f"{path}: {' '.join(str(error).split())}") from error

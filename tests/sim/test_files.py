@@ -162,7 +162,7 @@ def test_files_of_tracked_robots_with_mistakes(tmp_path, old, new, said):
         (load_ground, "ground = .*: must be one of stone, concrete"),
         (load_obstacles, "obstacles = .*one of posts, room, walker, occluded, or"),
         (load_course, "course = .*must be one of arena, cross_beams, .*, or a .toml file"),
-        (load_tracked, r"robot = .*one of shipped, rescue, box, or a \.toml file"),
+        (load_tracked, r"robot = .*one of shipped, rescue, box, husky, warthog, maxxii, or a \.toml file"),
     ],
 )
 def test_names_that_are_neither_known_nor_files(load, known):

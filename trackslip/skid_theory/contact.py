@@ -1,8 +1,9 @@
-"""Contact of two tracks with the ground, and the loads that they carry."""
+"""Contact of two tracks, or wheels, with the ground, and the loads that they carry."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,8 @@ class Contact:
     """Friction coefficient across the track [-]."""
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Distance ahead and to the left of the middle between the tracks, and height above the ground [m]."""
+    patch: tuple[Array, Array] | None = None
+    """Rear and front ends (K,) of the patch in which each point touches the ground; None for one patch a track [m]."""
 
     def __post_init__(self) -> None:
         require_positive("along", self.along)
@@ -67,8 +70,10 @@ class Contact:
             )
 
     @property
-    def ends(self) -> tuple[float, float]:
-        """Rear and front end of the tracks, half a space beyond their outermost points [m]."""
+    def ends(self) -> tuple[Array | float, Array | float]:
+        """Rear and front ends of the patches, those of tracks half a space beyond their outermost points [m]."""
+        if self.patch is not None:
+            return self.patch
         x = np.unique(self.x)
         half_space = (x[-1] - x[0]) / max(len(x) - 1, 1) / 2
         return float(x[0] - half_space), float(x[-1] + half_space)
@@ -112,3 +117,27 @@ def line_contact(
     x = np.tile(segment * half_length, 2)
     y = np.repeat([half_gauge, -half_gauge], points)
     return Contact(x, y, along, across, centre_of_mass)
+
+
+def wheel_contact(
+    half_gauge: float,
+    axles: Sequence[float],
+    patch_length: float,
+    along: float,
+    across: float,
+    centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    points: int = 20,
+) -> Contact:
+    """Wheels on patches with uniform pressure, one on either side of each of `axles`; else as `line_contact`.
+
+    Args:
+        axles: their distances ahead of the middle of all, whose mean is 0 [m].
+        patch_length: length of a wheel's contact [m].
+        points: number of points per patch.
+    """
+    require_positive("patch_length", patch_length)
+    segment = (np.arange(points) + 0.5) / points - 0.5
+    middle = np.repeat(np.tile(axles, 2), points)
+    x = middle + patch_length * np.tile(segment, 2 * len(axles))
+    y = np.repeat([half_gauge, -half_gauge], points * len(axles))
+    return Contact(x, y, along, across, centre_of_mass, (middle - patch_length / 2, middle + patch_length / 2))
