@@ -48,7 +48,10 @@ OPTIONS = [
     ("wander --duration 0.03", "duration = 0.03: must be at least 0.04 s, two readings"),
     ("wander --max-speed 0.4", "max_speed = 0.4: must be at most drive.top_speed = 0.3 m/s"),
     ("wander --encoder-rate 30", "encoder_rate = 30.0: must be a rate whose period is a multiple of drive.period"),
-    ("drive --robot nobody", "robot = 'nobody': must be one of shipped, rescue, box, or a .toml file"),
+    (
+        "drive --robot nobody",
+        "robot = 'nobody': must be one of shipped, rescue, box, husky, warthog, maxxii, or a .toml file",
+    ),
     ("drive --flippers sideways", "flippers = 'sideways': must be up, down, reflex, or angles"),
     ("drive --video drive.avi", "video = 'drive.avi': must be a file that ends in .mp4"),
     ("drive --path gone.csv --speed -1", "speed = -1.0: must be a finite number > 0"),
