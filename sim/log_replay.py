@@ -174,7 +174,7 @@ class Replayer:
         fleet = Fleet(robot, np.zeros((len(self.logs), 3)), ground, parameters.radius_error, drive, threads)
         fleet.launch(self.start_twist(robot.geometry))
         period = fleet.period
-        periods = round((max(log.time[-1] - log.time[0] for log in self.logs) + RUN_UP) / period)
+        periods = round((max(log.time[-1] - log.time[0] for log in self.logs) + 2 * RUN_UP) / period)
         poses, twists = np.empty((2, periods + 1, fleet.size, 3))
         poses[0], twists[0] = fleet.pose(), fleet.twist()
         edges = self.begin[:, None] + period * np.arange(periods + 1)  # (N, P + 1)
