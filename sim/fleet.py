@@ -72,7 +72,7 @@ class Fleet(Bodies):
         robot = self.robot
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
         drive = drive or Drive()
-        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
+        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius, robot.mass)
         self.period = drive.period
         self._substeps = substeps(drive, robot)
 
@@ -163,6 +163,10 @@ class Fleet(Bodies):
         periods = round(duration / self.period)
         if abs(periods * self.period - duration) > 1e-9:
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
+        if periods > 1 and self.drive.drive.droop > 0:  # the next speeds depend on the torques
+            for _ in range(periods):
+                self.advance(self.period)
+            return
         if periods == 0:
             return
         before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
@@ -193,8 +197,7 @@ class Fleet(Bodies):
     def _run(self, rows: Rows, mean: Array) -> Array:
         """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
         varies = self._ground.varies
-        # speeds approach their set points: those that are the same at both ends are the same all the time
-        if self.shear or self._drawbar or varies or mean[0].tobytes() != mean[-1].tobytes():
+        if self.shear or self._drawbar or varies or mean.tobytes() != mean[:1].tobytes() * len(mean):
             forces, forward = self._run_by_period(rows, mean, varies)
         else:
             forces, forward = self._run_steadily(rows, mean)

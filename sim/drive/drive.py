@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from sim.drive.modes import OPPOSITE, modes, tracks
 from sim.drive.motor import Motor
 from sim.restorable import Restorable
-from trackslip.errors import require, require_at_most, require_positive
+from trackslip.errors import require, require_at_most, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
 RADIUS_ERROR = 0.0066
@@ -26,6 +28,11 @@ class Drive:
 
     lag: float = 0.05
     """Time constant of the speed controller [s]."""
+    delay: float = field(default=0.0, metadata={"stored_unless": 0.0})
+    """Dead time between a command and the speed controller [s]."""
+    droop: float = field(default=0.0, metadata={"stored_unless": 0.0})
+    """Steady loss of speed per torque of the motor, because the speed controller does not compensate its load fully
+    [rad/s per N m]."""
     top_speed: float = 0.3
     """Largest speed of a track [m/s] (paper, Sec. II)."""
     torque_limit: float = 8.0
@@ -42,6 +49,9 @@ class Drive:
             require_positive(name, getattr(self, name))
         require_at_most("lag", self.lag, 1.0, "s")
         require_at_most("top_speed", self.top_speed, 10.0, "m/s")
+        for name, unit in (("delay", "s"), ("droop", "rad/s per N m")):
+            require_non_negative(name, getattr(self, name))
+            require_at_most(name, getattr(self, name), 1.0, unit)
         limit, friction = self.torque_limit, self.motor.friction
         require(limit > friction, "torque_limit", limit, f"more than motor.friction = {friction} N m")
 
@@ -58,8 +68,11 @@ def tireless(top_speed: float = Drive.top_speed) -> Drive:
 
 
 _ROUNDING = 1 + 1e-9
-_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time")
+_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time", "_past", "_load", "_mean", "_slid")
 _PARAMETERS = ("radius", "_decay", "_mean_decay")
+_OF_OPPOSITE = np.array([0.0, 1.0])  # selects the difference of the modes
+_FLATTER = 0.85  # slope of the torque over opposite speeds, over the last one at least: it jumps when tracks slide
+_LEAST_CHANGE = 3e-6  # of half the difference of the belts' speeds that shows this slope in spite of noise [m/s]
 
 
 class Forecast(NamedTuple):
@@ -79,8 +92,13 @@ class DriveState(Restorable):
 
     STATE = (*_STATE, "_decay", "_mean_decay", "_fastest")
 
-    def __init__(self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None) -> None:
-        """Start at rest; the sprockets drive the belts at `effective_radius` (N, 1), by default the nominal one [m]."""
+    def __init__(
+        self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None, mass: float = 1.0
+    ) -> None:
+        """Start at rest; the sprockets drive the belts at `effective_radius` (N, 1), by default the nominal one [m].
+
+        `mass` is that of each robot [kg].
+        """
         self.drive = drive
         """Servo and motor of all sprockets."""
         self.radius = np.full((n, 1), sprocket_radius) if effective_radius is None else effective_radius
@@ -99,6 +117,13 @@ class DriveState(Restorable):
         """Torques of the motors at the sprockets in the last period [N m]."""
         self.saturated_time = np.zeros((n, 2))
         """Time since the start that the motors spent at their limits [s]."""
+        whole = round(drive.delay / drive.period, 9)  # periods
+        self._late = whole - math.floor(whole)  # rest of the delay [periods]
+        self._past: Array = np.zeros((n, math.floor(whole) + 1, 2))  # set points in the last periods, the oldest first
+        self._mass = mass
+        self._mean: Array = np.zeros((n, 2))  # mean speeds of the modes in the last period [rad/s]
+        self._load: Array = np.zeros((n, 2))  # their torques, less what accelerates them [N m]
+        self._slid: Array = np.zeros((n, 1))  # 0 while friction holds the heading, up to 1 where the tracks slide
         self.restart(np.arange(n), [drive.lag] * n)
 
     @property
@@ -142,10 +167,66 @@ class DriveState(Restorable):
 
     def forecast(self, periods: int) -> Forecast:
         """Forecast the speeds in the next `periods`, if the motors are strong enough."""
+        if self.drive.delay > 0 or self.drive.droop > 0:
+            return self._delayed(periods)
         error = np.empty((periods + 1, *self.omega.shape))
         error[0], error[1:] = self._error, self._decay
         np.multiply.accumulate(error, axis=0, out=error)  # the same bits for any number of forecasts
         return Forecast(error + self.set_point, error[:-1] * self._mean_decay + self.set_point, error[-1])
+
+    def _delayed(self, periods: int) -> Forecast:
+        """The same with set points that come later, within a period, and with droop, for which there is one period."""
+        line = np.moveaxis(self._line(periods), 1, 0)
+        until, since = line[:periods], line[1 : periods + 1]
+        rest = self._decay ** (1 - self._late)  # of what was there before the set point changed
+        share = (rest - self._decay) / (1 - self._decay)  # of the old set point in one for the whole period
+        goal = since + share * (until - since)
+        if self.drive.droop > 0:
+            goal += self._sag(goal[0])
+        omega = np.empty((periods + 1, *self.omega.shape))
+        omega[0] = self.omega
+        for k, aim in enumerate(goal):
+            omega[k + 1] = aim + (omega[k] - aim) * self._decay
+        # the integral of a set point that changes within a period is exact, too
+        mean = goal + (omega[:-1] - goal) * self._mean_decay + (self._late - share) * (until - since)
+        return Forecast(omega, mean, omega[-1] - self.set_point)
+
+    def _sag(self, goal: Array) -> Array:
+        """Change of the goals (N, 2) under load [rad/s].
+
+        A servo without integral action follows its set point less droop * torque. The ground answers to a speed one
+        period later, and so stiffly while it holds the heading that feedback of the last torques would oscillate:
+        speeds change as if the next torques were known, by the inertia of each mode and the slope of the torque.
+        """
+        droop, slope = self.drive.droop, _OF_OPPOSITE * (1 - self._slid) * self._stiffness()
+        covered, mean = (
+            1 - self._decay,
+            (1 - self._mean_decay) / (1 - self._decay),
+        )  # of a change, at the end and before
+        load = self._load + slope * (modes(self.omega) - self._mean)
+        change = modes(goal - self.omega) - droop * load
+        return self.omega + tracks(change / (1 + covered * droop * (self._inertia() + mean * slope))) - goal
+
+    def _feel(self, omega: Array, mean: Array, torque: Array) -> None:
+        """Update the load from final and mean speeds (N, 2) [rad/s] and torques (N, 2) [N m] in the next period."""
+        load, mean = modes(torque) - self._inertia() * modes(omega - self.omega), modes(mean)
+        turn, rise = (mean - self._mean)[:, 1:], (load - self._load)[:, 1:]
+        shown = np.abs(turn) * self.radius > _LEAST_CHANGE
+        slope = rise / np.where(shown, turn, 1.0) / self._stiffness()
+        self._slid = np.where(shown, 1 - np.clip(slope, _FLATTER * (1 - self._slid), 1.0), 0.0)
+        self._load, self._mean = load, mean
+
+    def _stiffness(self) -> Array:
+        """Slopes (N, 1) of the torques over opposite speeds while friction holds the heading [N m s/rad]."""
+        return OPPOSITE * self._mass * self.radius**2
+
+    def _inertia(self) -> Array:
+        """Torques that accelerate motors and robots, over the change of the modes' speeds in a period (N, 2)."""
+        return ((1 - _OF_OPPOSITE) * self._mass * self.radius**2 / 2 + self.drive.motor.inertia) / self.drive.period
+
+    def _line(self, periods: int) -> Array:
+        """Set points (N, Q + P, 2) in the Q last periods and the P next ones [rad/s]."""
+        return np.concatenate([self._past, np.repeat(self.set_point[:, None], periods, axis=1)], axis=1)
 
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
         """Motor torques (P, N, 2) at the sprockets that a forecast requires, for tractions (P, N, 2) [N] [N m]."""
@@ -164,6 +245,10 @@ class DriveState(Restorable):
     def accept(self, forecast: Forecast, torque: Array, saturated: Array | None = None) -> None:
         """Advance by a forecast with torques (P, N, 2) [N m], limited where `saturated` (P, N, 2)."""
         period = self.drive.period
+        if self.drive.delay > 0:
+            self._past = self._line(len(torque))[:, len(torque) :]
+        if self.drive.droop > 0:
+            self._feel(forecast.omega[-1], forecast.mean[-1], torque[-1])
         self.omega, self.torque, self._error = forecast.omega[-1], torque[-1], forecast.error
         totals = np.empty((len(torque) + 1, *self._totals.shape))
         totals[0], rates = self._totals, totals[1:]

@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from sim.drive.drive import DriveState, Forecast
+from sim.drive.modes import COMMON, OPPOSITE, modes, tracks
 from trackslip.kinematics import Array
 
 _ATTEMPTS = 40
 _TOLERANCE = 0.001  # of a saturated torque, relative to the torque limit
 _ROUGHNESS = 0.0002  # noise of the ground's forces, which the engine finds by iteration, relative to the weight
 _MAX_ACCELERATION = 3.0  # of a track, on any ground and slope, in units of gravity
-# first guess of the ground's response to a change of belt speeds: torque over mass, radius squared and speed [1/s]
-_COMMON = 25.0  # the same change on both tracks: the robot accelerates
-_OPPOSITE = 12_000.0  # opposite changes: friction holds the heading until the tracks slide
 
 
 class SpeedSearch:
@@ -44,7 +42,7 @@ class SpeedSearch:
         self._weak = np.zeros((len(self._goal), 1), bool)  # robots that can't move as the servos demand
         self._side = np.zeros(self._goal.shape)  # limit that is reached: 1 upper, -1 lower, 0 none
         self._slowed = np.zeros(self._goal.shape, bool)  # tracks whose speeds are being searched
-        self._stiffness = inertia / period + mass * drive.radius**2 * [_COMMON, _OPPOSITE]  # torque over speed change
+        self._stiffness = inertia / period + mass * drive.radius**2 * [COMMON, OPPOSITE]  # torque over speed change
         self._roots = _Roots(self._stiffness)
         self._attempts = 0
 
@@ -84,9 +82,9 @@ class SpeedSearch:
             self._weak = going
             guess = np.where(both, self._start, self._start + (self._goal - self._start)[:, ::-1])
         else:
-            x, f = (np.where(both, _modes(tracks), tracks) for tracks in (self._speed, excess))
+            x, f = (np.where(both, modes(each), each) for each in (self._speed, excess))
             guess = self._roots.next(x, f)
-            guess = np.where(both, _tracks(guess), guess)
+            guess = np.where(both, tracks(guess), guess)
         guess = np.clip(guess, self._start - self._reach, self._start + self._reach)
         guess = self._side * np.minimum(self._side * guess, self._side * self._goal)
         self._speed = np.where(going, np.where(slowed, guess, self._goal), self._speed)
@@ -135,15 +133,3 @@ class _Roots:
         middle = np.where(bracketed, low, 0.0) / 2 + np.where(bracketed, high, 0.0) / 2
         self._low, self._high, self._width, self._x, self._f = low, high, high - low, x, f
         return np.where(halve, middle, guess)
-
-
-def _modes(tracks: Array) -> Array:
-    """Mean and half the difference (N, 2) of the (left, right) tracks (N, 2)."""
-    left, right = tracks.T
-    return np.stack([left + right, right - left], axis=-1) / 2
-
-
-def _tracks(modes: Array) -> Array:
-    """The inverse of `_modes`."""
-    mean, difference = modes.T
-    return np.stack([mean - difference, mean + difference], axis=-1)

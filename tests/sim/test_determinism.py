@@ -31,14 +31,15 @@ def assert_same(some, others):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("late", [{}, {"delay": 0.033}, {"delay": 0.01, "droop": 0.03}])
 @pytest.mark.parametrize("grounds", [COULOMB, SHEARING], ids=["Coulomb", "shear"])
-def test_strong_and_weak_robots_on_any_ground(robot, grounds):
+def test_strong_and_weak_robots_on_any_ground(robot, grounds, late):
     """Commands change, some turn through pi, and some motors are too weak; cut up in any way."""
     commands = np.array([[2.0, 3.0], [3.0, -1.0], [3.0, 3.0], [0.5, 1.0]])
     start = np.array([[0.1 * k, 0.0, 3.0 + 0.2 * k] for k in range(4)])
 
     def drive(rows, threads, steps):
-        weak, shears = Drive(torque_limit=3.0), grounds is SHEARING
+        weak, shears = Drive(torque_limit=3.0, **late), grounds is SHEARING
         fleet = Fleet(robot, start[rows], [grounds[k] for k in rows], 0.01, weak, threads, shears=shears)
         for sign in (1.0, -0.7, 0.7):  # at last the belts are at their set points to the last bit
             fleet.command(sign * commands[rows])
@@ -48,7 +49,7 @@ def test_strong_and_weak_robots_on_any_ground(robot, grounds):
 
     together = drive(range(4), 2, [0.3])
     saturated = together[4].max(axis=1)
-    assert saturated.max() > 0.1  # some are too weak
+    assert saturated.max() > 0.05  # some are too weak
     for threads, steps in ((1, [0.3]), (2, [0.01] * 30), (2, [0.15, 0.01, 0.14])):
         assert_same(together, drive(range(4), threads, steps))
     for k in range(4):

@@ -14,6 +14,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import NormalizeObservation, NormalizeReward, RecordEpisodeStatistics
 
+from sim.drive.drive import Drive
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.ground.ground import Change, Ground
 from sim.path_tracking.config import EnvConfig, Reward
@@ -117,6 +118,7 @@ def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_pat
 STATES = [
     (TRACKING, DRAWN | {"ground": ("stone", "clay"), "pose_source": "noisy"}, {"reference": "circle"}),
     (TRACKING, DRAWN | TWIST | {"compensation": UNDER_LOAD, "pose_source": "scanner"}, {"ground": CHANGING}),
+    (TRACKING, DRAWN | {"drive": Drive(delay=0.127, droop=0.05)}, {}),
     (TRAVERSE, SHORT, {}),
     (TRAVERSE, {"course": "step10", "limits": Limits(stuck_time=0.8, stuck_share=2.0)}, {}),
 ]

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.drive.drive import Drive
 from sim.drive.motor import Motor
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import Change, Ground, Patch
@@ -39,6 +40,10 @@ WHEELS = Hull.from_wheels
 
 REFUSED = [
     # drives
+    (Drive, {"delay": -0.1}, "delay = -0.1: must be a finite number >= 0"),
+    (Drive, {"delay": 1.1}, "delay = 1.1: must be at most 1 s"),
+    (Drive, {"droop": NAN}, "droop = nan: must be a finite number >= 0"),
+    (Drive, {"droop": 1.5}, "droop = 1.5: must be at most 1 rad/s per N m"),
     (Motor, {"gear": 1e-300}, "gear = 1e-300: must be at least 1e-12"),
     (Motor, {"friction": 40.0}, "friction = 40.0: must be less than gear * stall_torque = 30 N m"),
     # grounds

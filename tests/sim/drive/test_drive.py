@@ -181,6 +181,84 @@ def test_speed_and_angle_follow_a_first_order_lag_exactly():
     np.testing.assert_allclose(state.angle[0, 0], 2.0 * (time - drive.lag * grown), rtol=1e-12)
 
 
+@pytest.mark.parametrize("lag", [0.003, 0.05, 0.58])
+@pytest.mark.parametrize("delay", [0.004, 0.01, 0.033, 0.03, 0.2])
+def test_speed_and_angle_follow_a_dead_time_and_a_lag_exactly(lag, delay):
+    """At any fraction of a period, and however the time is cut up."""
+    drive = Drive(lag=lag, delay=delay)
+    whole, pieces = DriveState(drive, 1, 0.06), DriveState(drive, 1, 0.06)
+    for state in (whole, pieces):
+        state.command(np.array([[2.0, -1.0]]))
+    periods = 0
+    for piece in (1, 3, 1, 7, 20):
+        periods += piece
+        for _ in range(piece):
+            run_free(pieces, 1)
+        left = max(periods * drive.period - delay, 0.0)
+        grown = -np.expm1(-left / lag)
+        np.testing.assert_allclose(pieces.omega, [[2.0 * grown, -grown]], atol=1e-12)
+        np.testing.assert_allclose(pieces.angle[0, 0], 2.0 * (left - lag * grown), atol=1e-12)
+    run_free(whole, periods)
+    np.testing.assert_array_equal(whole.omega, pieces.omega)
+    np.testing.assert_array_equal(whole.angle, pieces.angle)
+
+
+def test_a_pulse_passes_through_the_delay(robot):
+    """The belts are at rest at both ends of a stretch in whose middle they turn."""
+    fleet = Fleet(robot, np.zeros((1, 3)), radius_error=0.0, drive=Drive(lag=0.001, delay=0.2))
+    for omega in (3.0, 0.0):
+        fleet.command([omega, omega])
+        fleet.advance(0.1)
+    fleet.advance(0.4)
+    assert fleet.pose()[0, 0] == pytest.approx(3.0 * 0.06 * 0.1, rel=0.02)
+
+
+HEAVY = {
+    "shipped": (RobotParameters(radius_error=0.0), {"droop": 0.05}),
+    **{
+        f"{mass} kg, {lag} s": (
+            RobotParameters(gauge, length, 0.3, 0.0, mass, com_height=0.25),
+            {"lag": lag, "droop": 0.0025, "top_speed": 5.0, "torque_limit": 1e4},
+        )
+        for mass, gauge, length in ((75.0, 0.28, 0.5), (470.0, 0.6, 1.2))
+        for lag in (0.05, 0.58)
+    },
+}
+
+
+@pytest.mark.parametrize("name", HEAVY)
+def test_a_servo_with_droop_loses_speed_in_proportion_to_its_torque(name):
+    """Standing, straight, in arcs in which tracks hardly slide or slide, spinning, stopped; and it does not chatter."""
+    parameters, options = HEAVY[name]
+    motor = Motor() if name == "shipped" else Motor(no_load_speed=1e4, stall_torque=1e4)
+    drive, turn = Drive(**options, motor=motor), 0.6 * options.get("top_speed", 0.3) / parameters.sprocket_radius
+    fleet = Fleet(load_robot(parameters=parameters), np.zeros((1, 3)), Ground(0.6, 0.6), 0.0, drive)
+    for shares in ((0, 0), (1, 1), (0.95, 1), (0.5, 1), (-0.5, 0.5), (0, 0)):
+        fleet.command(turn * np.array(shares))
+        fleet.advance(8 * drive.lag + 1.0)
+        speeds, torques = [], []
+        for _ in range(50):
+            fleet.advance(drive.period)
+            speeds.append(fleet.drive.omega[0].copy())
+            torques.append(fleet.drive.torque[0].copy())
+        speeds, torques = np.array(speeds), np.array(torques)
+        np.testing.assert_allclose(speeds, turn * np.array(shares) - drive.droop * torques, atol=2e-3 * turn)
+        assert np.abs(np.diff(speeds, axis=0)).max() < 1e-4 * turn
+        assert np.abs(np.diff(torques, axis=0)).max() < 0.002 * parameters.mass * GRAVITY * parameters.sprocket_radius
+
+
+def test_on_a_slope_a_servo_with_droop_yields_without_a_swing(robot):
+    """A set point of zero: the robot rolls back at the speed that its weight costs, and never faster."""
+    fleet = Fleet(robot, np.zeros((1, 3)), Ground(slope=0.3), 0.0, Drive(droop=0.05))
+    speeds = []
+    for _ in range(200):
+        fleet.advance(0.01)
+        speeds.append(fleet.drive.omega[0].copy())
+    expected = -0.05 * (torque_of_weight(robot, 0.3) + MOTOR.loss(speeds[-1][0]))
+    np.testing.assert_allclose(speeds[-1], expected, rtol=5e-3)
+    assert np.min(speeds) > 1.01 * expected
+
+
 def test_encoder_counts():
     state = DriveState(Drive(encoder_counts=100), 1, 0.06)
     state.angle[:] = [[2 * np.pi * 0.519, -2 * np.pi * 0.001]]
