@@ -15,7 +15,7 @@ from sim.drive.saturation import SpeedSearch
 from sim.fleet_ground import FleetGround, one_each, require_at_rest, require_held
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
-from sim.robot.parameters import SINK
+from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import Robot
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require
@@ -54,9 +54,9 @@ class Fleet(Bodies):
         """Place N robots at rest at poses `start` (N, 3) [m, m, rad].
 
         There is one `ground` for all, or one each, and one relative `radius_error` of the sprockets, or (N,) [-]. All
-        sprockets have the same `drive`. The number of worker `threads` may be 0, for one per processor. All robots tow
-        the same `pull`. Where a ground shears, or `shears` says that one may later, pads touch the ground at one point
-        each instead of two.
+        sprockets have the same `drive`, by default the robot's own. The number of worker `threads` may be 0, for one
+        per processor. All robots tow the same `pull`. Where a ground shears, or `shears` says that one may later, pads
+        touch the ground at one point each instead of two.
 
         Raises:
             InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
@@ -71,7 +71,7 @@ class Fleet(Bodies):
         super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads)
         robot = self.robot
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
-        drive = drive or Drive()
+        drive = drive or (robot.parameters or RobotParameters()).drive
         self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius, robot.mass)
         self.period = drive.period
         self._substeps = substeps(drive, robot)
@@ -121,7 +121,7 @@ class Fleet(Bodies):
         start = np.array([s.start for s in setting], float)
         require(np.isfinite(start).all(), "start", start.tolist(), "finite poses (x, y, phi)")
         self._radius[rows, 0] = self.robot.geometry.sprocket_radius * (1 + np.array([s.radius_error for s in setting]))
-        self.drive.restart(rows, [s.lag for s in setting])
+        self.drive.restart(rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting])
         self._began[rows] = self._periods
         self._drive(rows, 0.0)
         self._balance(rows, np.array([s.weight for s in setting]))
@@ -329,7 +329,7 @@ class Setting:
     """Ground under the robot."""
     radius_error: float = RADIUS_ERROR
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    lag: float = Drive.lag
-    """Time constant of the servos [s]."""
+    lag: float | None = None
+    """Time constant of the servos; None for the drive's own [s]."""
     weight: tuple[float, float] = (0.0, 0.0)
     """Offset of the centre of mass from the model's, forward and to the left [m]."""

@@ -56,7 +56,7 @@ def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
 
 
 def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
-    """Build a frozen dataclass whose fields are numbers, texts, paths, and tuples of numbers, tuples or dataclasses.
+    """Build a frozen dataclass whose fields are numbers, texts, paths, dataclasses, and tuples of these or tuples.
 
     Args:
         cls: the dataclass.
@@ -96,6 +96,8 @@ def _value(hint: Any, value: object, where: str, name: str) -> Any:
         return value
     if hint is Path:
         return Path(_value(str, value, where, name))
+    if dataclasses.is_dataclass(hint):
+        return build(hint, value, f"{where}: {name}")  # type: ignore[arg-type]
     of = typing.get_args(hint)[0]
     if not isinstance(value, list):
         raise SettingsFileError(f"{where}: {name} = {reprlib.repr(value)}: must be a list")

@@ -114,7 +114,7 @@ def identified(cases: Sequence[BenchmarkCase], config: Config, world: World) -> 
     """The cases with their ids; a user's controllers must have been imported."""
     laws = config.laws or SHIPPED
     specified = [world.parameters, world.ground, world.radius_error, world.obstacles, world.pull, world.robot.digest]
-    evaluated = [config.drive, config.scanner, config.localization, config.preview]
+    evaluated = [world.drive, config.scanner, config.localization, config.preview]
     common = digest([specified, evaluated, content(laws / SUMMARY_FILE if laws.is_dir() else laws)])
     contents = functools.cache(lambda name: content(Path(name)))
     modules = set(user_modules())

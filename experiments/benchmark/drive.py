@@ -55,7 +55,7 @@ class ClosedLoops:
     @property
     def top_speed(self) -> float:
         """Top speed of the sprockets [rad/s]."""
-        return self.config.drive.top_speed / self.world.robot.geometry.sprocket_radius
+        return self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
 
     def ground(self, name: str) -> Ground:
         """A ground by name or from a file; `robot` is the ground in the robot's file."""
@@ -63,7 +63,7 @@ class ClosedLoops:
 
     def controller(self, name: str) -> Controller:
         """A new controller by name."""
-        return controller(name, self.world.robot.geometry, self.config.drive.top_speed)
+        return controller(name, self.world.robot.geometry, self.world.drive.top_speed)
 
     def compensation(self, name: str) -> Compensation:
         """A new compensation by name."""

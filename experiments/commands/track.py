@@ -11,6 +11,7 @@ import tyro
 from experiments.options.base import Excludes, Exclusion, Needs, Within, default_is
 from experiments.options.choices import COMPENSATIONS, CONTROLLERS, REFERENCES, WITHOUT_LAWS
 from experiments.options.world import MAX_COORDINATE, MAX_DURATION, MAX_PREVIEW, MAX_RADIUS, Simulation, require_speed
+from sim.drive.drive import Drive
 
 EXAMPLES = (
     ("the paper's path and controller", "trackslip track"),
@@ -58,9 +59,10 @@ class Config(Simulation):
         Excludes(("laws",), "compensation", WITHOUT_LAWS),
     )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_speed("circle_speed", self.circle_speed, self.drive.top_speed)
+    def check(self, drive: Drive) -> None:
+        """See Equipment."""
+        super().check(drive)
+        require_speed("circle_speed", self.circle_speed, drive.top_speed)
 
 
 def run(config: Config) -> None:

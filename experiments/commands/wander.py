@@ -24,6 +24,7 @@ from experiments.options.choices import SHIPPED
 from experiments.options.world import (
     MAX_DURATION,
     RADIUS_ERROR,
+    DriveOptions,
     GroundOptions,
     PullOptions,
     Repeatable,
@@ -154,8 +155,8 @@ class Config(Repeatable):
     """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
     radius_error: Annotated[float | None, RADIUS_ERROR, default_is("the robot's", "FLOAT")] = None
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    drive: Drive = field(default_factory=Drive)
-    """Servo and motor of a sprocket. Only the top speed is the paper's; everything else is assumed."""
+    drive: DriveOptions = field(default_factory=DriveOptions)
+    """Properties of servo and motor that differ from the robot's."""
     ground: GroundOptions = field(default_factory=GroundOptions)
     """The ground, and properties that differ from the named one's."""
     pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
@@ -174,18 +175,21 @@ class Config(Repeatable):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_speed("max_speed", self.max_speed, self.drive.top_speed)
         if self.duration < 2 / self.encoder_rate:
             raise InvalidValueError("duration", self.duration, f"at least {2 / self.encoder_rate:g} s, two readings")
         if self.motion == "law":
-            used = replace(Drive(), top_speed=self.drive.top_speed, encoder_counts=self.drive.encoder_counts)
+            used = replace(DriveOptions(), top_speed=self.drive.top_speed, encoder_counts=self.drive.encoder_counts)
             refuse_changed("drive", self.drive, used, "with --motion law")
             return
-        periods = 1 / (self.encoder_rate * self.drive.period)
-        if abs(periods - round(periods)) > 1e-6 or periods < 0.5:
-            allowed = f"a rate whose period is a multiple of drive.period = {self.drive.period} s"
-            raise InvalidValueError("encoder_rate", self.encoder_rate, allowed)
         self.simulation()
+
+    def check(self, drive: Drive) -> None:
+        """Raise InvalidValueError for options that the robot's drive does not allow."""
+        require_speed("max_speed", self.max_speed, drive.top_speed)
+        periods = 1 / (self.encoder_rate * drive.period)
+        if self.motion == "mujoco" and (abs(periods - round(periods)) > 1e-6 or periods < 0.5):
+            allowed = f"a rate whose period is a multiple of drive.period = {drive.period} s"
+            raise InvalidValueError("encoder_rate", self.encoder_rate, allowed)
 
     def simulation(self) -> Simulation:
         """The world to drive in."""
@@ -198,7 +202,7 @@ class Config(Repeatable):
 def run(config: Config) -> None:
     """Drive, store and print."""
     from experiments.driving.wander import bag_contents, drive_contents, wander
-    from experiments.driving.world import World
+    from experiments.driving.world import Specification, World
     from experiments.recording import record_all
     from experiments.report.table import Table
     from experiments.run import Run
@@ -207,7 +211,10 @@ def run(config: Config) -> None:
 
     if config.bag:
         require_rosbags()
-    world, simulated = World.of(config.simulation()), config.drives * config.duration
+    simulation, simulated = config.simulation(), config.drives * config.duration
+    given = Specification.of(simulation)
+    config.check(simulation.drive.changed(given.parameters.drive))
+    world = World.of(simulation, given)
     with Run(config) as run:
         with run.progress(f"{config.driving}, {counted(config.drives, 'drive')}", simulated) as report:
             logs = wander(config, world, report)

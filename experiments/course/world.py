@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
 from experiments.course.run import PERIOD, SAMPLE, PathPilot, Pilot, reflexes
+from experiments.storage.plain_json import plain
 from sim.robot.named import load_tracked
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel, build_tracked, clear_angles
@@ -100,7 +101,7 @@ class CourseWorld:
         mujoco.mj_saveModel(model, None, buffer)
         return {
             "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},
-            "robot": {**asdict(robot), "model": robot.model.name, "packages": [each.name for each in robot.packages]},
+            "robot": {**plain(robot), "model": robot.model.name, "packages": [each.name for each in robot.packages]},
             "course": {"friction": course.friction, "seed": course.seed, "goal": course.goal, "width": course.width},
             "seed": course.seed,
             "mass": float(model.body_subtreemass[self.traverse.tracked.body]),

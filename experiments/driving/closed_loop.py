@@ -81,7 +81,7 @@ def drive_closed_loops(
             found |= zip(part, logs, strict=True)
             progress = _unseen
         return [found[k] for k in range(len(runs))]
-    geometry, top_speed = world.robot.geometry, world.config.drive.top_speed
+    geometry, top_speed = world.robot.geometry, world.drive.top_speed
     driven_by: dict[tuple[str, str], list[int]] = {}
     for k, run in enumerate(runs):
         driven_by.setdefault((run.controller, run.compensation), []).append(k)

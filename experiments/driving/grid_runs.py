@@ -95,7 +95,7 @@ def drive_cells(
         phases = [generator(w.config.seed, f"phase {c.key}").uniform(0, 2 * np.pi) for c, w in pairs]
         start = np.array([on_circle(robot, c.radius, phase) for c, phase in zip(cells, phases, strict=True)])
     errors = np.array([w.radius_error for w in worlds])
-    fleet = Fleet(robot, start, [w.ground for w in worlds], errors, config.drive, config.threads, world.pull)
+    fleet = Fleet(robot, start, [w.ground for w in worlds], errors, world.drive, config.threads, world.pull)
     feed = world.feed(fleet, [generator(w.config.seed, f"grid {c.key}") for c, w in pairs], kept)
     twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
     omega = sprocket_speeds(twist, 0.0, robot.geometry)

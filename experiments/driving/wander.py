@@ -48,7 +48,7 @@ def wander(config: Config, world: World, progress: Progress = lambda seconds: No
     source, start = config.source.poses(), _start(config, world)
     metadata = {"driving": config.driving, "source": plain(source), "motion": config.motion}
     if config.motion == "law":
-        by, counts = config.law, config.drive.encoder_counts
+        by, counts = config.law, world.drive.encoder_counts
         icr = ConstantIcr(by.offset, geometry.half_gauge, by.radius_error)
         law = LawMotion(icr, geometry, SLIPS[by.slip], by.turning_centre, by.drift, by.lag)
         metadata |= {"law": plain(by), "seed": config.seed}

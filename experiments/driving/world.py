@@ -9,6 +9,7 @@ import numpy as np
 
 from experiments.options.world import Simulation
 from experiments.storage.plain_json import plain
+from sim.drive.drive import Drive
 from sim.drive.pull import Pull
 from sim.fleet import Fleet, substeps
 from sim.ground.ground import Ground
@@ -70,14 +71,20 @@ class World(Specification):
         Raises InvalidValueError for a servo period that is not a multiple of the robot's physics step.
         """
         given = specification or Specification.of(config)
-        robot = _compiled(given.parameters, config.rrd)
-        substeps(config.drive, robot)
-        return cls(**vars(given), config=config, robot=robot)
+        world = cls(**vars(given), config=config, robot=_compiled(given.parameters, config.rrd))
+        config.check(world.drive)
+        substeps(world.drive, world.robot)
+        return world
+
+    @property
+    def drive(self) -> Drive:
+        """The robot's drive, with the properties that the options change."""
+        return self.config.drive.changed(self.parameters.drive)
 
     def fleet(self, start: Array, grounds: Sequence[Ground] | None = None) -> Fleet:
         """Robots at the poses `start` (N, 3) [m, m, rad], all on the world's ground, or each on one of `grounds`."""
-        config, ground = self.config, grounds or self.ground
-        return Fleet(self.robot, start, ground, self.radius_error, config.drive, config.threads, self.pull)
+        threads, ground = self.config.threads, grounds or self.ground
+        return Fleet(self.robot, start, ground, self.radius_error, self.drive, threads, self.pull)
 
     def feed(self, fleet: Fleet, generators: Sequence[np.random.Generator], kept: bool = False) -> ScannerFeed:
         """The scanner in front of a fleet, with one random number generator per robot; `kept`: see ScannerFeed."""
@@ -94,7 +101,7 @@ class World(Specification):
                 "ground": self.ground,
                 "radius_error": self.radius_error,
                 **self._towed,
-                "drive": self.config.drive,
+                "drive": self.drive,
                 "scanner": self.config.scanner,
                 "obstacles": self.obstacles,
                 "localization": localization,
@@ -106,8 +113,8 @@ class World(Specification):
     @property
     def about(self) -> dict[str, Any]:
         """The world's entries in the manifest of a command."""
-        more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters, **self._towed}
-        return {"seed": self.config.seed, "model_sha256": self.robot.digest, **more}
+        more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters, "drive": self.drive}
+        return {"seed": self.config.seed, "model_sha256": self.robot.digest, **more, **self._towed}
 
     @property
     def _towed(self) -> dict[str, Pull]:

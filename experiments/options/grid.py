@@ -14,6 +14,7 @@ from experiments.options.world import (
     Simulation,
     require_speed,
 )
+from sim.drive.drive import Drive
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 
 
@@ -30,10 +31,11 @@ class RunsConfig(Simulation):
     duration: Annotated[float, Within(MIN_DURATION, MAX_DURATION, "s")] = 30.0
     """Length of each run [s]."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def check(self, drive: Drive) -> None:
+        """See Equipment."""
+        super().check(drive)
         for speed in self.speeds:
-            require_speed("speeds", speed, self.drive.top_speed)
+            require_speed("speeds", speed, drive.top_speed)
 
 
 @dataclass(frozen=True)

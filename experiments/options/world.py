@@ -1,8 +1,8 @@
 """The options that describe the simulated world, shared by every command that simulates."""
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Annotated, Any, Literal, TypeVar
 
 import tyro
 
@@ -14,6 +14,7 @@ from sim.ground.ground import Ground
 from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, require_positive
 
+T = TypeVar("T")
 Localization = Literal["plate", "line"]
 Motion = Literal["paper", "arc", "bundle"]
 Method = Annotated[Motion | None, default_is("the most accurate method the run allows", "{paper,arc,bundle}")]
@@ -63,8 +64,69 @@ class GroundOptions:
 
     def changed(self, ground: Ground) -> Ground:
         """`ground` with the properties that are given here."""
-        given = {name: getattr(self, name) for name in ("along", "across", "slope", "uphill", "shear")}
-        return replace(ground, **{name: value for name, value in given.items() if value is not None})
+        return changed(ground, self)
+
+
+OwnNumber = Annotated[float | None, default_is("the robot's", "FLOAT")]
+"""A property of the robot's drive, unless it is given."""
+
+
+@dataclass(frozen=True)
+class MotorOptions:
+    """Properties of the motor that differ from the robot's."""
+
+    gear: OwnNumber = None
+    """Gear ratio, motor speed over sprocket speed [-]."""
+    voltage: OwnNumber = None
+    """Battery voltage, the largest at the motor [V]."""
+    no_load_speed: OwnNumber = None
+    """No-load speed of the motor at full voltage [rad/s]."""
+    stall_torque: OwnNumber = None
+    """Stall torque of the motor at full voltage [N m]."""
+    rotor_inertia: OwnNumber = None
+    """Moment of inertia of the motor, including the gear [kg m^2]."""
+    friction: OwnNumber = None
+    """Friction torque of the gear, at the sprocket [N m]."""
+
+
+@dataclass(frozen=True)
+class DriveOptions:
+    """Properties of servo and motor that differ from the robot's."""
+
+    lag: OwnNumber = None
+    """Time constant of the speed controller [s]."""
+    delay: OwnNumber = None
+    """Dead time between a command and the speed controller [s]."""
+    droop: OwnNumber = None
+    """Steady loss of speed per torque, of a controller that does not fully compensate its load [rad/s per N m]."""
+    top_speed: OwnNumber = None
+    """Largest speed of a track [m/s]."""
+    torque_limit: OwnNumber = None
+    """Largest torque of the motor at the sprocket, limited by the amplifier's current [N m]."""
+    encoder_counts: Annotated[int | None, default_is("the robot's", "INT")] = None
+    """Encoder counts per revolution of the sprocket (motor encoder times gear)."""
+    period: OwnNumber = None
+    """Sampling period of the servo [s]."""
+    motor: MotorOptions = field(default_factory=MotorOptions)
+    """Properties of the motor that differ from the robot's."""
+
+    def changed(self, drive: Drive) -> Drive:
+        """`drive` with the properties that are given here."""
+        return changed(drive, self, "drive.")
+
+
+def changed(base: T, options: object, prefix: str = "") -> T:
+    """A dataclass with the fields that `options` give; raises InvalidValueError, with a prefix to the field's name."""
+    given: dict[str, Any] = {}
+    for name in (f.name for f in fields(base)):  # type: ignore[arg-type]
+        value = getattr(options, name, None)
+        if value is not None:
+            own = getattr(base, name)
+            given[name] = changed(own, value, f"{prefix}{name}.") if is_dataclass(value) else value
+    try:
+        return replace(base, **given)  # type: ignore[type-var]
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{prefix}{error.field}", error.value, error.allowed) from error
 
 
 @dataclass(frozen=True)
@@ -104,8 +166,8 @@ class Equipment(ResultsOptions):
     """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
     radius_error: Annotated[float | None, RADIUS_ERROR, default_is("the robot's", "FLOAT")] = None
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    drive: Drive = field(default_factory=Drive)
-    """Servo and motor of a sprocket. Only the top speed is the paper's; everything else is assumed."""
+    drive: DriveOptions = field(default_factory=DriveOptions)
+    """Properties of servo and motor that differ from the robot's."""
     scanner: LaserScanner = field(default_factory=LaserScanner)
     """A line scanner modelled on the SICK LMS 200; the paper doesn't name its scanner."""
     obstacles: Annotated[str | None, default_is("nothing", "NAME|FILE")] = None
@@ -115,11 +177,11 @@ class Equipment(ResultsOptions):
     rrd: bool = False
     """Also write recordings for the rerun viewer to OUT/recordings."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        scan_periods = self.scanner.period / self.drive.period
+    def check(self, drive: Drive) -> None:
+        """Raise InvalidValueError for options that the robot's drive does not allow."""
+        scan_periods = self.scanner.period / drive.period
         if abs(scan_periods - round(scan_periods)) > 1e-6 or scan_periods < 0.5:
-            allowed = f"a rate whose period is a multiple of drive.period = {self.drive.period} s"
+            allowed = f"a rate whose period is a multiple of drive.period = {drive.period} s"
             raise InvalidValueError("scanner.rate", self.scanner.rate, allowed)
 
 

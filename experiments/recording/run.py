@@ -170,7 +170,8 @@ def parameters_of(log: RunLog) -> RobotParameters:
     names = RobotParameters.__dataclass_fields__
     with contextlib.suppress(*MALFORMED):  # a robot of another kind, too
         if isinstance(known, Mapping):
-            return RobotParameters(**{str(key): _entry(value) for key, value in known.items() if key in names})
+            kept = {str(key): _entry(value) for key, value in known.items() if key in names and key != "drive"}
+            return RobotParameters(**kept)
     return RobotParameters()
 
 

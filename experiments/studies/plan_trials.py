@@ -12,7 +12,7 @@ import numpy as np
 from experiments.checks import Check
 from experiments.driving.drives import KnownDrive, driven_by_law, driven_in_mujoco
 from experiments.driving.world import Specification, World
-from experiments.options.world import Simulation
+from experiments.options.world import DriveOptions, Simulation
 from experiments.report.checks import checks_table
 from experiments.report.formats import number, significant
 from experiments.report.laws import symbol, unit_of
@@ -155,7 +155,7 @@ def mujoco_drives(plan: DrivePlan, seed: int, threads: int, progress: Progress) 
     """
     geometry, limits, circles = plan.knowledge.geometry, plan.limits, paper_runs(plan.knowledge.geometry)
     top_speed = max(limits.max_speed, Drive().top_speed, *(float(np.abs(v).max()) for v in circles))
-    config = Simulation(seed=seed, threads=threads, drive=Drive(top_speed=top_speed))
+    config = Simulation(seed=seed, threads=threads, drive=DriveOptions(top_speed=top_speed))
     given = Specification.of(config)
     parameters = replace(given.parameters, half_gauge=geometry.half_gauge, sprocket_radius=geometry.sprocket_radius)
     world = World.of(config, replace(given, parameters=parameters))

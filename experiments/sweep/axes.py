@@ -56,7 +56,11 @@ def known() -> dict[str, tuple[Any, Column]]:
     options, parameters = _fields(GridConfig), _fields(RobotParameters, "robot.")
     special = {name: (float, AXES[name]) for name in _POSITIVE}
     special |= {name: (options[long][0], AXES[name]) for name, long in ALIASES.items()}
-    found = {name: one for name, one in (special | parameters | options).items() if name not in _NO_AXES}
+    found = {
+        name: one
+        for name, one in (special | parameters | options).items()
+        if name not in _NO_AXES and not name.startswith("robot.drive.")
+    }
     return found | {"seed": (int, AXES["seed"])}
 
 

@@ -16,6 +16,7 @@ from experiments.options.choices import SHIPPED
 from experiments.options.grid import GridConfig
 from experiments.storage.manifest import digest
 from experiments.sweep.axes import ALIASES, axes_of
+from sim.drive.drive import Drive
 from trackslip.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 _DRIVEN = ("radius", "speed")
 _OF_A_RUN = (*_DRIVEN, "seed")  # axes on which the runs of a setting differ
-_IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_phase")  # options that a fleet shares
+_IN_COMMON = ("scanner", "duration", "localization", "motion", "random_phase")  # options that a fleet shares
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,11 @@ class SweepSetting:
     """Keep all ranges of the scans in the logs."""
 
     @functools.cached_property
+    def drive(self) -> Drive:
+        """The robot's drive, with the properties that the options change."""
+        return self.config.drive.changed(self.specification.parameters.drive)
+
+    @functools.cached_property
     def id(self) -> str:
         """Hash of all that the numbers of a run depend on, besides radius, speed and seed."""
         return digest([self._in_common, self.specification])
@@ -44,7 +50,7 @@ class SweepSetting:
     @functools.cached_property
     def world_key(self) -> str:
         """Key of the random numbers in worlds other than `reproduce`'s, whose scans a default grid repeats."""
-        world = _world_digest(self.config, self.specification)
+        world = _world_digest(self)
         return "" if world == _shipped_world_digest() else f" {world}"
 
     @functools.cached_property
@@ -56,17 +62,17 @@ class SweepSetting:
 
     @property
     def _in_common(self) -> dict[str, Any]:
-        return {name: getattr(self.config, name) for name in _IN_COMMON}
+        return {name: getattr(self.config, name) for name in _IN_COMMON} | {"drive": self.drive}
 
 
-def _world_digest(config: GridConfig, specification: Specification) -> str:
-    return digest([config.drive, config.scanner, specification])
+def _world_digest(setting: SweepSetting) -> str:
+    return digest([setting.drive, setting.config.scanner, setting.specification])
 
 
 @functools.cache
 def _shipped_world_digest() -> str:
     """Of the shipped robot, ground and scanner, in which a grid meets the scans of `reproduce`."""
-    return _world_digest(GridConfig(), Specification.of(GridConfig()))
+    return _world_digest(SweepSetting(GridConfig(), Specification.of(GridConfig()), kept=False))
 
 
 @dataclass(frozen=True)
@@ -134,7 +140,7 @@ def plan(config: Config) -> list[PlannedRun]:
     for radius in axes["radius"]:  # a radius too tight for only some of the robots is a run that fails
         require_radius(radius, narrowest.geometry)
     driven = list(itertools.product(axes["radius"], axes["speed"]))
-    require_motors(driven, ((one.specification, one.config.drive) for one in settings.values()))
+    require_motors(driven, ((one.specification, one.drive) for one in settings.values()))
     return runs
 
 
@@ -162,7 +168,9 @@ def _setting(base: GridConfig, taken: Mapping[str, Any], files: WorldFiles, kept
     ground = given.ground
     if "friction_ratio" in taken:
         ground = replace(ground, across=taken["friction_ratio"] * ground.along)
-    return SweepSetting(config, replace(given, parameters=parameters, ground=ground), kept)
+    setting = SweepSetting(config, replace(given, parameters=parameters, ground=ground), kept)
+    config.check(setting.drive)
+    return setting
 
 
 def _usual(base: GridConfig, given: Specification, axis: str) -> Any:
@@ -179,4 +187,6 @@ def _usual(base: GridConfig, given: Specification, axis: str) -> Any:
             return getattr(given.parameters, name)
         case _, "radius_error":
             return given.radius_error
+        case "drive" | "drive.motor", _:
+            return option(base.drive.changed(given.parameters.drive), ALIASES.get(axis, axis).partition(".")[2])
     return option(base, axis)

@@ -101,8 +101,8 @@ class EnvConfig:
     """Properties that vary between episodes; "typical" for Randomization.typical()."""
     robot: RobotSource = SHIPPED
     """Name of a robot, its .toml file, or the robot."""
-    drive: Drive = field(default_factory=Drive)
-    """Servos and motors."""
+    drive: Drive | None = None
+    """Servos and motors; None for the robot's own."""
 
     def __post_init__(self) -> None:
         for name, value, choices in (

@@ -69,7 +69,7 @@ def draw(
         require(shear == 0 or config.shears, "ground.shear", shear, allowed)
     radius_error = _uniform(generator, drawn.radius_error, config.parameters.radius_error)
     com = _uniform(generator, drawn.com_x, 0.0), _uniform(generator, drawn.com_y, 0.0)
-    lag = _uniform(generator, drawn.lag, config.drive.lag)
+    lag = _uniform(generator, drawn.lag, (config.drive or config.parameters.drive).lag)
     latency = generator.integers(*drawn.latency, endpoint=True)
     distance, bearing = _uniform(generator, drawn.start_distance, 0.0), generator.uniform(-math.pi, math.pi)
     turned = _uniform(generator, drawn.start_heading, 0.0)
@@ -81,15 +81,16 @@ def draw(
     require_at_most("distance of start_error", math.hypot(*error[:2]), config.off_path, "m, which is off_path")
     latency = options.get("latency", latency)
     require(latency in range(MAX_LATENCY + 1), "latency", latency, f"an integer from 0 to {MAX_LATENCY}")
+    lag = float(options.get("lag", lag))
+    require_positive("lag", lag)
+    require_at_most("lag", lag, 1.0, "s")
     setting = Setting(
         start=tuple(se2.compose(table.path(reference)[0], error).tolist()),
         ground=ground,
         radius_error=float(options.get("radius_error", radius_error)),
-        lag=float(options.get("lag", lag)),
+        lag=lag,
         weight=_finite("com", options.get("com", com), 2),
     )
-    require_positive("lag", setting.lag)
-    require_at_most("lag", setting.lag, 1.0, "s")
     dataclasses.replace(config.parameters, radius_error=setting.radius_error)
     x, y = setting.weight
     Randomization(com_x=(x, x), com_y=(y, y)).require_standing(config.parameters)

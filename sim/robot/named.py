@@ -122,6 +122,7 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
         inertia=tuple(total[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()),
         plate_height=max(RobotParameters.plate_height, top + _PLATE_ABOVE + _PLATE_HALF_HEIGHT),
         looks=looks,
+        drive=robot.drive,
     )
 
 
@@ -133,7 +134,8 @@ def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
     require(parameters.contact == TRACKS, "contact", parameters.contact, f"{TRACKS}, to drive over terrain")
     radius, half = parameters.sprocket_radius + _BELT, parameters.contact_length / 2
     hull: Wheels = ((-half, radius, radius), (half, radius, radius))
-    return PlainRobot(_FOLDER / "tracked_robot.xml", parameters.half_gauge, hull, name=name, parameters=parameters)
+    model, drive = _FOLDER / "tracked_robot.xml", parameters.drive
+    return PlainRobot(model, parameters.half_gauge, hull, name=name, parameters=parameters, drive=drive)
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR
+from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive
 from sim.ground.ground import UNLESS_ZERO, Ground
 from sim.robot.pads import lay_pads, lay_wheels, points_per_track
 from sim.width import warn_if_unverified
@@ -81,6 +81,8 @@ class RobotParameters:
     """Length of a wheel's contact with the ground [m]."""
     yaw_inertia: float = field(default=0.0, metadata=UNLESS_ZERO)
     """Inertia about the vertical axis through the centre of mass; 0 for that of `inertia` or the shape [kg m^2]."""
+    drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
+    """Servos and motors."""
 
     def __post_init__(self) -> None:
         self._lay_axles()
@@ -173,7 +175,7 @@ class RobotParameters:
     def apply(self, spec: mujoco.MjSpec) -> None:
         """Apply the parameters to a model: move the tracks, stretch their contact, set mass, inertia and its centre."""
         default = RobotParameters()
-        if self == default:
+        if dataclasses.replace(self, drive=default.drive) == default:
             return
         stretch = self.contact_length / default.contact_length
         chassis = spec.body("chassis")
@@ -265,5 +267,15 @@ def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -
     given = {name: value for name, (f, value) in values.items() if f.metadata.get("stored_unless", ...) != value}
     if parameters.axles:
         del given["contact_length"]
-    lines = [f"{name} = {list(value) if isinstance(value, tuple) else value!r}\n" for name, value in given.items()]
-    return f"# {comment}\n{''.join(lines)}\n[ground]\nalong = {ground.along!r}\nacross = {ground.across!r}\n{shear}"
+    driven = ""
+    if given.pop("drive", None):
+        drive = dataclasses.asdict(parameters.drive)
+        motor = _lines(drive.pop("motor"))
+        driven = f"\n[drive]\n{_lines(drive)}\n[drive.motor]\n{motor}"
+    friction = f"along = {ground.along!r}\nacross = {ground.across!r}\n{shear}"
+    return f"# {comment}\n{_lines(given)}\n[ground]\n{friction}{driven}"
+
+
+def _lines(values: dict[str, Any]) -> str:
+    """Values as lines of a TOML file."""
+    return "".join(f"{name} = {list(v) if isinstance(v, tuple) else v!r}\n" for name, v in values.items())

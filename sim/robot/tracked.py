@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from sim.drive.drive import Drive
 from sim.robot.urdf import read_model
 from sim.tracks.hull import Hull
 from trackslip.errors import require, require_non_negative, require_positive
@@ -90,6 +91,8 @@ class TrackedRobot(_Belts):
     a robot file relative to that file."""
     name: str = "robot"
     """Name of the robot: its robot file's without .toml."""
+    drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
+    """Servos and motors, on flat ground."""
 
     def __post_init__(self) -> None:
         Hull.from_wheels(self.hull)

@@ -15,7 +15,9 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import NormalizeObservation, NormalizeReward, RecordEpisodeStatistics
 
 from sim.drive.drive import Drive
+from sim.drive.motor import Motor
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
+from sim.fleet import Setting
 from sim.ground.ground import Change, Ground
 from sim.path_tracking.config import EnvConfig, Reward
 from sim.path_tracking.randomization import Randomization
@@ -232,6 +234,25 @@ def test_a_robot_may_come_from_a_file_with_its_ground(tmp_path):
         env.reset(seed=0)
         (ground,) = env.task.fleet.ground
         assert (env.task.fleet.robot.mass, ground.along, ground.across) == (pytest.approx(20.0), 0.5, 0.6)
+
+
+def test_a_robot_brings_its_own_drive_unless_another_is_given(tmp_path):
+    file = tmp_path / "robot.toml"
+    file.write_text("[drive]\nlag = 0.2\ntop_speed = 0.4\n[drive.motor]\nfriction = 0.1\n")
+    own = Drive(lag=0.2, top_speed=0.4, motor=Motor(friction=0.1))
+    for given, expected in ((None, own), (Drive(lag=0.1), Drive(lag=0.1))):
+        env = gym.make(TRACKING, robot=file, drive=given).unwrapped
+        env.reset(seed=0)
+        assert env.task.fleet.drive.drive == expected
+        for _ in range(4):
+            env.step(np.ones(2, np.float32))
+        fastest = expected.top_speed / 0.06
+        np.testing.assert_allclose(env.task.fleet.drive.omega, fastest * -np.expm1(-0.2 / expected.lag), rtol=1e-9)
+    fleet = env.task.fleet
+    fleet.restart([0], [Setting((0.0, 0.0, 0.0))])  # whose lag is the drive's own
+    fleet.command([3.0, 3.0])
+    fleet.advance(0.1)
+    np.testing.assert_allclose(fleet.drive.omega, -3.0 * np.expm1(-1.0), rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", [TRACKING, TRAVERSE])

@@ -8,6 +8,8 @@ import pytest
 from pages import ROOT
 from tracked_files import ROBOT, write_robot
 
+from sim.drive.drive import Drive
+from sim.drive.motor import Motor
 from sim.ground.ground import Ground
 from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.robot.named import load_parameters, load_tracked
@@ -17,6 +19,7 @@ from sim.terrain import Course, Mesh, Ramp, Rough, Stairs, load_course
 from trackslip.errors import InvalidValueError, SettingsFileError
 
 PAGE = ROOT / "docs" / "grounds_and_robots.md"
+MODELS = ROOT / "models"
 OBSTACLES = """
 [[posts]]
 x = 1
@@ -64,6 +67,13 @@ def test_files_hold_all_fields(tmp_path):
     parameters, ground = RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, mass=9.0), Ground(0.5, 0.6)
     path.write_text(robot_file_text(parameters, ground, "made by hand"))
     assert load_parameters(path) == (parameters, ground)
+    parameters = dataclasses.replace(parameters, drive=Drive(delay=0.05, droop=0.002, motor=Motor(friction=0.2)))
+    path.write_text(robot_file_text(parameters, ground, "made by hand"))
+    assert load_parameters(path) == (parameters, ground)
+    path.write_text(
+        (MODELS / "box_robot.toml").read_text().replace('"box_', f'"{MODELS}/box_') + "[drive]\nlag = 0.2\n"
+    )
+    assert load_parameters(path)[0].drive == load_tracked(path).drive == Drive(lag=0.2)
 
 
 def test_missing_fields_are_the_defaults(tmp_path):
@@ -118,6 +128,10 @@ MISTAKES = [
     # robots
     (load_robot, "ground = 3", "ground: 3 is not a table"),
     (load_robot, "[ground]\nalong = -1", "ground: along = -1.0: must be a finite number > 0"),
+    (load_robot, "drive = 3", "drive: 3 is not a table"),
+    (load_robot, "[drive]\nlag = 2", "drive: lag = 2.0: must be at most 1 s"),
+    (load_robot, "[drive]\ngears = 2", "drive: gears is unknown; known are lag, delay, droop"),
+    (load_robot, "[drive.motor]\ngear = 0", "drive: motor: gear = 0.0: must be a finite number > 0"),
     # obstacles
     (load_obstacles, "[[trees]]\nx = 1.0", "trees is unknown; known are posts, walls, walkers"),
     # courses
