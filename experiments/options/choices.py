@@ -9,7 +9,7 @@ REFERENCE_NAMES = ("paper", "circle", "figure_eight", "slalom", "rounded_square"
 """The references of trackslip.trajectory."""
 GROUND_NAMES = (
     *("stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky"),
-    *("firm_sand", "loose_sand", "clay", "snow", "ice"),
+    *("firm_sand", "loose_sand", "clay", "snow", "asphalt", "grass", "ice"),
 )
 """The grounds of sim.ground."""
 ROBOT_NAMES = (SHIPPED := "shipped", "rescue", "box", "husky", "warthog", "maxxii")

@@ -28,6 +28,7 @@ from experiments.recording.stream import (
 from experiments.recording.traces import Traces, traces_of
 from experiments.report.colours import BLUE, GREEN
 from sim.robot.looks import RobotLooks, robot_looks
+from sim.robot.pads import shearing_points
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
@@ -207,18 +208,26 @@ def _send_camera(stream: rr.RecordingStream, runs: Sequence[Traces]) -> None:
 
 def _send_contacts(stream: rr.RecordingStream, root: str, traces: Traces, model: mujoco.MjModel) -> None:
     """Send forces as arrows at the pads, and the shear of the ground as a coloured line where it is known."""
-    truth, time, chassis = traces.log.truth, traces.time, f"{root}/{ROBOT}/chassis"
+    truth, time, chassis, parameters = (
+        traces.log.truth,
+        traces.time,
+        f"{root}/{ROBOT}/chassis",
+        parameters_of(traces.log),
+    )
     if truth is not None and truth.contact is not None:
         count = truth.contact.shape[1]
-        pads, vectors = _beside_pads(model, count), (_NEWTON * truth.contact).reshape(-1, 3)
+        pads, vectors = _beside_pads(model, count, parameters), (_NEWTON * truth.contact).reshape(-1, 3)
         style: dict[str, Any] = {"origins": pads, "colors": [rgb(GREEN)], "radii": [0.004]}
         counts = np.full(len(time), count)
         send_shapes(stream, f"{chassis}/contact_forces", time, counts, rr.Arrows3D, style, vectors=vectors)
     if truth is not None and truth.shear is not None and len(time):
-        pads = _beside_pads(model, truth.shear.shape[1])
+        pads = _beside_pads(model, truth.shear.shape[1], parameters)
         lines = np.concatenate([np.stack([track[:-1], track[1:]], axis=1) for track in np.split(pads, 2)])
+        spaces = lines[:, 1, 0] - lines[:, 0, 0]
+        within = spaces < 1.5 * spaces.min()  # of a patch, not from wheel to wheel
         sides = np.split(truth.shear, 2, axis=1)
         middle = np.concatenate([(side[:, :-1] + side[:, 1:]) / 2 for side in sides], axis=1)
+        lines, middle = lines[within], middle[:, within]
         share = middle / max(float(np.quantile(truth.shear, _STRONGEST)), 1e-9)
         colours = np.stack([np.interp(share, np.linspace(0, 1, 3), band) for band in np.transpose(_SHEARED)], axis=-1)
         style, counts = {"strips": list(lines), "radii": [0.012]}, np.full(len(time), len(lines))
@@ -226,11 +235,15 @@ def _send_contacts(stream: rr.RecordingStream, root: str, traces: Traces, model:
         send_shapes(stream, f"{chassis}/shear", time, counts, rr.LineStrips3D, style, colors=colours)
 
 
-def _beside_pads(model: mujoco.MjModel, count: int) -> Array:
-    """Places (count, 3) next to the pads of a model, or to their ends if there are twice as many [m]."""
+def _beside_pads(model: mujoco.MjModel, count: int, parameters: RobotParameters) -> Array:
+    """Places (count, 3) next to the pads of a model, or to the points at which they touch ground that shears [m]."""
     pads = [i for i in range(model.ngeom) if "_pad" in model.geom(i).name]
     places = model.geom_pos[pads]
-    if count == 2 * len(pads):  # pads that touch the ground at one point each
+    if parameters.axles and count > len(pads):
+        x = shearing_points(parameters.axles, parameters.patch_length)
+        y, z = np.repeat([1.0, -1.0], len(x)) * parameters.half_gauge, np.full(count, places[0, 2])
+        places = np.column_stack([np.tile(x, 2), y, z])
+    elif count == 2 * len(pads):  # pads that touch the ground at one point each
         half = model.geom_size[pads, 1, None] * [1.0, 0.0, 0.0]
         ends = np.stack([places - half, places + half], axis=1).reshape(-1, 3)
         places = ends[np.lexsort([ends[:, 0], -ends[:, 1]])]

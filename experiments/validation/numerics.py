@@ -1,7 +1,7 @@
 """Numerical errors: physics step, solver and energy balance of robots that drive at random."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -113,7 +113,8 @@ def account(parameters: RobotParameters, ground: Ground, generator: np.random.Ge
     robot = load_robot(parameters=parameters, contact_sensors=True)
     robot.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     step = robot.model.opt.timestep
-    fleet = Fleet(robot, np.zeros((ENERGY_ROBOTS, 3)), ground, parameters.radius_error, Drive(period=step), threads)
+    drive = replace(tireless(), period=step)
+    fleet = Fleet(robot, np.zeros((ENERGY_ROBOTS, 3)), ground, parameters.radius_error, drive, threads)
     energy, steps = fleet.batch.bind("energy"), round(ENERGY_DURATION / step)
     read, total = [], []
     for k in range(steps + 1):

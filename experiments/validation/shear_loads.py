@@ -120,7 +120,7 @@ def creep(parameters: RobotParameters, ground: Ground, threads: int) -> Array:
         shear, heading = np.array(list(itertools.product(moduli, HEADINGS))).T
         grounds = [Ground(ground.along, ground.across, CREEP_SLOPE, 0.0, shear=float(k)) for k in shear]
         start = np.column_stack([np.zeros((len(heading), 2)), heading])
-        fleet = Fleet(load_robot(parameters=parameters), start, grounds, threads=threads)
+        fleet = Fleet(load_robot(parameters=parameters), start, grounds, drive=tireless(), threads=threads)
         fleet.advance(_PARKED)
         crept[moduli] = np.hypot(*fleet.pose()[:, :2].T).reshape(len(moduli), -1)
     return crept[MODULI] / crept[0.0,]

@@ -112,7 +112,7 @@ def slide(parameters: RobotParameters, ground: Ground, threads: int) -> Slide:
 def _parked(parameters: RobotParameters, ground: Ground, heading: Array, threads: int) -> Fleet:
     start = np.column_stack([np.zeros((len(heading), 2)), heading])
     level = Ground(ground.along, ground.across)
-    return Fleet(load_robot(parameters=parameters), start, level, threads=threads)
+    return Fleet(load_robot(parameters=parameters), start, level, drive=tireless(), threads=threads)
 
 
 def _tilt(fleet: Fleet, ground: Ground, angle: Array) -> None:

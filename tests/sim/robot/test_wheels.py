@@ -1,15 +1,21 @@
 """Robots on wheels: their turns, slopes and shear are theory's, whatever their size and mass."""
 
+import tomllib
+from dataclasses import replace
+
+import mujoco
 import numpy as np
 import pytest
 
 from sim.drive.drive import tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
+from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters
-from sim.robot.parameters import RobotParameters
+from sim.robot.parameters import SINK, RobotParameters, robot_file_text
 from sim.robot.robot import load_robot
-from trackslip.skid_theory import steady_twist
+from trackslip.errors import InvalidValueError
+from trackslip.skid_theory import Load, steady_twist
 
 HUSKY, WARTHOG = (load_parameters(name)[0] for name in ("husky", "warthog"))
 G = 9.81
@@ -84,3 +90,122 @@ def test_turns_on_shearing_ground_are_those_of_theory(robot, shear):
     twist, expected = turned(robot, belts, Ground(0.6, 0.7, shear=shear), 8.0)
     np.testing.assert_allclose(ratio(robot, belts, twist), ratio(robot, belts, expected), rtol=0.02)
     np.testing.assert_allclose(twist[:, 0], expected[:, 0], atol=0.002)
+
+
+@pytest.mark.parametrize("shear", [0.0, 0.01])
+@pytest.mark.parametrize("robot", [HUSKY, WARTHOG])
+def test_wheels_climb_as_theory_says(robot, shear):
+    ground = Ground(0.7, 0.8, slope=0.2, shear=shear)
+    fleet = Fleet(load_robot(parameters=robot), np.zeros((1, 3)), ground, 0.0, tireless(9.0))
+    fleet.command([0.5 / robot.sprocket_radius] * 2)
+    fleet.advance(6.0)
+    expected = steady_twist([0.5, 0.5], robot.contact_theory(0.7, 0.8), G, shear, Load(0.2))
+    np.testing.assert_allclose(fleet.twist()[0], expected, atol=1e-4)
+
+
+def test_parked_robots_sink_as_tracks_do_and_creep_as_slowly():
+    for robot in (HUSKY, WARTHOG, RobotParameters()):
+        heading = np.array([0.0, 0.8, np.pi / 2])
+        start = np.column_stack([np.zeros((3, 2)), heading])
+        fleet = Fleet(load_robot(parameters=robot), start, Ground(slope=0.1745), 0.0, tireless())
+        fleet.advance(5.0)
+        assert (np.hypot(*fleet.pose()[:, :2].T) / 5 < 0.025e-3).all()
+        level = Fleet(load_robot(parameters=robot), start)
+        np.testing.assert_allclose(level.attitude()[:, 0], SINK, rtol=0.01)
+        np.testing.assert_allclose(level.load().sum(axis=1), robot.mass * G, rtol=1e-3)
+
+
+@pytest.mark.parametrize("robot", [HUSKY, WARTHOG, wheels(0.1, (-0.08, 0.0, 0.08), 2.0)])
+def test_released_with_wheels_at_rest_a_robot_slows_down_as_coulomb_says(robot):
+    headings = np.array([0.0, 0.5, np.pi / 2])
+    ground, speed = Ground(0.6, 0.6), 3.0
+    start = np.column_stack([np.zeros((3, 2)), headings])
+    fleet = Fleet(load_robot(parameters=robot), start, ground, 0.0, tireless(9.0))
+    fleet.batch.qvel[:, 0] = speed
+    speeds = [np.full(3, speed)]
+    for _ in range(60):
+        fleet.advance(0.01)
+        speeds.append(np.hypot(*fleet.batch.qvel[:, :2].T))
+    assert (np.diff(speeds, axis=0) < 1e-4).all()
+    coulomb = np.maximum(speed - 0.6 * G * 0.01 * np.arange(61), 0.0)
+    np.testing.assert_allclose(np.transpose(speeds), np.tile(coulomb, (3, 1)), atol=0.06)
+    np.testing.assert_allclose(np.transpose(speeds)[:, 20:], np.tile(coulomb[20:], (3, 1)), atol=0.02)
+
+
+def test_the_contact_length_moves_the_axles_and_keeps_the_patches():
+    longer = HUSKY.with_contact_length(0.8)
+    assert longer.axles == pytest.approx((-0.35, 0.35))
+    assert (longer.contact_length, longer.patch_length) == (0.8, 0.1)
+    assert replace(longer, com_x=0.01).axles == longer.axles
+    assert RobotParameters().with_contact_length(0.4) == RobotParameters(contact_length=0.4)
+
+
+def test_a_yaw_inertia_moves_mass_along_the_ground():
+    for robot in (WARTHOG, replace(HUSKY, inertia=(4.0, 6.0, 8.0, 0.3, -0.2, 0.1), yaw_inertia=12.0)):
+        model = load_robot(parameters=robot).model
+        body = model.body("chassis").id
+        axes = np.zeros(9)
+        mujoco.mju_quat2Mat(axes, model.body_iquat[body])
+        axes = axes.reshape(3, 3)
+        inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+        assert inertia[2, 2] == pytest.approx(robot.yaw_inertia)
+        if robot.inertia:  # second moments grow by half along x and y, and not along z
+            np.testing.assert_allclose(inertia[0, 0] + inertia[1, 1] - inertia[2, 2], 4.0 + 6.0 - 8.0)
+            np.testing.assert_allclose(inertia[[0, 0, 1], [1, 2, 2]], [0.45, -0.2 * 1.5**0.5, 0.1 * 1.5**0.5])
+
+
+@pytest.mark.parametrize("robot", [HUSKY, WARTHOG, load_parameters("maxxii")[0], RobotParameters(com_x=0.01)])
+def test_a_robot_file_holds_wheels(robot, tmp_path):
+    text = robot_file_text(robot, Ground(0.8, 0.8), "fitted")
+    (tmp_path / "robot.toml").write_text(text)
+    assert load_parameters(str(tmp_path / "robot.toml")) == (robot, Ground(0.8, 0.8))
+    assert ("contact_length" in tomllib.loads(text)) == (not robot.axles)
+
+
+@pytest.mark.parametrize(
+    ("changes", "wrong"),
+    [
+        ({"contact": "legs"}, "contact = 'legs': must be tracks or wheels"),
+        ({"contact": "tracks"}, r"axles = \(-0.256, 0.256\): must be left out without contact = \"wheels\""),
+        ({"contact": "tracks", "axles": (), "patch_length": 0.2}, r"patch_length = 0.2: must be left out"),
+        ({"axles": ()}, r"axles = \[\]: must be 2 to 10 positions"),
+        ({"axles": (0.0,)}, r"axles = \[0.0\]: must be 2 to 10 positions"),
+        ({"axles": (-np.inf, np.inf)}, r"axles = .*: must be 2 to 10 positions"),
+        ({"axles": (-1.0, np.nan)}, r"axles = .*: must be 2 to 10 positions"),
+        ({"axles": (0.0, 0.5)}, r"axles = \[0.0, 0.5\]: must be positions ahead of the middle of all, whose mean is 0"),
+        ({"axles": (-0.04, 0.04)}, r"patch_length = 0.1: must be less than the distance of the axles"),
+        ({"axles": (-20.0, 20.0)}, r"contact_length = 40.1: must be at most 10 m"),
+        ({"patch_length": 0.4}, r"patch_length = 0.4: must be less than .* the wheels' diameter, 0.33 m"),
+        ({"patch_length": 0.0}, r"patch_length = 0.0: must be a finite number > 0"),
+        ({"contact_length": 0.5}, r"contact_length = 0.5: must be left out: the axles make it 0.612 m"),
+        ({"looks": "box"}, r"looks = 'box': must be left out with contact = \"wheels\""),
+        ({"yaw_inertia": -1.0}, r"yaw_inertia = -1.0: must be a finite number >= 0"),
+        ({"yaw_inertia": 1e4}, r"yaw_inertia = 10000.0: must be from .* for this mass, gauge and length"),
+        ({"yaw_inertia": 1e-3}, r"yaw_inertia = 0.001: must be from"),
+        ({"com_x": 0.3}, r"com_x = 0.3: must be between"),
+    ],
+)
+def test_wheels_that_make_no_sense_are_refused_in_one_line(changes, wrong):
+    given = {f: getattr(HUSKY, f) for f in HUSKY.__dataclass_fields__ if f != "contact_length"}
+    with pytest.raises(InvalidValueError, match=wrong) as error:
+        RobotParameters(**given | changes)
+    assert "\n" not in str(error.value)
+
+
+def test_too_short_a_contact_is_refused():
+    with pytest.raises(InvalidValueError, match=r"contact_length = 0\.1: must be more than that of a patch, 0\.1 m"):
+        HUSKY.with_contact_length(0.1)
+
+
+def test_four_wheels_are_drawn_instead_of_tracks():
+    looks = robot_looks(WARTHOG)
+    names = [looks.model.geom(k).name for k in range(looks.model.ngeom)]
+    tyres = [k for k, name in enumerate(names) if name.endswith("_sprocket") or "_wheel" in name]
+    assert not looks.tracks
+    assert len(tyres) == 4
+    assert not any("belt" in name or name.endswith("_wheels") for name in names)
+    places = sorted(map(tuple, looks.model.geom_pos[tyres].round(4).tolist()))
+    assert places == [(-0.4575, -0.54, 0.3), (-0.4575, 0.54, 0.3), (0.4575, -0.54, 0.3), (0.4575, 0.54, 0.3)]
+    np.testing.assert_allclose(looks.model.geom_size[tyres, 0], 0.3)
+    axes = [looks.model.geom_quat[k] for k in tyres]
+    np.testing.assert_allclose(np.abs(axes), np.tile([0.5**0.5, 0.5**0.5, 0, 0], (4, 1)), atol=1e-9)
