@@ -33,7 +33,8 @@ def steady_twist(
     robot, the twist is that of the moment.
 
     Raises:
-        InvalidValueError: for speeds that are not finite, and a load that the ground does not carry.
+        InvalidValueError: for speeds that are not finite, or too fast for a turn, and a load that the ground does not
+            carry.
     """
     speeds = np.asarray(surface_speeds, float)
     if not np.isfinite(speeds).all():
@@ -126,6 +127,12 @@ def _balanced(speeds: Array, contact: Contact, acceleration: Array, shear: float
     carried = acceleration / np.cos(load.slope) + load.downhill
     moment = forwards * carried[:, 1] - left * carried[:, 0]
     required = np.column_stack([carried, moment]) + np.array([load.drawbar, 0.0, 0.0])
+    held = np.hypot(required[:, 0] / contact.along, required[:, 1] / contact.across) < 1
+    if not held.all():
+        lost = speeds[np.argmin(held)].tolist()
+        raise InvalidValueError(
+            "surface_speeds", lost, "slower, or straighter: friction doesn't hold the robot on its turn"
+        )
     loads = contact.loads(carried, load.hitch_height * load.drawbar)
     relative = speeds / scale
     belt = np.where(contact.y > 0, relative[:, :1], relative[:, 1:])  # (M, K)

@@ -81,6 +81,22 @@ def test_shoes_run_with_the_belt(driven):
         np.testing.assert_allclose(moved[rows, shoes], sign * way[1:][rows], atol=1e-6)
 
 
+def test_wheels_leave_sheared_ground_under_their_patches_only(tmp_path):
+    strong = "--drive.torque-limit 150 --drive.motor.gear 150 --drive.motor.stall-torque 2"
+    world = f"--robot husky --ground.shear 0.01 {strong} --radii 2 --speeds 0.2 --duration 4 --rrd --out {tmp_path}"
+    main(["grid", *world.split()])
+    (file,) = (tmp_path / "recordings").glob("*.rrd")
+    verify(file)
+    chunks = {str(chunk.entity_path): chunk for chunk in RrdReader(file).stream() if chunk.is_static}
+    strips = chunks["/run/robot/chassis/shear"].to_record_batch()
+    (column,) = [name for name in strips.schema.names if name.endswith(":strips")]
+    lines = np.array(strips.column(column).to_pylist()[0])
+    assert lines.shape == (4 * 5, 2, 3)  # between six points of four wheels
+    assert (np.abs(np.abs(lines[..., 0]) - 0.256) < 0.05).all()
+    assert {f"/run/robot/chassis/body/left_{name}" for name in ("sprocket", "wheel1", "hub0", "hub1")} < chunks.keys()
+    assert not [entity for entity in chunks if "track" in entity or "belt" in entity]
+
+
 def rows_of(file: Path, entity: str, name: str) -> list[list]:
     """The values (T,) of a component in each row."""
     rows = []

@@ -6,7 +6,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, fsolve
 
 from trackslip.errors import InvalidValueError
-from trackslip.skid_theory import Load, coulomb_tractions, line_contact, steady_twist
+from trackslip.skid_theory import Load, coulomb_tractions, line_contact, steady_twist, wheel_contact
 from trackslip.skid_theory.forces import displacement, ground_wrench
 
 B, L = 0.168, 0.17
@@ -189,6 +189,8 @@ def limit_of_gentle_turns():
         (lambda: steady_twist([0.1, 0.1], LEVEL, load=Load(pull=0.3, hitch_height=0.3)), "load"),
         (lambda: steady_twist([0.1, 0.1], LEVEL, shear=np.nan), "shear"),
         (lambda: steady_twist([np.nan, 0.1], LEVEL), "surface_speeds"),
+        (lambda: steady_twist([0.5, 3.5], HIGH, 9.81), "surface_speeds"),
+        (lambda: wheel_contact(B, (-0.2, 0.2), 0.0, 0.7, 0.8), "patch_length"),
         (lambda: line_contact(B, L, -0.7, 0.8), "along"),
         (lambda: line_contact(B, L, 0.7, 0.8, centre_of_mass=(0.2, 0.0, 0.1)), "centre_of_mass"),
     ],
@@ -196,6 +198,24 @@ def limit_of_gentle_turns():
 def test_impossible_contacts_grounds_and_loads_are_refused(make, field):
     with pytest.raises(InvalidValueError, match=field):
         make()
+
+
+@pytest.mark.parametrize("ratio", [0.7, 1.0, 1.5])
+@pytest.mark.parametrize("half_wheelbase", [0.05, 0.2, 0.4])
+def test_the_yaw_ratio_of_four_wheels_on_points(half_wheelbase, ratio):
+    """Moments of four alike points balance where D = (ratio a)^2 / b, at half the wheelbase a."""
+    contact = wheel_contact(B, (-half_wheelbase, half_wheelbase), 1e-6, 0.7, 0.7 * ratio, points=2)
+    yaw_rate = steady_twist([[-0.1, 0.1], [0.1, 0.3]], contact)[:, 2]
+    np.testing.assert_allclose(yaw_rate * B / 0.1, 1 / (1 + (ratio * half_wheelbase / B) ** 2), rtol=1e-4)
+
+
+@pytest.mark.parametrize("shear", [0.0, 0.01])
+def test_wheels_whose_patches_join_are_a_track_unless_the_ground_shears(shear):
+    axles = tuple((np.arange(4) - 1.5) * L / 2)
+    wheels = wheel_contact(B, axles, L / 2, 0.7, 0.8, (0.01, 0.0, 0.1), points=50)
+    track = line_contact(B, L, 0.7, 0.8, (0.01, 0.0, 0.1), points=200)
+    on_wheels, on_tracks = (steady_twist([0.05, 0.2], one, 9.81, shear) for one in (wheels, track))
+    assert np.allclose(on_wheels, on_tracks, rtol=1e-9) == (shear == 0)
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.3, 1.0, 5.0])
