@@ -199,10 +199,8 @@ class DriveState(Restorable):
         speeds change as if the next torques were known, by the inertia of each mode and the slope of the torque.
         """
         droop, slope = self.drive.droop, _OF_OPPOSITE * (1 - self._slid) * self._stiffness()
-        covered, mean = (
-            1 - self._decay,
-            (1 - self._mean_decay) / (1 - self._decay),
-        )  # of a change, at the end and before
+        covered = 1 - self._decay  # of a change, at the end of the period
+        mean = (1 - self._mean_decay) / covered  # the same on average, over that at the end
         load = self._load + slope * (modes(self.omega) - self._mean)
         change = modes(goal - self.omega) - droop * load
         return self.omega + tracks(change / (1 + covered * droop * (self._inertia() + mean * slope))) - goal
