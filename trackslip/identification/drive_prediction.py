@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,10 +66,16 @@ class ScoredPairs:
     start: np.ndarray  # (n,) nodes
     end: np.ndarray  # (n,) nodes
     horizon: Array  # (n,) [s]
+    folds: np.ndarray | None = None  # (D,) of the drives: those of a fold are predicted by fits to the other folds
 
     @classmethod
-    def of(cls, reference: TrajectoryFit) -> ScoredPairs:
-        """The pairs of the drives of a fit, whose trajectory tells where poses jump."""
+    def of(
+        cls, reference: TrajectoryFit, horizons: Sequence[float] = HORIZONS, folds: np.ndarray | None = None
+    ) -> ScoredPairs:
+        """The pairs of the drives of a fit, whose trajectory tells where poses jump.
+
+        By default, a single drive has halves as folds, and several drives are in at most five.
+        """
         model, nodes = reference.model, Nodes.of(reference.nodes.drives)
         _, jumped = far_off(model, nodes, reference.states, reference.values, reference.residuals.path)
         jumps = np.concatenate([[0], np.cumsum(jumped)])
@@ -77,18 +83,33 @@ class ScoredPairs:
         turned = np.concatenate([[0.0], np.cumsum(np.abs(line.omega).mean(axis=1) * np.diff(line.edges))])
         at = line.within(line.time + reference.values[model.index("clock_offset")])
         way = model.geometry.sprocket_radius * np.interp(at, line.edges, turned)
-        inside = np.any(_held(nodes), axis=0) & np.isfinite(nodes.pose[:, 0])
+        inside = np.any(_held(nodes, folds), axis=0) & np.isfinite(nodes.pose[:, 0])
         found = [np.zeros((3, 0))]
         for drive, begin in zip(nodes.drives, nodes.first, strict=False):
             usable = np.flatnonzero(inside[begin : begin + len(drive.time)])
-            for horizon in HORIZONS if len(usable) else ():
+            for horizon in horizons if len(usable) else ():
                 pairs = begin + np.stack(_pairs(drive.time, usable, horizon, drive.interval)).astype(float)
                 found.append(np.insert(pairs, 2, horizon, axis=0))
-        *rows, horizons = np.concatenate(found, axis=1)
+        *rows, ahead = np.concatenate(found, axis=1)
         start, end = np.array(rows, int)
         kept = (way[end] - way[start] > _MIN_DRIVEN * model.geometry.half_gauge) & (jumps[start] == jumps[end])
-        kept &= np.isin(horizons, [h for h in HORIZONS if (horizons[kept] == h).sum() >= _MIN_PAIRS])
-        return cls(nodes, start[kept], end[kept], horizons[kept])
+        kept &= np.isin(ahead, [h for h in horizons if (ahead[kept] == h).sum() >= _MIN_PAIRS])
+        return cls(nodes, start[kept], end[kept], ahead[kept], folds)
+
+    @property
+    def held(self) -> list[np.ndarray]:
+        """Bool (K,) of the nodes of each fold."""
+        return _held(self.nodes, self.folds)
+
+    @property
+    def part(self) -> np.ndarray:
+        """(n,) index of the fold that each pair is in."""
+        return np.argmax([rows[self.start] for rows in self.held], axis=0)
+
+    @property
+    def drive(self) -> np.ndarray:
+        """(n,) index of the drive that each pair is of."""
+        return np.searchsorted(self.nodes.first, self.start, side="right") - 1
 
 
 @dataclass(frozen=True)
@@ -111,7 +132,7 @@ class DrivePredictions:
     def errors(self) -> dict[float, PredictionErrors]:
         """PredictionErrors by horizon [s], of those that the drives are long enough for."""
         found = {}
-        for horizon in HORIZONS:
+        for horizon in np.unique(self.horizon).tolist():
             position, heading = (size[np.isfinite(size)] for size in self.sizes[self.horizon == horizon].T)
             if len(position):
                 headings = _summary(heading) if len(heading) else (None, None, None)
@@ -127,13 +148,12 @@ def _summary(size: Array) -> tuple[float, float, float]:
 def held_out(found: TrajectoryFit, pairs: ScoredPairs | None = None) -> DrivePredictions:
     """Predictions of driving that the law was not fitted to, by default of the pairs that `found` itself tells.
 
-    With several drives, each is predicted by a fit to the others (in at most five groups); of a single one, the second
-    half by a fit to the first. The fits start from `found`, and leave out the poses that it leaves out.
+    Each fold is predicted by a fit to the others; of a single drive, the second half by a fit to the first. The fits
+    start from `found`, and leave out the poses that it leaves out.
     """
     pairs = pairs or ScoredPairs.of(found)
-    held = _held(found.nodes)
-    values = np.array([refitted(found, ~rows).values for rows in held])
-    return _predicted(found.model, values, np.argmax([rows[pairs.start] for rows in held], axis=0), pairs)
+    values = np.array([refitted(found, ~rows).values for rows in pairs.held])
+    return predicted(found.model, values, pairs.part, pairs)
 
 
 def held_out_deviance(found: TrajectoryFit) -> float:
@@ -161,24 +181,26 @@ def baselines(pairs: ScoredPairs, geometry: RobotGeometry, sensor: Mounting | No
     extras = np.zeros(len(plain.names))
     if sensor is not None:
         extras[[plain.index(f"sensor_{name}") for name in ("x", "y", "yaw")]] = sensor.x, sensor.y, sensor.yaw
-    found = {TODAY: _predicted(plain, extras[None], np.zeros(len(pairs.start), int), pairs)}
-    held = _held(pairs.nodes)
-    gains = np.array([least_squares_gains(_part(pairs.nodes, ~rows), geometry) for rows in held])
+    found = {TODAY: predicted(plain, extras[None], np.zeros(len(pairs.start), int), pairs)}
+    gains = np.array([least_squares_gains(_part(pairs.nodes, ~rows), geometry) for rows in pairs.held])
     if np.isfinite(gains).all():
         speed, turn = gains.T  # as (1 + epsilon) and (1 + epsilon) b / (b + D)
         law = np.column_stack([geometry.half_gauge * (speed / np.maximum(turn, 0.01) - 1), speed - 1])
         values = np.column_stack([law, np.broadcast_to(extras, (len(law), len(extras)))])
-        part = np.argmax([rows[pairs.start] for rows in held], axis=0)
-        found[GAINS] = _predicted(DriveModel(FAMILIES["icr_radius"], geometry), values, part, pairs)
+        found[GAINS] = predicted(DriveModel(FAMILIES["icr_radius"], geometry), values, pairs.part, pairs)
     return found
 
 
-def _held(nodes: Nodes) -> list[np.ndarray]:
-    """Bool (K,) of the nodes that are predicted by fits to the others: a group of drives, or half of a single one."""
+def _held(nodes: Nodes, folds: np.ndarray | None = None) -> list[np.ndarray]:
+    """Bool (K,) of the nodes that are predicted by fits to the others: a fold (D,) of drives, or half of a single one.
+
+    By default, there are at most five folds.
+    """
     count = len(nodes.drives)
     if count == 1:
         return [np.arange(len(nodes.pose)) >= len(nodes.pose) // 2]
-    label = np.repeat(np.arange(count) * min(count, _MAX_FOLDS) // count, np.diff(nodes.first))
+    default = np.arange(count) * min(count, _MAX_FOLDS) // count
+    label = np.repeat(default if folds is None else folds, np.diff(nodes.first))
     return [label == one for one in np.unique(label)]
 
 
@@ -199,7 +221,7 @@ def refitted(found: TrajectoryFit, rows: np.ndarray) -> TrajectoryFit:
     )
 
 
-def _predicted(model: DriveModel, values: Array, part: np.ndarray, pairs: ScoredPairs) -> DrivePredictions:
+def predicted(model: DriveModel, values: Array, part: np.ndarray, pairs: ScoredPairs) -> DrivePredictions:
     """Predictions of pairs by the laws with `values` (F, p), of which `part` (n,) is that of each pair."""
     nodes, error, heading = pairs.nodes, np.full((len(part), 3), np.nan), np.full(len(part), np.nan)
     for k, one in enumerate(values):
@@ -262,8 +284,7 @@ def best_of_drives(
     distances, because a pose that is wrong adds no more to it than laws differ, where squares would let it decide.
     """
     names, means, equal = list(predictions), [], []
-    drive = np.searchsorted(pairs.nodes.first, pairs.start, side="right")
-    for horizon in HORIZONS:
+    for horizon in np.unique(pairs.horizon):
         rows = (pairs.horizon == horizon) & np.all([np.isfinite(one.error[:, 0]) for one in predictions.values()], 0)
         if rows.any():
             sizes = np.stack([one.sizes[rows] for one in predictions.values()])  # (laws, n, 2)
@@ -271,7 +292,7 @@ def best_of_drives(
             sizes = sizes[..., known] / np.maximum(np.nanmean(sizes[..., known], axis=1).min(axis=0), _LEAST_ERROR)
             errors = np.nan_to_num(sizes).sum(axis=2)
             stretch = pairs.nodes.time[pairs.start[rows]] // max(_STRETCH, 2 * horizon)
-            block = np.unique(np.stack([drive[rows], stretch]), axis=1, return_inverse=True)[1].reshape(-1)
+            block = np.unique(np.stack([pairs.drive[rows], stretch]), axis=1, return_inverse=True)[1].reshape(-1)
             means.append(errors.mean(axis=1))
             equal.append([_as_good_as(errors, block, leader) for leader in range(len(names))])
     if not means:

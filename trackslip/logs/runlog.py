@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -114,6 +115,14 @@ class RunLog:
         if self.scans is not None:
             changed["scans"] = self.scans.between(first, end)
         return replace(self, **changed)
+
+    def cut(self, duration: float) -> list[RunLog]:
+        """Parts of equal duration, about `duration` [s]; the log itself if it isn't longer."""
+        count = max(round((self.time[-1] - self.time[0]) / duration), 1)
+        ends = np.searchsorted(self.time, np.linspace(self.time[0], self.time[-1], count + 1)).tolist()
+        ends[-1] += 1
+        parts = [self.between(first, end) for first, end in pairwise(ends) if end - first > 1]
+        return [replace(one, run=f"{self.run} {k + 1}") for k, one in enumerate(parts)] if count > 1 else [self]
 
     def __repr__(self) -> str:
         optional = ("command", "twist_command", "icr", "covariance", "valid", "load", "gyro", "truth", "scans")

@@ -56,6 +56,17 @@ def test_each_drive_is_predicted_by_the_others():
     assert max(one.position_rms for one in predicted.errors().values()) < 1e-4
 
 
+def test_folds_and_horizons_may_be_given():
+    logs = [drive_log(seed, 15, MOUNTED, STILL) for seed in range(4)]
+    found = fit_drives("icr_radius", logs, GEOMETRY)
+    pairs = ScoredPairs.of(found.fit, (0.5, 1.8), np.array([0, 0, 1, 0]))
+    assert set(pairs.horizon) == {0.5, 1.8}
+    predicted = held_out(found.fit, pairs)
+    assert len(predicted.values) == 2
+    np.testing.assert_array_equal(predicted.part, pairs.drive == 2)
+    assert tuple(predicted.errors()) == (0.5, 1.8)
+
+
 def test_lasting_jumps_are_not_predicted_across():
     log = drive_log(2, 40, replace(SLAM, jumps=3, jump_size=1.0))
     fit = fit_drives("icr_radius", [log], GEOMETRY).fit
