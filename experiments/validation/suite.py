@@ -29,6 +29,8 @@ class Findings:
     """The content of summary.json besides the checks."""
     about: Mapping[str, Any] = field(default_factory=dict)
     """Entries of the manifest."""
+    remark: str = "Errors are the largest of their kind"
+    """What the checked values are."""
 
     def to_json(self) -> dict[str, Any]:
         """The content of summary.json."""
@@ -36,20 +38,25 @@ class Findings:
 
     @property
     def verdict(self) -> str:
-        """Number of checks that hold."""
-        return f"{sum(check.holds for check in self.checks)} of {len(self.checks)} checks hold"
+        """Number of checks that hold; empty without checks."""
+        held = sum(check.holds for check in self.checks)
+        return f"{held} of {len(self.checks)} checks hold" if self.checks else ""
 
     def print(self) -> None:
         """Print the tables and the verdict."""
-        for table in (checks_table(self.title, self.checks), *self.tables):
+        for table in (*self._checks(self.title), *self.tables):
             table.print()
-        print(self.verdict)
+        if self.verdict:
+            print(self.verdict)
+
+    def _checks(self, title: str) -> list[Table]:
+        return [checks_table(title, self.checks)] if self.checks else []
 
     def page(self, manifest: Mapping[str, Any], command: str) -> Page:
         """Checks and figures."""
-        verdict = f"{self.verdict}. Errors are the largest of their kind; a value marked ! is out of its bound."
+        verdict = f"{self.verdict}. {self.remark}; a value marked ! is out of its bound." if self.checks else None
         sections = [
-            Section("In numbers", [verdict, checks_table("Checks", self.checks), *self.tables]),
+            Section("In numbers", [verdict, *self._checks("Checks"), *self.tables]),
             *self.sections,
             Section("What this does not show", [Bullets(self.limits)]),
         ]

@@ -1,0 +1,1 @@
+"""Predictions of real robots, compared with their logs."""
