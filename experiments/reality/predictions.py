@@ -190,7 +190,7 @@ def findings(source: str, known: dict[str, Findings], threads: int = 0) -> Findi
 def _of_rows(name: str, data: DataSet, source: Source, threads: int) -> Findings:
     """Predict steady driving."""
     samples, geometry = source.sampling.samples, source.geometry
-    folds, rows = _folds(samples.run, data.folds), np.arange(len(samples))
+    folds, rows = fold_labels(samples.run, data.folds), np.arange(len(samples))
     kept = (folds != np.unique(folds)[:, None]).astype(float)
     plain = body_twist(samples.omega, 0.0, geometry)
     gains = np.einsum("fn,nc->fc", kept, plain * samples.twist) / np.einsum("fn,nc->fc", kept, plain**2)
@@ -201,7 +201,7 @@ def _of_rows(name: str, data: DataSet, source: Source, threads: int) -> Findings
     sheet = simulated_twist(candidate, turns, ground.along, threads)
     twists = {drives.TODAY: plain, drives.GAINS: plain * gains[folds], **by_law, DATA_SHEET: sheet}
     rest = ~np.isin(samples.run, [f"row {row}" for row in data.apart])
-    missed = {row: (twist - samples.twist, rest) for row, twist in twists.items()} | {SCATTER: _scatter(samples, rest)}
+    missed = {row: (twist - samples.twist, rest) for row, twist in twists.items()} | {SCATTER: scatter(samples, rest)}
     errors = {
         row: {0.0: SteadyErrors(*(rms(one) if len(one) else np.nan for one in (*error.T, *error[kept].T)))}
         for row, (error, kept) in missed.items()
@@ -211,7 +211,7 @@ def _of_rows(name: str, data: DataSet, source: Source, threads: int) -> Findings
     return Findings(name, data, laws, best, errors, [*map(str, source.sampling.refused)], samples, twists)
 
 
-def _scatter(samples: SlipSamples, rest: np.ndarray) -> tuple[Array, np.ndarray]:
+def scatter(samples: SlipSamples, rest: np.ndarray) -> tuple[Array, np.ndarray]:
     """Second differences (m, 2), as large as errors of single rows, and (m,) bool of those in the `rest` (n,).
 
     They are taken along rows that share the speed of one sprocket, at equal steps of the other one's.
@@ -233,7 +233,7 @@ def _of_drives(name: str, data: DataSet, source: Source, other: Findings | None,
     logs = [log for log in logs if log.run in usable]
     commands = [log.run if log.command is None else tuple(log.command.mean(axis=0).round(3)) for log in logs]
     reference = fit_drives(REFERENCE, prepared, source.geometry)
-    pairs = drives.ScoredPairs.of(reference.fit, HORIZONS, _folds(commands, data.folds))
+    pairs = drives.ScoredPairs.of(reference.fit, HORIZONS, fold_labels(commands, data.folds))
     if not len(pairs.start):
         raise LogError(f"{source.name}: no poses {HORIZONS[0]:g} s apart between which the robot moves")
     laws = {law: fit_drives(law, prepared, source.geometry, reference=reference) for law in DRIVE_LAWS}
@@ -269,7 +269,7 @@ def _of_drives(name: str, data: DataSet, source: Source, other: Findings | None,
     return Findings(name, data, laws, best, rows, notes, tracks=tracks)
 
 
-def _folds(keys: Sequence[Any], count: int) -> np.ndarray:
+def fold_labels(keys: Sequence[Any], count: int) -> np.ndarray:
     """Labels (n,) of the folds, parts of about equal size in order; what has the same key is in the same part."""
     rank = {key: k for k, key in enumerate(dict.fromkeys(keys))}
     if len(rank) < count:

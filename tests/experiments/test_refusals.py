@@ -41,6 +41,9 @@ OPTIONS = [
     ("grid --obstacles forest", "obstacles = 'forest': must be one of posts"),
     (f"{DRAG} --ground clay --pull 300", "not to drag the robot backwards from rest"),
     (f"{DRAG} --pull 160 --pull.height 0.6", "tips over"),
+    # logs of real robots
+    ("reality mud", "dataset = 'mud': must be one of grass, husky, ice, maxxii, warthog, or a .toml file"),
+    ("reality ice ice", "dataset = ('ice', 'ice'): must be of different names"),
     # predictions from theory
     ("predict --slope 0.9", "less than the friction limit"),
     ("predict --friction 0.5", "friction = 0.5: must be left out without --slope and --pull"),
@@ -125,6 +128,8 @@ FILES = [
     ("replay {} --inputs commands", "log.csv", TRACE, "needs omega_cmd_l and omega_cmd_r in every row"),
     ("replay {}", "log.csv", TRACE.replace(",2,3,", ",200,300,"), "belts as fast as 18 m/s: replayed are speeds below"),
     ("track --laws {}", "laws.json", "[" * 100_000, "laws.json"),
+    ("reality {}", "mine.toml", 'title = "mine"\nlog = "gone.csv"', "mine.toml: source is missing"),
+    ("reality {}", "mine.toml", "folds = 2.5", "mine.toml: folds = 2.5: must be a whole number"),
     ("deploy {}", "laws.json", '{"slip_laws": {"icr"', "not JSON"),
 ]
 REJECTED = [

@@ -1,0 +1,63 @@
+"""`trackslip reality` on shipped logs, and on one of your own."""
+
+import pytest
+from command_runs import ran
+
+import experiments.reality.predictions as predictions
+
+
+def copied(folder, name, **changes):
+    """A file of a data set beside a log elsewhere, with other values of some fields and without bounds."""
+    lines = (predictions.FOLDER / f"{name}.toml").read_text().partition("[[bounds]]")[0].splitlines()
+    log = next(line for line in lines if line.startswith("log")).split('"')[1]
+    values = {"log": f'"{predictions.FOLDER / log}"', **changes}
+    lines = [f"{key} = {values[key]}" if (key := line.partition(" ")[0]) in values else line for line in lines]
+    (folder / "mine.toml").write_text("\n".join(lines) + "\n")
+    return folder / "mine.toml"
+
+
+def test_steady_rows_are_predicted_as_well_as_their_scatter_allows(tmp_path):
+    result = ran(tmp_path / "out", "reality", str(copied(tmp_path, "maxxii")))
+    rows = {name: one["0.0"] for name, one in result.summary["datasets"]["mine"]["rows"].items()}
+    assert 1e3 * rows["scatter"]["v"] == pytest.approx(4.4, abs=0.1)
+    assert 1e3 * rows["scatter"]["w"] == pytest.approx(21.4, abs=0.3)
+    assert 1e3 * rows["scatter"]["w_rest"] == pytest.approx(17.7, abs=0.2)
+    assert rows["scatter"]["w"] < rows["icr_sides"]["w"] < rows["two_gains"]["w"] < rows["today"]["w"]
+    assert rows["data_sheet"]["w"] < 0.5 * rows["today"]["w"]
+    assert result.summary["datasets"]["mine"]["best_law"] == "icr_sides"
+    assert result.summary["checks"] == []
+    assert "checks" not in result.printed
+    page = (result.folder / "report.html").read_text()
+    assert "Apache-2.0" in page
+    assert "D by kind of turn" in page
+
+
+def test_drives_are_predicted_on_the_same_pairs_with_the_same_bits(tmp_path):
+    def rows(name, *options):
+        return ran(tmp_path / name, "reality", "grass", *options).summary["datasets"]["grass"]["rows"]
+
+    found = rows("one", "--threads", "1")
+    for ahead in ("1.0", "1.8", "5.0"):
+        errors = {name: one[ahead] for name, one in found.items()}
+        assert len({one["count"] for one in errors.values()}) == 1
+        assert errors["data_sheet"]["position_median"] < errors["two_gains"]["position_median"]
+        assert errors["turn_loss_sides"]["position_median"] < errors["today"]["position_median"] / 2
+    assert found == rows("two", "--threads", "2")
+
+
+def test_a_bound_that_does_not_hold_ends_with_1(tmp_path, capsys):
+    path = copied(tmp_path, "maxxii")
+    bound = '[[bounds]]\nrow = "{}"\nquantity = "w"\nmost = 0.05\n'
+    held, broken = path.read_text() + bound.format("laws"), path.read_text() + bound.format("today")
+    path.write_text(held)
+    assert "1 of 1 checks hold" in ran(tmp_path / "out", "reality", str(path)).printed
+    path.write_text(broken)
+    with pytest.raises(SystemExit) as stop:
+        ran(tmp_path / "out", "reality", str(path))
+    assert stop.value.code == 1
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_without_the_shipped_logs_a_file_must_be_named(failing, monkeypatch, tmp_path):
+    monkeypatch.setattr(predictions, "FOLDER", tmp_path)
+    assert "dataset = (): must be a .toml file" in failing("reality")
