@@ -15,7 +15,7 @@ from sim.log_replay import Replayer, predictions
 from sim.robot.named import load_parameters
 from sim.toml_file import build, read_named
 from trackslip import se2
-from trackslip.errors import LogError, TrackslipError, require, require_positive, require_whole
+from trackslip.errors import LogError, counted, require, require_positive, require_whole
 from trackslip.identification import drive_prediction as drives
 from trackslip.identification.drive_law import REFERENCE, DriveFit, fit_drives
 from trackslip.identification.drives import drives_of
@@ -190,8 +190,10 @@ def findings(source: str, known: dict[str, Findings], threads: int = 0) -> Findi
 def _of_rows(name: str, data: DataSet, source: Source, threads: int) -> Findings:
     """Predict steady driving."""
     samples, geometry = source.sampling.samples, source.geometry
-    folds, rows = fold_labels(samples.run, data.folds), np.arange(len(samples))
+    folds, rows = fold_labels(samples.run, data.folds, source.name), np.arange(len(samples))
     kept = (folds != np.unique(folds)[:, None]).astype(float)
+    if 2 * kept.sum(axis=1).min() <= max(len(FAMILIES[law].names) for law in STEADY_LAWS):
+        raise LogError(f"{source.name}: has {counted(len(samples), 'usable row')}, too few for folds = {data.folds}")
     plain = body_twist(samples.omega, 0.0, geometry)
     gains = np.einsum("fn,nc->fc", kept, plain * samples.twist) / np.einsum("fn,nc->fc", kept, plain**2)
     runs = WeightedRuns.of(samples, geometry).weighted(kept)
@@ -229,11 +231,13 @@ def _of_drives(name: str, data: DataSet, source: Source, other: Findings | None,
     """Predict drives, all rows the same pairs of poses; and by the laws of an `other` data set."""
     logs = [part for log in source.logs for part in log.cut(_WINDOW)]
     prepared, refused = drives_of(logs)
+    if bare := next((drive.name for drive in prepared if not drive.has_heading), ""):
+        raise LogError(f"{source.name}: run {bare!r} has no headings (phi), which predictions start from")
     usable = {drive.name for drive in prepared}
     logs = [log for log in logs if log.run in usable]
     commands = [log.run if log.command is None else tuple(log.command.mean(axis=0).round(3)) for log in logs]
     reference = fit_drives(REFERENCE, prepared, source.geometry)
-    pairs = drives.ScoredPairs.of(reference.fit, HORIZONS, fold_labels(commands, data.folds))
+    pairs = drives.ScoredPairs.of(reference.fit, HORIZONS, fold_labels(commands, data.folds, source.name))
     if not len(pairs.start):
         raise LogError(f"{source.name}: no poses {HORIZONS[0]:g} s apart between which the robot moves")
     laws = {law: fit_drives(law, prepared, source.geometry, reference=reference) for law in DRIVE_LAWS}
@@ -269,9 +273,12 @@ def _of_drives(name: str, data: DataSet, source: Source, other: Findings | None,
     return Findings(name, data, laws, best, rows, notes, tracks=tracks)
 
 
-def fold_labels(keys: Sequence[Any], count: int) -> np.ndarray:
-    """Labels (n,) of the folds, parts of about equal size in order; what has the same key is in the same part."""
+def fold_labels(keys: Sequence[Any], count: int, log: str) -> np.ndarray:
+    """Labels (n,) of the folds, parts of about equal size in order; what has the same key is in the same part.
+
+    Raises LogError, with the name of the log, if it has too few different keys.
+    """
     rank = {key: k for k, key in enumerate(dict.fromkeys(keys))}
     if len(rank) < count:
-        raise TrackslipError(f"folds = {count}: must be at most {len(rank)}, the different commands of the log")
+        raise LogError(f"{log}: has {counted(len(rank), 'different command')}, too few for folds = {count}")
     return np.array([rank[key] * count // len(rank) for key in keys])

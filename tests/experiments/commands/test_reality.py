@@ -1,5 +1,7 @@
 """`trackslip reality` on shipped logs, and on one of your own."""
 
+from math import cos, sin
+
 import pytest
 from command_runs import ran
 
@@ -56,6 +58,20 @@ def test_a_bound_that_does_not_hold_ends_with_1(tmp_path, capsys):
         ran(tmp_path / "out", "reality", str(path))
     assert stop.value.code == 1
     assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_logs_that_hold_too_little_are_refused(refused, tmp_path):
+    def of(log):
+        (tmp_path / "log.csv").write_text(log)
+        return refused("reality", str(copied(tmp_path, "maxxii", log='"log.csv"', folds=2)))
+
+    steady = "omega_l,omega_r,v,w\n2,3,0.2,0.1\n3,2,0.2,-0.1\n3,3,0.25,0\n"
+    assert "log.csv: has 3 usable rows, too few for folds = 2" in of(steady)
+    assert "log.csv: has 1 different command, too few for folds = 2" in of(steady[:31])
+    drive = "run,t,omega_l,omega_r,x,y,phi\n" + "".join(f"a,{k / 20},2,2,{k * 0.00856},0,0\n" for k in range(40))
+    assert "log.csv: has 1 different command, too few for folds = 2" in of(drive)
+    arc = "".join(f"a,{k / 20},2,2.5,{sin(k / 200):.5f},{1 - cos(k / 200):.5f}\n" for k in range(400))
+    assert "log.csv: run 'a 1' has no headings (phi)" in of("run,t,omega_l,omega_r,x,y\n" + arc)
 
 
 def test_without_the_shipped_logs_a_file_must_be_named(failing, monkeypatch, tmp_path):

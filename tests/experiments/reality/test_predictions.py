@@ -22,10 +22,10 @@ def test_all_shipped_data_sets_can_be_read():
 
 def test_one_command_is_in_one_fold_and_folds_are_parts_in_order():
     keys = ["a", "a", "b", "b", "b", "c", "d", "a"]
-    np.testing.assert_array_equal(fold_labels(keys, 2), [0, 0, 0, 0, 0, 1, 1, 0])
-    np.testing.assert_array_equal(fold_labels(keys, 4), [0, 0, 1, 1, 1, 2, 3, 0])
-    with pytest.raises(TrackslipError, match="folds = 5: must be at most 4"):
-        fold_labels(keys, 5)
+    np.testing.assert_array_equal(fold_labels(keys, 2, ""), [0, 0, 0, 0, 0, 1, 1, 0])
+    np.testing.assert_array_equal(fold_labels(keys, 4, ""), [0, 0, 1, 1, 1, 2, 3, 0])
+    with pytest.raises(TrackslipError, match=r"log.csv: has 4 different commands, too few for folds = 5"):
+        fold_labels(keys, 5, "log.csv")
 
 
 def test_second_differences_are_as_large_as_errors_of_rows():
