@@ -184,7 +184,10 @@ class Fleet(Bodies):
         self.drive.put(weak, limited)
 
     def launch(self, twist: ArrayLike) -> None:
-        """Set the robots in motion with twists (N, 3) or (3,): forwards, to the left [m/s], yaw rate [rad/s]."""
+        """Set the robots in motion with twists (N, 3) or (3,): forwards, to the left [m/s], yaw rate [rad/s].
+
+        The sprockets keep their speeds.
+        """
         twist = np.broadcast_to(np.asarray(twist, float), (self.size, 3))
         require(np.isfinite(twist).all(), "twist", twist.tolist(), "finite")
         self._velocity[:, :2], self._velocity[:, 5] = se2.rotate(self._heading, twist[:, :2]), twist[:, 2]

@@ -1,13 +1,15 @@
 import itertools
 
+import mujoco
 import numpy as np
 import pytest
 
-from sim.drive.drive import Drive
+from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet, Setting
 from sim.ground.ground import Change, Ground
-from sim.robot.parameters import RobotParameters
-from sim.robot.robot import load_robot
+from sim.robot.named import load_parameters
+from sim.robot.parameters import SINK, RobotParameters
+from sim.robot.robot import compiled, load_robot
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import sprocket_speeds, track_speeds
 from trackslip.paper import COMMANDED_RADII, SPEEDS
@@ -131,3 +133,50 @@ def test_a_robot_is_not_begun_anew_where_it_cannot_park(robot):
         fleet.restart([0], [Setting((0.0, 0.0, 0.0), Ground(0.2, 0.2, slope=0.3))])
     with pytest.raises(InvalidValueError, match="start"):
         fleet.restart([0], [Setting((np.nan, 0.0, 0.0))])
+
+
+def slid(parameters, friction, twist):
+    """Final pose (3,) and model of a robot that is launched at a twist (3,) on locked tracks or wheels."""
+    fleet = Fleet(compiled(parameters), np.zeros((1, 3)), Ground(friction, friction), 0.0, tireless(2.0), 1)
+    fleet.launch(twist)
+    for _ in range(300):
+        fleet.follow(np.zeros((1, 1, 2)))
+    return fleet.pose()[0], fleet.robot
+
+
+def sliding_distance(speed, deceleration, step=0.005, rate=100.0):
+    """Way (or angle) of a slide to rest at a constant deceleration.
+
+    The engine integrates with the speed at the end of a step; grip decays at a finite rate.
+    """
+    return speed**2 / 2 / deceleration - speed * step / 2 + deceleration / rate * (1 / rate - step) / 2
+
+
+@pytest.mark.parametrize("name", ["shipped", "husky", "warthog"])
+@pytest.mark.parametrize("friction", [0.1, 0.6, 0.7])
+@pytest.mark.parametrize("speed", [0.3, 1.5])
+def test_a_robot_on_locked_tracks_slides_as_far_as_coulomb_friction_lets_it(name, friction, speed):
+    """It also pitches on the springs under it, which sets back its pose on the ground."""
+    parameters = load_parameters(name)[0]
+    pose, robot = slid(parameters, friction, [speed, 0.0, 0.0])
+    spread = np.mean(robot.contact_points[:, 0] ** 2)
+    pitch = friction * parameters.com_height * SINK / spread
+    expected = sliding_distance(speed, 9.81 * friction) - parameters.com_height * pitch
+    harder = 5e-4 if name == "shipped" else 1e-4  # tracks that slide fast press harder at first
+    assert pose[0] == pytest.approx(expected, abs=harder, rel=4e-3)
+    np.testing.assert_allclose(pose[1:], 0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["shipped", "husky", "warthog"])
+@pytest.mark.parametrize("friction", [0.1, 0.6, 0.7])
+@pytest.mark.parametrize("rate", [0.3, 1.5])
+def test_a_turning_robot_on_locked_tracks_spins_down_by_coulomb_friction(name, friction, rate):
+    pose, robot = slid(load_parameters(name)[0], friction, [0.0, 0.0, rate])
+    chassis = robot.model.body("chassis")
+    axes = np.zeros(9)
+    mujoco.mju_quat2Mat(axes, chassis.iquat)
+    inertia = axes[6:] ** 2 @ chassis.inertia
+    moment = friction * robot.mass * 9.81 * np.hypot(*robot.contact_points.T).mean()
+    harder = 4e-4 if name == "shipped" else 1e-4
+    assert pose[2] == pytest.approx(sliding_distance(rate, moment / inertia), abs=harder, rel=1e-3)
+    np.testing.assert_allclose(pose[:2], 0.0, atol=1e-5)
