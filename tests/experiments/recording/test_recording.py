@@ -82,8 +82,7 @@ def test_shoes_run_with_the_belt(driven):
 
 
 def test_wheels_leave_sheared_ground_under_their_patches_only(tmp_path):
-    strong = "--drive.torque-limit 150 --drive.motor.gear 150 --drive.motor.stall-torque 2"
-    world = f"--robot husky --ground.shear 0.01 {strong} --radii 2 --speeds 0.2 --duration 4 --rrd --out {tmp_path}"
+    world = f"--robot husky --ground.shear 0.01 --radii 2 --speeds 0.2 --duration 4 --rrd --out {tmp_path}"
     main(["grid", *world.split()])
     (file,) = (tmp_path / "recordings").glob("*.rrd")
     verify(file)

@@ -10,6 +10,7 @@ from sim.drive.drive import tireless
 from sim.ground.ground import Ground as GroundOf
 from sim.robot.looks import robot_looks
 from sim.robot.named import ROBOTS, load_parameters, load_tracked, on_flat_ground
+from sim.robot.robot import compiled
 from sim.tracks import bind
 from trackslip.errors import InvalidValueError, SettingsFileError, TrackslipError
 from trackslip.skid_theory import line_contact, steady_twist
@@ -169,3 +170,15 @@ def test_inertia_of_no_body_is_refused(inertia):
 def test_looks_of_a_file_that_is_gone_are_refused():
     with pytest.raises(TrackslipError, match="gone"):
         robot_looks(RobotParameters(looks="gone.toml"))
+
+
+@pytest.mark.parametrize("name", ["husky", "warthog", "maxxii"])
+@pytest.mark.parametrize("friction", [(0.9, 1.0), (0.12, 0.12)])
+def test_the_motors_of_real_robots_are_ample_at_their_top_speed(name, friction):
+    parameters = load_parameters(name)[0]
+    fleet = Fleet(compiled(parameters), np.zeros((4, 3)), Ground(*friction))
+    omega = fleet.drive.limit * np.array([[1.0, 1.0], [-1.0, 1.0], [0.3, 1.0], [0.0, -1.0]])
+    fleet.command(omega)
+    fleet.advance(3.0)
+    assert fleet.drive.saturated_time.max() == 0
+    np.testing.assert_allclose(fleet.drive.omega, omega)
