@@ -87,7 +87,7 @@ def replay(
             the logged commands, which hold until the next one.
         start_twist: twists (N, 3) or (3,) at the start, forwards, to the left [m/s], yaw rate [rad/s]; by default from
             the poses of the first 0.3 s.
-        drive: servo and motor that obey commands, by default the shipped robot's.
+        drive: servo and motor that obey commands, by default the robot's.
         sensor: place of the sensor of the poses on the robot; by default its middle.
         clock: encoder clock minus pose clock [s].
         threads: number of worker threads, 0 for one per processor.
@@ -155,7 +155,7 @@ class Replayer:
         drive: Drive | None = None,
     ) -> None:
         """`inputs`, `start_twist` and `drive` as for `replay`."""
-        self.logs, self.inputs, self.drive = list(logs), inputs, drive or Drive()
+        self.logs, self.inputs, self.drive = list(logs), inputs, drive
         if inputs == "commands":
             for log in logs:
                 if log.command is None or not np.isfinite(log.command).all():
@@ -184,7 +184,9 @@ class Replayer:
         fastest = self._fastest * robot.geometry.sprocket_radius
         if not fastest < MAX_SPEED:
             raise LogError(f"belts as fast as {fastest:.3g} m/s: replayed are speeds below {MAX_SPEED:g} m/s")
-        drive = self.drive if self.inputs == "commands" else tireless(max(Drive.top_speed, _MARGIN * fastest))
+        drive = self.drive or parameters.drive
+        if self.inputs == "encoders":
+            drive = tireless(max(Drive.top_speed, _MARGIN * fastest))
         fleet = Fleet(robot, np.zeros((len(self.logs), 3)), ground, parameters.radius_error, drive, threads)
         fleet.launch(self.start_twist(robot.geometry))
         period = fleet.period
@@ -200,6 +202,7 @@ class Replayer:
                 fleet.command(commanded[k])
                 fleet.advance(period)
             else:
+                fleet.command(measured[k])  # so that a drive with a dead time goes on at these speeds
                 fleet.follow(measured[k : k + 1])
             poses[k + 1], twists[k + 1] = fleet.pose(), fleet.twist()
         return Replay(self.begin, period, poses, twists)

@@ -4,14 +4,13 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import tyro
 
 from experiments.options.bag_choice import Bag, BagOptions
-from experiments.options.base import ResultsOptions, Whole, Within, default_is
-from experiments.options.world import MAX_THREADS, GroundOptions, RobotSource
-from sim.drive.drive import Drive
+from experiments.options.base import Exclusion, Needs, ResultsOptions, Whole, Within, default_is
+from experiments.options.world import MAX_THREADS, DriveOptions, GroundOptions, RobotSource
 from trackslip.kinematics import GEARS
 
 EXAMPLES = (
@@ -37,9 +36,9 @@ class Config(ResultsOptions):
     ground: GroundOptions = field(default_factory=GroundOptions)
     """The ground, and properties that differ from the named one's."""
     inputs: Literal["encoders", "commands"] = "encoders"
-    """What drives the robot: measured sprocket speeds, or the logged commands through --drive."""
-    drive: Drive = field(default_factory=Drive)
-    """Servo and motor of a sprocket, for --inputs commands."""
+    """What drives the robot: measured sprocket speeds, or the logged commands through its drive."""
+    drive: DriveOptions = field(default_factory=DriveOptions)
+    """Properties of servo and motor that differ from the robot's, for --inputs commands."""
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("the middle", "X Y YAW")] = None
@@ -56,6 +55,8 @@ class Config(ResultsOptions):
     """Folder for the results."""
     pdf: bool = False
     """Also write the figures as PDF."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("drive",), "inputs", ("commands",)),)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -84,6 +85,7 @@ def run(config: Config) -> None:
     from trackslip.se2 import Mounting
 
     parameters, ground = load_parameters(config.robot)
+    parameters = replace(parameters, drive=config.drive.changed(parameters.drive))
     ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
     geometry, sensor = parameters.geometry, Mounting(*(config.sensor or (0.0, 0.0, 0.0)))
     with Run(config) as run, run.progress("replay", 3, "stages") as step:
@@ -92,7 +94,7 @@ def run(config: Config) -> None:
         if not source.logs:
             raise LogError(f"{source.name}: holds steady samples; a replay needs drives with times and poses")
         step(1.0)
-        inputs = Replayer(source.logs, config.inputs, drive=config.drive)
+        inputs = Replayer(source.logs, config.inputs)
         with run.watch.stage("physics"):
             motion = inputs.run(parameters, ground, config.threads)
         step(1.0)
@@ -115,7 +117,9 @@ def run(config: Config) -> None:
         write_error_table(found, run.folder / TABLE_FILE)
         title = f"Replay of “{config.path.resolve().name}”"
         intro = f"The robot is simulated by the {config.inputs} of the log, and compared"
-        page(found, notes, sensing, manifest, command_line("replay"), title, intro).write(run.folder, config.pdf)
+        page(found, notes, sensing, manifest, command_line("replay"), title, intro, "model").write(
+            run.folder, config.pdf
+        )
         if config.rrd:
             with run.busy("recordings"):
                 names = file_names([log.run for log in logs[:_MAX_RECORDED]], ".rrd")
@@ -123,5 +127,5 @@ def run(config: Config) -> None:
                     both = [replace(measured, run="measured", truth=None), replace(driven, run=SIMULATED)]
                     record(run.folder / RECORDINGS_FOLDER / name, both)
         step(1.0)
-    print_errors(found, notes, sensing)
+    print_errors(found, notes, sensing, "model")
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")

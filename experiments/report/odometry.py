@@ -20,7 +20,7 @@ from trackslip.slip.law_file import NO_SLIP
 _LEAST = 0.01  # below which an error has three decimals
 _FACTORS = {"position": (1.0, 3, 100.0), "heading": (degrees(1.0), 2, degrees(1.0))}
 """Factor from SI, decimals, and factor from SI of errors over the way."""
-_ABSOLUTE = ("law", "aligned [m]", "heading [deg]", "from first pose [m]", "heading [deg]")
+_ABSOLUTE = ("aligned [m]", "heading [deg]", "from first pose [m]", "heading [deg]")
 _RELATIVE = (
     ("after_metres", "position", ("per_way", "rms"), "Position error by distance [%] | rms [m]"),
     ("after_metres", "heading", ("per_way", "rms"), "Heading error by distance [deg/m] | rms [deg]"),
@@ -29,13 +29,13 @@ _RELATIVE = (
 )
 
 
-def tables(found: Sequence[Evaluated]) -> list[Table]:
-    """The tables, without headings if none were measured."""
+def tables(found: Sequence[Evaluated], kind: str = "law") -> list[Table]:
+    """The tables of laws, or of what else `kind` says, without headings if none were measured."""
     absolute = []
     for one in found:
         kinds = [(errors, name) for errors in (one.errors.aligned, one.errors.from_first) for name in _FACTORS]
         absolute.append((one.label, *(_cell(errors, name, "rms", "largest") for errors, name in kinds)))
-    made = [Table("Absolute errors, rms | largest", _ABSOLUTE, absolute)]
+    made = [Table("Absolute errors, rms | largest", (kind, *_ABSOLUTE), absolute)]
     for ahead, name, statistics, title in _RELATIVE:
         known = [length for one in found for length in getattr(one.errors, ahead)]
         lengths = [length for length in LENGTHS if length in known]
@@ -43,7 +43,7 @@ def tables(found: Sequence[Evaluated]) -> list[Table]:
         for one in found:
             errors = getattr(one.errors, ahead)
             rows.append((one.label, *(_cell(errors.get(length), name, *statistics) for length in lengths)))
-        header = ("law", *(f"{length:g} {'m' if ahead == 'after_metres' else 's'}" for length in lengths))
+        header = (kind, *(f"{length:g} {'m' if ahead == 'after_metres' else 's'}" for length in lengths))
         made.append(Table(title, header, rows))
     return [table for table in made if any(set(row[1:]) - {MISSING} for row in table.rows)]
 
@@ -101,9 +101,9 @@ def sensing_lines(found: Sequence[Evaluated], sensor_given: bool, clock_given: b
     ]
 
 
-def print_errors(found: Sequence[Evaluated], notes: Sequence[str], sensing: Sequence[str]) -> None:
+def print_errors(found: Sequence[Evaluated], notes: Sequence[str], sensing: Sequence[str], kind: str = "law") -> None:
     """Print the tables, what was sensed where, warnings, and how much the best law gains."""
-    for table in tables(found):
+    for table in tables(found, kind):
         table.print()
     for line in (*sensing, *(f"warning: {note}" for note in notes), gain(found)):
         if line:
@@ -118,8 +118,9 @@ def page(
     command: str,
     title: str,
     about: str = "Odometry turns encoder readings into poses by a slip law. Here it is compared",
+    kind: str = "law",
 ) -> Page:
-    """The page of odometry, or of what else `about` says, under a title."""
+    """The page of odometry, or of what else `about` says, under a title; `kind` as for `tables`."""
     drives, told, longest = found[0].errors.drives, gain(found), figures.longest(found)
     way, duration = sum(drive.way for drive in drives), sum(drive.duration for drive in drives)
     intro = (
@@ -152,7 +153,7 @@ def page(
         Section("Along a drive", [paths]),
         Section(
             "Per metre and second",
-            [over_way if found[0].errors.after_metres else None, *tables(found), relative],
+            [over_way if found[0].errors.after_metres else None, *tables(found, kind), relative],
         ),
         Section("Warnings", [Bullets(notes)]) if notes else None,
     ]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim import replay
-from sim.drive.drive import tireless
+from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.log_replay import Replayer, first_twist, predictions
@@ -52,6 +52,25 @@ def test_a_robot_drives_again_as_it_drove(driven, inputs):
         np.testing.assert_array_equal(again.omega, log.omega)
         np.testing.assert_allclose(again.pose[0], log.pose[0], atol=1e-12)
         np.testing.assert_allclose(again.truth.pose, again.pose, atol=1e-9)  # sensor in the middle, clocks alike
+
+
+def test_commands_go_through_the_drive_of_the_robot(driven):
+    slow = Drive(lag=0.4)
+    given, own, shipped = (
+        replay(driven, robot, GROUND, inputs="commands", drive=drive)[0].pose
+        for robot, drive in ((ROBOT, slow), (replace(ROBOT, drive=slow), None), (ROBOT, None))
+    )
+    np.testing.assert_array_equal(own, given)
+    assert np.abs(own[-1] - shipped[-1]).max() > 0.02
+
+
+def test_a_drive_with_a_dead_time_goes_on_at_the_speeds_it_had():
+    late = replace(ROBOT, drive=Drive(delay=0.3))
+    fleet = Fleet(load_robot(parameters=late), np.zeros((1, 3)), GROUND, 0.0)
+    log = open_loop(fleet, np.array([[3.0, 4.0]]), 4.0, period=0.05)[0].between(40, 80)
+    position, heading = missed([log], replay([log], late, GROUND, inputs="commands"))
+    assert position[0] < 0.001
+    assert heading[0] < 0.001
 
 
 def test_another_ground_shows(driven):

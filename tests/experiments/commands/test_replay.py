@@ -33,3 +33,15 @@ def test_another_ground_fits_worse(wander, tmp_path):
         return found["models"]["simulated"]["after_seconds"]["5"]["heading"]["rms"]
 
     assert missed("--ground.across", "1.4") > 1.5 * missed()
+
+
+def test_options_change_single_fields_of_the_drive(wander, refused, tmp_path):
+    slow = tmp_path / "slow.toml"
+    slow.write_text("radius_error = 0.0066\n[drive]\nlag = 0.3\n")
+    options = ("replay", str(wander), "--robot", str(slow), "--drive.delay", "0.2")
+    result = ran(tmp_path / "out", *options, "--inputs", "commands")
+    drive = result.manifest["robot"]["drive"]
+    assert (drive["lag"], drive["delay"], drive["top_speed"]) == (0.3, 0.2, 0.3)
+    assert result.summary["models"]["simulated"]["after_seconds"]["5"]["position"]["rms"] > 0.06  # driven without them
+    assert " model " in result.printed
+    assert "drive.delay = 0.2: must be left out without --inputs commands" in refused(*options)
