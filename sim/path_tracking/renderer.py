@@ -59,8 +59,9 @@ class PathRenderer(TaskRenderer):
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Append the tracks, the path and the trail."""
-        for _, body, look in self._looks.tracks:
-            draw(scene, look.pieces(0.0), self.data.xpos[body], self.data.xmat[body].reshape(3, 3))
+        travel = self._tracking.fleet.drive.angle[row] * self._tracking.config.parameters.sprocket_radius
+        for (_, body, look), way in zip(self._looks.tracks, travel[self._looks.track_side], strict=True):
+            draw(scene, look.pieces(way), self.data.xpos[body], self.data.xmat[body].reshape(3, 3))
         path, kind = self._tracking.path(row)[:, :2], mujoco.mjtGeom.mjGEOM_CAPSULE
         for points, (height, width, colour) in ((_thinned(path), _PATH), (self._trails[row], _TRAIL)):
             for start, end in pairwise(points):

@@ -14,11 +14,12 @@ from sim.robot.parameters import BELT_LOOKS, BODY_LOOKS, RobotParameters
 from sim.robot.robot import FIELD
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.tracked_view import track_looks
-from sim.tracks.drawing import TrackLook
+from sim.tracks.drawing import TrackLook, WheelLook
 from trackslip.kinematics import Array
 
 _PAINTED = ("hull", "plate")
 _WHEELS, _BELT = ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07)), 0.09  # of the shipped robot: x, z, radius; width [m]
+_TYRE = 0.76  # width of a wheel over its radius [-]
 _ATTACHED = "robot/"  # prefix of the names of a tracked robot's model
 
 
@@ -45,7 +46,7 @@ def robot_looks(parameters: RobotParameters, colour: Sequence[float] = ()) -> Ro
     """The looks of a robot, in its own colours or painted in one (4,); TrackslipError where its file is gone."""
     spec = mujoco.MjSpec.from_file(str(FIELD))
     parameters.apply(spec)
-    for name in () if parameters.axles else BELT_LOOKS:
+    for name in BELT_LOOKS:
         spec.delete(spec.geom(name))
     looks = _tracked_looks(spec, parameters.looks) if parameters.looks else _shipped_looks(spec, parameters)
     model = looks.model
@@ -60,10 +61,14 @@ def robot_looks(parameters: RobotParameters, colour: Sequence[float] = ()) -> Ro
 def _shipped_looks(spec: Any, parameters: RobotParameters) -> RobotLooks:
     model = spec.compile()
     body = model.body("chassis").id
+    part, look, hull, width = "track", TrackLook, np.array(_WHEELS), _BELT
+    if parameters.axles:
+        radius = parameters.sprocket_radius
+        hull = np.array([(x, radius, radius) for x in parameters.axles])
+        part, look, width = "wheels", WheelLook, _TYRE * radius
     tracks = [
-        (f"{name}_track", body, TrackLook(np.array(_WHEELS), sign * parameters.half_gauge, _BELT))
+        (f"{name}_{part}", body, look(hull, sign * parameters.half_gauge, width))
         for name, sign in (("left", 1.0), ("right", -1.0))
-        if not parameters.axles
     ]
     return RobotLooks(model, tracks, np.arange(len(tracks)), model.qpos0.copy())
 

@@ -38,7 +38,6 @@ SINK = 0.002
 _MIN_SIZE = 1e-3  # length [m] and mass [kg]
 _MAX_MASS = 1e5  # [kg]
 _PLATE_HEIGHT = 0.5  # of models/tracked_robot.xml [m]
-_WHEEL_WIDTH = 0.35  # half the width of a wheel that is drawn, over its radius [-]
 _PATCH_LENGTH = 0.1  # of a wheel, by default [m]
 _MOST_AXLES = 10
 _CENTRED = 1e-3  # mean of the axles' positions, at most [m]
@@ -193,7 +192,7 @@ class RobotParameters:
             spec.geom(name).size[0] = self.sprocket_radius
         if self.axles:
             lay_wheels(spec, self.axles, self.patch_length)
-            self._show_wheels(spec)
+            self._enlarge_body(spec)
         elif (points := points_per_track(self.half_gauge, self.contact_length)) > points_per_track(
             default.half_gauge, default.contact_length
         ):
@@ -218,27 +217,15 @@ class RobotParameters:
         if own:
             chassis.inertia, chassis.fullinertia = [0.0, 0.0, 0.0], own
 
-    def _show_wheels(self, spec: mujoco.MjSpec) -> None:
-        """Draw wheels instead of tracks, and a body as large as they need."""
-        default, chassis, look = RobotParameters(), spec.body("chassis"), spec.find_default("visual")
-        wide, radius = self.half_gauge / default.half_gauge, self.sprocket_radius
+    def _enlarge_body(self, spec: mujoco.MjSpec) -> None:
+        """Draw a body as large as the wheels need."""
+        default = RobotParameters()
+        wide = self.half_gauge / default.half_gauge
         size = np.array([self.contact_length / default.contact_length, wide, wide])
         spec.mesh("hull").scale = size
         for name in BODY_LOOKS:
             geom = spec.geom(name)
             geom.pos, geom.size = geom.pos * size, geom.size * size
-        for side in ("left", "right"):
-            for part in ("belt", "wheels"):
-                spec.delete(spec.geom(f"{side}_{part}"))
-            sprocket = spec.geom(f"{side}_sprocket")  # the rearmost wheel
-            sprocket.pos, sprocket.size = [self.axles[0], sprocket.pos[1], radius], [radius, _WHEEL_WIDTH * radius, 0.0]
-            tyre, hub = sprocket.size, sprocket.size * [0.5, 1.02, 1.0]
-            wheels = [(f"hub{k}", x, hub, "steel") for k, x in enumerate(self.axles)]
-            wheels += [(f"wheel{k}", x, tyre, sprocket.material) for k, x in enumerate(self.axles) if k]
-            for name, x, shape, material in wheels:
-                place, kind = [x, *sprocket.pos[1:]], sprocket.type
-                geom = chassis.add_geom(look, name=f"{side}_{name}", type=kind, pos=place, size=shape)
-                geom.material, geom.quat = material, [1.0, 1.0, 0.0, 0.0]  # along y
 
 
 def require_inertia(inertia: Sequence[float]) -> None:

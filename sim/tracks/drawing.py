@@ -114,13 +114,13 @@ class TrackLook:
         position = np.stack([place[..., 0], np.zeros_like(heading), place[..., 1]], axis=-1)
         return Pieces(np.full(count, BOX), size, rgba, position, -heading)
 
-    def _wheel(self, wheel: Array, travel: Array) -> Pieces:
+    def _wheel(self, wheel: Array, travel: Array, rgba: tuple[float, ...] = _HUB) -> Pieces:
         x, z, radius = wheel
         turn = travel / radius
         half = 0.46 * self.width
         discs = np.array([[radius, half, 0.0], [0.30 * radius, 0.53 * self.width, 0.0]])
         still = _same(discs, _STEEL, np.tile([x, z], (2, 1)), np.zeros(2), travel, CYLINDER)
-        still = replace(still, rgba=np.array([_HUB, _STEEL]))
+        still = replace(still, rgba=np.array([rgba, _STEEL]))
         around = turn[..., None] + 2 * np.pi * np.arange(_SPOKES) / _SPOKES
         position = np.stack(
             [x + 0.62 * radius * np.sin(around), np.zeros_like(around), z + 0.62 * radius * np.cos(around)], axis=-1
@@ -128,6 +128,16 @@ class TrackLook:
         size = np.tile([0.13 * radius, half + 0.003, 0.0], (_SPOKES, 1))
         bolts = Pieces(np.full(_SPOKES, CYLINDER), size, np.tile(_BOLT, (_SPOKES, 1)), position, around)
         return _joined([still, bolts])
+
+
+@dataclass(frozen=True)
+class WheelLook(TrackLook):
+    """The looks of the wheels of a side, which turn at one speed, without a belt; `width` is that of a tyre."""
+
+    def pieces(self, travel: Array | float) -> Pieces:
+        """See TrackLook."""
+        found = _joined([self._wheel(wheel, np.asarray(travel, float), _RUBBER) for wheel in self.hull])
+        return replace(found, position=found.position + np.array([0.0, self.y, 0.0]))
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:

@@ -92,8 +92,21 @@ def test_wheels_leave_sheared_ground_under_their_patches_only(tmp_path):
     lines = np.array(strips.column(column).to_pylist()[0])
     assert lines.shape == (4 * 5, 2, 3)  # between six points of four wheels
     assert (np.abs(np.abs(lines[..., 0]) - 0.256) < 0.05).all()
-    assert {f"/run/robot/chassis/body/left_{name}" for name in ("sprocket", "wheel1", "hub0", "hub1")} < chunks.keys()
+    assert {f"/run/robot/chassis/{side}_wheels/wheels" for side in ("left", "right")} < chunks.keys()
     assert not [entity for entity in chunks if "track" in entity or "belt" in entity]
+
+
+def test_drawn_wheels_turn_with_the_sprockets(tmp_path):
+    main(["grid", *f"--robot husky --radii 2 --speeds 0.2 --duration 4 --rrd --out {tmp_path}".split()])
+    (file,), (log,) = (tmp_path / "recordings").glob("*.rrd"), read_runs(tmp_path / "runs.parquet")
+    turned = np.cumsum(log.omega * np.diff(log.time, prepend=0.0)[:, None], axis=0)
+    for side, angle in zip(("left", "right"), turned.T, strict=True):
+        _, place = component(file, f"/run/robot/chassis/{side}_wheels/moving_wheels", "centers")
+        place = place.reshape(len(log.time), 2, -1, 3)  # of five bolts on each of two wheels
+        away = place[..., [0, 2]] - np.array([[-0.256, 0.165], [0.256, 0.165]])[:, None]
+        np.testing.assert_allclose(np.hypot(*away[..., 0, :].T).T, 0.62 * 0.165, rtol=1e-5)
+        clockwise = np.unwrap(np.arctan2(away[..., 0, 0], away[..., 0, 1]), axis=0)
+        np.testing.assert_allclose(clockwise, np.column_stack([angle, angle]), atol=1e-5)
 
 
 def rows_of(file: Path, entity: str, name: str) -> list[list]:

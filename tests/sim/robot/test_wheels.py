@@ -200,12 +200,15 @@ def test_too_short_a_contact_is_refused():
 def test_four_wheels_are_drawn_instead_of_tracks():
     looks = robot_looks(WARTHOG)
     names = [looks.model.geom(k).name for k in range(looks.model.ngeom)]
-    tyres = [k for k, name in enumerate(names) if name.endswith("_sprocket") or "_wheel" in name]
-    assert not looks.tracks
-    assert len(tyres) == 4
-    assert not any("belt" in name or name.endswith("_wheels") for name in names)
-    places = sorted(map(tuple, looks.model.geom_pos[tyres].round(4).tolist()))
-    assert places == [(-0.4575, -0.54, 0.3), (-0.4575, 0.54, 0.3), (0.4575, -0.54, 0.3), (0.4575, 0.54, 0.3)]
-    np.testing.assert_allclose(looks.model.geom_size[tyres, 0], 0.3)
-    axes = [looks.model.geom_quat[k] for k in tyres]
-    np.testing.assert_allclose(np.abs(axes), np.tile([0.5**0.5, 0.5**0.5, 0, 0], (4, 1)), atol=1e-9)
+    assert not any("belt" in name or "sprocket" in name or "wheel" in name for name in names)
+    assert [name for name, *_ in looks.tracks] == ["left_wheels", "right_wheels"]
+    assert looks.track_side.tolist() == [0, 1]
+    for (_, body, look), y in zip(looks.tracks, (0.54, -0.54), strict=True):
+        assert looks.model.body(body).name == "chassis"
+        pieces = look.pieces(0.3)  # one radian
+        tyres = np.flatnonzero(pieces.size[:, 0] == 0.3)
+        np.testing.assert_allclose(pieces.position[tyres], [[-0.4575, y, 0.3], [0.4575, y, 0.3]])
+        moved = look.pieces(0.3 + 0.3 * 2 * np.pi / 5)  # to where the next bolt was
+        assert not np.allclose(moved.position, pieces.position)
+        for each, other in zip(*(np.unique(p.position.round(9), axis=0) for p in (moved, pieces)), strict=True):
+            np.testing.assert_allclose(each, other, atol=1e-8)
