@@ -70,8 +70,10 @@ class Fleet(Bodies):
         shears = shears or any(one.largest_shear > 0 for one in grounds)
         super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads)
         robot = self.robot
-        self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
-        drive = drive or (robot.parameters or RobotParameters()).drive
+        parameters = robot.parameters or RobotParameters()
+        self._split = parameters.radius_split * np.array([-1.0, 1.0])
+        self._radius = self._effective_radius(np.broadcast_to(radius_error, (self.size,)))
+        drive = drive or parameters.drive
         self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius, robot.mass)
         self.period = drive.period
         self._substeps = substeps(drive, robot)
@@ -120,7 +122,7 @@ class Fleet(Bodies):
             return
         start = np.array([s.start for s in setting], float)
         require(np.isfinite(start).all(), "start", start.tolist(), "finite poses (x, y, phi)")
-        self._radius[rows, 0] = self.robot.geometry.sprocket_radius * (1 + np.array([s.radius_error for s in setting]))
+        self._radius[rows] = self._effective_radius(np.array([s.radius_error for s in setting]))
         self.drive.restart(rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting])
         self._began[rows] = self._periods
         self._drive(rows, 0.0)
@@ -131,6 +133,10 @@ class Fleet(Bodies):
         self._lay_ground(rows)
         self._require_parking(rows, start)
         self._settle(rows, start, _RESETTLING)
+
+    def _effective_radius(self, error: Array) -> Array:
+        """Effective radii (R, 2) of the sprockets of robots with errors (R,) [m]."""
+        return np.asarray(self.robot.geometry.sprocket_radius * (1 + error[:, None] + self._split))
 
     def _balance(self, rows: np.ndarray, weight: Array) -> None:
         """Shift the centres of mass by (R, 2), forward and to the left [m]."""
@@ -317,7 +323,7 @@ class Fleet(Bodies):
 
     def _require_parking(self, rows: np.ndarray, start: Array) -> None:
         """Raise InvalidValueError if one of the robots `rows` (R,) can't be held at its pose `start` (R, 3)."""
-        held = self.drive.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows, 0]
+        held = self.drive.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows].mean(axis=1)
         grounds = [self.ground[k] for k in rows]
         require_held(grounds, self.friction()[rows], start[:, 2], self.pull, self._weight, held)
 

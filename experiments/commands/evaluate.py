@@ -1,6 +1,5 @@
 """`trackslip evaluate`: how far odometry by slip laws is off on a log."""
 
-import math
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -10,6 +9,7 @@ import tyro
 
 from experiments.options.bag_choice import Bag, BagOptions
 from experiments.options.base import Distinct, Positive, ResultsOptions, Within, default_is
+from experiments.options.sensing import check_sensor
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import GEARS
 
@@ -20,7 +20,6 @@ EXAMPLES = (
 )
 _LOGS = default_is("the log's, or the laws'", "FLOAT")
 _LAWS = "as identified with the laws"
-_MAX_LEVER = 100.0  # [m]
 _MAX_OFFSET = 3600.0  # [s]
 
 
@@ -64,10 +63,7 @@ class Config(ResultsOptions):
         super().__post_init__()
         if len(set(self.law)) < len(self.law):
             raise InvalidValueError("law", self.law, "all different")
-        if self.sensor is not None:
-            for value, where in zip(self.sensor, ("ahead of", "left of"), strict=False):
-                Within(-_MAX_LEVER, _MAX_LEVER, f"m, {where} the turning centre").check("sensor", value)
-            Within(-math.pi, math.pi, "rad, counter-clockwise").check("sensor", self.sensor[2])
+        check_sensor(self.sensor, "turning centre")
 
 
 def run(config: Config) -> None:

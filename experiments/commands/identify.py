@@ -1,6 +1,5 @@
 """`trackslip identify`: slip laws from a stored grid or from a real robot's log."""
 
-import math
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -19,6 +18,7 @@ from experiments.options.base import (
     Within,
     default_is,
 )
+from experiments.options.sensing import check_sensor
 from experiments.options.world import Method
 from trackslip.doubts import Accepted
 from trackslip.errors import InvalidValueError
@@ -37,7 +37,6 @@ EXAMPLES = (
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
 )
 _SHOWN = tyro.conf.arg(help_behavior_hint="(default: where the driving shows it)")
-_MAX_LEVER = 100.0  # [m]
 
 
 @dataclass(frozen=True)
@@ -85,12 +84,9 @@ class Config(ResultsOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.sensor is not None:
-            for value, where in zip(self.sensor, ("ahead", "left"), strict=False):
-                Within(-_MAX_LEVER, _MAX_LEVER, f"m, {where} of the middle of the tracks").check("sensor", value)
-            Within(-math.pi, math.pi, "rad, counter-clockwise").check("sensor", self.sensor[2])
-            if self.estimate_sensor:
-                raise InvalidValueError("estimate_sensor", True, "left out where --sensor is given")
+        check_sensor(self.sensor)
+        if self.sensor is not None and self.estimate_sensor:
+            raise InvalidValueError("estimate_sensor", True, "left out where --sensor is given")
 
 
 def run(config: Config) -> None:

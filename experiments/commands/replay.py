@@ -1,6 +1,5 @@
 """`trackslip replay`: the simulated robot driven as a log says that a robot drove."""
 
-import math
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -10,6 +9,7 @@ import tyro
 
 from experiments.options.bag_choice import Bag, BagOptions
 from experiments.options.base import Exclusion, Needs, ResultsOptions, Whole, Within, default_is
+from experiments.options.sensing import MAX_CLOCK_OFFSET, check_sensor
 from experiments.options.world import MAX_THREADS, DriveOptions, GroundOptions, RobotSource
 from trackslip.kinematics import GEARS
 
@@ -19,7 +19,6 @@ EXAMPLES = (
 )
 SIMULATED = "simulated"
 _MAX_RECORDED = 20  # drives
-_MAX_LEVER, _MAX_OFFSET = 100.0, 0.5  # [m], [s]
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Config(ResultsOptions):
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("the middle", "X Y YAW")] = None
     """Place of the poses' sensor, ahead of and left of the middle of the tracks, and its heading there [m, m, rad]."""
-    clock_offset: Annotated[float, Within(-_MAX_OFFSET, _MAX_OFFSET, "s")] = 0.0
+    clock_offset: Annotated[float, Within(-MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET, "s")] = 0.0
     """Encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
@@ -60,10 +59,7 @@ class Config(ResultsOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.sensor is not None:
-            for value, where in zip(self.sensor, ("ahead", "left"), strict=False):
-                Within(-_MAX_LEVER, _MAX_LEVER, f"m, {where} of the middle of the tracks").check("sensor", value)
-            Within(-math.pi, math.pi, "rad, counter-clockwise").check("sensor", self.sensor[2])
+        check_sensor(self.sensor)
 
 
 def run(config: Config) -> None:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from functools import partial
 
+from experiments.calibration import fit_summary, parameter_cells, printed
 from experiments.reality import figures
 from experiments.reality.predictions import Findings
 from experiments.report.formats import number
@@ -43,13 +44,14 @@ def suite(found: Sequence[Findings]) -> Suite:
     summary = {
         one.name: {"rows": one.rows, "best_law": one.best, "notes": one.notes}
         | {"laws": {name: law.stored for name, law in one.laws.items()}}
+        | ({} if one.calibration is None else {"calibrated": fit_summary(one.calibration)})
         for one in found
     }
     return Suite(
         "Simulation against reality",
         [_INTRO],
         [check for one in found for check in one.checks],
-        [_table(one) for one in found],
+        [table for one in found for table in (_table(one), _parameters(one)) if table],
         [_section(one) for one in found],
         _LIMITS,
         {"datasets": summary},
@@ -76,6 +78,22 @@ def _table(found: Findings) -> Table:
             ahead = f"{at:g} s" if row == TODAY else ""
             lines.append((ahead, figures.title(row), f"{one.count:,}", *position, *(number(x, 1) for x in turns)))
     return Table(f"{found.data.title}: median, 90 % and rms of errors ahead", _DRIVES, lines, "llr")
+
+
+def _parameters(found: Findings) -> Table | None:
+    """Parameters of the calibrated simulator: fitted to all, and without each part."""
+    fit = found.calibration
+    if fit is None:
+        return None
+    parts = [f"without part {k + 1}" for k in range(len(fit.folds))]
+    lines = []
+    for name, one in fit.estimates.items():
+        factor, unit = printed(name, one.unit)
+        digits = max(0, 1 - math.floor(math.log10(factor * one.stderr)))
+        values = (number(factor * fold.value(name), digits, unit) for fold in fit.folds)
+        lines.append((name, *parameter_cells(name, one), *values))
+    header = ("parameter", "fitted to all", "95 %", *parts)
+    return Table(f"{found.data.title}: parameters of the calibrated simulator", header, lines)
 
 
 def _section(found: Findings) -> Section:

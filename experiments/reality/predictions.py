@@ -1,15 +1,17 @@
 """Logs of real robots, and their motion predicted on parts held out: without a fit, by slip laws, by the simulator."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from experiments.checks import Check
-from sim.calibration.calibration import Candidate, simulated_twist
-from sim.calibration.target import MeasuredTurns
+from sim.calibration.calibration import Calibration, calibrate
+from sim.calibration.candidate import Candidate
+from sim.calibration.targets import Drives, SteadyRows
 from sim.ground.named import load_ground
 from sim.log_replay import Replayer, predictions
 from sim.robot.named import load_parameters
@@ -26,7 +28,6 @@ from trackslip.identification.steady_fit import fit
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array, body_twist
 from trackslip.metrics import rms
-from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES
 
 FOLDER = Path(__file__).parents[2] / "examples" / "logs"
@@ -122,6 +123,8 @@ class Findings:
     """PredictionErrors by row and time ahead [s]; or SteadyErrors, at 0 s."""
     notes: Sequence[str]
     """What was left out of the log."""
+    calibration: Calibration | None = None
+    """Fit of the simulator to all of it."""
     samples: SlipSamples | None = None
     """Of steady driving, n rows."""
     twists: Mapping[str, Array] = field(default_factory=dict)
@@ -199,9 +202,13 @@ def _of_rows(name: str, data: DataSet, source: Source, threads: int) -> Findings
     runs = WeightedRuns.of(samples, geometry).weighted(kept)
     by_law = {law: fit(FAMILIES[law], runs).twist[folds, rows] for law in STEADY_LAWS}
     robot, ground = load_parameters(data.robot)[0], load_ground(data.ground)
-    candidate, turns = Candidate(robot, ground.across / ground.along, ground.shear), MeasuredTurns(samples, geometry)
-    sheet = simulated_twist(candidate, turns, ground.along, threads)
+    base, target = Candidate(robot, ground), SteadyRows(samples, geometry, threads=threads)
+    sheet = target.predicted(base)[:2].T
     twists = {drives.TODAY: plain, drives.GAINS: plain * gains[folds], **by_law, DATA_SHEET: sheet}
+    found = None
+    if data.free:
+        found = calibrate(target, base, data.free, folds[target.layout.cluster])
+        twists[CALIBRATED] = np.array([target.predicted(one)[:2].T for one in found.folds])[folds, rows]
     rest = ~np.isin(samples.run, [f"row {row}" for row in data.apart])
     missed = {row: (twist - samples.twist, rest) for row, twist in twists.items()} | {SCATTER: scatter(samples, rest)}
     errors = {
@@ -210,7 +217,8 @@ def _of_rows(name: str, data: DataSet, source: Source, threads: int) -> Findings
     }
     laws = {law: fit_law(law, samples, geometry, bootstraps=0, vague=True) for law in STEADY_LAWS}
     best = min(laws, key=lambda law: errors[law][0.0].w)
-    return Findings(name, data, laws, best, errors, [*map(str, source.sampling.refused)], samples, twists)
+    notes = [*map(str, source.sampling.refused)]
+    return Findings(name, data, laws, best, errors, notes, found, samples, twists)
 
 
 def scatter(samples: SlipSamples, rest: np.ndarray) -> tuple[Array, np.ndarray]:
@@ -237,7 +245,8 @@ def _of_drives(name: str, data: DataSet, source: Source, other: Findings | None,
     logs = [log for log in logs if log.run in usable]
     commands = [log.run if log.command is None else tuple(log.command.mean(axis=0).round(3)) for log in logs]
     reference = fit_drives(REFERENCE, prepared, source.geometry)
-    pairs = drives.ScoredPairs.of(reference.fit, HORIZONS, fold_labels(commands, data.folds, source.name))
+    folds = fold_labels(commands, data.folds, source.name)
+    pairs = drives.ScoredPairs.of(reference.fit, HORIZONS, folds)
     if not len(pairs.start):
         raise LogError(f"{source.name}: no poses {HORIZONS[0]:g} s apart between which the robot moves")
     laws = {law: fit_drives(law, prepared, source.geometry, reference=reference) for law in DRIVE_LAWS}
@@ -247,30 +256,48 @@ def _of_drives(name: str, data: DataSet, source: Source, other: Findings | None,
     best = min(laws, key=lambda law: next(iter(errors[law].values())).position_median)
     model, values = laws[best].fit.model, found[best].values
     clocks = values[:, model.index("clock_offset")]
-    motion = Replayer(logs).run(load_parameters(data.robot)[0], load_ground(data.ground), threads)
-    found[DATA_SHEET] = predictions(motion, pairs, Mounting(), clocks[pairs.part])
+    base = Candidate(load_parameters(data.robot)[0], load_ground(data.ground))
+    late = [replace(base, clock=clock) for clock in clocks.tolist()]
+    simulated = {DATA_SHEET: late}
+    calibration = None
+    if data.free:
+        target = Drives(logs, source.geometry, threads=threads)
+        calibration = calibrate(target, base, data.free, folds[target.log])
+        simulated[CALIBRATED] = list(calibration.folds)
     if other is not None and isinstance(theirs := other.laws[other.best], DriveFit):
         carried = np.tile(theirs.fit.values, (len(clocks), 1))
         carried[:, theirs.fit.model.index("clock_offset")] = clocks
         found[LAW_TRANSFERRED] = drives.predicted(theirs.fit.model, carried, pairs.part, pairs)
+        if other.calibration is not None:
+            fitted = other.calibration.candidate.with_values({"friction": base.ground.along})
+            simulated[TRANSFERRED] = [replace(fitted, clock=one.clock) for one in late]
+    run = lru_cache(partial(Replayer(logs).run, threads=threads))
+    for row, candidates in simulated.items():
+        of_fold = [predictions(run(one.robot, one.ground), pairs, one.sensor, one.clock) for one in candidates]
+        error = np.array([one.error for one in of_fold])[pairs.part, np.arange(len(pairs.part))]
+        found[row] = replace(of_fold[0], error=error)
     rows = {row: one.errors() for row, one in found.items()}
     notes = [*source.notes, *map(str, (*source.refused, *refused))]
+    tracks = dict[str, Array]()
+    if (pair := _typical(pairs, found[best])) is not None:
+        window, part, nodes = pairs.drive[pair], pairs.part[pair], pairs.nodes
+        seen = np.arange(*nodes.first[window : window + 2])
+        seen = seen[np.isfinite(nodes.pose[seen]).all(axis=1)]
+        path = model.of_sensor(values[part], model.steps(values[part], nodes.timeline, np.zeros(0, int)).path)
+        path[:, 2] += values[part, model.index("sensor_yaw")]
+        tracks = {MEASURED: nodes.pose[seen], best: path[seen]}
+        for row, candidates in simulated.items():
+            one = candidates[part]
+            tracks[row] = run(one.robot, one.ground).sensor_at(window, one.sensor, nodes.time[seen] + one.clock)
+        tracks = {row: se2.between(poses[0], poses) for row, poses in tracks.items()}
+    return Findings(name, data, laws, best, rows, notes, calibration, tracks=tracks)
+
+
+def _typical(pairs: drives.ScoredPairs, predicted: drives.DrivePredictions) -> int | None:
+    """The pair whose predicted position has the median error of those that move and turn far; None if none does."""
     x, y, turn = np.abs(pairs.nodes.pose[pairs.end] - pairs.nodes.pose[pairs.start]).T
-    far = (np.hypot(x, y) > _LEAST_WAY) & (turn > _LEAST_TURN)
-    drawn = np.flatnonzero(far & (pairs.horizon == HORIZONS[0]))
-    if not len(drawn):
-        return Findings(name, data, laws, best, rows, notes)
-    pair = drawn[np.argsort(found[best].sizes[drawn, 0], kind="stable")[len(drawn) // 2]]
-    window, part = pairs.drive[pair], pairs.part[pair]
-    seen = np.arange(*pairs.nodes.first[window : window + 2])
-    seen = seen[np.isfinite(pairs.nodes.pose[seen]).all(axis=1)]
-    steps = model.steps(values[part], pairs.nodes.timeline, np.zeros(0, int))
-    path = model.of_sensor(values[part], steps.path)
-    path[:, 2] += values[part, model.index("sensor_yaw")]
-    driven = motion.sensor_at(window, Mounting(), pairs.nodes.time[seen] + clocks[part])
-    tracks = {MEASURED: pairs.nodes.pose[seen], best: path[seen], DATA_SHEET: driven}
-    tracks = {row: se2.between(poses[0], poses) for row, poses in tracks.items()}
-    return Findings(name, data, laws, best, rows, notes, tracks=tracks)
+    far = np.flatnonzero((np.hypot(x, y) > _LEAST_WAY) & (turn > _LEAST_TURN) & (pairs.horizon == HORIZONS[0]))
+    return int(far[np.argsort(predicted.sizes[far, 0], kind="stable")[len(far) // 2]]) if len(far) else None
 
 
 def fold_labels(keys: Sequence[Any], count: int, log: str) -> np.ndarray:

@@ -69,7 +69,11 @@ def unit_of(law: str, parameter: str) -> tuple[float, str]:
     """Factor from SI and unit in which a law's or a drive's parameter is printed: mm, ms, °; % for radius errors."""
     if parameter.startswith(("radius_error", "gyro_scale")):
         return 1e2, "%"
-    unit = (EXTRAS[parameter] if parameter in EXTRAS else FAMILIES[law].parameters[parameter]).unit
+    return printed_unit((EXTRAS[parameter] if parameter in EXTRAS else FAMILIES[law].parameters[parameter]).unit)
+
+
+def printed_unit(unit: str) -> tuple[float, str]:
+    """Factor from an SI unit and the unit in which values are printed: mm, ms, °."""
     return _PRINTED.get(unit, (1.0, unit))
 
 

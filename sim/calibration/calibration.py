@@ -1,112 +1,43 @@
-"""Calibration: robot parameters fitted to slips and radii, all turns of an evaluation simulated in one batch."""
+"""Calibration: parameters of the simulated robot fitted to what a robot did, with priors and a robust loss."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy
 
-from sim.calibration.target import SLIP_SCALE, Target, TurnTable
-from sim.drive.drive import Drive, tireless
-from sim.fleet import Fleet
-from sim.ground.ground import Ground
+from sim.calibration.candidate import OF_SENSOR, PARAMETERS, Candidate
+from sim.calibration.targets import Target
 from sim.loop import Progress
-from sim.robot.parameters import RobotParameters
-from sim.robot.robot import compiled
-from trackslip import se2
-from trackslip.errors import require
-from trackslip.kinematics import Array, RobotGeometry
-from trackslip.skid_theory import steady_twist
+from trackslip.errors import InvalidValueError, require
+from trackslip.kinematics import Array
 
-_STEADY = 2.0  # time until the motion is steady [s]
-_PASSES, _LONGEST = 2.0, 12.0  # on ground that shears: contact lengths of the slowest belt; but no longer than [s]
-_MAX_SHEAR = 0.05  # [m]
-_FIRST_SHEAR = 0.005  # [m]
-_STEP = 0.005  # of finite differences, relative to the width of a parameter's bounds
-_TOLERANCE = 1e-4  # relative, of the parameters and the cost at the optimum
-_SILENT = 1e-2  # sensitivity below which a parameter has no effect, relative to the largest
-_COLLINEAR = 100.0  # condition index above which parameters can't be told apart
-_PART = 0.3  # smallest component of a parameter that takes part in such a direction of unit length
-_NUMERICAL_ERROR = 2e-5  # of simulated slips [-], a lower bound of the residuals that standard errors are based on
+_STEP = 0.05  # of finite differences [standard deviations of the prior]
+_ITERATIONS = 25
+_CONVERGED = 0.1  # step at which a fit ends [standard errors]
+_VAGUE, _SIGNIFICANT = 0.7, 2.0  # standard error over that of the prior; value over its standard error
+_TIED = 0.7  # correlation of parameters that compensate each other
+_MAD = 1.4826  # standard deviation of normal errors over the median of their sizes
+_LEAST_CURVED = 0.1  # curvature of the loss over the weights
+_LINEAR = 8  # reweightings of the fits without a fold
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A robot on level ground, which affects slip by its friction ratio and shear modulus only."""
+class Estimate:
+    """A fitted parameter."""
 
-    robot: RobotParameters
-    friction_ratio: float
-    """Friction across over friction along [-]."""
-    shear: float = 0.0
-    """Shear modulus, 0 for Coulomb friction [m]."""
-
-    @property
-    def geometry(self) -> RobotGeometry:
-        """Geometry for the kinematics."""
-        return self.robot.geometry
-
-    def with_values(self, values: Mapping[str, float]) -> Candidate:
-        """A candidate with some parameters changed, by name."""
-        changed: dict[str, Any] = {"friction_ratio": self.friction_ratio, "shear": self.shear, **values}
-        ratio, shear = changed.pop("friction_ratio"), changed.pop("shear")
-        return Candidate(replace(self.robot, **changed), ratio, shear)
-
-    def value(self, name: str) -> float:
-        """Value of a parameter, by name."""
-        return float(getattr(self if name in ("friction_ratio", "shear") else self.robot, name))
-
-
-TwistOf = Callable[[Candidate, Target], Array]
-"""Candidate and target -> steady twists (M, 2)."""
-
-
-def bounds(base: Candidate) -> dict[str, tuple[float, float]]:
-    """Bounds of the parameters that can be fitted, by name."""
-    gauge, length = base.robot.half_gauge, base.robot.contact_length
-    return {
-        "half_gauge": (0.6 * gauge, 1.6 * gauge),
-        "contact_length": (0.7 * length, 1.5 * length),
-        "friction_ratio": (0.4, 2.5),
-        "shear": (0.0, _MAX_SHEAR),
-        "radius_error": (-0.2, 0.2),
-        "com_x": (-0.06 * length, 0.06 * length),
-        "com_y": (-0.25 * gauge, 0.25 * gauge),
-    }
-
-
-def simulated_twist(candidate: Candidate, target: Target, along: float = Ground().along, threads: int = 0) -> Array:
-    """Simulated steady twists (M, 2) of a candidate at a target's sprocket speeds [m/s, rad/s]."""
-    robot = compiled(replace(candidate.robot, radius_error=0.0))
-    omega = target.omega(candidate.geometry)
-    drive = tireless(max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * candidate.robot.sprocket_radius))
-    ground = Ground(along, along * candidate.friction_ratio, shear=candidate.shear)
-    fleet = Fleet(robot, np.zeros((len(omega), 3)), ground, candidate.robot.radius_error, drive, threads)
-    fleet.command(omega)
-    fleet.advance(_time_to_be_steady(candidate, omega, fleet.period))
-    v, _, w = fleet.twist().T
-    if target.of_plate:  # the robot leans to one side, and so does the plate
-        v = v - w * se2.between(fleet.pose(), fleet.plate)[:, 1]
-    return np.stack([v, w], axis=-1)
-
-
-def _time_to_be_steady(candidate: Candidate, omega: Array, period: float) -> float:
-    """Settling time of turns at sprocket speeds `omega` (M, 2) [rad/s], in whole servo periods [s]."""
-    moving = np.abs(omega[omega != 0]) * candidate.robot.sprocket_radius
-    if candidate.shear == 0 or not moving.size:
-        return _STEADY
-    passed = _PASSES * candidate.robot.contact_length / float(moving.min())
-    return round(min(_STEADY + passed, _LONGEST) / period) * period
-
-
-def theoretical_twist(candidate: Candidate, target: Target) -> Array:
-    """Theoretical steady twists (M, 2) of a candidate at a target's sprocket speeds [m/s, rad/s]."""
-    robot, ratio = candidate.robot, candidate.friction_ratio
-    contact = robot.contact_theory(1.0, ratio, points=20)
-    surface = target.omega(candidate.geometry) * robot.sprocket_radius * (1 + robot.radius_error)
-    return steady_twist(surface, contact, 9.81, candidate.shear)[:, [0, 2]]
+    value: float
+    unit: str
+    stderr: float
+    """Standard error; of a parameter that is held, that of its prior."""
+    low: float
+    """Lower end of the 95 % interval."""
+    high: float
+    """Its upper end."""
+    held: str = ""
+    """The reason if the target doesn't tell the parameter, and the fit keeps its first value."""
 
 
 @dataclass(frozen=True)
@@ -114,166 +45,306 @@ class Calibration:
     """The best candidate for a target."""
 
     candidate: Candidate
-    """The candidate itself."""
-    free: tuple[str, ...]
-    """Names of the fitted parameters."""
-    stderr: dict[str, float]
-    """Standard error of each identifiable parameter, from the residuals."""
+    estimates: dict[str, Estimate]
+    """Each parameter that was free, by name."""
     correlation: dict[str, dict[str, float]]
-    """Correlation of each identifiable parameter's error with the other parameters' [-]."""
-    tied: tuple[str, ...]
-    """Parameters that the target doesn't determine individually."""
-    slip_rms: float
-    """RMS error of the slips [-]."""
-    radius_rms: float | None
-    """RMS relative error of the radii [-]; None for a target without radii."""
-    ends: tuple[tuple[Candidate, float], ...]
-    """Optimum found from each start, with its sum of squared weighted residuals; the best first."""
+    """Correlation of each fitted parameter's error with the others' [-]."""
+    cost: float
+    """Half the loss that was minimised."""
+    metrics: dict[str, float]
+    """Errors of the candidate."""
+    before: dict[str, float]
+    """Errors of the base candidate."""
+    folds: tuple[Candidate, ...] = ()
+    """The candidates fitted without each fold."""
+    held_out: dict[str, float] | None = None
+    """Their errors in the folds that they were not fitted to."""
+    held_out_before: dict[str, float] | None = None
+    """Errors of the base candidate in the same folds."""
+    ends: tuple[tuple[Candidate, float], ...] = ()
+    """Optimum found from each start, with its cost; the best first."""
 
 
-def starts(free: Sequence[str], count: int, generator: np.random.Generator) -> Array:
-    """Random starts (count, len(free)), scaled to the bounds: from 0.1 to 0.9."""
-    return generator.uniform(0.1, 0.9, (count, len(free)))
+def random_starts(free: Sequence[str], count: int, generator: np.random.Generator) -> Array:
+    """Further starts (count, p), in standard deviations of the priors."""
+    return generator.uniform(-1.5, 1.5, (count, len(free)))
 
 
 def calibrate(
+    target: Target,
     base: Candidate,
     free: Sequence[str],
-    target: Target,
-    twist: TwistOf,
-    further: Array,
-    progress: Progress = lambda starts: None,
+    folds: np.ndarray | None = None,
+    further: Array | None = None,
+    progress: Progress = lambda fits: None,
 ) -> Calibration:
-    """Fit parameters to the turns of a target.
+    """Fit parameters of a candidate to a target.
+
+    Robust Gauss-Newton iterations with normal priors around the values of `base`. Parameters that remain as vague as
+    their priors, and don't differ from them significantly, are held there. Standard errors are those of clusters (the
+    sandwich of Huber and White) where the target is robust, else from the residuals.
 
     Args:
+        target: what the robot did.
         base: the first start, and the values of the other parameters.
-        free: names of the parameters to fit, see `bounds`.
-        target: the turns to reproduce.
-        twist: `simulated_twist` or `theoretical_twist`.
-        further: more starts (S, len(free)), scaled to the bounds: from 0 to 1.
-        progress: called with 1 after each start.
+        free: names of the parameters to fit, of `PARAMETERS`.
+        folds: label (n,) of the fold of each error of the target, which a candidate fitted to the others predicts.
+            Those with negative labels are never predicted.
+        further: more starts (S, p), see `random_starts`.
+        progress: called with 1 after each start, and after each fold.
 
     Raises:
-        InvalidValueError: for an unknown name, a name given twice, or too many parameters for the target.
+        InvalidValueError: for names that are unknown, given twice or say the same, and too many for the target.
     """
-    limits, most = bounds(base), target.independent - 1
-    for name in free:
-        require(name in limits, "free", name, f"one of {', '.join(limits)}")
-        require(list(free).count(name) == 1, "free", name, "named once")
-    require(0 < len(free) <= most, "free", list(free), f"one to {most} parameters for this target")
-    if "shear" in free and base.shear == 0:  # at its bound, a fit to ground that shears might not leave it
-        base = base.with_values({"shear": _FIRST_SHEAR})
-    problem = _Problem(base, tuple(free), target, twist)
-    first = problem.scaled(base)
-    tied, held = undetermined(problem.jacobian(first))
-    # parameters that the target doesn't determine are held at the same values for every start
-    ends = []
-    for start in (first, *further):
-        ends.append(problem.minimum(np.where(held, first, start), held))
+    names = _checked(free, target)
+    problem = _Problem(target, base, names)
+    held, ends = dict[str, str](), []
+    for start in (problem.first, *(() if further is None else further)):
+        ends.append(problem.minimum(np.clip(start, problem.low, problem.high), held))
         progress(1)
-    return problem.described(sorted(ends, key=lambda end: end[1]), tied, held)
+    best = min(ends, key=lambda end: end.cost)
+    while (vague := problem.vaguest(best, held)) is not None:
+        held[vague[0]] = vague[1]
+        best = problem.minimum(np.where([name in held for name in names], 0.0, best.scaled), held, best.jacobian)
+    ends = sorted(ends, key=lambda end: end.cost)
+    found = problem.described(best, held, tuple((problem.candidate(end.scaled), end.cost) for end in ends))
+    return found if folds is None else _with_folds(found, problem, best, held, folds, progress)
 
 
-def floor(fit: Calibration, target: Target) -> Calibration:
-    """The best fit of quasi-static Coulomb theory to a target's slips, with the same free parameters as `fit`."""
-    if isinstance(target, TurnTable):
-        target = replace(target, radius_scale=np.inf)
-    return calibrate(fit.candidate, fit.free, target, theoretical_twist, np.empty((0, len(fit.free))))
+def _checked(free: Sequence[str], target: Target) -> tuple[str, ...]:
+    for name in free:
+        require(name in PARAMETERS, "free", name, f"one of {', '.join(PARAMETERS)}")
+        require(list(free).count(name) == 1, "free", name, "named once")
+    same = {"radius_left", "radius_right"} & set(free)
+    if "radius_error" in free and same:
+        allowed = "either radius_error, of both sides, or radius_left and radius_right"
+        raise InvalidValueError("free", list(free), allowed)
+    most = int(target.layout.share.sum() + 0.5) - 1
+    require(0 < len(free) <= most, "free", list(free), f"one to {most} parameters for this target")
+    return tuple(free)
 
 
-def undetermined(jacobian: Array) -> tuple[np.ndarray, np.ndarray]:
-    """Parameters (k,) undetermined by residuals with this Jacobian (n, k), and the subset to hold fixed (k,).
+@dataclass(frozen=True)
+class _End:
+    """Where a fit ended."""
 
-    These are parameters without effect, and those that compensate each other: directions with a large condition index
-    of the Jacobian with columns of unit length (Belsley, Kuh and Welsch 1980). The last parameter of each such
-    direction is held.
-    """
-    length = np.linalg.norm(jacobian, axis=0)
-    silent = length <= _SILENT * length.max()
-    tied, held = silent.copy(), silent.copy()
-    for _ in range(len(length)):
-        left = np.flatnonzero(~held)
-        _, singular, directions = np.linalg.svd(jacobian[:, left] / length[left], full_matrices=False)
-        if singular[0] < _COLLINEAR * singular[-1]:
-            break
-        together = left[np.abs(directions[-1]) > _PART]
-        tied[together] = True
-        held[together[-1]] = True
-    return tied, held
+    scaled: Array  # (p,)
+    errors: Array  # (n,)
+    jacobian: Array  # (n, p)
+    sigma: Array  # (kinds,)
+    cost: float
 
 
 class _Problem:
-    """The residuals as a function of scaled parameters, 0 at the lower bound and 1 at the upper one."""
+    """The loss as a function of p parameters, in standard deviations of their priors."""
 
-    def __init__(self, base: Candidate, free: tuple[str, ...], target: Target, twist: TwistOf) -> None:
-        self._base, self._free, self._target, self._twist = base, free, target, twist
-        limits = bounds(base)
-        self._low, self._high = np.array([limits[name] for name in free]).T
-
-    def scaled(self, candidate: Candidate) -> Array:
-        """Scaled parameters (k,) of a candidate."""
-        values = np.array([candidate.value(name) for name in self._free])
-        return np.clip((values - self._low) / (self._high - self._low), 0.0, 1.0)
+    def __init__(self, target: Target, base: Candidate, names: tuple[str, ...]) -> None:
+        self.target, self._base, self.names = target, base, names
+        self._layout = target.layout
+        limits = [PARAMETERS[name].limits(base) for name in names]
+        self.low, self.high = np.array(limits).T
+        # a bound that is the prior's centre may have no slope
+        self.first = np.where(self.low == 0, min(0.5, *self.high), 0.0)
+        self._moves = np.array([name not in OF_SENSOR for name in names])
 
     def candidate(self, scaled: Array) -> Candidate:
-        """The candidate with scaled parameters (k,)."""
-        values = self._low + scaled * (self._high - self._low)
-        return self._base.with_values(dict(zip(self._free, map(float, values), strict=True)))
+        """The candidate with scaled parameters (p,)."""
+        values = {n: PARAMETERS[n].unscaled(self._base, float(z)) for n, z in zip(self.names, scaled, strict=True) if z}
+        return self._base.with_values(values)
 
-    def residual(self, scaled: Array) -> Array:
-        """Residuals (n,)."""
-        candidate = self.candidate(scaled)
-        return self._target.residual(self._twist(candidate, self._target), candidate.geometry)
+    def errors(self, scaled: Array) -> Array:
+        """Errors (n,) of the target."""
+        return self.target.errors(self.candidate(scaled))
 
-    def jacobian(self, scaled: Array) -> Array:
-        """Jacobian (n, k) of the residuals, by central differences within the bounds."""
-        columns = []
-        for step in _STEP * np.eye(len(scaled)):
-            above, below = np.minimum(scaled + step, 1.0), np.maximum(scaled - step, 0.0)
-            columns.append((self.residual(above) - self.residual(below)) / np.sum(above - below))
-        return np.stack(columns, axis=-1)
+    def jacobian(self, scaled: Array, errors: Array, free: np.ndarray) -> Array:
+        """Derivatives (n, p) of the errors; 0 where not `free` (p,)."""
+        jacobian = np.zeros((len(errors), len(scaled)))
+        # those of the sensor first, whose motion is that of the last errors
+        for k in sorted(np.flatnonzero(free), key=lambda k: bool(self._moves[k])):
+            step = _STEP if scaled[k] + _STEP <= self.high[k] else -_STEP
+            jacobian[:, k] = (self.errors(scaled + step * (np.arange(len(scaled)) == k)) - errors) / step
+        return jacobian
 
-    def minimum(self, start: Array, held: np.ndarray) -> tuple[Array, float]:
-        """Local minimum reached from `start` (k,): parameters (k,) and sum of squares."""
+    def sizes(self, errors: Array, count: int) -> Array:
+        """Standard deviation (kinds,) of the errors of each kind, with `count` parameters fitted."""
+        layout, found = self._layout, self._layout.floor.copy()
+        for kind in range(len(found)):
+            rows = layout.kind == kind
+            size, share = np.abs(errors[rows]), layout.share[rows]
+            if layout.robust:
+                order = np.argsort(size)
+                middle = np.searchsorted(np.cumsum(share[order]), share.sum() / 2)
+                sigma = _MAD * size[order[middle]]
+            else:
+                sigma = np.sqrt(share @ size**2 / max(share.sum() - count, 1.0))
+            found[kind] = max(found[kind], sigma)
+        return found
 
-        def inserted(varied: Array) -> Array:
-            full = start.copy()
-            full[~held] = varied
-            return full
+    def weigh(self, errors: Array, sigma: Array) -> tuple[Array, Array]:
+        """Errors over their standard deviations (n,), and their weights (n,)."""
+        unit = errors / sigma[self._layout.kind]
+        return unit, self._layout.share / (1 + unit**2 if self._layout.robust else 1.0)
 
-        def residual(varied: Array) -> Array:
-            return self.residual(inserted(varied))
+    def cost(self, scaled: Array, errors: Array, sigma: Array) -> float:
+        """Half the loss: of Cauchy's distribution where single errors may be large, and of the prior."""
+        square = (errors / sigma[self._layout.kind]) ** 2
+        loss = np.log1p(square) if self._layout.robust else square
+        return float(self._layout.share @ loss + scaled @ scaled) / 2
 
-        if held.all():
-            return start, float(np.sum(self.residual(start) ** 2))
-        options = {"bounds": (0.0, 1.0), "diff_step": _STEP, "xtol": _TOLERANCE, "ftol": _TOLERANCE}
-        result = scipy.optimize.least_squares(residual, start[~held], **options)
-        return inserted(result.x), 2 * float(result.cost)
+    def minimum(self, start: Array, held: Mapping[str, str], known: Array | None = None) -> _End:
+        """The minimum that Gauss-Newton iterations reach from `start` (p,).
 
-    def described(self, ends: Sequence[tuple[Array, float]], tied: np.ndarray, held: np.ndarray) -> Calibration:
-        """The best minimum, the first of `ends`, as a Calibration."""
-        best = ends[0][0]
-        candidate = self.candidate(best)
-        twist = self._twist(candidate, self._target)
-        residual = self._target.residual(twist, candidate.geometry)
-        cost = float(residual @ residual)
-        degrees = self._target.independent - int((~held).sum())
-        variance = max(cost / degrees, (_NUMERICAL_ERROR / SLIP_SCALE) ** 2)
-        jacobian = self.jacobian(best)[:, ~held]
-        covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
+        The Jacobian (n, p), at first the one that is `known`, is updated by rank one (Broyden 1965), because a step of
+        finite differences costs a simulation for each parameter; where it ends, or misleads, it is found anew.
+        """
+        free = np.array([name not in held for name in self.names])
+        scaled, errors = start, self.errors(start)
+        jacobian, fresh = (self.jacobian(start, errors, free), True) if known is None else (known * free, False)
+        for _ in range(_ITERATIONS):
+            sigma = self.sizes(errors, int(free.sum()))
+            step, spread = self._step(scaled, errors, jacobian, sigma, free)
+            converged = np.max(np.abs(step) / spread, initial=0.0) < _CONVERGED
+            found = None if converged else self._descent(scaled, errors, sigma, step)
+            if found is None:
+                if fresh:
+                    break
+                jacobian, fresh = self.jacobian(scaled, errors, free), True
+                continue
+            change, changed = found[0] - scaled, found[1] - errors
+            jacobian = jacobian + np.outer(changed - jacobian @ change, change) / (change @ change)
+            (scaled, errors), fresh = found, False
+        sigma = self.sizes(errors, int(free.sum()))
+        return _End(scaled, errors, jacobian, sigma, self.cost(scaled, errors, sigma))
+
+    def _descent(self, scaled: Array, errors: Array, sigma: Array, step: Array) -> tuple[Array, Array] | None:
+        """Parameters and errors after a step, or a part of it, that lowers the cost; None if none does."""
+        cost = self.cost(scaled, errors, sigma)
+        for part in (1.0, 0.5, 0.2):
+            trial = np.clip(scaled + part * step, self.low, self.high)
+            tried = self.errors(trial)
+            if self.cost(trial, tried, sigma) < cost:
+                return trial, tried
+        return None
+
+    def _step(
+        self,
+        scaled: Array,
+        errors: Array,
+        jacobian: Array,
+        sigma: Array,
+        free: np.ndarray,
+        rows: np.ndarray | None = None,
+    ) -> tuple[Array, Array]:
+        """Gauss-Newton step (p,) and standard errors (p,), of the errors `rows` (n,) bool alone."""
+        unit, weight = self.weigh(errors, sigma)
+        weight = weight if rows is None else weight * rows
+        slope = jacobian / sigma[self._layout.kind, None]
+        matrix = (slope.T * weight) @ slope + np.eye(len(scaled))
+        step = -np.linalg.solve(matrix, slope.T @ (weight * unit) + scaled) * free
+        outwards = ((scaled <= self.low) & (step < 0)) | ((scaled >= self.high) & (step > 0))
+        if (outwards & free).any():
+            inside = self._step(scaled, errors, jacobian * ~outwards, sigma, free & ~outwards, rows)
+            return inside[0], inside[1]
+        return step, np.sqrt(np.diag(np.linalg.inv(matrix)))
+
+    def covariance(self, end: _End) -> Array:
+        """Covariance (p, p) of the scaled parameters; that of their priors where the target tells nothing."""
+        layout = self._layout
+        unit, weight = self.weigh(end.errors, end.sigma)
+        slope = end.jacobian / end.sigma[layout.kind, None]
+        if not layout.robust:
+            return np.asarray(np.linalg.inv((slope.T * weight) @ slope + np.eye(len(end.scaled))))
+        # the curvature of the loss, on average over a kind
+        bent = layout.share * (1 - unit**2) / (1 + unit**2) ** 2
+        curved = np.bincount(layout.kind, bent) / np.bincount(layout.kind, weight)
+        curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]
+        inverse = np.linalg.inv((slope.T * curvature) @ slope + np.eye(len(end.scaled)))
+        score = np.zeros((layout.clusters, len(end.scaled)))
+        np.add.at(score, layout.cluster, slope * (weight * unit)[:, None])
+        few = layout.clusters / max(layout.clusters - len(end.scaled), 1)
+        return np.asarray(inverse @ (few * score.T @ score + np.eye(len(end.scaled))) @ inverse)
+
+    def vaguest(self, end: _End, held: Mapping[str, str]) -> tuple[str, str] | None:
+        """The parameter that the target tells least of those it doesn't tell, and why; None if it tells all."""
+        covariance = self.covariance(end)
         spread = np.sqrt(np.diag(covariance))
-        stderr = spread * (self._high - self._low)[~held]
-        correlation = covariance / np.maximum(np.outer(spread, spread), np.finfo(float).tiny)
-        place = {name: k for k, name in enumerate(np.array(self._free)[~held].tolist())}
-        known = [name for name, t in zip(self._free, tied, strict=True) if not t]
+        vague = (spread > _VAGUE) & (np.abs(end.scaled) < _SIGNIFICANT * spread)
+        vague &= [name not in held for name in self.names]
+        if not vague.any():
+            return None
+        k = int(np.argmax(np.where(vague, spread, 0.0)))
+        slope = end.jacobian / end.sigma[self._layout.kind, None]
+        strength = np.linalg.norm(slope * np.sqrt(self._layout.share)[:, None], axis=0)
+        correlation = covariance[k] / (spread[k] * spread)
+        others = [
+            name
+            for j, name in enumerate(self.names)
+            if j != k and name not in held and (abs(correlation[j]) > _TIED or self._alike(slope, k, j))
+        ]
+        if strength[k] < 1 or not others:
+            return self.names[k], "the target does not tell it"
+        return self.names[k], f"the target does not tell it from {' and '.join(others)}"
+
+    def _alike(self, slope: Array, k: int, j: int) -> bool:
+        """True if two parameters change the errors nearly alike."""
+        a, b = (slope[:, i] * np.sqrt(self._layout.share) for i in (k, j))
+        return bool(abs(a @ b) > 0.95 * np.linalg.norm(a) * np.linalg.norm(b) > 0)
+
+    def described(self, end: _End, held: Mapping[str, str], ends: tuple[tuple[Candidate, float], ...]) -> Calibration:
+        """The result of a fit."""
+        target, base = self.target, self._base
+        covariance = self.covariance(end)
+        spread = np.sqrt(np.diag(covariance))
+        free = len(self.names) - len(held)
+        count = self._layout.clusters if self._layout.robust else self._layout.share.sum()
+        reach = float(scipy.stats.t.ppf(0.975, max(count - free, 1)))
+        estimates = {}
+        for k, name in enumerate(self.names):
+            one, sd = PARAMETERS[name], 1.0 if name in held else spread[k]
+            value = one.read(self.candidate(end.scaled))
+            width = one.spread * (value if one.relative else one.size(base)) * sd
+            ends_z = np.clip(end.scaled[k] + np.array([-reach, reach]) * sd, self.low[k], self.high[k])
+            low, high = (one.unscaled(base, float(z)) for z in ends_z)
+            estimates[name] = Estimate(value, one.unit, float(width), low, high, held.get(name, ""))
+        known = [k for k, name in enumerate(self.names) if name not in held]
+        correlation = {
+            self.names[a]: {self.names[b]: float(covariance[a, b] / (spread[a] * spread[b])) for b in known if b != a}
+            for a in known
+        }
+        candidate = self.candidate(end.scaled)
         return Calibration(
-            candidate=candidate,
-            free=self._free,
-            stderr={name: float(stderr[place[name]]) for name in known},
-            correlation={a: {b: float(correlation[place[a], place[b]]) for b in known if b != a} for a in known},
-            tied=tuple(name for name, t in zip(self._free, tied, strict=True) if t),
-            slip_rms=self._target.slip_rms(twist, candidate.geometry),
-            radius_rms=self._target.radius_rms(twist),
-            ends=tuple((self.candidate(scaled), cost) for scaled, cost in ends),
+            candidate,
+            estimates,
+            correlation,
+            end.cost,
+            target.metrics(target.errors(candidate)),
+            target.metrics(target.errors(base)),
+            ends=ends,
         )
+
+    def without(self, end: _End, rows: np.ndarray, held: Mapping[str, str]) -> Array:
+        """Scaled parameters (p,) fitted to the errors `rows` (n,) bool, which are linear in them near `end`."""
+        free = np.array([name not in held for name in self.names])
+        scaled = end.scaled
+        for _ in range(_LINEAR):
+            errors = end.errors + end.jacobian @ (scaled - end.scaled)
+            step, _ = self._step(scaled, errors, end.jacobian, end.sigma, free, rows)
+            scaled = np.clip(scaled + step, self.low, self.high)
+        return scaled
+
+
+def _with_folds(
+    found: Calibration, problem: _Problem, end: _End, held: Mapping[str, str], folds: np.ndarray, progress: Progress
+) -> Calibration:
+    """The result with predictions of each fold by the candidates fitted to the others."""
+    target = problem.target
+    errors, before = np.full(len(end.errors), np.nan), np.full(len(end.errors), np.nan)
+    first, candidates = problem.errors(np.zeros(len(problem.names))), []
+    for fold in np.unique(folds[folds >= 0]):
+        out = folds == fold
+        candidates.append(problem.candidate(problem.without(end, ~out, held)))
+        errors[out], before[out] = target.errors(candidates[-1])[out], first[out]
+        progress(1)
+    return replace(
+        found, folds=tuple(candidates), held_out=target.metrics(errors), held_out_before=target.metrics(before)
+    )

@@ -31,8 +31,7 @@ class Drive:
     delay: float = field(default=0.0, metadata={"stored_unless": 0.0})
     """Dead time between a command and the speed controller [s]."""
     droop: float = field(default=0.0, metadata={"stored_unless": 0.0})
-    """Steady loss of speed per torque of the motor, because the speed controller does not compensate its load fully
-    [rad/s per N m]."""
+    """Steady loss of speed per torque of the motor [rad/s per N m]."""
     top_speed: float = 0.3
     """Largest speed of a track [m/s] (paper, Sec. II)."""
     torque_limit: float = 8.0
@@ -95,14 +94,14 @@ class DriveState(Restorable):
     def __init__(
         self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None, mass: float = 1.0
     ) -> None:
-        """Start at rest; the sprockets drive the belts at `effective_radius` (N, 1), by default the nominal one [m].
+        """Start at rest; the sprockets drive the belts at `effective_radius` (N, 2), by default the nominal one [m].
 
         `mass` is that of each robot [kg].
         """
         self.drive = drive
         """Servo and motor of all sprockets."""
-        self.radius = np.full((n, 1), sprocket_radius) if effective_radius is None else effective_radius
-        """Effective radii of the sprockets (N, 1) [m]."""
+        self.radius = np.full((n, 2), sprocket_radius) if effective_radius is None else effective_radius
+        """Effective radii of the sprockets (N, 2) [m]."""
         self.limit = drive.top_speed / sprocket_radius
         """Largest sprocket speed [rad/s]."""
         self._fastest: Any = self.limit  # no sprocket has ever turned faster [rad/s]
@@ -209,18 +208,24 @@ class DriveState(Restorable):
         """Update the load from final and mean speeds (N, 2) [rad/s] and torques (N, 2) [N m] in the next period."""
         load, mean = modes(torque) - self._inertia() * modes(omega - self.omega), modes(mean)
         turn, rise = (mean - self._mean)[:, 1:], (load - self._load)[:, 1:]
-        shown = np.abs(turn) * self.radius > _LEAST_CHANGE
+        shown = np.abs(turn) * self._mean_radius > _LEAST_CHANGE
         slope = rise / np.where(shown, turn, 1.0) / self._stiffness()
         self._slid = np.where(shown, 1 - np.clip(slope, _FLATTER * (1 - self._slid), 1.0), 0.0)
         self._load, self._mean = load, mean
 
+    @property
+    def _mean_radius(self) -> Array:
+        return self.radius.mean(axis=1, keepdims=True)
+
     def _stiffness(self) -> Array:
         """Slopes (N, 1) of the torques over opposite speeds while friction holds the heading [N m s/rad]."""
-        return OPPOSITE * self._mass * self.radius**2
+        return OPPOSITE * self._mass * self._mean_radius**2
 
     def _inertia(self) -> Array:
         """Torques that accelerate motors and robots, over the change of the modes' speeds in a period (N, 2)."""
-        return ((1 - _OF_OPPOSITE) * self._mass * self.radius**2 / 2 + self.drive.motor.inertia) / self.drive.period
+        return (
+            (1 - _OF_OPPOSITE) * self._mass * self._mean_radius**2 / 2 + self.drive.motor.inertia
+        ) / self.drive.period
 
     def _line(self, periods: int) -> Array:
         """Set points (N, Q + P, 2) in the Q last periods and the P next ones [rad/s]."""

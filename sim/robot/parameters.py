@@ -57,6 +57,8 @@ class RobotParameters:
     """Nominal radius of the sprockets [m]."""
     radius_error: float = RADIUS_ERROR
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
+    radius_split: float = field(default=0.0, metadata=UNLESS_ZERO)
+    """Half the error of the right sprocket's radius less that of the left one's [-]."""
     mass: float = 25.0
     """Mass of the robot [kg]."""
     com_x: float = 0.0
@@ -92,7 +94,8 @@ class RobotParameters:
             require(value >= _MIN_SIZE, name, value, f"at least {_MIN_SIZE:g} {unit}")
         if self.inertia:
             require_inertia(self.inertia)
-        require_within("radius_error", self.radius_error, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
+        for name in ("radius_error", "radius_split"):
+            require_within(name, getattr(self, name), -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
         for name in ("com_x", "com_y"):
             require_finite(name, getattr(self, name))
         self._require_standing()
@@ -174,7 +177,7 @@ class RobotParameters:
     def apply(self, spec: mujoco.MjSpec) -> None:
         """Apply the parameters to a model: move the tracks, stretch their contact, set mass, inertia and its centre."""
         default = RobotParameters()
-        if dataclasses.replace(self, drive=default.drive) == default:
+        if dataclasses.replace(self, drive=default.drive, radius_split=0.0) == default:
             return
         stretch = self.contact_length / default.contact_length
         chassis = spec.body("chassis")
@@ -261,6 +264,11 @@ def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -
         driven = f"\n[drive]\n{_lines(drive)}\n[drive.motor]\n{motor}"
     friction = f"along = {ground.along!r}\nacross = {ground.across!r}\n{shear}"
     return f"# {comment}\n{_lines(given)}\n[ground]\n{friction}{driven}"
+
+
+def ground_file_text(ground: Ground, comment: str) -> str:
+    """Text of a ground file; `ground` must be level, without patches and changes."""
+    return f"# {comment}\n{_lines({name: getattr(ground, name) for name in ('along', 'across', 'shear')})}"
 
 
 def _lines(values: dict[str, Any]) -> str:

@@ -311,7 +311,7 @@ def test_options_may_be_one_each_and_none_is_drawn():
     env.reset(seed=3)
     drawn = env.unwrapped.task.fleet.drive.radius.copy()
     env.reset(seed=3, options={"radius_error": [None, 0.2], "ground": [None, "ice"]})
-    np.testing.assert_allclose(env.unwrapped.task.fleet.drive.radius, [drawn[0], [1.2 * radius]])
+    np.testing.assert_allclose(env.unwrapped.task.fleet.drive.radius, [drawn[0], [1.2 * radius] * 2])
     assert [ground.along for ground in env.unwrapped.task.fleet.ground][1] == 0.12
     with pytest.raises(InvalidValueError, match="radius_error = None"):
         env.reset(options={"radius_error": None})

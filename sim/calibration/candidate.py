@@ -1,0 +1,182 @@
+"""Candidates of a calibration, and the parameters in which they can differ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from sim.ground.ground import Ground
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import compiled
+from trackslip.kinematics import RobotGeometry
+from trackslip.se2 import Mounting
+
+_G = 9.81
+_FARTHEST = 3.0  # from the base value [standard deviations of the prior]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A robot with its drive on level ground, and the sensor of its poses."""
+
+    robot: RobotParameters = field(default_factory=RobotParameters)
+    ground: Ground = field(default_factory=Ground)
+    sensor: Mounting = field(default_factory=Mounting)
+    """Place of the sensor of the poses."""
+    clock: float = 0.0
+    """Encoder clock minus pose clock [s]."""
+
+    @property
+    def geometry(self) -> RobotGeometry:
+        """Geometry for the kinematics."""
+        return self.robot.geometry
+
+    def value(self, name: str) -> float:
+        """Value of a parameter, by name."""
+        return PARAMETERS[name].read(self)
+
+    def with_values(self, values: Mapping[str, float]) -> Candidate:
+        """A candidate with some parameters changed, by name."""
+        candidate = self
+        for name, value in values.items():
+            candidate = PARAMETERS[name].write(candidate, value)
+        return candidate
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that can be fitted. Its prior is a normal distribution around the value of the base candidate."""
+
+    read: Callable[[Candidate], float]
+    """Value of a candidate."""
+    write: Callable[[Candidate, float], Candidate]
+    """The candidate with another value."""
+    spread: float
+    """Standard deviation of the prior in units of `size`, or of the logarithm if `relative`."""
+    unit: str = ""
+    relative: bool = False
+    size: Callable[[Candidate], float] = lambda base: 1.0
+    """Unit of the standard deviation, for the base candidate."""
+    low: float = -math.inf
+    """Least value."""
+    high: float = math.inf
+    """Largest value."""
+
+    def scaled(self, base: Candidate, value: float) -> float:
+        """Distance of a value from that of the base, in standard deviations of the prior."""
+        centre = self.read(base)
+        if self.relative:
+            return math.log(value / centre) / self.spread
+        return (value - centre) / (self.spread * self.size(base))
+
+    def unscaled(self, base: Candidate, scaled: float) -> float:
+        """The inverse of `scaled`."""
+        centre = self.read(base)
+        if self.relative:
+            return centre * math.exp(scaled * self.spread)
+        return centre + scaled * self.spread * self.size(base)
+
+    def limits(self, base: Candidate) -> tuple[float, float]:
+        """Limits of the scaled value: three standard deviations, less where no candidate has the value."""
+        positive = self.relative and self.low < 0
+        low = -_FARTHEST if positive else max(-_FARTHEST, self.scaled(base, self.low))
+        return low, min(_FARTHEST, self.scaled(base, self.high))
+
+
+def _field(owner: str, name: str, spread: float, unit: str = "", **options: Any) -> Parameter:
+    """A field of the candidate (owner ""), of its robot, drive, ground or sensor."""
+
+    def of(candidate: Candidate) -> Any:
+        if owner == "drive":
+            return candidate.robot.drive
+        return getattr(candidate, owner) if owner else candidate
+
+    def write(candidate: Candidate, value: float) -> Candidate:
+        changed = replace(of(candidate), **{name: value})
+        if owner == "drive":
+            return replace(candidate, robot=replace(candidate.robot, drive=changed))
+        return replace(candidate, **{owner: changed}) if owner else changed
+
+    functions: dict[str, Any] = {"read": lambda candidate: float(getattr(of(candidate), name)), "write": write}
+    return Parameter(**functions | {"spread": spread, "unit": unit} | options)
+
+
+def _with_length(candidate: Candidate, length: float) -> Candidate:
+    return replace(candidate, robot=candidate.robot.with_contact_length(length))
+
+
+def _ratio(candidate: Candidate) -> float:
+    return candidate.ground.across / candidate.ground.along
+
+
+def _with_friction(candidate: Candidate, along: float) -> Candidate:
+    return replace(candidate, ground=replace(candidate.ground, along=along, across=along * _ratio(candidate)))
+
+
+def _with_ratio(candidate: Candidate, ratio: float) -> Candidate:
+    return replace(candidate, ground=replace(candidate.ground, across=candidate.ground.along * ratio))
+
+
+def _radius(side: int) -> Parameter:
+    """Error of the radius of a sprocket, left 0, right 1."""
+
+    def sides(candidate: Candidate) -> list[float]:
+        mean, split = candidate.robot.radius_error, candidate.robot.radius_split
+        return [mean - split, mean + split]
+
+    def write(candidate: Candidate, value: float) -> Candidate:
+        both = sides(candidate)
+        both[side] = value
+        left, right = both
+        robot = replace(candidate.robot, radius_error=(left + right) / 2, radius_split=(right - left) / 2)
+        return replace(candidate, robot=robot)
+
+    return Parameter(lambda candidate: sides(candidate)[side], write, 0.07)
+
+
+def _yaw_inertia(candidate: Candidate) -> float:
+    """Inertia about the vertical axis through the centre of mass [kg m^2]."""
+    model, axes = compiled(candidate.robot).model, np.empty(9)
+    chassis = model.body("chassis").id
+    mujoco.mju_quat2Mat(axes, model.body_iquat[chassis])
+    return float(np.square(axes[6:]) @ model.body_inertia[chassis])
+
+
+def _full_droop(candidate: Candidate) -> float:
+    """Droop at which a turn on the spot would take all of the top speed [rad/s per N m]."""
+    robot = candidate.robot
+    torque = candidate.ground.along * robot.mass * _G * robot.sprocket_radius / 2
+    return robot.drive.top_speed / robot.sprocket_radius / torque
+
+
+PARAMETERS = {
+    "half_gauge": _field("robot", "half_gauge", 0.1, "m", relative=True),
+    "contact_length": _field("robot", "contact_length", 0.15, "m", relative=True, write=_with_length),
+    "radius_error": _field("robot", "radius_error", 0.07),
+    "radius_left": _radius(0),
+    "radius_right": _radius(1),
+    "friction": _field("ground", "along", 0.7, relative=True, write=_with_friction),
+    "friction_ratio": Parameter(_ratio, _with_ratio, 0.3, relative=True),
+    "shear": _field("ground", "shear", 0.015, "m", low=0.0),
+    "com_x": _field("robot", "com_x", 0.02, "m", size=lambda base: base.robot.contact_length),
+    "com_y": _field("robot", "com_y", 0.15, "m", size=lambda base: base.robot.half_gauge),
+    "com_height": _field("robot", "com_height", 0.3, "m", relative=True),
+    "yaw_inertia": _field("robot", "yaw_inertia", 0.3, "kg m²", relative=True, read=_yaw_inertia),
+    "sensor_x": _field("sensor", "x", 0.3, "m"),
+    "sensor_y": _field("sensor", "y", 0.3, "m"),
+    "sensor_yaw": _field("sensor", "yaw", 0.1, "rad"),
+    "clock": _field("", "clock", 0.3, "s", low=-0.5, high=0.5),
+    "lag": _field("drive", "lag", 1.0, "s", relative=True, high=1.0),
+    "delay": _field("drive", "delay", 0.2, "s", low=0.0),
+    "droop": _field("drive", "droop", 0.1, "rad/s per N m", low=0.0, size=_full_droop),
+}
+"""Parameters that can be fitted, by name. Radii are relative errors, and lengths at the sensor's place in its frame."""
+OF_SENSOR = frozenset({"sensor_x", "sensor_y", "sensor_yaw", "clock"})
+"""Parameters that don't change how the robot moves."""
+OF_DRIVE = frozenset({"lag", "delay", "droop"})
+"""Parameters that count where commands drive the robot."""

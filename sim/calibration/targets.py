@@ -1,0 +1,348 @@
+"""Targets of a calibration: what a robot did, and the errors of a candidate that does the same in simulation."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
+from typing import Protocol
+
+import numpy as np
+
+from sim.calibration.candidate import Candidate
+from sim.drive.drive import Drive, tireless
+from sim.fleet import Fleet
+from sim.ground.ground import Ground
+from sim.log_replay import Inputs, Replay, Replayer
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import compiled
+from trackslip import se2
+from trackslip.errors import LogError
+from trackslip.identification.samples import SlipSamples
+from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sprocket_speeds, track_slip
+from trackslip.logs.runlog import RunLog
+from trackslip.metrics import rms
+from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
+from trackslip.skid_theory import steady_twist
+from trackslip.slip.exponential import PUBLISHED
+
+SLIP_SCALE = 0.007
+"""Scale of the slip errors of a table of turns [-]: about the residual of the best fit to the published slips."""
+_RADIUS_SCALE = 0.07  # of its relative radius errors [-]: the best fit leaves 0.05; radii count half as much as slips
+_TOP_SPEED = 0.3  # of the paper's robot, which scales faster commands by the same factor for both tracks [m/s]
+_STEADY = 2.0  # time until the motion is steady [s]
+_PASSES, _LONGEST = 2.0, 12.0  # on ground that shears: contact lengths of the slowest belt; but no longer than [s]
+_NUMERICAL_ERROR = 2e-5  # of simulated motion, relative
+HORIZONS = (0.5, 1.0, 1.8, 5.0)
+"""Times ahead at which a drive is compared with its simulation [s]."""
+_PAIRS = 4.0  # pairs of poses in a horizon, about
+_MIN_DRIVEN = 0.1  # way of the belts during which a robot moves [half gauges]
+_POSE_PERIOD = 0.045  # time between poses, at least [s]
+_WINDOW = 6.5  # duration of the windows into which drives are cut [s]
+_MAX_WINDOWS = 200
+_KEPT = 3  # motions
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Structure of n errors."""
+
+    kind: np.ndarray
+    """Kind of each error (n,), from 0; those of a kind are of one size."""
+    share: Array
+    """Weight of each error (n,): errors that tell the same share one."""
+    cluster: np.ndarray
+    """Cluster of each error (n,), from 0; errors of different clusters are independent."""
+    floor: Array
+    """Least size of the errors of each kind (kinds,): that of the simulation's own."""
+    robust: bool
+    """True if single errors may be large."""
+
+    @property
+    def clusters(self) -> int:
+        """Number of clusters."""
+        return int(self.cluster.max()) + 1
+
+
+class Target(Protocol):
+    """What a robot did: n measured numbers."""
+
+    @property
+    def layout(self) -> Layout:
+        """Structure of the errors."""
+
+    def errors(self, candidate: Candidate) -> Array:
+        """Errors (n,), simulated minus measured."""
+
+    def metrics(self, errors: Array) -> dict[str, float]:
+        """Summary of errors (n,), NaN for those that don't count."""
+
+
+@dataclass(frozen=True)
+class TurnTable:
+    """Left turns, commanded by radius and speed without slip compensation, with published slips and radii.
+
+    The slips refer to the nominal geometry of the robot being calibrated.
+    """
+
+    commanded_radius: Array  # (M,) [m]
+    speed: Array  # (M,) [m/s]
+    observed_radius: Array  # (M,) [m]
+    slip: Array  # (M, 2) of the left, inner, and the right, outer track [-]
+    independent: int
+    """Number of independent errors."""
+    radius_scale: float = _RADIUS_SCALE
+    """Scale of the relative radius errors [-]; infinite to ignore the radii."""
+    theory: bool = False
+    """Whether candidates turn as theory says, not the simulator."""
+    threads: int = 0
+
+    @classmethod
+    def published(cls, threads: int = 0) -> TurnTable:
+        """The paper's 25 runs: Eq. 11 at the observed radii, independent of speed, so that five radii count."""
+        radius, speed = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
+        observed = np.repeat(OBSERVED_RADII, len(SPEEDS))
+        return cls(radius, speed, observed, PUBLISHED(1 / observed), 3 * len(COMMANDED_RADII), threads=threads)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Structure of the errors: of slips, left and right, then of radii."""
+        turn = np.arange(len(self.speed))
+        cluster = np.concatenate([np.repeat(turn, 2), turn])
+        share = np.full(len(cluster), self.independent / len(cluster))
+        floor = np.array([_NUMERICAL_ERROR / SLIP_SCALE])
+        return Layout(np.zeros(len(cluster), int), share, cluster, floor, robust=False)
+
+    def omega(self, geometry: RobotGeometry) -> Array:
+        """Sprocket speeds (M, 2) commanded to a robot of this geometry, without slip compensation [rad/s]."""
+        twist = np.stack([self.speed, self.speed / self.commanded_radius], axis=-1)
+        return limit_sprocket_speeds(sprocket_speeds(twist, 0.0, geometry), _TOP_SPEED / geometry.sprocket_radius)
+
+    def errors(self, candidate: Candidate) -> Array:
+        """Errors (n,) of slips and of logarithms of radii, each over its scale."""
+        omega = self.omega(candidate.geometry)
+        turns = steady_turns(candidate.robot, candidate.ground, omega, theory=self.theory, threads=self.threads)
+        twist = turns[:, [0, 2]]
+        slip = (track_slip(omega, twist, candidate.geometry) - self.slip) / SLIP_SCALE
+        radius = np.log(twist[:, 0] / twist[:, 1] / self.observed_radius) / self.radius_scale
+        return np.concatenate([slip.ravel(), radius])
+
+    def metrics(self, errors: Array) -> dict[str, float]:
+        """RMS errors of the slips [-], and relative ones of the radii."""
+        slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(self.speed)]))
+        found = {"slip_rms": rms(slip * SLIP_SCALE)}
+        if np.isfinite(self.radius_scale):
+            found["radius_rms"] = rms(np.expm1(radius * self.radius_scale))
+        return found
+
+
+@dataclass(frozen=True)
+class SteadyRows:
+    """Steady samples of a real or simulated robot: sprocket speeds, and twists at the sensor."""
+
+    samples: SlipSamples
+    geometry: RobotGeometry
+    """Geometry that defines the slips, whatever the candidate's."""
+    of_plate: bool = False
+    """True if the twists are the plate's, as the scanner sees them, rather than the tracks'."""
+    theory: bool = False
+    """Whether candidates turn as theory says, not the simulator."""
+    threads: int = 0
+
+    @cached_property
+    def _measured(self) -> Array:
+        """Speeds v, w and, if measured, the lateral ones (2 or 3, M)."""
+        lateral = self.samples.lateral
+        return np.array([*self.samples.twist.T] + ([] if lateral is None else [lateral]))
+
+    @cached_property
+    def _turns(self) -> Callable[[RobotParameters, Ground], Array]:
+        """Steady twists (M, 3), kept for candidates that differ in the sensor only."""
+
+        @lru_cache(_KEPT)
+        def turns(robot: RobotParameters, ground: Ground) -> Array:
+            return steady_turns(robot, ground, self.samples.omega, self.of_plate, self.theory, self.threads)
+
+        return turns
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Structure of the errors: of v, w and lateral speeds, one cluster a row."""
+        kinds, rows = self._measured.shape
+        fastest = rms(self.samples.omega) * self.geometry.sprocket_radius * _NUMERICAL_ERROR
+        floor = np.array([fastest, fastest / self.geometry.half_gauge, fastest])[:kinds]
+        kind, cluster = np.repeat(np.arange(kinds), rows), np.tile(np.arange(rows), kinds)
+        return Layout(kind, np.ones(kinds * rows), cluster, floor, robust=True)
+
+    def errors(self, candidate: Candidate) -> Array:
+        """Errors (n,) of v [m/s], w [rad/s] and lateral speeds [m/s]."""
+        return (self.predicted(candidate)[: len(self._measured)] - self._measured).ravel()
+
+    def predicted(self, candidate: Candidate) -> Array:
+        """Simulated v, w and lateral speeds (3, M) at the sensor [m/s, rad/s]."""
+        twist, place = self._turns(candidate.robot, candidate.ground), candidate.sensor
+        w = twist[:, 2]
+        moved = se2.rotate(-place.yaw, twist[:, :2] + w[:, None] * [-place.y, place.x])
+        return np.stack([moved[:, 0], w, moved[:, 1]])
+
+    def metrics(self, errors: Array) -> dict[str, float]:
+        """RMS errors of the speeds [m/s, rad/s], and of the slips except where a sprocket rests."""
+        parts = errors.reshape(self._measured.shape)
+        rows = np.isfinite(parts).all(axis=0)
+        names = ("v_rms", "w_rms", "lateral_rms")
+        found = {name: rms(part[rows]) for name, part in zip(names, parts, strict=False)}
+        slip = track_slip(self.samples.omega[rows], (self._measured[:2] + parts[:2]).T[rows], self.geometry)
+        slip -= self.samples.slip[rows]
+        return found | {"slip_rms": rms(slip[np.isfinite(slip)])}
+
+
+def steady_turns(
+    robot: RobotParameters,
+    ground: Ground,
+    omega: Array,
+    of_plate: bool = False,
+    theory: bool = False,
+    threads: int = 0,
+) -> Array:
+    """Steady twists (M, 3) of a robot at sprocket speeds (M, 2) [rad/s]: forwards, to the left, yaw rate.
+
+    They are simulated or those of quasi-static theory, of the middle of the tracks or of the plate on a leaning robot.
+    """
+    if theory:
+        contact = robot.contact_theory(ground.along, ground.across, points=20)
+        sides = 1 + robot.radius_error + robot.radius_split * np.array([-1.0, 1.0])
+        return steady_twist(omega * robot.sprocket_radius * sides, contact, 9.81, ground.shear)
+    drive = tireless(max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * robot.sprocket_radius))
+    fleet = Fleet(compiled(robot), np.zeros((len(omega), 3)), ground, robot.radius_error, drive, threads)
+    fleet.command(omega)
+    fleet.advance(_time_to_be_steady(robot, ground, omega, fleet.period))
+    twist = fleet.twist()
+    if of_plate:  # the robot leans to one side, and so does the plate
+        twist[:, 0] -= twist[:, 2] * se2.between(fleet.pose(), fleet.plate)[:, 1]
+    return twist
+
+
+def _time_to_be_steady(robot: RobotParameters, ground: Ground, omega: Array, period: float) -> float:
+    """Settling time of turns at sprocket speeds `omega` (M, 2) [rad/s], in whole servo periods [s]."""
+    moving = np.abs(omega[omega != 0]) * robot.sprocket_radius
+    if ground.shear == 0 or not moving.size:
+        return _STEADY
+    passed = _PASSES * robot.contact_length / float(moving.min())
+    return round(min(_STEADY + passed, _LONGEST) / period) * period
+
+
+class Drives:
+    """Drives or windows of a log, compared by how far and whereto the robot moves within some horizons."""
+
+    def __init__(
+        self, logs: Sequence[RunLog], geometry: RobotGeometry, inputs: Inputs = "encoders", threads: int = 0
+    ) -> None:
+        """Cut logs into windows of about 6.5 s, which encoders or commands drive in simulation.
+
+        Of more than 200 windows, a part is used. Raises LogError if no poses have headings.
+        """
+        parts = [(k, part) for k, log in enumerate(logs) for part in log.cut(_WINDOW)]
+        of_log, self.windows = map(list, zip(*parts[:: -(-len(parts) // _MAX_WINDOWS)], strict=True))
+        replayer = Replayer(self.windows, inputs)
+        self._motion = lru_cache(_KEPT)(partial(replayer.run, threads=threads))
+        self._poses = _Poses.of(self.windows)
+        self.horizon, self._first, self._last = self._poses.pairs(geometry)
+        self._measured = se2.between(self._poses.pose[self._first], self._poses.pose[self._last])
+        window = self._poses.window[self._first]
+        self.log = np.repeat(np.array(of_log)[window], 3)
+        """Index of the log that each error (n,) is of."""
+        cluster = _same_commands(self.windows)[window]
+        cluster = np.unique(cluster, return_inverse=True)[1]
+        group = 3 * np.searchsorted(HORIZONS, self.horizon)
+        number = np.unique(np.stack([cluster, group]), axis=1, return_inverse=True, return_counts=True)
+        alike = number[2][number[1].reshape(-1)]
+        kind = np.unique((group[:, None] + np.arange(3)).ravel(), return_inverse=True)[1]
+        floor = np.full(int(kind.max()) + 1, _NUMERICAL_ERROR)  # [m, rad]
+        self.layout = Layout(kind, np.repeat(1 / alike, 3), np.repeat(cluster, 3), floor, robust=True)
+        """Structure of the errors: forwards, to the left and heading of each pair, of a kind for each horizon."""
+
+    def motion(self, candidate: Candidate) -> Replay:
+        """Simulated motion of all windows."""
+        return self._motion(candidate.robot, candidate.ground)
+
+    def errors(self, candidate: Candidate) -> Array:
+        """Errors (n,): forwards, to the left, heading of each pair, in the frame of its first pose [m, m, rad]."""
+        time = self._poses.time + candidate.clock
+        pose = se2.compose(self.motion(candidate).at(self._poses.window, time), candidate.sensor.pose)
+        error = se2.between(pose[self._first], pose[self._last]) - self._measured
+        error[:, 2] = se2.wrap_angle(error[:, 2])
+        return np.asarray(error).ravel()
+
+    def metrics(self, errors: Array) -> dict[str, float]:
+        """Median, 90 % quantile and root mean square of the errors of position [m] and heading [rad], by horizon."""
+        known = np.isfinite(errors[::3])
+        each, found = errors.reshape(-1, 3)[known], dict[str, float]()
+        for horizon in np.unique(self.horizon[known]):
+            rows = each[self.horizon[known] == horizon]
+            for name, size in (("position", np.hypot(rows[:, 0], rows[:, 1])), ("heading", np.abs(rows[:, 2]))):
+                values = np.median(size), np.quantile(size, 0.9), rms(size)
+                statistics = zip(("median", "p90", "rms"), map(float, values), strict=True)
+                found |= {f"{name}_{horizon:g}s_{statistic}": value for statistic, value in statistics}
+        return found
+
+
+@dataclass(frozen=True)
+class _Poses:
+    """Measured poses of all windows."""
+
+    window: np.ndarray  # (K,)
+    time: Array  # (K,) pose clock [s]
+    pose: Array  # (K, 3)
+    way: Array  # (K,) of the faster belt, over the radius of the sprocket [rad]
+    interval: Array  # (K,) usual time between poses of the window [s]
+
+    @classmethod
+    def of(cls, logs: Sequence[RunLog]) -> _Poses:
+        parts: list[tuple[Array, ...]] = []
+        for k, log in enumerate(logs):
+            rows = np.flatnonzero(log.has_heading)
+            if len(rows) < 2:
+                continue
+            rows = rows[:: max(1, int(_POSE_PERIOD / np.median(np.diff(log.time[rows])) + 0.1))]
+            if len(rows) < 2:
+                continue
+            step = np.abs(log.omega).max(axis=1)[1:] * np.diff(log.time)
+            way = np.concatenate([[0.0], np.cumsum(step)])[rows]
+            usual = float(np.median(np.diff(log.time[rows])))
+            numbers = np.full(len(rows), k), log.time[rows], log.pose[rows], way, np.full(len(rows), usual)
+            parts.append(numbers)
+        if not parts:
+            raise LogError("no poses with headings (phi): a calibration compares positions and headings")
+        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def pairs(self, geometry: RobotGeometry) -> tuple[Array, np.ndarray, np.ndarray]:
+        """Horizons (n,) [s] of pairs of poses between which the robot moves, and both poses of each."""
+        found = [np.zeros((3, 0))]
+        for window in np.unique(self.window):
+            (rows,) = np.nonzero(self.window == window)
+            time, interval = self.time[rows], self.interval[rows[0]]
+            for horizon in HORIZONS:
+                first = rows[:: max(1, round(horizon / _PAIRS / interval))]
+                wanted = self.time[first] + horizon
+                last = rows[np.clip(np.searchsorted(time, wanted - interval / 2), 0, len(rows) - 1)]
+                kept = np.abs(self.time[last] - wanted) <= interval / 2 + 1e-9
+                driven = (self.way[last] - self.way[first]) * geometry.sprocket_radius
+                kept &= driven > _MIN_DRIVEN * geometry.half_gauge
+                found.append(np.stack([np.full(kept.sum(), horizon), first[kept], last[kept]]))
+        horizon, first, last = np.concatenate(found, axis=1)
+        if not len(horizon):
+            raise LogError(f"no poses {HORIZONS[0]:g} s apart between which the robot drives")
+        return horizon, first.astype(int), last.astype(int)
+
+
+def _same_commands(logs: Sequence[RunLog]) -> np.ndarray:
+    """Labels (N,) of windows, the same for neighbours that are driven by one constant command."""
+    label, last = np.zeros(len(logs), int), None
+    for k, log in enumerate(logs):
+        command = log.command
+        constant = command is not None and bool(np.ptp(command, axis=0).max() == 0)
+        this = command[0].tolist() if command is not None and constant else None
+        label[k] = label[k - 1] + (k > 0 and (this is None or this != last))
+        last = this
+    return label
