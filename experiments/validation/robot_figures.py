@@ -187,7 +187,7 @@ def slopes(creep: Creep, slide: Slide, ground: Ground) -> Panels:
         SLIDING_HEADINGS, slide.angle, slide.acceleration, slide.expected, _LOOKS[::2], strict=True
     ):
         limit = friction_angle((ground.along, ground.across), heading)
-        name = "straight downhill" if heading == 0 else _name(heading)
+        name = downhill(heading)
         coulomb: dict[str, Any] = {"color": colour, "ls": dash, "lw": 1.2, "label": f"{name}, Coulomb"}
         axes.plot(np.degrees([limit, *angle]), [0.0, *expected], **coulomb)
         simulated: dict[str, Any] = {"color": colour, "marker": marker, "ls": "none", "label": f"{name}, simulated"}
@@ -195,6 +195,11 @@ def slopes(creep: Creep, slide: Slide, ground: Ground) -> Panels:
     axes.legend(loc="upper left")
     axes.set_ylim(bottom=0)
     return held, let_go
+
+
+def downhill(heading: float) -> str:
+    """How a robot with a heading slides [rad]."""
+    return "straight downhill" if heading == 0 else _name(heading)
 
 
 def _name(heading: float) -> str:

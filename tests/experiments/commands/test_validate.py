@@ -10,10 +10,12 @@ import models
 from experiments.report.formats import significant
 from experiments.validation import numerics, theory, turning
 from experiments.validation.shear import subjects
+from experiments.validation.standing import loads, slide
 from experiments.validation.terrain import engine, obstacles, slopes, steps, suite
 from experiments.validation.terrain import turning as terrain_turning
 from experiments.validation.terrain.subjects import UP, BoxRobot, FromFile
 from experiments.validation.terrain.trial import LevelGround, TerrainTrial, limit
+from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 
 SMALLER = {
@@ -98,6 +100,43 @@ def test_a_validation(quick):
     assert significant(100 * found["icr_error"]["worst"]) in printed
     assert "12 of 12 checks hold" in printed
     assert (manifest["seed"], manifest["robot"]["half_gauge"], manifest["ground"]["along"]) == (3, 0.168, 0.7)
+
+
+@pytest.mark.parametrize(
+    ("robot", "tips"),
+    [
+        ("shipped", (False, False)),
+        ("husky", (False, False)),
+        ("maxxii", (True, False)),
+        ("com_height = 0.05", (False, False)),
+        ("com_height = 0.3", (True, True)),
+    ],
+)
+def test_every_robot_that_stands_slides_as_coulomb_has_it(tmp_path, robot, tips):
+    if "=" in robot:
+        (tmp_path / "robot.toml").write_text(robot + "\n")
+        robot = str(tmp_path / "robot.toml")
+    found = slide(*load_parameters(robot), threads=1)
+    assert found.tips.all(axis=1).tolist() == found.tips.any(axis=1).tolist() == list(tips)
+    slides = ~found.tips
+    np.testing.assert_allclose(found.acceleration[slides], found.expected[slides], rtol=0.01)
+
+
+def test_loads_are_relative_to_the_weight_even_of_a_robot_that_has_left_the_ground():
+    found = loads(*load_parameters("maxxii"), threads=1, default_contact=True)
+    assert (found.load.max(axis=1) == 0).any()
+    assert np.isfinite(found.load).all()
+
+
+@pytest.mark.slow
+def test_a_robot_that_tips_over_before_it_slides_is_said_to(tmp_path):
+    file = tmp_path / "robot.toml"
+    file.write_text("com_height = 0.3\n")
+    result = validated(tmp_path / "out", "--robot", str(file), smaller=SMALLER)
+    assert [check["name"] for check in result.summary["checks"] if "friction angle" in check["name"]] == []
+    assert result.summary["sliding_acceleration_error"] is None
+    assert result.printed.count("the robot tips over before it slides") == 2
+    assert_report_is_whole(result.folder, 13)
 
 
 @pytest.mark.slow
