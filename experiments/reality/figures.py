@@ -60,11 +60,13 @@ def steady(found: Findings) -> Figure | None:
 
 @style.styled
 def turning(found: Findings) -> Figure | None:
-    """D over the radius that the belts' speeds demand, measured and predicted; None for drives."""
+    """D over the radius that the belts' speeds demand, measured and predicted; None for drives and without turns."""
     if found.samples is None:
         return None
     geometry, (left, right) = load_parameters(found.data.robot)[0].geometry, found.samples.omega.T
     turns = np.abs(found.samples.twist[:, 1]) > _TURNING
+    if not turns.any():
+        return None
     radius = np.abs((left + right)[turns] / (right - left)[turns])
 
     def offset(twist: Array) -> Array:
@@ -78,8 +80,9 @@ def turning(found: Findings) -> Figure | None:
         axis.plot(radius, offset(found.twists[row]), **look)
     handles = [style.key("measured", ls="none", marker=".", color=GREY)]
     for rows, ends, kind in ((opposite, (0, 1), "opposite belts"), (radius > 1 + 1e-6, (1, _WIDEST), "arcs")):
-        axis.plot(ends, [np.median(measured[rows])] * 2, color=BLACK, lw=2)
-        handles.append(style.key(f"measured median, {kind}: {np.median(measured[rows]):.0f} mm", color=BLACK, lw=2))
+        if rows.any():
+            axis.plot(ends, [np.median(measured[rows])] * 2, color=BLACK, lw=2)
+            handles.append(style.key(f"measured median, {kind}: {np.median(measured[rows]):.0f} mm", color=BLACK, lw=2))
     axis.axvline(1, color=GREY, lw=0.8, ls=":")
     low, high = np.quantile(measured, [0.02, 0.98])
     axis.set(xlabel="radius without slip over half gauge [–]: below 1, the belts run against each other")

@@ -31,7 +31,9 @@ def assert_same(some, others):
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("late", [{}, {"delay": 0.033}, {"delay": 0.01, "droop": 0.03}])
+@pytest.mark.parametrize(
+    "late", [{}, pytest.param({"delay": 0.033}, marks=pytest.mark.slow), {"delay": 0.01, "droop": 0.03}]
+)
 @pytest.mark.parametrize("grounds", [COULOMB, SHEARING], ids=["Coulomb", "shear"])
 def test_strong_and_weak_robots_on_any_ground(robot, grounds, late):
     """Commands change, some turn through pi, and some motors are too weak; cut up in any way."""

@@ -79,7 +79,11 @@ SHORT = {"limits": Limits(time=1.2, stuck_time=0.4), "course": ("random", "rough
     ("name", "options", "mode"),
     [
         *((TRACKING, DRAWN, mode) for mode in AutoresetMode),
-        *((TRACKING, DRAWN | {"pose_source": "scanner"}, mode) for mode in AutoresetMode),  # most to restart
+        (TRACKING, DRAWN | {"pose_source": "scanner"}, AutoresetMode.SAME_STEP),  # most to restart
+        *(
+            pytest.param(TRACKING, DRAWN | {"pose_source": "scanner"}, mode, marks=pytest.mark.slow)
+            for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)
+        ),
         (TRACKING, DRAWN | TWIST | {"pose_source": "noisy"}, AutoresetMode.SAME_STEP),
         (TRACKING, DRAWN | TWIST | {"compensation": UNDER_LOAD}, AutoresetMode.NEXT_STEP),
         *((TRACKING, DRAWN | {"max_episode_steps": 13}, mode) for mode in AutoresetMode),
@@ -138,7 +142,7 @@ def continued(env, steps):
     return results
 
 
-@pytest.mark.parametrize("how", ["same", "other", "deepcopy", "pickle"])
+@pytest.mark.parametrize("how", ["same", "other", pytest.param("deepcopy", marks=pytest.mark.slow), "pickle"])
 @pytest.mark.parametrize(("name", "options", "given"), STATES)
 @pytest.mark.parametrize("make", [gym.make, partial(gym.make_vec, num_envs=3, threads=2, max_episode_steps=15)])
 def test_an_environment_continues_from_a_state_to_the_bit(make, name, options, given, how):

@@ -9,13 +9,20 @@ import experiments.reality.predictions as predictions
 
 
 def copied(folder, name, **changes):
-    """A file of a data set beside a log elsewhere, with other values of some fields and without bounds."""
+    """A file of a data set beside a log elsewhere, with other values of some fields, without bounds or calibration."""
     lines = (predictions.FOLDER / f"{name}.toml").read_text().partition("[[bounds]]")[0].splitlines()
     log = next(line for line in lines if line.startswith("log")).split('"')[1]
-    values = {"log": f'"{predictions.FOLDER / log}"', **changes}
+    values = {"log": f'"{predictions.FOLDER / log}"', "free": "[]", **changes}
     lines = [f"{key} = {values[key]}" if (key := line.partition(" ")[0]) in values else line for line in lines]
     (folder / "mine.toml").write_text("\n".join(lines) + "\n")
     return folder / "mine.toml"
+
+
+def thinned(folder, **changes):
+    """A data set of every 8th row of a MAXXII, in two folds."""
+    header, *rows = (predictions.FOLDER / "maxxii.csv").read_text().splitlines(keepends=True)
+    (folder / "thinned.csv").write_text("".join([header, *rows[::8]]))
+    return copied(folder, "maxxii", log='"thinned.csv"', folds=2, apart="[]", **changes)
 
 
 def test_steady_rows_are_predicted_as_well_as_their_scatter_allows(tmp_path):
@@ -34,9 +41,20 @@ def test_steady_rows_are_predicted_as_well_as_their_scatter_allows(tmp_path):
     assert "D by kind of turn" in page
 
 
+def test_a_calibrated_robot_predicts_better_than_its_data_sheet_with_the_same_bits(tmp_path):
+    def rows(name, *options):
+        path = thinned(tmp_path, free='["contact_length"]')
+        return ran(tmp_path / name, "reality", str(path), *options).summary["datasets"]["mine"]["rows"]
+
+    found = rows("one", "--threads", "1")
+    assert found["calibrated"]["0.0"]["w"] < 0.97 * found["data_sheet"]["0.0"]["w"]
+    assert found == rows("two", "--threads", "2")
+
+
 def test_drives_are_predicted_on_the_same_pairs_with_the_same_bits(tmp_path):
     def rows(name, *options):
-        return ran(tmp_path / name, "reality", "grass", *options).summary["datasets"]["grass"]["rows"]
+        path = copied(tmp_path, "grass")
+        return ran(tmp_path / name, "reality", str(path), *options).summary["datasets"]["mine"]["rows"]
 
     found = rows("one", "--threads", "1")
     for ahead in ("1.0", "1.8", "5.0"):
@@ -47,8 +65,18 @@ def test_drives_are_predicted_on_the_same_pairs_with_the_same_bits(tmp_path):
     assert found == rows("two", "--threads", "2")
 
 
+@pytest.mark.slow
+def test_the_simulator_is_calibrated_on_the_shipped_logs(tmp_path):
+    result = ran(tmp_path / "out", "reality", "maxxii", "grass")
+    assert all(check["holds"] for check in result.summary["checks"])
+    assert len(result.summary["checks"]) == 3
+    drives = result.summary["datasets"]["grass"]["rows"]
+    assert len({one["1.0"]["count"] for one in drives.values()}) == 1
+    assert drives["calibrated"]["1.0"]["position_median"] < drives["two_gains"]["1.0"]["position_median"]
+
+
 def test_a_bound_that_does_not_hold_ends_with_1(tmp_path, capsys):
-    path = copied(tmp_path, "maxxii")
+    path = thinned(tmp_path)
     bound = '[[bounds]]\nrow = "{}"\nquantity = "w"\nmost = 0.05\n'
     held, broken = path.read_text() + bound.format("laws"), path.read_text() + bound.format("today")
     path.write_text(held)

@@ -19,7 +19,10 @@ def logs_of(result):
 
 
 @pytest.mark.usefixtures("few_resamples")
-@pytest.mark.parametrize(("name", "bound"), [("rescue", 0.01), ("a URDF", 0.05)])  # whose mass lies to its left
+@pytest.mark.parametrize(
+    ("name", "bound"),
+    [("rescue", 0.01), pytest.param("a URDF", 0.05, marks=pytest.mark.slow)],  # whose mass lies to its left
+)
 def test_a_tracked_robot_is_identified_and_controlled(trackslip, tmp_path, name, bound):
     robot = ("--robot", name if name == "rescue" else str(write_robot(tmp_path)))
     runs = trackslip("grid", *robot, "--radii", *RADII, "--speeds", "0.1", "0.2", "--duration", "8", "--rrd")

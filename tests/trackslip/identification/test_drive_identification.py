@@ -213,7 +213,7 @@ def few_rounds(monkeypatch):
 
 
 @pytest.mark.usefixtures("few_rounds")
-@malformed(40)
+@malformed(25)
 def test_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
     complaint = complaint_of(mistakes, seed)
     assert "\n" not in complaint

@@ -117,12 +117,12 @@ def test_stays_put_when_nothing_is_to_be_learnt():
     drive = Drive.begin(3, TRUE)
     drive.run(10.0)
     known, spread = drive.found.state[:, 3:].copy(), drive.found.covariance[:, 3:, 3:].copy()
-    drive.run(120.0, omega=(0.0, 0.0))
+    drive.run(30.0, omega=(0.0, 0.0))
     assert (np.abs(drive.found.state[:, 3:] - known) < np.sqrt(np.einsum("nii->ni", spread))).all()
     assert (np.einsum("nii->ni", drive.found.covariance[:, 3:, 3:] - spread) <= 1e-12).all()
     known, spread = drive.found.offset, drive.found.offset_stderr
-    drive.run(60.0, omega=(2.5, 2.5))
-    drive.run(60.0, omega=(-2.5, -2.5))
+    drive.run(30.0, omega=(2.5, 2.5))
+    drive.run(30.0, omega=(-2.5, -2.5))
     assert (np.abs(drive.found.offset - known) < spread).all()
     assert not drive.found.restarts.any()
 
