@@ -41,6 +41,12 @@ def failing(capsys, tmp_path, monkeypatch):
     return run
 
 
+@pytest.fixture
+def without_figures(monkeypatch):
+    """Write pages without their figures, which take most of the time; tests of the reports draw them."""
+    monkeypatch.setattr("experiments.report.page.drawn_plot", lambda plot, pdf=False: ())
+
+
 _PROGRESS = re.compile(r"[^:]+: [\d.]+(/[\d.]+)? \w+.*")
 
 

@@ -18,7 +18,7 @@ def logs_of(result):
     return read_runs(result.folder / RUNS_FILE)
 
 
-@pytest.mark.usefixtures("few_resamples")
+@pytest.mark.usefixtures("few_resamples", "without_figures")
 @pytest.mark.parametrize(
     ("name", "bound"),
     [("rescue", 0.01), pytest.param("a URDF", 0.05, marks=pytest.mark.slow)],  # whose mass lies to its left
