@@ -16,7 +16,6 @@ from sim.calibration.calibration import Calibration, Estimate, calibrate
 from sim.calibration.candidate import OF_DRIVE, Candidate
 from sim.calibration.targets import Drives, SteadyRows, Target, TurnTable
 from trackslip.errors import InvalidValueError, LogError, counted
-from trackslip.identification.identify import mostly_steady
 from trackslip.identification.source import ReadOptions, Source, read_source
 from trackslip.logs.logfile import read_table
 from trackslip.logs.table import read_columns
@@ -35,6 +34,7 @@ _METRICS = {
     "heading": ("heading", float(np.degrees(1.0)), 1, "°"),
 }
 """Name, factor, decimals and unit of errors, by the first part of their names."""
+_MIN_STEADY = 0.5  # share of the driving that is steady, of simulated runs compared by their steady samples [-]
 _STATISTICS = {"median": "median", "p90": "90 %"}
 
 
@@ -61,8 +61,9 @@ def read_target(name: str, config: Config, base: Candidate) -> Target:
 
 
 def _steady(source: Source) -> bool:
+    """True if the runs are mostly steady, as those of a grid are."""
     try:
-        return mostly_steady(source.sampling)
+        return source.sampling.steady_share >= _MIN_STEADY
     except LogError:
         return False
 
@@ -116,21 +117,25 @@ def variants(target: Target, base: Candidate, best: Calibration) -> dict[str, Ca
     }
 
 
-def tested(config: Config, base: Candidate, best: Calibration) -> tuple[dict[str, float], dict[str, float]]:
-    """Errors on the log `config.test` of the base and of the best candidate, each with its own clock if it is free."""
+def tested(config: Config, base: Candidate, best: Calibration) -> tuple[dict[str, float], dict[str, float], float]:
+    """Errors on the log `config.test` of the base and of the best candidate, each with its own clock if it is free.
+
+    The third is the clock of the best candidate there [s].
+    """
     target = read_target(str(config.test), config, base)
     clock = best.estimates.get("clock")
-    errors = []
+    errors, clocks = list[dict[str, float]](), list[float]()
     for one in (base, best.candidate):
         fitted = calibrate(target, one, ("clock",)).candidate if clock and isinstance(target, Drives) else one
         errors.append(target.metrics(target.errors(fitted)))
-    return errors[0], errors[1]
+        clocks.append(fitted.clock)
+    return errors[0], errors[1], clocks[-1]
 
 
 def summary_of(
     best: Calibration,
     others: Mapping[str, Calibration],
-    test: tuple[dict[str, float], dict[str, float]] | None,
+    test: tuple[dict[str, float], dict[str, float], float] | None,
 ) -> dict[str, Any]:
     """A calibration as a summary."""
     place = best.candidate.sensor
@@ -143,7 +148,7 @@ def summary_of(
     if best.held_out is not None:
         found["held_out"] = {"before": best.held_out_before, "calibrated": best.held_out}
     if test:
-        found["test"] = {"before": test[0], "calibrated": test[1]}
+        found["test"] = {"before": test[0], "calibrated": test[1], "clock_offset": test[2]}
     return found
 
 
@@ -176,7 +181,7 @@ def print_fits(
     title: str,
     best: Calibration,
     others: Mapping[str, Calibration],
-    test: tuple[dict[str, float], dict[str, float]] | None,
+    test: tuple[dict[str, float], dict[str, float], float] | None,
 ) -> None:
     """Print parameters and errors of a fit, and of those that it is compared with."""
     rows = [
@@ -203,6 +208,8 @@ def print_fits(
         columns |= {"test, before": test[0], "test": test[1]}
     if not others or len(columns) > 2:
         Table("Simulated minus measured", ("error", *columns), _metric_rows(list(columns.values()))).print()
+    if test and test[2] != best.candidate.clock:
+        print(f"the test log is predicted with --clock-offset={test[2]:.3g}")
     if len(best.ends) > 1:
         known = {name: one.stderr for name, one in best.estimates.items() if not one.held}
         ends = [[end.value(name) for name in known] for end, _ in best.ends]

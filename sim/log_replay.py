@@ -188,7 +188,8 @@ class Replayer:
         if self.inputs == "encoders":
             drive = tireless(max(Drive.top_speed, _MARGIN * fastest))
         fleet = Fleet(robot, np.zeros((len(self.logs), 3)), ground, parameters.radius_error, drive, threads)
-        fleet.launch(self.start_twist(robot.geometry))
+        twist = self.start_twist(robot.geometry)
+        fleet.launch(twist)
         period = fleet.period
         periods = round((max(log.time[-1] - log.time[0] for log in self.logs) + 2 * RUN_UP) / period)
         poses, twists = np.empty((2, periods + 1, fleet.size, 3))
@@ -204,6 +205,8 @@ class Replayer:
             else:
                 fleet.command(measured[k])  # so that a drive with a dead time goes on at these speeds
                 fleet.follow(measured[k : k + 1])
+            if k + 1 == round(RUN_UP / period):  # a robot that slides has slowed down
+                fleet.launch(twist)
             poses[k + 1], twists[k + 1] = fleet.pose(), fleet.twist()
         return Replay(self.begin, period, poses, twists)
 

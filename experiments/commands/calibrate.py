@@ -62,7 +62,7 @@ class Config(Repeatable):
             f"{' '.join(OF_TURNS)}; for drives {' '.join(OF_DRIVES)}", f"{{{','.join(get_args(Parameter))}}} ..."
         ),
     ] = None
-    """Parameters to fit; friction_ratio is across / along, radii are relative errors, and lag to droop need commands."""
+    """Parameters to fit; friction_ratio is across / along, radii are relative errors; lag to droop need commands."""
     robot: RobotSource = SHIPPED
     """Robot with the initial values, and with the values of the parameters that are not fitted."""
     ground: GroundOptions = field(default_factory=GroundOptions)

@@ -21,7 +21,7 @@ _VAGUE, _SIGNIFICANT = 0.7, 2.0  # standard error over that of the prior; value 
 _TIED = 0.7  # correlation of parameters that compensate each other
 _MAD = 1.4826  # standard deviation of normal errors over the median of their sizes
 _LEAST_CURVED = 0.1  # curvature of the loss over the weights
-_LINEAR = 8  # reweightings of the fits without a fold
+_LINEAR = 8  # reweightings of a fit to errors that are linear in the parameters
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class _Problem:
                 middle = np.searchsorted(np.cumsum(share[order]), share.sum() / 2)
                 sigma = _MAD * size[order[middle]]
             else:
-                sigma = np.sqrt(share @ size**2 / max(share.sum() - count, 1.0))
+                sigma = np.sqrt(share @ size**2 / max(share.sum() * (1 - count / layout.share.sum()), 1.0))
             found[kind] = max(found[kind], sigma)
         return found
 
@@ -202,7 +202,8 @@ class _Problem:
         jacobian, fresh = (self.jacobian(start, errors, free), True) if known is None else (known * free, False)
         for _ in range(_ITERATIONS):
             sigma = self.sizes(errors, int(free.sum()))
-            step, spread = self._step(scaled, errors, jacobian, sigma, free)
+            goal, spread = self._linear_minimum(scaled, errors, jacobian, sigma, free)
+            step = goal - scaled
             converged = np.max(np.abs(step) / spread, initial=0.0) < _CONVERGED
             found = None if converged else self._descent(scaled, errors, sigma, step)
             if found is None:
@@ -246,6 +247,22 @@ class _Problem:
             inside = self._step(scaled, errors, jacobian * ~outwards, sigma, free & ~outwards, rows)
             return inside[0], inside[1]
         return step, np.sqrt(np.diag(np.linalg.inv(matrix)))
+
+    def _linear_minimum(
+        self,
+        scaled: Array,
+        errors: Array,
+        jacobian: Array,
+        sigma: Array,
+        free: np.ndarray,
+        rows: np.ndarray | None = None,
+    ) -> tuple[Array, Array]:
+        """Parameters (p,) of least loss, if errors change linearly from `scaled` (p,), and their errors (p,)."""
+        found, spread = scaled, np.ones_like(scaled)
+        for _ in range(_LINEAR):
+            step, spread = self._step(found, errors + jacobian @ (found - scaled), jacobian, sigma, free, rows)
+            found = np.clip(found + step, self.low, self.high)
+        return found, spread
 
     def covariance(self, end: _End) -> Array:
         """Covariance (p, p) of the scaled parameters; that of their priors where the target tells nothing."""
@@ -325,12 +342,7 @@ class _Problem:
     def without(self, end: _End, rows: np.ndarray, held: Mapping[str, str]) -> Array:
         """Scaled parameters (p,) fitted to the errors `rows` (n,) bool, which are linear in them near `end`."""
         free = np.array([name not in held for name in self.names])
-        scaled = end.scaled
-        for _ in range(_LINEAR):
-            errors = end.errors + end.jacobian @ (scaled - end.scaled)
-            step, _ = self._step(scaled, errors, end.jacobian, end.sigma, free, rows)
-            scaled = np.clip(scaled + step, self.low, self.high)
-        return scaled
+        return self._linear_minimum(end.scaled, end.errors, end.jacobian, end.sigma, free, rows)[0]
 
 
 def _with_folds(

@@ -40,8 +40,10 @@ _PAIRS = 4.0  # pairs of poses in a horizon, about
 _MIN_DRIVEN = 0.1  # way of the belts during which a robot moves [half gauges]
 _POSE_PERIOD = 0.045  # time between poses, at least [s]
 _WINDOW = 6.5  # duration of the windows into which drives are cut [s]
+_LEAD = 1.5  # time that is replayed before a window, if the drive has it, to forget where it begins [s]
 _MAX_WINDOWS = 200
 _KEPT = 3  # motions
+_FEW = 20  # steady rows among which single wrong ones can be told
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,7 @@ class SteadyRows:
         fastest = rms(self.samples.omega) * self.geometry.sprocket_radius * _NUMERICAL_ERROR
         floor = np.array([fastest, fastest / self.geometry.half_gauge, fastest])[:kinds]
         kind, cluster = np.repeat(np.arange(kinds), rows), np.tile(np.arange(rows), kinds)
-        return Layout(kind, np.ones(kinds * rows), cluster, floor, robust=True)
+        return Layout(kind, np.ones(kinds * rows), cluster, floor, robust=rows >= _FEW)
 
     def errors(self, candidate: Candidate) -> Array:
         """Errors (n,) of v [m/s], w [rad/s] and lateral speeds [m/s]."""
@@ -242,9 +244,9 @@ class Drives:
 
         Of more than 200 windows, a part is used. Raises LogError if no poses have headings.
         """
-        parts = [(k, part) for k, log in enumerate(logs) for part in log.cut(_WINDOW)]
-        of_log, self.windows = map(list, zip(*parts[:: -(-len(parts) // _MAX_WINDOWS)], strict=True))
-        replayer = Replayer(self.windows, inputs)
+        parts = [(k, part, _with_lead(log, part)) for k, log in enumerate(logs) for part in log.cut(_WINDOW)]
+        of_log, self.windows, led = map(list, zip(*parts[:: -(-len(parts) // _MAX_WINDOWS)], strict=True))
+        replayer = Replayer(led, inputs)
         self._motion = lru_cache(_KEPT)(partial(replayer.run, threads=threads))
         self._poses = _Poses.of(self.windows)
         self.horizon, self._first, self._last = self._poses.pairs(geometry)
@@ -334,6 +336,12 @@ class _Poses:
         if not len(horizon):
             raise LogError(f"no poses {HORIZONS[0]:g} s apart between which the robot drives")
         return horizon, first.astype(int), last.astype(int)
+
+
+def _with_lead(log: RunLog, part: RunLog) -> RunLog:
+    """A part of a log with the rows up to 1.5 s before."""
+    first, last = np.searchsorted(log.time, [part.time[0] - _LEAD, part.time[-1]]).tolist()
+    return log.between(first, last + 1)
 
 
 def _same_commands(logs: Sequence[RunLog]) -> np.ndarray:

@@ -100,7 +100,7 @@ def identify_source(
         if steady is None or method == "drive":
             raise LogError(reason or "holds steady samples, not traces: only method steady can be used")
         return steady
-    main = steady is None or not mostly_steady(source.sampling)
+    main = steady is None or not _mostly_steady(source.sampling)
     try:
         drive, refused = _drive(source, sensor, None if main else _POSES_BESIDE, None if main else _BESIDE, step)
     except LogError as error:
@@ -152,7 +152,7 @@ def _drive(
     return compare_drives(drives, source.geometry, sensor, names, step), refused
 
 
-def mostly_steady(sampling: Sampling) -> bool:
+def _mostly_steady(sampling: Sampling) -> bool:
     """True if steady stretches make up most of the driving."""
     return len(sampling.samples) >= _MIN_SAMPLES and sampling.steady_share >= _MIN_STEADY
 

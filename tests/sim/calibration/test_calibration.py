@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.calibration.calibration import calibrate, random_starts
-from sim.calibration.candidate import OF_DRIVE, PARAMETERS, Candidate
+from sim.calibration.candidate import PARAMETERS, Candidate
 from sim.calibration.targets import Drives, SteadyRows, TurnTable, steady_turns
 from sim.ground.ground import Ground
 from sim.robot.named import load_parameters
@@ -24,7 +24,7 @@ TRUE = Candidate(
 START = Candidate(replace(TRUE.robot, radius_error=0.0, com_y=0.0), Ground(0.7, 0.7))
 FREE = ("friction_ratio", "radius_error", "com_y")
 LEFT = np.array([[2.0, 3.0], [3.0, 4.0], [1.0, 3.0], [2.5, 3.0], [1.5, 2.2]])
-OMEGA = np.concatenate([LEFT, LEFT[:, ::-1], -LEFT])
+OMEGA = np.concatenate([LEFT, LEFT[:, ::-1], -LEFT, 0.7 * LEFT])
 
 
 def rows(candidate, theory=True, rng=None, noise=0.0, lateral=False):
@@ -130,7 +130,6 @@ def test_every_parameter_can_be_changed_and_read_back(name):
             changed = base.with_values({parameter: value})
             assert changed.value(parameter) == pytest.approx(value, rel=1e-6, abs=1e-9), parameter
             assert one.scaled(base, value) == pytest.approx(limit, abs=1e-6)
-        assert OF_DRIVE <= set(PARAMETERS)
 
 
 def test_radii_of_both_sides_turn_a_robot_that_drives_straight_on():
@@ -181,10 +180,10 @@ def test_folds_are_predicted_by_fits_to_the_others():
     fit = calibrate(target, START, FREE, labels)
     assert len(fit.folds) == 2
     for k, fold in enumerate(fit.folds):
-        apart = target.samples.take(np.flatnonzero(np.arange(15) // 5 != k))
+        apart = target.samples.take(np.flatnonzero(np.arange(20) // 5 != k))
         alone = calibrate(replace(target, samples=apart), START, FREE)
         for name in FREE:
-            assert abs(fold.value(name) - alone.candidate.value(name)) < 0.5 * alone.estimates[name].stderr
+            assert abs(fold.value(name) - alone.candidate.value(name)) < alone.estimates[name].stderr
     errors = np.full(len(labels), np.nan)
     for k, fold in enumerate(fit.folds):
         errors[labels == k] = target.errors(fold)[labels == k]
