@@ -28,6 +28,7 @@ from trackslip.identification.steady_fit import fit
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array, body_twist
 from trackslip.metrics import rms
+from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES
 
 FOLDER = Path(__file__).parents[2] / "examples" / "logs"
@@ -92,6 +93,8 @@ class DataSet:
     """Name or file of the robot as in its data sheet."""
     ground: str
     """Name or file of the ground, likewise."""
+    sensor: tuple[float, ...] = ()
+    """Place of the poses' sensor, ahead and to the left of the middle, and its heading there [m, m, rad]; or empty."""
     free: tuple[str, ...] = ()
     """Parameters of the simulator to calibrate."""
     folds: int = 2
@@ -105,8 +108,14 @@ class DataSet:
     def __post_init__(self) -> None:
         require(self.log.exists(), "log", self.log, "a file beside the data set")
         require_whole("folds", self.folds, 2, _MAX_FOLDS)
+        require(len(self.sensor) in (0, 3), "sensor", self.sensor, "x, y and yaw")
         load_parameters(self.robot)
         load_ground(self.ground)
+
+    @property
+    def base(self) -> Candidate:
+        """The simulated robot of the data sheet."""
+        return Candidate(load_parameters(self.robot)[0], load_ground(self.ground), Mounting(*self.sensor))
 
 
 @dataclass(frozen=True)
@@ -201,8 +210,7 @@ def _of_rows(name: str, data: DataSet, source: Source, threads: int) -> Findings
     gains = np.einsum("fn,nc->fc", kept, plain * samples.twist) / np.einsum("fn,nc->fc", kept, plain**2)
     runs = WeightedRuns.of(samples, geometry).weighted(kept)
     by_law = {law: fit(FAMILIES[law], runs).twist[folds, rows] for law in STEADY_LAWS}
-    robot, ground = load_parameters(data.robot)[0], load_ground(data.ground)
-    base, target = Candidate(robot, ground), SteadyRows(samples, geometry, threads=threads)
+    base, target = data.base, SteadyRows(samples, geometry, threads=threads)
     sheet = target.predicted(base)[:2].T
     twists = {drives.TODAY: plain, drives.GAINS: plain * gains[folds], **by_law, DATA_SHEET: sheet}
     found = None
@@ -256,7 +264,7 @@ def _of_drives(name: str, data: DataSet, source: Source, other: Findings | None,
     best = min(laws, key=lambda law: next(iter(errors[law].values())).position_median)
     model, values = laws[best].fit.model, found[best].values
     clocks = values[:, model.index("clock_offset")]
-    base = Candidate(load_parameters(data.robot)[0], load_ground(data.ground))
+    base = data.base
     late = [replace(base, clock=clock) for clock in clocks.tolist()]
     simulated = {DATA_SHEET: late}
     calibration = None

@@ -119,6 +119,7 @@ FILES = [
         "radius,speed,observed_radius,slip_outer,slip_inner\n0.5,0.1,0.6,1.5,-0.1",
         "row 1, column slip_outer: 1.5 must be < 1",
     ),
+    ("calibrate --target {} --folds 7", "samples.csv", "omega_l,omega_r,v,w\n2,3,0.15,0.1\n3,2,0.15,-0.1", "folds = 7"),
     (
         "replay {}",
         "samples.csv",
@@ -129,6 +130,7 @@ FILES = [
     ("replay {}", "log.csv", TRACE.replace(",2,3,", ",200,300,"), "belts as fast as 18 m/s: replayed are speeds below"),
     ("track --laws {}", "laws.json", "[" * 100_000, "laws.json"),
     ("reality {}", "mine.toml", 'title = "mine"\nlog = "gone.csv"', "mine.toml: source is missing"),
+    ("reality {}", "mine.toml", "sensor = ['a']", "mine.toml: sensor"),
     ("reality {}", "mine.toml", "folds = 2.5", "mine.toml: folds = 2.5: must be a whole number"),
     ("deploy {}", "laws.json", '{"slip_laws": {"icr"', "not JSON"),
 ]

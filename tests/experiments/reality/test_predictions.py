@@ -7,6 +7,7 @@ from experiments.reality.predictions import Findings, SteadyErrors, fold_labels,
 from trackslip.errors import TrackslipError
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry, body_twist
+from trackslip.se2 import Mounting
 
 GEOMETRY = RobotGeometry(0.3, 0.1)
 
@@ -54,6 +55,14 @@ def test_a_bound_is_of_the_best_law_and_may_be_a_ratio(tmp_path):
     assert ratio.measured == pytest.approx(0.4)
     assert ratio.holds
     assert not missing.holds
+
+
+def test_a_data_set_may_say_where_the_sensor_is(tmp_path):
+    (tmp_path / "log.csv").write_text("")
+    (tmp_path / "mine.toml").write_text(TOML + "sensor = [0.1, -0.2, 0.3]\n")
+    base = load_data_set(str(tmp_path / "mine.toml")).base
+    assert base.sensor == Mounting(0.1, -0.2, 0.3)
+    assert base.ground.along == 0.12
 
 
 TOML = 'title = "t"\nlog = "log.csv"\nsource = "s"\nlicence = "l"\nrobot = "husky"\nground = "ice"\n'
