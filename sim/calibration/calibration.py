@@ -17,6 +17,7 @@ from trackslip.kinematics import Array
 _STEP = 0.05  # of finite differences [standard deviations of the prior]
 _ITERATIONS = 25
 _CONVERGED = 0.1  # step at which a fit ends [standard errors]
+_SLOW = 0.5  # size of a step over that of the last one with which the Jacobian misleads
 _VAGUE, _SIGNIFICANT = 0.7, 2.0  # standard error over that of the prior; value over its standard error
 _TIED = 0.7  # correlation of parameters that compensate each other
 _MAD = 1.4826  # standard deviation of normal errors over the median of their sizes
@@ -195,22 +196,24 @@ class _Problem:
         """The minimum that Gauss-Newton iterations reach from `start` (p,).
 
         The Jacobian (n, p), at first the one that is `known`, is updated by rank one (Broyden 1965), because a step of
-        finite differences costs a simulation for each parameter; where it ends, or misleads, it is found anew.
+        finite differences costs a simulation for each parameter; where steps end or hardly shrink, it is found anew.
         """
         free = np.array([name not in held for name in self.names])
-        scaled, errors = start, self.errors(start)
+        scaled, errors, before = start, self.errors(start), np.inf
         jacobian, fresh = (self.jacobian(start, errors, free), True) if known is None else (known * free, False)
         for _ in range(_ITERATIONS):
             sigma = self.sizes(errors, int(free.sum()))
             goal, spread = self._linear_minimum(scaled, errors, jacobian, sigma, free)
             step = goal - scaled
-            converged = np.max(np.abs(step) / spread, initial=0.0) < _CONVERGED
-            found = None if converged else self._descent(scaled, errors, sigma, step)
+            size = np.max(np.abs(step) / spread, initial=0.0)
+            done = size < _CONVERGED or (size > _SLOW * before and not fresh)
+            found = None if done else self._descent(scaled, errors, sigma, step)
             if found is None:
                 if fresh:
                     break
-                jacobian, fresh = self.jacobian(scaled, errors, free), True
+                jacobian, fresh, before = self.jacobian(scaled, errors, free), True, np.inf
                 continue
+            before = size
             change, changed = found[0] - scaled, found[1] - errors
             jacobian = jacobian + np.outer(changed - jacobian @ change, change) / (change @ change)
             (scaled, errors), fresh = found, False

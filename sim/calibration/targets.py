@@ -244,7 +244,7 @@ class Drives:
 
         Of more than 200 windows, a part is used. Raises LogError if no poses have headings.
         """
-        parts = [(k, part, _with_lead(log, part)) for k, log in enumerate(logs) for part in log.cut(_WINDOW)]
+        parts = [(k, part, _with_lead(log, part)) for k, log in enumerate(logs) for part in _windows(log)]
         of_log, self.windows, led = map(list, zip(*parts[:: -(-len(parts) // _MAX_WINDOWS)], strict=True))
         replayer = Replayer(led, inputs)
         self._motion = lru_cache(_KEPT)(partial(replayer.run, threads=threads))
@@ -336,6 +336,13 @@ class _Poses:
         if not len(horizon):
             raise LogError(f"no poses {HORIZONS[0]:g} s apart between which the robot drives")
         return horizon, first.astype(int), last.astype(int)
+
+
+def _windows(log: RunLog) -> list[RunLog]:
+    """Parts of a log of about 6.5 s, after the time that is only replayed if the log is longer than both together."""
+    long = log.time[-1] - log.time[0] >= _LEAD + _WINDOW
+    first = int(np.searchsorted(log.time, log.time[0] + _LEAD)) if long else 0
+    return log.between(first, len(log.time)).cut(_WINDOW)
 
 
 def _with_lead(log: RunLog, part: RunLog) -> RunLog:
