@@ -57,8 +57,6 @@ class RobotParameters:
     """Nominal radius of the sprockets [m]."""
     radius_error: float = RADIUS_ERROR
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    radius_split: float = field(default=0.0, metadata=UNLESS_ZERO)
-    """Half the error of the right sprocket's radius less that of the left one's [-]."""
     mass: float = 25.0
     """Mass of the robot [kg]."""
     com_x: float = 0.0
@@ -84,6 +82,8 @@ class RobotParameters:
     """Inertia about the vertical axis through the centre of mass; 0 for that of `inertia` or the shape [kg m^2]."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
     """Servos and motors."""
+    radius_split: float = field(default=0.0, metadata=UNLESS_ZERO)
+    """Half the error of the right sprocket's radius less that of the left one's [-]."""
 
     def __post_init__(self) -> None:
         self._lay_axles()
