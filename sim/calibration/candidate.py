@@ -78,8 +78,10 @@ class Parameter:
         """The inverse of `scaled`."""
         centre = self.read(base)
         if self.relative:
-            return centre * math.exp(scaled * self.spread)
-        return centre + scaled * self.spread * self.size(base)
+            value = centre * math.exp(scaled * self.spread)
+        else:
+            value = centre + scaled * self.spread * self.size(base)
+        return min(max(value, self.low), self.high)  # despite rounding
 
     def limits(self, base: Candidate) -> tuple[float, float]:
         """Limits of the scaled value: three standard deviations, less where no candidate has the value."""
