@@ -21,7 +21,9 @@ _SLOW = 0.5  # size of a step over that of the last one with which the Jacobian 
 _VAGUE, _SIGNIFICANT = 0.7, 2.0  # standard error over that of the prior; value over its standard error
 _TIED = 0.7  # correlation of parameters that compensate each other
 _MAD = 1.4826  # standard deviation of normal errors over the median of their sizes
+_CAUCHY = 2.385  # scale of the loss [standard deviations]: 95 % as efficient as least squares for normal errors
 _LEAST_CURVED = 0.1  # curvature of the loss over the weights
+_MAX_LEVERAGE = 0.8  # of a cluster
 _LINEAR = 8  # reweightings of a fit to errors that are linear in the parameters
 
 
@@ -184,12 +186,12 @@ class _Problem:
     def weigh(self, errors: Array, sigma: Array) -> tuple[Array, Array]:
         """Errors over their standard deviations (n,), and their weights (n,)."""
         unit = errors / sigma[self._layout.kind]
-        return unit, self._layout.share / (1 + unit**2 if self._layout.robust else 1.0)
+        return unit, self._layout.share / (1 + (unit / _CAUCHY) ** 2 if self._layout.robust else 1.0)
 
     def cost(self, scaled: Array, errors: Array, sigma: Array) -> float:
         """Half the loss: of Cauchy's distribution where single errors may be large, and of the prior."""
         square = (errors / sigma[self._layout.kind]) ** 2
-        loss = np.log1p(square) if self._layout.robust else square
+        loss = _CAUCHY**2 * np.log1p(square / _CAUCHY**2) if self._layout.robust else square
         return float(self._layout.share @ loss + scaled @ scaled) / 2
 
     def minimum(self, start: Array, held: Mapping[str, str], known: Array | None = None) -> _End:
@@ -200,7 +202,7 @@ class _Problem:
         """
         free = np.array([name not in held for name in self.names])
         scaled, errors, before = start, self.errors(start), np.inf
-        jacobian, fresh = (self.jacobian(start, errors, free), True) if known is None else (known * free, False)
+        jacobian, fresh = (self.jacobian(start, errors, free), True) if known is None else (known, False)
         for _ in range(_ITERATIONS):
             sigma = self.sizes(errors, int(free.sum()))
             goal, spread = self._linear_minimum(scaled, errors, jacobian, sigma, free)
@@ -211,7 +213,8 @@ class _Problem:
             if found is None:
                 if fresh:
                     break
-                jacobian, fresh, before = self.jacobian(scaled, errors, free), True, np.inf
+                jacobian, before = np.where(free, self.jacobian(scaled, errors, free), jacobian), np.inf
+                fresh = True
                 continue
             before = size
             change, changed = found[0] - scaled, found[1] - errors
@@ -230,27 +233,6 @@ class _Problem:
                 return trial, tried
         return None
 
-    def _step(
-        self,
-        scaled: Array,
-        errors: Array,
-        jacobian: Array,
-        sigma: Array,
-        free: np.ndarray,
-        rows: np.ndarray | None = None,
-    ) -> tuple[Array, Array]:
-        """Gauss-Newton step (p,) and standard errors (p,), of the errors `rows` (n,) bool alone."""
-        unit, weight = self.weigh(errors, sigma)
-        weight = weight if rows is None else weight * rows
-        slope = jacobian / sigma[self._layout.kind, None]
-        matrix = (slope.T * weight) @ slope + np.eye(len(scaled))
-        step = -np.linalg.solve(matrix, slope.T @ (weight * unit) + scaled) * free
-        outwards = ((scaled <= self.low) & (step < 0)) | ((scaled >= self.high) & (step > 0))
-        if (outwards & free).any():
-            inside = self._step(scaled, errors, jacobian * ~outwards, sigma, free & ~outwards, rows)
-            return inside[0], inside[1]
-        return step, np.sqrt(np.diag(np.linalg.inv(matrix)))
-
     def _linear_minimum(
         self,
         scaled: Array,
@@ -260,33 +242,64 @@ class _Problem:
         free: np.ndarray,
         rows: np.ndarray | None = None,
     ) -> tuple[Array, Array]:
-        """Parameters (p,) of least loss, if errors change linearly from `scaled` (p,), and their errors (p,)."""
+        """Parameters (p,) of least loss, if errors change linearly from `scaled` (p,), and their standard errors (p,).
+
+        Of the errors, `rows` (n,) bool count alone.
+        """
         found, spread = scaled, np.ones_like(scaled)
         for _ in range(_LINEAR):
-            step, spread = self._step(found, errors + jacobian @ (found - scaled), jacobian, sigma, free, rows)
-            found = np.clip(found + step, self.low, self.high)
+            unit, weight = self.weigh(errors + jacobian @ (found - scaled), sigma)
+            weight = weight if rows is None else weight * rows
+            moving = free
+            while True:  # parameters at their limits stay there
+                slope = jacobian * moving / sigma[self._layout.kind, None]
+                matrix = (slope.T * weight) @ slope + np.eye(len(scaled))
+                step = -np.linalg.solve(matrix, slope.T @ (weight * unit) + found) * moving
+                outwards = ((found <= self.low) & (step < 0)) | ((found >= self.high) & (step > 0))
+                if not outwards.any():
+                    break
+                moving = moving & ~outwards
+            found, spread = np.clip(found + step, self.low, self.high), np.sqrt(np.diag(np.linalg.inv(matrix)))
         return found, spread
 
-    def covariance(self, end: _End) -> Array:
-        """Covariance (p, p) of the scaled parameters; that of their priors where the target tells nothing."""
-        layout = self._layout
+    def covariance(self, end: _End, held: Mapping[str, str]) -> tuple[Array, Array]:
+        """Covariance (p, p) of the scaled parameters, and that of the fitted ones if the held ones were known.
+
+        The held ones may differ from their values as their priors say, and shift the others; the second is as wide as
+        the priors where the target tells nothing.
+        """
+        layout, fitted = self._layout, np.array([name not in held for name in self.names])
         unit, weight = self.weigh(end.errors, end.sigma)
         slope = end.jacobian / end.sigma[layout.kind, None]
-        if not layout.robust:
-            return np.asarray(np.linalg.inv((slope.T * weight) @ slope + np.eye(len(end.scaled))))
-        # the curvature of the loss, on average over a kind
-        bent = layout.share * (1 - unit**2) / (1 + unit**2) ** 2
-        curved = np.bincount(layout.kind, bent) / np.bincount(layout.kind, weight)
-        curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]
-        inverse = np.linalg.inv((slope.T * curvature) @ slope + np.eye(len(end.scaled)))
-        score = np.zeros((layout.clusters, len(end.scaled)))
-        np.add.at(score, layout.cluster, slope * (weight * unit)[:, None])
-        few = layout.clusters / max(layout.clusters - len(end.scaled), 1)
-        return np.asarray(inverse @ (few * score.T @ score + np.eye(len(end.scaled))) @ inverse)
+        if layout.robust:  # the curvature of the loss, on average over a kind
+            square = (unit / _CAUCHY) ** 2
+            bent = layout.share * (1 - square) / (1 + square) ** 2
+            curved = np.bincount(layout.kind, bent) / np.bincount(layout.kind, weight)
+            curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]
+        else:
+            curvature = weight
+        matrix = (slope.T * curvature) @ slope + np.eye(len(fitted))
+        inverse = np.linalg.inv(matrix[np.ix_(fitted, fitted)])
+        known = inverse
+        if layout.robust:
+            part = slope[:, fitted]
+            score = np.zeros((layout.clusters, len(inverse)))
+            np.add.at(score, layout.cluster, part * (weight * unit)[:, None])
+            leverage = np.bincount(layout.cluster, curvature * np.einsum("ni,ij,nj->n", part, inverse, part))
+            score /= (1 - np.minimum(leverage, _MAX_LEVERAGE))[:, None]  # as if each cluster had been left out
+            known = inverse @ (score.T @ score + np.eye(len(inverse))) @ inverse
+        shift = -inverse @ matrix[np.ix_(fitted, ~fitted)]
+        covariance, alone = np.eye(len(fitted)), np.eye(len(fitted))
+        covariance[np.ix_(fitted, fitted)] = known + shift @ shift.T
+        covariance[np.ix_(fitted, ~fitted)], covariance[np.ix_(~fitted, fitted)] = shift, shift.T
+        # what little the errors tell may look certain by chance
+        wide = np.sqrt(np.maximum(np.diag(inverse) / np.diag(known), 1.0))
+        alone[np.ix_(fitted, fitted)] = known * np.outer(wide, wide)
+        return covariance, alone
 
     def vaguest(self, end: _End, held: Mapping[str, str]) -> tuple[str, str] | None:
         """The parameter that the target tells least of those it doesn't tell, and why; None if it tells all."""
-        covariance = self.covariance(end)
+        _, covariance = self.covariance(end, held)
         spread = np.sqrt(np.diag(covariance))
         vague = (spread > _VAGUE) & (np.abs(end.scaled) < _SIGNIFICANT * spread)
         vague &= [name not in held for name in self.names]
@@ -313,14 +326,14 @@ class _Problem:
     def described(self, end: _End, held: Mapping[str, str], ends: tuple[tuple[Candidate, float], ...]) -> Calibration:
         """The result of a fit."""
         target, base = self.target, self._base
-        covariance = self.covariance(end)
+        covariance, _ = self.covariance(end, held)
         spread = np.sqrt(np.diag(covariance))
         free = len(self.names) - len(held)
         count = self._layout.clusters if self._layout.robust else self._layout.share.sum()
         reach = float(scipy.stats.t.ppf(0.975, max(count - free, 1)))
         estimates = {}
         for k, name in enumerate(self.names):
-            one, sd = PARAMETERS[name], 1.0 if name in held else spread[k]
+            one, sd = PARAMETERS[name], spread[k]
             value = one.read(self.candidate(end.scaled))
             width = one.spread * (value if one.relative else one.size(base)) * sd
             ends_z = np.clip(end.scaled[k] + np.array([-reach, reach]) * sd, self.low[k], self.high[k])

@@ -154,9 +154,10 @@ class SteadyRows:
 
     @cached_property
     def _measured(self) -> Array:
-        """Speeds v, w and, if measured, the lateral ones (2 or 3, M)."""
+        """Speeds v, w and, if any is measured, the lateral ones (2 or 3, M), NaN where not."""
         lateral = self.samples.lateral
-        return np.array([*self.samples.twist.T] + ([] if lateral is None else [lateral]))
+        known = lateral is not None and bool(np.isfinite(lateral).any())
+        return np.array([*self.samples.twist.T] + ([lateral] if known else []))
 
     @cached_property
     def _turns(self) -> Callable[[RobotParameters, Ground], Array]:
@@ -170,16 +171,18 @@ class SteadyRows:
 
     @cached_property
     def layout(self) -> Layout:
-        """Structure of the errors: of v, w and lateral speeds, one cluster a row."""
+        """Structure of the errors: of v, w and the lateral speeds that are known, one cluster a row."""
         kinds, rows = self._measured.shape
+        known = np.isfinite(self._measured).ravel()
         fastest = rms(self.samples.omega) * self.geometry.sprocket_radius * _NUMERICAL_ERROR
         floor = np.array([fastest, fastest / self.geometry.half_gauge, fastest])[:kinds]
         kind, cluster = np.repeat(np.arange(kinds), rows), np.tile(np.arange(rows), kinds)
-        return Layout(kind, np.ones(kinds * rows), cluster, floor, robust=rows >= _FEW)
+        return Layout(kind[known], np.ones(known.sum()), cluster[known], floor, robust=rows >= _FEW)
 
     def errors(self, candidate: Candidate) -> Array:
         """Errors (n,) of v [m/s], w [rad/s] and lateral speeds [m/s]."""
-        return (self.predicted(candidate)[: len(self._measured)] - self._measured).ravel()
+        errors = self.predicted(candidate)[: len(self._measured)] - self._measured
+        return errors[np.isfinite(self._measured)]
 
     def predicted(self, candidate: Candidate) -> Array:
         """Simulated v, w and lateral speeds (3, M) at the sensor [m/s, rad/s]."""
@@ -190,10 +193,11 @@ class SteadyRows:
 
     def metrics(self, errors: Array) -> dict[str, float]:
         """RMS errors of the speeds [m/s, rad/s], and of the slips except where a sprocket rests."""
-        parts = errors.reshape(self._measured.shape)
-        rows = np.isfinite(parts).all(axis=0)
+        parts = np.full(self._measured.shape, np.nan)
+        parts[np.isfinite(self._measured)] = errors
+        rows = np.isfinite(parts[:2]).all(axis=0)
         names = ("v_rms", "w_rms", "lateral_rms")
-        found = {name: rms(part[rows]) for name, part in zip(names, parts, strict=False)}
+        found = {name: rms(part[np.isfinite(part)]) for name, part in zip(names, parts, strict=False)}
         slip = track_slip(self.samples.omega[rows], (self._measured[:2] + parts[:2]).T[rows], self.geometry)
         slip -= self.samples.slip[rows]
         return found | {"slip_rms": rms(slip[np.isfinite(slip)])}

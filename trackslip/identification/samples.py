@@ -177,10 +177,11 @@ def usable_rows(
     geometry: RobotGeometry,
     unread: Mapping[int, str] = MappingProxyType({}),
     accept: Collection[str] = (),
+    lateral: Array | None = None,
 ) -> Sampling:
     """The usable samples of steady sprocket speeds and twists (n, 2), named row 1, row 2, ...; LogError if none is.
 
-    `unread` are rows that cannot be read, with the reason.
+    `unread` are rows that cannot be read, with the reason; `lateral` (n,) are speeds to the left, NaN if unknown [m/s].
     """
     left_out, usable = list[Refused](), list[SlipSamples]()
     for k in range(len(omega)):
@@ -188,7 +189,8 @@ def usable_rows(
         try:
             if k in unread:
                 raise LogError(unread[k])
-            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name], accept=accept))
+            left = None if lateral is None else lateral[[k]]
+            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name], lateral=left, accept=accept))
         except LogError as error:
             left_out.append(Refused.of(name, error))
     return _sampling(usable, left_out)

@@ -17,7 +17,7 @@ from trackslip.kinematics import GEARS, RobotGeometry
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table, runs_file
 from trackslip.logs.runlog import Refused, RunLog
-from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS
+from trackslip.logs.table import LATERAL, REQUIRED, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.constant_speed import SETTLE
 from trackslip.ros.choice import AUTOMATIC, BagChoice
@@ -195,7 +195,9 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
     bad = np.argwhere(np.isnan(values))
     complaints = {int(row): columns.complaint(SAMPLE_COLUMNS[column], int(row)) for row, column in reversed(bad)}
     unread = {row: complaint.removeprefix(f"row {row + 1}, ") for row, complaint in complaints.items()}
-    return usable_rows(values[:, :2] / reading.gear, values[:, 2:], geometry, unread, reading.accept)
+    lateral = columns.optional((LATERAL,))
+    left = None if lateral is None else lateral[:, 0]
+    return usable_rows(values[:, :2] / reading.gear, values[:, 2:], geometry, unread, reading.accept, left)
 
 
 def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]:

@@ -26,6 +26,8 @@ from trackslip.logs.schema import COLUMNS, with_units
 
 REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y")
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
+LATERAL = "lateral"
+"""Speed to the left, of samples that have it [m/s]."""
 BLOCKS: dict[str, tuple[str, ...]] = {  # columns of fields of a RunLog
     "command": ("omega_cmd_l", "omega_cmd_r"),
     "twist_command": ("v_cmd", "w_cmd"),

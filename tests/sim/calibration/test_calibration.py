@@ -165,6 +165,18 @@ def test_the_place_of_the_sensor_is_found_in_lateral_speeds():
     assert set(fit.metrics) == {"v_rms", "w_rms", "lateral_rms", "slip_rms"}
 
 
+def test_a_missing_lateral_speed_leaves_the_rest_of_its_row():
+    target = rows(replace(BASE, sensor=Mounting(0.2, -0.1, 0.03)), lateral=True)
+    lateral = target.samples.lateral.copy()
+    lateral[4] = np.nan
+    part = replace(target, samples=replace(target.samples, lateral=lateral))
+    assert len(part.errors(BASE)) == len(target.errors(BASE)) - 1 == len(part.layout.kind)
+    found, known = (one.metrics(one.errors(BASE)) for one in (part, target))
+    assert found["v_rms"] == known["v_rms"]
+    assert found["slip_rms"] == known["slip_rms"]
+    assert found["lateral_rms"] != known["lateral_rms"]
+
+
 def test_single_wrong_rows_hardly_matter():
     target = rows(TRUE)
     twist = target.samples.twist.copy()
@@ -172,6 +184,17 @@ def test_single_wrong_rows_hardly_matter():
     wrong = replace(target, samples=replace(target.samples, twist=twist))
     fit = calibrate(wrong, START, ("friction_ratio", "radius_error", "com_y"))
     assert fit.candidate.value("friction_ratio") == pytest.approx(TRUE.value("friction_ratio"), rel=0.01)
+
+
+def test_what_is_held_widens_the_intervals_of_the_others():
+    """The lateral place of the mass is told from that of the sensor by lateral speeds alone, which aren't here."""
+    truth = BASE.with_values({"com_y": 0.02, "sensor_y": -0.1})
+    fit = calibrate(rows(truth, rng=np.random.default_rng(3), noise=0.002), BASE, ("com_y", "sensor_y"))
+    alone = calibrate(rows(truth, rng=np.random.default_rng(3), noise=0.002), BASE, ("sensor_y",))
+    if fit.estimates["com_y"].held:
+        assert fit.estimates["sensor_y"].stderr > 1.2 * alone.estimates["sensor_y"].stderr
+    one = fit.estimates["sensor_y"]
+    assert one.low < -0.1 < one.high
 
 
 def test_folds_are_predicted_by_fits_to_the_others():
