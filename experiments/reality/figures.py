@@ -74,20 +74,23 @@ def turning(found: Findings) -> Figure | None:
         return np.asarray(1e3 * (belts / twist[turns, 1] - geometry.half_gauge))
 
     figure, axis = style.subplots(4.0)
-    measured, opposite = offset(found.samples.twist), radius < 1 - 1e-6
-    axis.plot(radius, measured, ".", color=GREY, ms=5)
-    for row, look in _points(found).items():
-        axis.plot(radius, offset(found.twists[row]), **look)
-    handles = [style.key("measured", ls="none", marker=".", color=GREY)]
-    for rows, ends, kind in ((opposite, (0, 1), "opposite belts"), (radius > 1 + 1e-6, (1, _WIDEST), "arcs")):
-        if rows.any():
-            axis.plot(ends, [np.median(measured[rows])] * 2, color=BLACK, lw=2)
-            handles.append(style.key(f"measured median, {kind}: {np.median(measured[rows]):.0f} mm", color=BLACK, lw=2))
+    measured = offset(found.samples.twist)
+    kinds = {"opposite belts": (radius < 1 - 1e-6, (0, 1)), "arcs": (radius > 1 + 1e-6, (1, _WIDEST))}
+    kinds = {kind: (rows, ends) for kind, (rows, ends) in kinds.items() if rows.any()}
+    for rows, ends in kinds.values():
+        axis.plot(ends, [np.median(measured[rows])] * 2, color=BLACK, lw=2)
+    looks = {MEASURED: {"ls": "none", "marker": ".", "color": GREY, "ms": 5}} | _points(found)
+    handles = [style.key("measured median", color=BLACK, lw=2)]
+    for row, look in looks.items():
+        values = measured if row == MEASURED else offset(found.twists[row])
+        axis.plot(radius, values, **look)
+        medians = " and ".join(f"{np.median(values[rows]):.0f} mm" for rows, _ in kinds.values())
+        handles.append(style.key(f"{title(row)}: {medians}", **look))
     axis.axvline(1, color=GREY, lw=0.8, ls=":")
     low, high = np.quantile(measured, [0.02, 0.98])
     axis.set(xlabel="radius without slip over half gauge [–]: below 1, the belts run against each other")
     axis.set(ylabel="D [mm]", title="D by kind of turn", xlim=(0, _WIDEST), ylim=(low - 20, high + 20))
-    style.legend_below(figure, [*handles, *(style.key(title(row), **look) for row, look in _points(found).items())])
+    style.legend_below(figure, handles)
     return figure
 
 

@@ -29,7 +29,7 @@ _PLOTS = {
     figures.turning: (
         "D by kind of turn",
         "D, by which belts' ICRs lie farther out than the belts, from v, w and sprocket speeds; by Coulomb friction it "
-        "is about constant.",
+        "is about constant, but for sprockets of different radii. Medians are of opposite belts and of arcs.",
     ),
     figures.ahead: ("Errors ahead", "Median errors, of the same pairs of poses in all rows."),
     figures.tracks: (

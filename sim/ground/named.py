@@ -53,9 +53,9 @@ NAMED_GROUNDS: dict[str, NamedGround] = {
     "clay": NamedGround(Ground(0.60, 0.75, shear=0.006), "assumed, firm clay; ratio 1.25 and shear assumed"),
     "snow": NamedGround(Ground(0.36, 0.468, shear=0.040), f"snow, 19.7°: {_WONG}; ratio 1.3 and shear assumed"),
     # for robots on wheels; docs/reality.md has the fits
-    "asphalt": NamedGround(Ground(0.80, 0.80), "of tyres: assumed; ratio 1; a Warthog's log fits 0.75 and 0.99"),
-    "grass": NamedGround(Ground(0.50, 0.50), "of tyres: assumed; ratio 1; a Warthog's log fits 0.46 and 0.95"),
-    "ice": NamedGround(Ground(0.12, 0.12), f"ice, 0.10 to 0.15: {_NOON}; ratio 1; a Warthog's log fits 0.11 and 1.09"),
+    "asphalt": NamedGround(Ground(0.80, 0.80), "of tyres: assumed; ratio 1; a Warthog's log fits 0.76 and 0.99"),
+    "grass": NamedGround(Ground(0.50, 0.50), "of tyres: assumed; ratio 1; a Warthog's log fits 0.50 and 0.95"),
+    "ice": NamedGround(Ground(0.12, 0.12), f"ice, 0.10 to 0.15: {_NOON}; ratio 1; a Warthog's log fits 0.12 and 1.08"),
 }
 
 
