@@ -121,7 +121,7 @@ def identified(cases: Sequence[BenchmarkCase], config: Config, world: World) -> 
 
     def files(case: BenchmarkCase) -> dict[str, str]:
         names = {case.reference, case.ground, str(policy_path(case.controller) or "")}
-        names |= set() if case.controller in CONTROLLERS else modules
+        names |= set() if case.controller.partition(":")[0] in CONTROLLERS else modules
         return {name: found for name in sorted(names) if (found := contents(name)) is not None}
 
     return [replace(case, id=digest([common, case.axes, files(case)])) for case in cases]

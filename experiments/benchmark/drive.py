@@ -63,7 +63,8 @@ class ClosedLoops:
 
     def controller(self, name: str) -> Controller:
         """A new controller by name."""
-        return controller(name, self.world.robot.geometry, self.world.drive.top_speed)
+        world = self.world
+        return controller(name, world.robot.geometry, world.drive.top_speed, self.config.scanner.period)
 
     def compensation(self, name: str) -> Compensation:
         """A new compensation by name."""

@@ -34,7 +34,7 @@ class Config(Equipment):
     suite: Literal["paper", "quick", "full"] = "quick"
     """Runs: Sec. IV of the paper with five seeds, all controllers on one path, or on all paths and three grounds."""
     controllers: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{CONTROLLERS} ...")] = None
-    """Controllers; ppo:FOLDER is a policy trained by train, MODULE:CLASS a controller of your own."""
+    """Controllers, such as linear or linear:stiffness=160; ppo:FOLDER of train, MODULE:CLASS of your own."""
     compensations: Annotated[tuple[str, ...] | None, Distinct(), _COMPENSATIONS] = None
     """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
     references: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{REFERENCES} ...")] = None

@@ -26,7 +26,7 @@ class Config(Simulation):
     """Follow a path once in closed loop, localizing with the scanner, and print the errors."""
 
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
-    """Controller: linear is the paper's Eq. 31, ppo:FOLDER a policy of train, MODULE:CLASS your own."""
+    """Controller, such as linear:stiffness=160, the paper's Eq. 31; ppo:FOLDER of train, MODULE:CLASS of your own."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
     """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
     preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0

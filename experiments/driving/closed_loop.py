@@ -81,12 +81,12 @@ def drive_closed_loops(
             found |= zip(part, logs, strict=True)
             progress = _unseen
         return [found[k] for k in range(len(runs))]
-    geometry, top_speed = world.robot.geometry, world.drive.top_speed
+    limits = world.robot.geometry, world.drive.top_speed, world.config.scanner.period
     driven_by: dict[tuple[str, str], list[int]] = {}
     for k, run in enumerate(runs):
         driven_by.setdefault((run.controller, run.compensation), []).append(k)
     pilots = [
-        Pilot(controller(name, geometry, top_speed), robots, compensation(law), preview)
+        Pilot(controller(name, *limits), robots, compensation(law), preview)
         for (name, law), robots in driven_by.items()
     ]
     fleet = world.fleet(np.array([run.start for run in runs]), [run.ground or world.ground for run in runs])
@@ -106,4 +106,5 @@ def start_pose(controller: str, reference: str, path: Reference) -> Array:
 
     The linear controller starts beside the paper's path, as in the paper (Sec. IV-C).
     """
-    return np.array(LINEAR_START) if (controller, reference) == ("linear", "paper") else path.pose(0.0)
+    linear = controller.partition(":")[0] == "linear"
+    return np.array(LINEAR_START) if linear and reference == "paper" else path.pose(0.0)

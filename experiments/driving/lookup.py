@@ -2,19 +2,20 @@
 
 import functools
 import importlib
+import inspect
 import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from experiments.driving.paper_model import KNOWN_LAWS
 from sim.network import policy_file
 from sim.policy import Policy, PolicyController
 from sim.robot.robot import Robot
 from trackslip.controllers.base import Controller
-from trackslip.controllers.mpc import ModelPredictive
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import InvalidValueError, TrackslipError, require, require_finite
 from trackslip.kinematics import RobotGeometry
 from trackslip.localization.base import Locator
 from trackslip.localization.line import LineLocator
@@ -29,7 +30,7 @@ from trackslip.trajectory.named import load_reference
 
 _ONLINE, _ONLINE_LOAD, _ONLINE_COLD = "online", "online_load", "online_cold"
 _POLICY = "ppo:"
-_MARGIN = 0.98  # share of the top speed that the MPC plans with
+_MARGIN = 0.98  # share of the top speed that controllers plan with
 REACH = 1.27
 """(b + D) / b on hard ground: how far out slip compensation places the tracks [-]."""
 _PRIORS = {_ONLINE: "icr_radius", _ONLINE_LOAD: "icr_load"}  # the laws that they start from
@@ -66,25 +67,72 @@ def _learning(stored: Mapping[str, SlipLaw]) -> list[str]:
     return [name for name, prior in _PRIORS.items() if prior in stored]
 
 
-def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
-    """A new controller: one of CONTROLLERS, a trained policy (ppo:PATH), or an instance of a user's MODULE:CLASS.
+def controller(name: str, geometry: RobotGeometry, top_speed: float, period: float) -> Controller:
+    """A new controller: one of CONTROLLERS or a user's MODULE:CLASS, both with arguments, or a policy, ppo:PATH.
 
-    `top_speed` is that of the tracks [m/s]. Raises InvalidValueError for any other name.
+    Arguments of the constructor follow the name, as in linear:stiffness=160,damping=1. Unless given, parameters of
+    these names get what they are for this robot: `geometry`; `half_gauge`, effective with slip compensation [m];
+    `track_speed`, slightly below `top_speed` of the tracks [m/s]; `period` between two commands [s].
+
+    Raises:
+        InvalidValueError: for an unknown name or argument and a value that is not allowed.
     """
-    if name == "mpc":
-        return ModelPredictive(track_speed=_MARGIN * top_speed, half_gauge=REACH * robot.half_gauge)
-    if name in CONTROLLERS:
-        return CONTROLLERS[name]()
     if name.startswith(_POLICY):
-        return PolicyController(Policy.load(Path(name.removeprefix(_POLICY))), top_speed / robot.sprocket_radius)
-    module, _, attribute = name.partition(":")
-    if not module or not attribute:
-        raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, or MODULE:CLASS")
-    made = _call(name, module, attribute)
+        return PolicyController(Policy.load(Path(name.removeprefix(_POLICY))), top_speed / geometry.sprocket_radius)
+    base, _, given = name.partition(":")
+    if base not in CONTROLLERS:
+        attribute, _, given = given.partition(":")
+        if not base or not attribute:
+            raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, or MODULE:CLASS")
+    half_gauge, track_speed = REACH * geometry.half_gauge, _MARGIN * top_speed
+    known = {"geometry": geometry, "half_gauge": half_gauge, "track_speed": track_speed, "period": period}
+    try:
+        make = CONTROLLERS[base] if base in CONTROLLERS else _imported(base, attribute)
+        accepted = inspect.signature(make).parameters
+        arguments = {key: value for key, value in known.items() if key in accepted}
+        made: Controller = make(**arguments | _arguments(name, name.removesuffix(f":{given}"), given, accepted))
+    except TrackslipError:
+        raise
+    except (Exception, SystemExit) as error:  # a user's module may raise anything
+        why = f"{type(error).__name__}: {error}"
+        raise InvalidValueError("controller", name, f"MODULE:CLASS that can be imported and called ({why})") from error
     for method in ("reset", "twist"):
         if not callable(getattr(made, method, None)):
             raise InvalidValueError("controller", name, f"a class with a method {method}: see trackslip.controllers")
     return made
+
+
+def _arguments(name: str, called: str, given: str, accepted: Mapping[str, inspect.Parameter]) -> dict[str, Any]:
+    """Arguments by name from ARGUMENT=VALUE,..., of the types of the constructor's parameters."""
+    plain = (bool, int, float, str, type(None), type)  # an empty default is a type
+    settable = {key: one for key, one in accepted.items() if isinstance(one.default, plain)}
+    found: dict[str, Any] = {}
+    for text in given.split(",") if name != called else ():
+        key, equals, value = text.partition("=")
+        if not equals or key not in settable or key in found:
+            form = f"{called}:ARGUMENT=VALUE,... with different arguments among {', '.join(settable)}"
+            raise InvalidValueError("controller", name, form if settable else f"{called} without arguments")
+        found[key] = _value(key, value, settable[key])
+    return found
+
+
+def _value(key: str, text: str, parameter: inspect.Parameter) -> Any:
+    """An argument's value, of the type of the annotation or the default; without one, a number or else a text."""
+    default = parameter.default
+    kind = parameter.annotation if parameter.annotation is not parameter.empty else type(default)
+    kind = getattr(kind, "__name__", kind)
+    if kind == "str":
+        return text
+    if kind == "bool":
+        require(text in ("true", "false"), key, text, "true or false")
+        return text == "true"
+    try:
+        number = int(text) if kind == "int" or text.lstrip("+-").isdigit() else float(text)
+    except ValueError:
+        require(kind not in ("int", "float"), key, text, "a whole number" if kind == "int" else "a number")
+        return text
+    require_finite(key, number)
+    return float(number) if kind == "float" else number
 
 
 def locator(name: str, robot: Robot) -> Locator:
@@ -104,14 +152,9 @@ def policy_path(name: str) -> Path | None:
     return policy_file(Path(name.removeprefix(_POLICY))) if name.startswith(_POLICY) else None
 
 
-def _call(name: str, module: str, attribute: str) -> Controller:
+def _imported(module: str, attribute: str) -> Any:
+    """An attribute of a module, which may be in the current folder."""
     here = os.getcwd()
     if here not in sys.path:
         sys.path.insert(0, here)
-    try:
-        return getattr(importlib.import_module(module), attribute)()
-    except TrackslipError:
-        raise
-    except (Exception, SystemExit) as error:  # a user's module may raise anything
-        why = f"{type(error).__name__}: {error}"
-        raise InvalidValueError("controller", name, f"MODULE:CLASS that can be imported and called ({why})") from error
+    return getattr(importlib.import_module(module), attribute)

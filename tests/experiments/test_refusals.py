@@ -97,6 +97,20 @@ OPTIONS = [
     # learning and benchmarks
     ("train --env maze", "env = 'maze': must be one of path_tracking, traverse"),
     ("train --batch 1000", "batch = 1000: must be a factor of robots * horizon = 8192"),
+    (
+        "track --controller linear:g=160",
+        "'linear:g=160': must be linear:ARGUMENT=VALUE,... with different arguments among",
+    ),
+    ("track --controller feedforward:g=160", "'feedforward:g=160': must be feedforward without arguments"),
+    ("track --controller linear:stiffness=stiff", "stiffness = 'stiff': must be a number"),
+    ("benchmark --controllers lqr linear:", "controllers = 'linear:': must be linear:ARGUMENT=VALUE,..."),
+    ("benchmark --controllers linear:damping=1,damping=2", "with different arguments among damping, stiffness"),
+    ("benchmark --controllers linear:damping=-1", "damping = -1.0: must be a finite number > 0"),
+    ("benchmark --controllers linear:damping=1e999", "damping = inf: must be a finite number"),
+    ("benchmark --controllers dynamic_feedback:static=1", "'dynamic_feedback:static=1': must be dynamic_feedback:ARG"),
+    ("benchmark --controllers mpc:intervals=1.5", "intervals = '1.5': must be a whole number"),
+    ("benchmark --controllers mpc:intervals=1000000", "intervals = 1000000: must be a whole number from 1 to 100"),
+    ("benchmark --controllers lqr:period=1e-9", "period = 1e-09: must be from 0.001 to 10 s"),
     ("benchmark --controllers none:Mine", "controllers = 'none:Mine': must be MODULE:CLASS that"),
     ("benchmark --controllers pathlib:Path", "controllers = 'pathlib:Path': must be a class with a method"),
 ]

@@ -13,6 +13,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from trackslip.controllers.base import ControlLaw, OncePerReference
+from trackslip.errors import require_within
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
@@ -40,6 +41,10 @@ class Lqr(ControlLaw):
     period: float = 0.05
     """Time between two commands [s]."""
     _gains: OncePerReference[Array] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_within("period", self.period, 1e-3, 10.0, "s")
 
     @property
     def weights(self) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.controllers.base import ControlLaw
-from trackslip.errors import TrackslipError, require
+from trackslip.errors import TrackslipError, require, require_whole
 from trackslip.kinematics import Array, advance, track_speeds, twist_of_tracks
 from trackslip.trajectory.base import Reference
 
@@ -65,7 +65,7 @@ class ModelPredictive(ControlLaw):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("intervals", "iterations"):
-            require(getattr(self, name) >= 1, name, getattr(self, name), "at least 1")
+            require_whole(name, getattr(self, name), 1, 100)
 
     def reset(self) -> None:
         """Discard the plans; the next call may be for another number of robots."""
