@@ -1,7 +1,7 @@
 """Closed-loop runs of a fleet in front of the scanner, by the names of controller and compensation."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from experiments.driving.lookup import controller, locator
 from experiments.driving.world import World
 from experiments.options.world import LINEAR_START
 from experiments.storage.plain_json import plain
+from sim.fleet import Setting
 from sim.ground.ground import Ground
 from sim.loop import Progress, closed_loop
 from sim.pilot import Pilot
@@ -19,6 +20,16 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.compensation import Compensation
 from trackslip.trajectory.base import Reference
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A robot on its ground in front of its scanner, which differ from the world's."""
+
+    setting: Setting
+    """Ground, radius error, lag and centre of mass; the start is the run's."""
+    scanner_noise: float
+    """Standard deviation of the ranges [m]."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +49,26 @@ class ClosedLoopRun:
     """Start pose (3,) [m, m, rad]."""
     ground: Ground | None = None
     """The run's own ground; None for the world's."""
+    plant: Plant | None = None
+    """The run's own robot, ground and scanner; None for the world's, on `ground`."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    def setting(self, world: World) -> Setting:
+        """Start, ground and properties of the robot."""
+        x, y, phi = map(float, self.start)
+        if self.plant is not None:
+            return replace(self.plant.setting, start=(x, y, phi))
+        return Setting((x, y, phi), self.ground or world.ground, world.radius_error)
 
     def own_metadata(self) -> dict[str, Any]:
         """The metadata that may differ between the runs of a fleet."""
         names = ("controller", "compensation", "start", "seed", *(() if self.ground is None else ("ground",)))
-        return plain({name: getattr(self, name) for name in names} | dict(self.metadata))
+        found = {name: getattr(self, name) for name in names} | dict(self.metadata)
+        if self.plant is not None:
+            own = self.plant.setting
+            found |= {"ground": own.ground, "radius_error": own.radius_error, "lag": own.lag, "weight": own.weight}
+            found |= {"scanner_noise": self.plant.scanner_noise}
+        return plain(found)
 
 
 def drive_closed_loops(
@@ -71,7 +96,8 @@ def drive_closed_loops(
     Raises:
         TrackslipError: for an unknown controller or compensation; when a robot tips over or a controller fails.
     """
-    shearing = [(run.ground or world.ground).largest_shear > 0 for run in runs]
+    settings = [run.setting(world) for run in runs]
+    shearing = [one.ground.largest_shear > 0 for one in settings]
     if len(set(shearing)) > 1:  # robots that drive elsewhere have other pads: their bits must not depend on company
         parts = [[k for k, shears in enumerate(shearing) if shears == wanted] for wanted in (False, True)]
         found: dict[int, RunLog] = {}
@@ -89,8 +115,11 @@ def drive_closed_loops(
         Pilot(controller(name, *limits), robots, compensation(law), preview)
         for (name, law), robots in driven_by.items()
     ]
-    fleet = world.fleet(np.array([run.start for run in runs]), [run.ground or world.ground for run in runs])
-    feed = world.feed(fleet, [generator(run.seed, run.key) for run in runs], kept)
+    fleet = world.fleet(np.array([run.start for run in runs]), [one.ground for one in settings])
+    if any(run.plant is not None for run in runs):
+        fleet.restart(np.arange(len(runs)), settings)
+    noise = [world.config.scanner.noise if run.plant is None else run.plant.scanner_noise for run in runs]
+    feed = world.feed(fleet, [generator(run.seed, run.key) for run in runs], kept, noise)
     common = world.metadata(localization)
     descriptions = [Description(run.name, common | run.own_metadata()) for run in runs]
     method = None if localization == "truth" else locator(localization, world.robot)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from experiments.options.world import Simulation
 from experiments.storage.plain_json import plain
@@ -86,9 +87,15 @@ class World(Specification):
         threads, ground = self.config.threads, grounds or self.ground
         return Fleet(self.robot, start, ground, self.radius_error, self.drive, threads, self.pull)
 
-    def feed(self, fleet: Fleet, generators: Sequence[np.random.Generator], kept: bool = False) -> ScannerFeed:
-        """The scanner in front of a fleet, with one random number generator per robot; `kept`: see ScannerFeed."""
-        return ScannerFeed(self.config.scanner, fleet, generators, self.obstacles, kept)
+    def feed(
+        self,
+        fleet: Fleet,
+        generators: Sequence[np.random.Generator],
+        kept: bool = False,
+        noise: ArrayLike | None = None,
+    ) -> ScannerFeed:
+        """The scanner in front of a fleet, with one random number generator per robot; the others: see ScannerFeed."""
+        return ScannerFeed(self.config.scanner, fleet, generators, self.obstacles, kept, noise)
 
     def metadata(self, localization: str) -> dict[str, Any]:
         """The metadata of every run simulated in this world."""

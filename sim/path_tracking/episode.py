@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.fleet import Setting
-from sim.ground.ground import Ground, Patch
+from sim.ground.ground import Ground
 from sim.path_tracking.config import PERIOD, EnvConfig
-from sim.path_tracking.randomization import MAX_LATENCY, Randomization, Range
+from sim.path_tracking.randomization import MAX_LATENCY, Randomization, uniform
 from sim.restorable import Restorable
 from sim.task import checked
 from trackslip import se2
@@ -31,7 +31,6 @@ _OPTIONS = {
     "lag": float,
     "latency": int,
 }
-_PARKING = 0.6  # steepest slope that is drawn, as a fraction of the smallest friction angle
 Index = NDArray[np.int_]
 
 
@@ -62,17 +61,16 @@ def draw(
     options, drawn = checked("options", options, _OPTIONS), config.drawn
     reference = table.index(options.get("reference", _choice(generator, config.references)))
     base = config.load_ground(_choice(generator, config.grounds))
-    ground = _ground(config, base, table.path(reference), generator)
+    robot, drive = config.parameters, config.drive or config.parameters.drive
+    setting = drawn.setting(generator, robot, drive, base, table.path(reference))
+    ground = setting.ground
     if "ground" in options:
         ground = options["ground"] if isinstance(options["ground"], Ground) else config.load_ground(options["ground"])
         shear, allowed = ground.largest_shear, "0 in an environment that is made without ground that shears"
         require(shear == 0 or config.shears, "ground.shear", shear, allowed)
-    radius_error = _uniform(generator, drawn.radius_error, config.parameters.radius_error)
-    com = _uniform(generator, drawn.com_x, 0.0), _uniform(generator, drawn.com_y, 0.0)
-    lag = _uniform(generator, drawn.lag, (config.drive or config.parameters.drive).lag)
     latency = generator.integers(*drawn.latency, endpoint=True)
-    distance, bearing = _uniform(generator, drawn.start_distance, 0.0), generator.uniform(-math.pi, math.pi)
-    turned = _uniform(generator, drawn.start_heading, 0.0)
+    distance, bearing = uniform(generator, drawn.start_distance, 0.0), generator.uniform(-math.pi, math.pi)
+    turned = uniform(generator, drawn.start_heading, 0.0)
     error = (
         _finite("start_error", options["start_error"], 3)
         if "start_error" in options
@@ -81,41 +79,21 @@ def draw(
     require_at_most("distance of start_error", math.hypot(*error[:2]), config.off_path, "m, which is off_path")
     latency = options.get("latency", latency)
     require(latency in range(MAX_LATENCY + 1), "latency", latency, f"an integer from 0 to {MAX_LATENCY}")
-    lag = float(options.get("lag", lag))
+    lag = float(options.get("lag", setting.lag or drive.lag))
     require_positive("lag", lag)
     require_at_most("lag", lag, 1.0, "s")
-    setting = Setting(
-        start=tuple(se2.compose(table.path(reference)[0], error).tolist()),
+    setting = dataclasses.replace(
+        setting,
+        start=tuple(se2.compose(setting.start, error).tolist()),
         ground=ground,
-        radius_error=float(options.get("radius_error", radius_error)),
+        radius_error=float(options.get("radius_error", setting.radius_error)),
         lag=lag,
-        weight=_finite("com", options.get("com", com), 2),
+        weight=_finite("com", options.get("com", setting.weight), 2),
     )
     dataclasses.replace(config.parameters, radius_error=setting.radius_error)
     x, y = setting.weight
     Randomization(com_x=(x, x), com_y=(y, y)).require_standing(config.parameters)
     return Episode(reference, setting, int(latency), noise=int(generator.integers(2**63)))
-
-
-def _ground(config: EnvConfig, base: Ground, path: Array, generator: np.random.Generator) -> Ground:
-    """Randomize the friction across, slope and patches of a ground."""
-    drawn = config.drawn
-    across = base.across * _uniform(generator, drawn.friction_ratio, 1.0)
-    patches = []
-    for _ in range(generator.integers(*drawn.patches, endpoint=True)):
-        x, y = path[generator.integers(len(path)), :2]
-        half = _uniform(generator, drawn.patch_size, 0.0) / 2
-        along = base.along * _uniform(generator, drawn.patch_friction, 1.0)
-        ratio = base.across / base.along * _uniform(generator, drawn.friction_ratio, 1.0)
-        patches.append(Patch((x - half, x + half), (y - half, y + half), along, along * ratio))
-    slope, uphill = _uniform(generator, drawn.slope, base.slope), generator.uniform(-math.pi, math.pi)
-    ground = dataclasses.replace(base, across=across, patches=(*base.patches, *patches))
-    if drawn.shear is not None:
-        ground = dataclasses.replace(ground, shear=_uniform(generator, drawn.shear, 0.0))
-    if drawn.slope is None:
-        return ground
-    least = min(ground.along, across, *(min(patch.along, patch.across) for patch in ground.patches))
-    return dataclasses.replace(ground, slope=min(slope, _PARKING * math.atan(least)), uphill=uphill)
 
 
 def _finite(name: str, values: Any, n: int) -> Any:
@@ -132,12 +110,6 @@ def _finite(name: str, values: Any, n: int) -> Any:
 
 def _choice(generator: np.random.Generator, names: tuple[str, ...]) -> str:
     return names[generator.integers(len(names))]
-
-
-def _uniform(generator: np.random.Generator, ends: Range | None, otherwise: float) -> float:
-    """A number drawn from a range, or `otherwise` without one; either draws once from the generator."""
-    low, high = (otherwise, otherwise) if ends is None else ends
-    return low + (high - low) * float(generator.random())
 
 
 class ReferenceTable(Restorable):

@@ -7,14 +7,19 @@ import itertools
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
-from sim.ground.ground import MAX_FRICTION, MAX_SHEAR, MAX_SLOPE
+from sim.fleet import Setting
+from sim.ground.ground import MAX_FRICTION, MAX_SHEAR, MAX_SLOPE, Ground, Patch
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import require, require_range
+from trackslip.kinematics import Array
 
 Range = tuple[float, float]
 """From, to; values are drawn uniformly."""
 
+_PARKING = 0.6  # steepest slope that is drawn, as a fraction of the smallest friction angle
 MAX_LATENCY = 2
 """Largest latency of commands [control periods]."""
 _LIMITS: dict[str, Range] = {
@@ -90,7 +95,46 @@ class Randomization:
             start_heading=(-0.3, 0.3),
         )
 
+    def setting(
+        self, generator: np.random.Generator, robot: RobotParameters, drive: Drive, ground: Ground, path: Array
+    ) -> Setting:
+        """Draw ground, radius error, centre of mass and lag of a robot at the start of `path` (T, 3) [m, m, rad]."""
+        return Setting(
+            start=tuple(path[0].tolist()),
+            ground=self._ground(generator, ground, path),
+            radius_error=uniform(generator, self.radius_error, robot.radius_error),
+            weight=(uniform(generator, self.com_x, 0.0), uniform(generator, self.com_y, 0.0)),
+            lag=uniform(generator, self.lag, drive.lag),
+        )
+
+    def _ground(self, generator: np.random.Generator, base: Ground, path: Array) -> Ground:
+        """Draw the friction across, slope and patches of a ground."""
+        ratio = uniform(generator, self.friction_ratio, 1.0)
+        patches = []
+        for _ in range(generator.integers(*self.patches, endpoint=True)):
+            x, y = path[generator.integers(len(path)), :2]
+            half = uniform(generator, self.patch_size, 0.0) / 2
+            along = base.along * uniform(generator, self.patch_friction, 1.0)
+            across = along * (base.across / base.along * uniform(generator, self.friction_ratio, 1.0))
+            patches.append(Patch((x - half, x + half), (y - half, y + half), along, across))
+        slope, uphill = uniform(generator, self.slope, base.slope), generator.uniform(-math.pi, math.pi)
+        changes = tuple(dataclasses.replace(change, across=change.across * ratio) for change in base.changes)
+        across, every = base.across * ratio, (*base.patches, *patches)
+        ground = dataclasses.replace(base, across=across, changes=changes, patches=every)
+        if self.shear is not None:
+            ground = dataclasses.replace(ground, shear=uniform(generator, self.shear, 0.0))
+        if self.slope is None:
+            return ground
+        least = min(ground.along, across, *(min(patch.along, patch.across) for patch in ground.patches))
+        return dataclasses.replace(ground, slope=min(slope, _PARKING * math.atan(least)), uphill=uphill)
+
     def require_standing(self, robot: RobotParameters) -> None:
         """Raise InvalidValueError if the robot would tip over with one of these centres of mass."""
         for x, y in itertools.product(self.com_x, self.com_y):
             dataclasses.replace(robot, com_x=robot.com_x + x, com_y=robot.com_y + y)
+
+
+def uniform(generator: np.random.Generator, ends: Range | None, otherwise: float) -> float:
+    """A number drawn from a range, or `otherwise` without one; either draws once from the generator."""
+    low, high = (otherwise, otherwise) if ends is None else ends
+    return low + (high - low) * float(generator.random())

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sim.fleet import Fleet
 from sim.restorable import Restorable
@@ -31,6 +32,7 @@ class ScannerFeed(Restorable):
         generators: Sequence[np.random.Generator] | int = 0,
         obstacles: Obstacles | None = None,
         kept: bool = False,
+        noise: ArrayLike | None = None,
     ) -> None:
         """Set up the scanner.
 
@@ -41,6 +43,7 @@ class ScannerFeed(Restorable):
             obstacles: in the field, the same for all robots; by default there are none.
             kept: whether logs have all ranges, also those that aren't the plate's; always for robots with contact
                 sensors.
+            noise: standard deviation of the ranges of each robot's scanner (N,); by default the scanner's [m].
 
         Raises:
             InvalidValueError: for a wrong number of generators, and an obstacle on the scanner.
@@ -50,6 +53,8 @@ class ScannerFeed(Restorable):
         require(len(generators) == fleet.size, "generators", len(generators), f"{fleet.size}, one per robot")
         self._scanner, self._fleet = scanner, fleet
         self._random = [g.spawn(1)[0] for g in generators]
+        every = np.broadcast_to(scanner.noise if noise is None else noise, (fleet.size,))
+        self._scanners = [dataclasses.replace(scanner, noise=float(one)) for one in every]
         robot = fleet.robot
         x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])
@@ -124,7 +129,8 @@ class ScannerFeed(Restorable):
 
     def measure(self, true_ranges: Array) -> Array:
         """Measured ranges (N, ..., B) [m] of each robot's scanner, which has its own random numbers."""
-        return np.stack([self._scanner.measure(*one) for one in zip(true_ranges, self._random, strict=True)])
+        every = zip(self._scanners, true_ranges, self._random, strict=True)
+        return np.stack([scanner.measure(ranges, random) for scanner, ranges, random in every])
 
     def scan(self, ranges: Array) -> Scan:
         """Ranges (..., B) [m] as a Scan of this LRF."""
