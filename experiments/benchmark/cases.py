@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.driving.lookup import policy_path, reference, user_modules
-from experiments.driving.world import World
 from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
 from experiments.storage.manifest import content, digest
 from experiments.storage.results import SUMMARY_FILE
@@ -24,21 +23,58 @@ from trackslip.kinematics import Array
 from trackslip.slip.law_file import SHIPPED
 
 if TYPE_CHECKING:
+    from experiments.benchmark.drive import ClosedLoops
     from experiments.commands.benchmark import Config
 
 FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
 """Axes along which the runs of a benchmark differ: the fields of a BenchmarkCase."""
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
-_SUITES: Mapping[str, Sequence[Sequence[tuple[Any, ...]]]] = {
-    "paper": [
-        (("feedforward",), _PAPER, ("paper",), ("stone",), ("zero",), (0, 1, 2, 3, 4)),
-        (("linear",), _PAPER, ("paper",), ("stone",), ("paper", "zero"), (0, 1, 2, 3, 4)),
-    ],
-    "quick": [(CONTROLLER_NAMES, ("none", "icr_radius"), ("paper",), ("stone",), ("random",), (0, 1, 2))],
-    "full": [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, ("stone", "ice", "sticky"), ("random",), (0, 1, 2))],
+TRAINING_PATHS = ("circle", "slalom", "clothoid", "stop_and_go")
+"""References that controllers are tuned on; the suite `fair` has the others."""
+
+
+@dataclass(frozen=True)
+class Suite:
+    """The runs of a benchmark."""
+
+    designs: Sequence[Sequence[tuple[Any, ...]]]
+    """Full factorial designs: the values of each of FACTORS, all combined."""
+    plants: str
+    """"nominal", the robot that the laws were identified on, or "drawn" around it."""
+    gains: str
+    """"default" or "tuned", see `Gains.load`."""
+
+
+SUITES: Mapping[str, Suite] = {
+    "paper": Suite(
+        [
+            (("feedforward",), _PAPER, ("paper",), ("stone",), ("zero",), (0, 1, 2, 3, 4)),
+            (("linear",), _PAPER, ("paper",), ("stone",), ("paper", "zero"), (0, 1, 2, 3, 4)),
+        ],
+        plants="nominal",
+        gains="default",
+    ),
+    "fair": Suite(
+        [
+            (
+                CONTROLLER_NAMES,
+                _THREE,
+                tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS),
+                ("stone",),
+                ("random",),
+                tuple(range(8)),
+            )
+        ],
+        plants="drawn",
+        gains="tuned",
+    ),
+    "full": Suite(
+        [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, ("stone", "ice", "sticky"), ("random",), (0, 1, 2))],
+        plants="drawn",
+        gains="tuned",
+    ),
 }
-"""Suites by name, each the union of full factorial designs: the values of each of FACTORS, all combined."""
 _PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
 _MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
 
@@ -101,7 +137,7 @@ def cases_of(config: Config) -> tuple[list[BenchmarkCase], list[str]]:
     """
     given = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
     found: dict[BenchmarkCase, None] = {}
-    for design in _SUITES[config.suite]:
+    for design in SUITES[config.suite].designs:
         chosen = [own or suites for own, suites in zip(given, design, strict=True)]
         found |= dict.fromkeys(BenchmarkCase(*values) for values in product(*chosen))
     rest = [case for case in found if case.controller != "mpc"]
@@ -110,11 +146,12 @@ def cases_of(config: Config) -> tuple[list[BenchmarkCase], list[str]]:
     return rest, ['mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"']
 
 
-def identified(cases: Sequence[BenchmarkCase], config: Config, world: World) -> list[BenchmarkCase]:
+def identified(cases: Sequence[BenchmarkCase], loops: ClosedLoops) -> list[BenchmarkCase]:
     """The cases with their ids; a user's controllers must have been imported."""
+    config, world = loops.config, loops.world
     laws = config.laws or SHIPPED
     specified = [world.parameters, world.ground, world.radius_error, world.obstacles, world.pull, world.robot.digest]
-    evaluated = [world.drive, config.scanner, config.localization, config.preview]
+    evaluated = [world.drive, config.scanner, config.localization, config.preview, loops.plants]
     common = digest([specified, evaluated, content(laws / SUMMARY_FILE if laws.is_dir() else laws)])
     contents = functools.cache(lambda name: content(Path(name)))
     modules = set(user_modules())
@@ -124,4 +161,4 @@ def identified(cases: Sequence[BenchmarkCase], config: Config, world: World) -> 
         names |= set() if case.controller.partition(":")[0] in CONTROLLERS else modules
         return {name: found for name in sorted(names) if (found := contents(name)) is not None}
 
-    return [replace(case, id=digest([common, case.axes, files(case)])) for case in cases]
+    return [replace(case, id=digest([common, case.axes, loops.specification(case), files(case)])) for case in cases]

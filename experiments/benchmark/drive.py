@@ -6,17 +6,19 @@ import contextlib
 import functools
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from experiments.benchmark.cases import BenchmarkCase
-from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops
+from experiments.benchmark.gains import Gains
+from experiments.benchmark.plants import draw_plant
+from experiments.driving.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
 from experiments.driving.lookup import compensation, controller, reference
 from experiments.driving.world import World
-from experiments.options.world import Simulation
+from experiments.options.world import ClosedLoopOptions, Equipment, Simulation
 from experiments.recording import record_all
 from experiments.storage.results import RUNS_FILE
 from experiments.sweep.parts import Row
@@ -33,9 +35,6 @@ from trackslip.logs.runlog import RunLog
 from trackslip.metrics import expense, tracking_errors
 from trackslip.slip.compensation import Compensation
 
-if TYPE_CHECKING:
-    from experiments.commands.benchmark import Config
-
 _STEPS = 200  # number timed, from the start of the run
 
 
@@ -43,7 +42,13 @@ _STEPS = 200  # number timed, from the start of the run
 class ClosedLoops:
     """Closed-loop runs by the names of what drives them."""
 
-    config: Config
+    config: ClosedLoopOptions
+    plants: str = "nominal"
+    """"nominal", the robot that the laws were identified on, or "drawn" around it."""
+    gains: Gains = field(default_factory=Gains)
+    """Gains of the controllers."""
+    timed: int | None = None
+    """Seed of the runs whose control steps are timed."""
     sizes: ClassVar[tuple[int, int]] = (32, 32)
     """Larger fleets hardly gain speed, and smaller ones are shared better between processes."""
 
@@ -56,6 +61,16 @@ class ClosedLoops:
     def top_speed(self) -> float:
         """Top speed of the sprockets [rad/s]."""
         return self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
+
+    def specification(self, case: BenchmarkCase) -> str:
+        """The controller of a case with its tuned arguments."""
+        return self.gains.specification(case.controller, case.compensation)
+
+    def plant(self, case: BenchmarkCase) -> Plant | None:
+        """The plant of a case; None for the nominal one."""
+        if self.plants == "nominal":
+            return None
+        return draw_plant(self.world, case.reference, self.ground(case.ground), case.seed, case.key)
 
     def ground(self, name: str) -> Ground:
         """A ground by name or from a file; `robot` is the ground in the robot's file."""
@@ -93,10 +108,11 @@ class ClosedLoops:
                 name=case.name,
                 key=f"benchmark {case.key}",
                 seed=case.seed,
-                controller=case.controller,
+                controller=self.specification(case),
                 compensation=case.compensation,
                 start=case.start_pose(),
-                ground=self.ground(case.ground),
+                ground=None if self.plants == "drawn" else self.ground(case.ground),
+                plant=self.plant(case),
                 metadata={"reference": case.reference, "ground_name": case.ground, "start": case.start},
             )
             for case in runs
@@ -108,20 +124,20 @@ class ClosedLoops:
         )
 
     def measure(self, run: BenchmarkCase, log: RunLog) -> Row:
-        """Errors, expense and, for the first seed, times of steps."""
+        """Errors, expense and, for the seed `timed`, times of steps."""
         assert log.truth is not None
         errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
         row = vars(errors) | vars(expense(log, self.top_speed)) | {"valid_fraction": float(log.is_valid.mean())}
         if log.icr is not None:
             row["icr_offset"], row["icr_radius_error"] = map(float, log.icr[-1])
-        if run.seed == (self.config.seeds or (0,))[0]:
+        if run.seed == self.timed:
             with contextlib.suppress(Exception, SystemExit):  # a user's controller may fail on a single robot
                 row["compute_ms"] = np.round(1e3 * np.array(self._step_times(run, log)), 4)
         return row
 
     def _step_times(self, case: BenchmarkCase, log: RunLog) -> list[float]:
         """Times [s] from pose to set points, at the poses of a run, measured with a separate controller."""
-        pilot, law = self.controller(case.controller), self.compensation(case.compensation)
+        pilot, law = self.controller(self.specification(case)), self.compensation(case.compensation)
         path, geometry, top_speed = reference(case.reference), self.world.robot.geometry, self.top_speed
         covariance = np.zeros((len(log.time), 3, 3)) if log.covariance is None else log.covariance
         pilot.reset()
@@ -143,7 +159,7 @@ class ClosedLoops:
 
 
 @functools.lru_cache(maxsize=1)
-def _world(config: Config) -> World:
+def _world(config: Equipment) -> World:
     equipment = (config.robot, config.radius_error, config.drive, config.scanner, config.obstacles, config.pull)
     return World.of(Simulation(*equipment, threads=1))
 

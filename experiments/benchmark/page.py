@@ -26,7 +26,7 @@ from trackslip.metrics import LOST
 _FAVOURITES = ("icr_radius", "online", "icr", "published", "none")  # compensations to compare controllers with
 _REPRESENTATIVES = ("linear", "feedforward")  # controllers to compare compensations with
 _INTRO = (
-    "Every controller drives every path on every ground, with each slip compensation. Seeds, starts and scanner noise"
+    "Every controller drives every path on every ground, with each slip compensation. Plants, starts and scanner noise"
     " are the same for all. The position error is the distance between the robot's true position and the reference at"
     " the same time. A run keeps the path if this distance never exceeds 0.5 m."
 )

@@ -9,7 +9,8 @@ from experiments.benchmark.cases import FACTORS
 from experiments.storage.manifest import relative
 from experiments.sweep.parts import Row
 from sim.seeds import generator
-from trackslip.metrics import Expense, TrackingErrors
+from trackslip.kinematics import Array
+from trackslip.metrics import LOST, Expense, TrackingErrors
 
 MEASURES = (
     *(f.name for f in dataclasses.fields(TrackingErrors) if f.name != "success"),
@@ -46,24 +47,57 @@ def over_seeds(runs: Sequence[Row]) -> list[Row]:
     return rows
 
 
-def board(rows: Sequence[Row]) -> list[Row]:
-    """The leaderboard, of means over references and grounds: entries that keep the path most often come first.
+def score(run: Row) -> float:
+    """What a run is ranked by: its position error after the transient; LOST if it lost the path or failed [m]."""
+    return min(settled_error(run), LOST) if run["error"] is None and run["success"] else LOST
 
-    Equals are ordered by the mean of the position error once the transient is over.
+
+def board(runs: Sequence[Row]) -> list[Row]:
+    """The leaderboard: an entry for each controller, compensation and start, in order of their mean scores.
+
+    Entries are compared pair by pair: runs on the same plant and path, from the same start. `behind` is the mean of the
+    differences from the best entry, with a 95 % interval from 2000 bootstrap samples of the seeds, drawn for each path
+    and ground on its own. Entries share a `rank` with the first one from which they can't be distinguished.
     """
     names = ("controller", "compensation", "start")
-    entries = [
-        {name: same[0][name] for name in names}
-        | _means(same)
-        | {name: _mean(row[name] for row in same) for name in ("success", "compute_ms_p50")}
-        for same in _alike(rows, names)
-    ]
-    return sorted(entries, key=lambda entry: (-entry["success"], settled_error(entry)))
+    alike = sorted(_alike(runs, names), key=lambda same: np.mean([score(run) for run in same]))
+    scores = np.array([[score(run) for run in sorted(same, key=_place)] for same in alike])  # (E, P)
+    means = _resampled(scores, [_place(run)[:2] for run in sorted(alike[0], key=_place)])  # (E, B)
+    entries: list[Row] = []
+    leader = 0
+    for k, same in enumerate(alike):
+        ahead = None if means is None else np.percentile(means[k] - means[leader], 2.5)
+        if ahead is None or ahead > 0:
+            leader = k
+        driven = [run for run in same if run["error"] is None]
+        times = [time for run in driven for time in run.get("compute_ms", ())]
+        entry: Row = {name: same[0][name] for name in names} | _means(driven)
+        entry |= {"rank": leader + 1, "score": float(scores[k].mean()), "behind": float((scores[k] - scores[0]).mean())}
+        ends = None if means is None or k == 0 else np.percentile(means[k] - means[0], [2.5, 97.5])
+        entry |= {"behind_ci95": None if ends is None else ends.tolist(), "pairs": scores.shape[1]}
+        entry |= {"compute_ms_p50": float(np.median(times)) if times else None}
+        entries.append(entry | {"success": sum(run["success"] for run in driven) / len(same)})
+    return entries
+
+
+def _place(run: Row) -> tuple[str, str, int]:
+    """What runs that are compared have in common."""
+    return run["reference"], run["ground"], run["seed"]
+
+
+def _resampled(scores: Array, strata: Sequence[object]) -> Array | None:
+    """Means (E, B) of bootstrap samples of scores (E, P), drawn within `strata` (P); None for a single run in one."""
+    rng = generator(0, "bootstrap over plants")
+    parts = [np.array([k for k, one in enumerate(strata) if one == stratum]) for stratum in dict.fromkeys(strata)]
+    if min(map(len, parts)) < 2:
+        return None
+    drawn = np.concatenate([part[rng.integers(len(part), size=(_RESAMPLES, len(part)))] for part in parts], axis=1)
+    return np.array([one[drawn].mean(axis=1) for one in scores])
 
 
 def settled_error(row: Row) -> float:
     """Position error once the transient is over, or that of a shorter run; infinite where there is none [m]."""
-    known = _known((row["rms_position_after_12s"], row["rms_position"]))
+    known = _known((row.get("rms_position_after_12s"), row.get("rms_position")))
     return known[0] if known else float("inf")
 
 

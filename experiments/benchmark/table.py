@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from experiments.report.table import Cell, Table
 from experiments.storage.manifest import relative
@@ -36,17 +37,25 @@ def _with_interval(name: str) -> Callable[[Row], Cell]:
     return cell
 
 
+def _behind(row: Row) -> str:
+    """The difference from the best entry and its interval."""
+    ends = row["behind_ci95"]
+    interval = "" if ends is None else f" ({1e3 * ends[0]:.1f} to {1e3 * ends[1]:.1f})"
+    return f"{1e3 * row['behind']:.1f}{interval}" if row["rank"] > 1 or row["behind"] > 0 else "-"
+
+
 _BOARD: _Columns = {
+    "rank": lambda row: str(row["rank"]),
     "controller": _name("controller"),
     "compensation": _name("compensation"),
     "start": _name("start"),
     "kept [%]": _number("success", 100, 0),
-    "rms [mm]": _mm("rms_position"),
-    "> 12 s [mm]": _mm("rms_position_after_12s"),
+    "error [mm]": _mm("score"),
+    "behind the best [mm]": _behind,
     "turning [mm]": _mm("rms_position_arc"),
-    "max [mm]": _mm("max_position"),
-    "end [mm]": _mm("final_position"),
     "heading [deg]": _number("rms_heading", math.degrees(1)),
+    "rough [rad/s²]": _number("roughness"),
+    "effort [rad²/s]": _number("effort", 1, 0),
     "step [ms]": _number("compute_ms_p50"),
 }
 _ALL: _Columns = {
@@ -63,11 +72,12 @@ _ALL: _Columns = {
     "heading [deg]": _BOARD["heading [deg]"],
     "across [mm]": _mm("cross_track"),
     "along [mm]": _mm("along_track"),
-    "max [mm]": _BOARD["max [mm]"],
-    "end [mm]": _BOARD["end [mm]"],
+    "max [mm]": _mm("max_position"),
+    "end [mm]": _mm("final_position"),
     "IAE [m s]": _number("iae", 1, 3),
     "ITAE [m s²]": _number("itae"),
-    "effort [rad²/s]": _number("effort", 1, 0),
+    "effort [rad²/s]": _BOARD["effort [rad²/s]"],
+    "rough [rad/s²]": _BOARD["rough [rad/s²]"],
     "saturated [s]": _number("saturation_s"),
     "poses valid [%]": _number("valid_fraction", 100, 1),
     "step p50 | p99 [ms]": lambda row: f"{_number('compute_ms_p50')(row)} | {_number('compute_ms_p99')(row)}",
@@ -75,21 +85,24 @@ _ALL: _Columns = {
 
 
 BOARD_LEGEND = (
-    "kept: share of the runs that stayed within 0.5 m; turning: error while the reference turns; "
-    "step: median time to compute a control step, compensation included"
+    "Entries of equal rank can't be distinguished from the first of them. Kept: runs that stayed within 0.5 m. Error:"
+    " rms position error from 12 s on, 0.5 m for a run that lost the path. Behind: mean of the paired differences from"
+    " the best entry, with a 95 % bootstrap interval. Turning: error while the reference turns. Rough: rms rate of"
+    " change of the set points. Step: median computing time of a control step, compensation included."
 )
-"""What the columns of the leaderboard are, for the terminal."""
+"""What the columns of the leaderboard are."""
 
 
 def board_table(entries: Sequence[Row]) -> Table:
     """The leaderboard."""
+    several = len({entry["start"] for entry in entries}) > 1
+    columns = {header: cell for header, cell in _BOARD.items() if several or header != "start"}
     return Table(
         "Position errors, means over references, grounds and seeds",
-        tuple(_BOARD),
-        [[cell(entry) for cell in _BOARD.values()] for entry in entries],
-        align="lllr",
-        note="Sorted by how often the path was kept, then by the error from 12 s on. “turning”: while the reference"
-        " turns. “step”: median computing time per step of one robot, compensation included.",
+        tuple(columns),
+        [[cell(entry) for cell in columns.values()] for entry in entries],
+        align="rll" + "l" * several + "r",
+        note=BOARD_LEGEND,
     )
 
 
@@ -107,14 +120,17 @@ def whole_table(rows: Sequence[Row]) -> Table:
     )
 
 
-def leaderboard(entries: Sequence[Row], lost: Sequence[str], rows: Sequence[Row]) -> str:
-    """The leaderboard, where paths are lost, and all rows, in Markdown."""
+def leaderboard(entries: Sequence[Row], lost: Sequence[str], rows: Sequence[Row], about: Mapping[str, Any]) -> str:
+    """The leaderboard, where paths are lost, and all rows, in Markdown; `about` is the manifest."""
+    git, versions = about["git"] or {}, about["versions"]
     return "\n".join(
         [
             "# Leaderboard\n",
-            "Position errors are distances of the true position from where the reference is at the time; means over"
-            " references, grounds and seeds. Kept: share of the runs that stayed within 0.5 m.\n",
+            f"Suite `{about['config']['suite']}`, commit {git.get('commit', 'unknown')}"
+            f"{' with uncommitted changes' if git.get('dirty') else ''},"
+            f" {', '.join(f'{name} {version}' for name, version in versions.items() if version)}.\n",
             markdown(board_table(entries)),
+            f"{BOARD_LEGEND}\n",
             "## Where the path is lost\n",
             *(f"- {line}" for line in lost),
             "\n## All rows\n\nMeans over seeds [95 % bootstrap interval].\n",

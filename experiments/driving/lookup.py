@@ -1,11 +1,12 @@
 """Names on the command line resolved to objects: references, compensations, controllers, localization methods."""
 
+import contextlib
 import functools
 import importlib
 import inspect
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from trackslip.trajectory.named import load_reference
 
 _ONLINE, _ONLINE_LOAD, _ONLINE_COLD = "online", "online_load", "online_cold"
 _POLICY = "ppo:"
+_OF_THE_ROBOT = ("geometry", "half_gauge", "track_speed", "period")  # parameters of constructors that are given
 _MARGIN = 0.98  # share of the top speed that controllers plan with
 REACH = 1.27
 """(b + D) / b on hard ground: how far out slip compensation places the tracks [-]."""
@@ -79,27 +81,55 @@ def controller(name: str, geometry: RobotGeometry, top_speed: float, period: flo
     """
     if name.startswith(_POLICY):
         return PolicyController(Policy.load(Path(name.removeprefix(_POLICY))), top_speed / geometry.sprocket_radius)
-    base, _, given = name.partition(":")
-    if base not in CONTROLLERS:
-        attribute, _, given = given.partition(":")
-        if not base or not attribute:
-            raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, or MODULE:CLASS")
-    half_gauge, track_speed = REACH * geometry.half_gauge, _MARGIN * top_speed
-    known = {"geometry": geometry, "half_gauge": half_gauge, "track_speed": track_speed, "period": period}
-    try:
-        make = CONTROLLERS[base] if base in CONTROLLERS else _imported(base, attribute)
-        accepted = inspect.signature(make).parameters
+    known = dict(zip(_OF_THE_ROBOT, (geometry, REACH * geometry.half_gauge, _MARGIN * top_speed, period), strict=True))
+    with _refused(name):
+        make, accepted, given = _constructor(name)
         arguments = {key: value for key, value in known.items() if key in accepted}
         made: Controller = make(**arguments | _arguments(name, name.removesuffix(f":{given}"), given, accepted))
-    except TrackslipError:
-        raise
-    except (Exception, SystemExit) as error:  # a user's module may raise anything
-        why = f"{type(error).__name__}: {error}"
-        raise InvalidValueError("controller", name, f"MODULE:CLASS that can be imported and called ({why})") from error
     for method in ("reset", "twist"):
         if not callable(getattr(made, method, None)):
             raise InvalidValueError("controller", name, f"a class with a method {method}: see trackslip.controllers")
     return made
+
+
+def tunable(name: str) -> dict[str, float]:
+    """Positive numbers that a controller's constructor takes and that don't describe the robot, with their defaults.
+
+    Raises InvalidValueError for an unknown name, a controller with arguments, and one that has no such numbers.
+    """
+    found: dict[str, float] = {}
+    if not name.startswith(_POLICY):
+        with _refused(name):
+            _, accepted, given = _constructor(name)
+        defaults = {key: one.default for key, one in accepted.items() if key not in _OF_THE_ROBOT and not given}
+        found = {key: value for key, value in defaults.items() if isinstance(value, float) and value > 0}
+    if not found:
+        raise InvalidValueError("controllers", name, "a controller, without arguments, that has gains to tune")
+    return found
+
+
+def _constructor(name: str) -> tuple[Callable[..., Any], Mapping[str, inspect.Parameter], str]:
+    """The class of a controller, the parameters of its constructor, and the arguments that follow its name."""
+    base, _, given = name.partition(":")
+    if base in CONTROLLERS:
+        return CONTROLLERS[base], inspect.signature(CONTROLLERS[base]).parameters, given
+    attribute, _, given = given.partition(":")
+    if not base or not attribute:
+        raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, or MODULE:CLASS")
+    make = _imported(base, attribute)
+    return make, inspect.signature(make).parameters, given
+
+
+@contextlib.contextmanager
+def _refused(name: str) -> Iterator[None]:
+    """Turn anything that a user's module raises into an InvalidValueError."""
+    try:
+        yield
+    except TrackslipError:
+        raise
+    except (Exception, SystemExit) as error:
+        why = f"{type(error).__name__}: {error}"
+        raise InvalidValueError("controller", name, f"MODULE:CLASS that can be imported and called ({why})") from error
 
 
 def _arguments(name: str, called: str, given: str, accepted: Mapping[str, inspect.Parameter]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import tyro
@@ -183,6 +184,18 @@ class Equipment(ResultsOptions):
         if abs(scan_periods - round(scan_periods)) > 1e-6 or scan_periods < 0.5:
             allowed = f"a rate whose period is a multiple of drive.period = {drive.period} s"
             raise InvalidValueError("scanner.rate", self.scanner.rate, allowed)
+
+
+@dataclass(frozen=True)
+class ClosedLoopOptions(Equipment):
+    """The equipment, and what many closed-loop runs have in common."""
+
+    localization: Literal["plate", "line", "truth"] = "plate"
+    """Source of the controllers' poses: scans by the plate or the line method, or the true pose."""
+    preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0
+    """Time by which the controllers look ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
+    laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
+    """Identified laws: a summary.json, or a folder that contains one."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from experiments.cli import main
 from experiments.commands.benchmark import Config
 from experiments.options.choices import CONTROLLER_NAMES, GROUND_NAMES, REFERENCE_NAMES
 from experiments.sweep.engine import fleets
-from sim.ground.named import NAMED_GROUNDS
+from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.trajectory.named import REFERENCES
@@ -24,7 +24,7 @@ def test_suites_know_all_names():
     assert tuple(NAMED_GROUNDS) == GROUND_NAMES
 
 
-@pytest.mark.parametrize(("suite", "runs"), [("paper", 75), ("quick", 60), ("full", 2160)])
+@pytest.mark.parametrize(("suite", "runs"), [("paper", 75), ("fair", 960), ("full", 2160)])
 def test_fleets_are_of_one_reference_and_no_larger_than_worthwhile(suite, runs):
     cases, _ = cases_of(Config(suite=suite))
     groups = fleets(cases, 2, ClosedLoops.sizes)
@@ -72,9 +72,9 @@ def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
     loops = ClosedLoops(Config(localization="truth"))
     cases = (BenchmarkCase("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
     loops.check(cases)
-    before = identified(cases, loops.config, loops.world)
+    before = identified(cases, loops)
     (tmp_path / "gains_of_mine.py").write_text("K = 2.0")
-    assert identified(cases, loops.config, loops.world) != before
+    assert identified(cases, loops) != before
 
 
 def run(controller, rms, success=True, error=None, seed=0):
@@ -103,11 +103,82 @@ def test_bootstrap_of_the_mean_covers_as_it_should():
 def test_who_keeps_the_path_stands_above_who_is_near_it():
     runs = [run("near", 0.001, success=False), run("kept", 0.1), run("better", 0.05), run("failed", 0, error="no")]
     rows = over_seeds(runs)
-    assert [entry["controller"] for entry in board(rows)] == ["better", "kept", "near", "failed"]
+    assert [entry["controller"] for entry in board(runs)] == ["better", "kept", "near", "failed"]
     lines = losses(rows)
     assert lines[0] == "near with none on stone loses the path in 1 of 1 runs: paper"
     assert lines[1] == "failed with none on stone loses the path in 1 of 1 runs, 1 of them failed: paper"
     assert lines[2:] == ["all others keep the path in every run"]
+
+
+def test_entries_are_compared_pair_by_pair():
+    """Plants differ far more than the second entry from the first; the third can't be told from the second."""
+    rng = np.random.default_rng(0)
+    plant = rng.uniform(0.001, 0.1, 32)
+    errors = {"first": plant, "second": plant + 0.001, "third": plant + 0.001 + 3e-5 * rng.normal(size=32)}
+    runs = [run(name, rms, seed=k) for name, every in errors.items() for k, rms in enumerate(every)]
+    first, *others = board(runs)
+    assert (first["controller"], first["rank"], first["behind"], first["behind_ci95"]) == ("first", 1, 0.0, None)
+    assert [entry["rank"] for entry in others] == [2, 2]
+    for entry in others:
+        low, high = entry["behind_ci95"]
+        assert 0.0009 < low <= entry["behind"] <= high < 0.0011
+
+
+def test_intervals_of_paired_differences_cover_as_they_should():
+    rng = np.random.default_rng(1)
+    covered = []
+    for _ in range(200):
+        plant, differs = rng.exponential(0.01, 32), 0.002 + rng.normal(0, 0.002, 32)
+        runs = [run("best", 1e-4 + one, seed=k) for k, one in enumerate(plant)]
+        runs += [
+            run("other", 1e-4 + one + more, seed=k) for k, (one, more) in enumerate(zip(plant, differs, strict=True))
+        ]
+        *_, last = board(runs)
+        covered.append(last["behind_ci95"][0] < 0.002 < last["behind_ci95"][1])
+    assert 0.90 < np.mean(covered) < 0.99
+
+
+def test_a_single_plant_tells_no_interval():
+    first, second = board([run("a", 0.001), run("b", 0.002)])
+    assert (first["rank"], second["rank"], second["behind_ci95"]) == (1, 2, None)
+
+
+def test_plants_are_drawn_around_the_nominal_one_and_are_the_same_for_all_controllers():
+    loops = ClosedLoops(Config(), "drawn")
+    plants = [loops.plant(BenchmarkCase("linear", "none", "circle", "stone", "zero", seed)) for seed in range(200)]
+    assert plants[3] == loops.plant(BenchmarkCase("lqr", "online", "circle", "stone", "random", 3))
+    assert plants[3] != loops.plant(BenchmarkCase("linear", "none", "slalom", "stone", "zero", 3))
+    drawn = np.array(
+        [
+            [
+                plant.setting.ground.across / load_ground("stone").across,
+                plant.setting.radius_error - loops.world.radius_error,
+                plant.setting.lag / loops.world.drive.lag,
+                *plant.setting.weight,
+                plant.scanner_noise / loops.config.scanner.noise,
+                len(plant.setting.ground.patches),
+            ]
+            for plant in plants
+        ]
+    )
+    low, high = np.array([[0.8, -0.03, 0.5, -0.0168, -0.0168, 0.5, 0], [1.25, 0.03, 2.0, 0.0168, 0.0168, 2.0, 2]])
+    assert np.all((drawn >= low) & (drawn <= high))
+    np.testing.assert_allclose(drawn.mean(axis=0), (low + high) / 2, atol=0.1 * (high - low).max())
+    correlation = np.corrcoef(drawn.T) - np.eye(len(low))
+    assert np.abs(correlation).max() < 0.3
+
+
+def test_a_plant_drives_as_its_radius_error_says(tmp_path):
+    """On the straight start of a path, without feedback: v of the drawn radius."""
+    path = tmp_path / "straight.csv"
+    path.write_text("x,y\n0,0\n0.5,0\n1,0\n")
+    loops = ClosedLoops(Config(localization="truth"), "drawn")
+    cases = [BenchmarkCase("feedforward", "none", str(path), "stone", "zero", seed) for seed in range(3)]
+    for case, log in zip(cases, loops.drive(cases, Stopwatch(), None), strict=True):
+        error = loops.plant(case).setting.radius_error
+        assert log.metadata["radius_error"] == error
+        driven = np.hypot(*(log.truth.pose[-1] - log.truth.pose[0])[:2])
+        assert driven == pytest.approx(1 + error, abs=0.006)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,39 @@
+"""Plants of a benchmark: robots, grounds and scanners that differ from those the laws were identified on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from experiments.driving.closed_loop import Plant
+from experiments.driving.lookup import reference
+from experiments.driving.world import World
+from sim.ground.ground import Ground
+from sim.path_tracking.randomization import Randomization
+from sim.seeds import generator
+
+_NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
+_SPACING = 0.05  # of the points of a path that patches may lie on [s]
+
+
+def distribution(world: World) -> Randomization:
+    """The ranges, around the world's robot, from which every property is drawn uniformly and on its own."""
+    nominal, lag = world.radius_error, world.drive.lag
+    shift = 0.1 * world.robot.geometry.half_gauge
+    return Randomization(
+        friction_ratio=(0.8, 1.25),
+        radius_error=(nominal - 0.03, nominal + 0.03),
+        com_x=(-shift, shift),
+        com_y=(-shift, shift),
+        lag=(0.5 * lag, min(2.0 * lag, 1.0)),
+        patches=(0, 2),
+        patch_size=(0.3, 1.0),
+        patch_friction=(0.5, 1.0),
+    )
+
+
+def draw_plant(world: World, name: str, ground: Ground, seed: int, key: str) -> Plant:
+    """The plant of a run on the reference called `name`, the same for every controller and compensation."""
+    rng, path = generator(seed, f"plant {key}"), reference(name)
+    poses = path.pose(np.arange(0.0, path.duration, _SPACING))
+    setting = distribution(world).setting(rng, world.parameters, world.drive, ground, poses)
+    return Plant(setting, world.config.scanner.noise * float(rng.uniform(*_NOISE)))
