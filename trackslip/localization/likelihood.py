@@ -117,7 +117,7 @@ class PlateLikelihood:
         """Poses (M, 3) after steps (M, 3) from `here` along and across the plates."""
         moved, shift = here.pose.copy(), np.empty(len(step), complex)
         shift.real, shift.imag = step[:, 0], step[:, 1]
-        shift *= here.axis
+        shift = shift * here.axis  # in place, NumPy rounds one product otherwise than several
         moved[:, 0] += shift.real
         moved[:, 1] += shift.imag
         moved[:, 2] += step[:, 2]
