@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
 from experiments.driving.grid_runs import cells_of, drive_cells
-from experiments.driving.paper_model import KNOWN_LAWS, published_runs
+from experiments.driving.paper_model import published_runs
 from experiments.driving.world import World
 from experiments.measuring.grid import grid_summary, saturation_warnings, simulated_seconds
 from experiments.measuring.tracking import tracking_results
@@ -30,7 +30,7 @@ from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import usable_samples
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.compensation import FixedLaw
+from trackslip.slip.compensation import KNOWN_LAWS, FixedLaw
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.trajectory.segmented import paper_reference
 

@@ -24,7 +24,6 @@ from experiments.checks import Check, at_least
 from experiments.driving.closed_loop import start_pose
 from experiments.driving.grid_runs import before_scanner, cells_of, drive_grid
 from experiments.driving.lookup import locator
-from experiments.driving.paper_model import KNOWN_LAWS
 from experiments.driving.world import World
 from experiments.options.grid import GridConfig
 from experiments.options.world import IDENTIFIED
@@ -39,7 +38,7 @@ from sim.scanner.scanner import LaserScanner
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array, sprocket_speeds
-from trackslip.slip.compensation import FixedLaw
+from trackslip.slip.compensation import KNOWN_LAWS, FixedLaw
 from trackslip.slip.law_file import load_laws
 from trackslip.trajectory.segmented import circle, paper_reference
 

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from experiments.driving.paper_model import KNOWN_LAWS
 from sim.network import policy_file
 from sim.policy import Policy, PolicyController
 from sim.robot.robot import Robot
@@ -21,21 +20,16 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.localization.base import Locator
 from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.compensation import Compensation, FixedLaw, LoadedOnlineIcr, OnlineIcr, known_law
-from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.icr_load import IcrLoad
-from trackslip.slip.law_file import SHIPPED, load_laws
+from trackslip.slip.compensation import Compensation, named_compensation
+from trackslip.slip.law_file import SHIPPED
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 
-_ONLINE, _ONLINE_LOAD, _ONLINE_COLD = "online", "online_load", "online_cold"
 _POLICY = "ppo:"
 _OF_THE_ROBOT = ("geometry", "half_gauge", "track_speed", "period")  # parameters of constructors that are given
 _MARGIN = 0.98  # share of the top speed that controllers plan with
 REACH = 1.27
 """(b + D) / b on hard ground: how far out slip compensation places the tracks [-]."""
-_PRIORS = {_ONLINE: "icr_radius", _ONLINE_LOAD: "icr_load"}  # the laws that they start from
 
 
 @functools.lru_cache(maxsize=64)
@@ -49,24 +43,7 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
 
     Raises InvalidValueError for an unknown name, LogError for a file that can't be read or is for another robot.
     """
-    if name in KNOWN_LAWS:
-        return FixedLaw(KNOWN_LAWS[name])
-    if name == _ONLINE_COLD:
-        return OnlineIcr(robot)
-    stored = load_laws(laws or SHIPPED, robot)
-    if name == _ONLINE and isinstance(prior := stored.get(_PRIORS[name]), ConstantIcr):
-        return OnlineIcr(robot, prior)
-    if name == _ONLINE_LOAD and isinstance(prior := stored.get(_PRIORS[name]), IcrLoad):
-        return LoadedOnlineIcr(robot, prior)
-    if name not in stored:
-        names = [*KNOWN_LAWS, *stored, *_learning(stored), _ONLINE_COLD]
-        raise InvalidValueError("compensation", name, f"one of {', '.join(names)}")
-    return known_law(stored[name])
-
-
-def _learning(stored: Mapping[str, SlipLaw]) -> list[str]:
-    """The compensations that can start from stored laws."""
-    return [name for name, prior in _PRIORS.items() if prior in stored]
+    return named_compensation(name, robot, laws or SHIPPED)
 
 
 def controller(name: str, geometry: RobotGeometry, top_speed: float, period: float) -> Controller:

@@ -11,7 +11,7 @@ from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array, RobotGeometry, advance, body_twist, limit_sprocket_speeds, sprocket_speeds
 from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.constant import NoSlip
+from trackslip.slip.compensation import KNOWN_LAWS
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.trajectory.base import Reference, Tabulated
 from trackslip.trajectory.segmented import paper_reference
@@ -20,8 +20,6 @@ PERIOD = 0.05
 """Time between two commands [s]."""
 TOP_SPEED = 0.3
 """Top speed of the paper's robot (Sec. III) [m/s]."""
-KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
-"""The paper's compensations, slip laws that need no identification."""
 _DIRECTIONS = 20001  # of commanded motions, in the table of the robot's response
 
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from experiments.driving.paper_model import KNOWN_LAWS
 from experiments.learning.crossing import compare
 from sim.network import Network
 from sim.path_tracking.config import Reward
@@ -17,6 +16,7 @@ from sim.policy import Policy
 from sim.robot.named import SHIPPED, load_parameters
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS, CrossingPolicy
+from trackslip.slip.compensation import KNOWN_LAWS
 from trackslip.slip.law_file import SHIPPED as LAWS
 from trackslip.slip.law_file import load_laws
 

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from trackslip.errors import TrackslipError
+from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.base import PoseEstimate
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
+from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.icr_load import MAX_LOAD, IcrLoad
+from trackslip.slip.law_file import SHIPPED, load_laws
 from trackslip.slip.online import FilterTuning, IcrFilter
 
+KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
+"""The paper's compensations, slip laws that need no identification."""
 MAX_CRAB_ANGLE = 0.3
 """Largest angle between the heading of a robot and its direction of motion [rad]."""
 _LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
@@ -27,6 +33,9 @@ class Compensation(Protocol):
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3)."""
+
+    def restart(self, robots: np.ndarray, start: Array) -> None:
+        """Start new runs with some of the robots (R,), at poses (R, 3)."""
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Take the mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the N poses measured afterwards."""
@@ -55,6 +64,9 @@ class FixedLaw:
     def reset(self, start: Array) -> None:
         """Nothing to reset."""
 
+    def restart(self, robots: np.ndarray, start: Array) -> None:
+        """Nothing to reset."""
+
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Nothing to learn."""
 
@@ -72,6 +84,10 @@ class LoadedLaw:
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3), without load."""
         self._load: Array = np.zeros((len(start), 2))
+
+    def restart(self, robots: np.ndarray, start: Array) -> None:
+        """Start new runs with some of the robots (R,), without load."""
+        self._load[robots] = 0.0
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Nothing to learn."""
@@ -112,6 +128,10 @@ class OnlineIcr:
         """Start a new run at poses (N, 3)."""
         self._started = IcrFilter(start, self._geometry, self._prior, self._tuning)
 
+    def restart(self, robots: np.ndarray, start: Array) -> None:
+        """Start new runs with some of the robots (R,), at poses (R, 3)."""
+        self._filter.start(robots, start)
+
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Update the filters with the motion of the robots."""
         self._filter.update(omega, duration, estimate)
@@ -139,6 +159,11 @@ class LoadedOnlineIcr(OnlineIcr):
         super().reset(start)
         self._loaded.reset(start)
 
+    def restart(self, robots: np.ndarray, start: Array) -> None:
+        """Start new runs with some of the robots (R,), at poses (R, 3), without load."""
+        super().restart(robots, start)
+        self._loaded.restart(robots, start)
+
     def sense(self, load: Array) -> None:
         """Take tractions per unit load (N, 2) [-]."""
         self._loaded.sense(load)
@@ -155,3 +180,28 @@ class LoadedOnlineIcr(OnlineIcr):
         """The current estimates, with parameters (N,), at the load sensed last."""
         learnt = self._filter.law
         return replace(self._loaded.law(), offset=learnt.offset, radius_error=learnt.radius_error)
+
+
+_PRIORS = {"online": "icr_radius", "online_load": "icr_load"}  # the laws that they start from
+
+
+def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPPED) -> Compensation:
+    """A new compensation by name, using the laws in a file (default: those in the package).
+
+    Raises InvalidValueError for an unknown name, LogError for a file that can't be read or is for another robot.
+    """
+    if name in KNOWN_LAWS:
+        return FixedLaw(KNOWN_LAWS[name])
+    if name == "online_cold":
+        return OnlineIcr(robot)
+    stored = load_laws(laws, robot)
+    prior = stored.get(_PRIORS.get(name, ""))
+    if isinstance(prior, ConstantIcr):
+        return OnlineIcr(robot, prior)
+    if isinstance(prior, IcrLoad):
+        return LoadedOnlineIcr(robot, prior)
+    if name not in stored:
+        learning = [one for one, law in _PRIORS.items() if law in stored]
+        allowed = f"one of {', '.join([*KNOWN_LAWS, *stored, *learning, 'online_cold'])}"
+        raise InvalidValueError("compensation", name, allowed)
+    return known_law(stored[name])

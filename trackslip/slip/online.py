@@ -93,10 +93,11 @@ class IcrFilter:
         n = len(pose)
         self.state = np.zeros((n, 6))
         """State (N, 6): x, y [m], phi [rad], g, epsilon [-], c [m]."""
-        self.state[:, :3], self.state[:, 3] = pose, 1.0
+        self._prior = np.tile([1.0, 0.0, 0.0], (n, 1))  # (N, 3): g, epsilon and c at the start
+        self._share = 1.0 if law is None else self._tuning.known  # of the spreads, at the start
         if law is not None:
-            self.state[:, 3] = geometry.half_gauge / (geometry.half_gauge + law.offset)
-            self.state[:, 4] = law.radius_error
+            self._prior[:, 0] = geometry.half_gauge / (geometry.half_gauge + law.offset)
+            self._prior[:, 1] = law.radius_error
         self.covariance = np.zeros((n, 6, 6))
         """Covariance (N, 6, 6) of the state."""
         self.restarts = np.zeros(n, int)
@@ -105,7 +106,13 @@ class IcrFilter:
         self._drift_variance = np.zeros(n)
         self._rejected = np.zeros(n, int)  # number of poses rejected in a row
         self._turning = np.zeros(n)  # recent mean yaw rate [rad/s]
-        self._begin(np.arange(n), pose, np.zeros((n, 3, 3)), 1.0 if law is None else self._tuning.known)
+        self.start(np.arange(n), pose)
+
+    def start(self, robots: np.ndarray, pose: Array) -> None:
+        """Start anew with some robots (R,) at known poses (R, 3)."""
+        self.state[robots, 3:] = self._prior[robots]
+        self.restarts[robots], self._turning[robots] = 0, 0.0
+        self._begin(robots, pose, np.zeros((len(robots), 3, 3)), self._share)
 
     @property
     def law(self) -> ConstantIcr:
