@@ -27,7 +27,8 @@ _RESAMPLES = 2000
 
 def case_row(run: Row) -> Row:
     """A run without its name, id and times."""
-    return {name: run[name] for name in (*FACTORS, "error", *MEASURES, "success") if name in run}
+    measured = {name: run[name] for name in (*FACTORS, "error", *MEASURES, "success") if name in run}
+    return measured | {"score": score(run)}
 
 
 def over_seeds(runs: Sequence[Row]) -> list[Row]:

@@ -14,7 +14,7 @@ EXAMPLES = (
     ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
     ("two controllers on ice", "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1"),
     ("Eq. 31 with another gain", "trackslip benchmark --controllers linear linear:stiffness=160"),
-    ("your own controller", "trackslip benchmark --controllers linear my_controller:MyController"),
+    ("your own controller, tuned by tune", "trackslip benchmark --controllers my:Controller linear --gains out/tune"),
 )
 PARTS = ".benchmark-parts"
 """Folder in OUT with the runs of a benchmark that isn't finished."""

@@ -15,7 +15,6 @@ from trackslip.errors import require_positive
 EXAMPLES = (
     ("Eq. 31, with and without slip compensation", "trackslip tune linear"),
     ("your own controller", "trackslip tune my_controller:MyController --out out/mine"),
-    ("compare it, with these gains", "trackslip benchmark --controllers my_controller:MyController --gains out/mine"),
 )
 _MAX_EVALUATIONS = 10_000
 

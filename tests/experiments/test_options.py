@@ -85,6 +85,8 @@ def another(default, hint, unlike=()):
         return 0.01
     if int in choices:
         return 2
+    if tuple[int, ...] in choices:
+        return (2,)
     if typing.get_origin(hint) is typing.Literal:
         return next(choice for choice in choices if choice not in (default, *unlike))
     return Path("x") if Path in (hint, *choices) else "x"
