@@ -77,6 +77,7 @@ class PolicyController:
     def __init__(self, policy: Policy, top_speed: float) -> None:
         """`top_speed`: of the sprockets [rad/s]. Raises InvalidValueError for a policy of another environment."""
         config = from_options(EnvConfig, policy.options)
+        require(not config.loads, "loads of the policy", config.loads, "false: controllers sense no loads")
         self._policy, self._layout = policy, TrackingLayout(config, top_speed)
         inputs, outputs = len(policy.network.weights[0]), len(policy.network.biases[-1])
         seen = len(self._layout.elements)

@@ -24,6 +24,7 @@ MAX_WEIGHT = 1e6
 """Largest weight in a reward."""
 _KINDS: dict[Any, tuple[Any, str]] = {  # of options, by type hint: what values are instances of, in words
     str: (str, "a text"),
+    bool: (bool, "true or false"),
     float: (Real, "a number"),
     int: (Integral, "a whole number"),
     tuple: (tuple, "a tuple"),
@@ -173,6 +174,6 @@ def _require_type(field: str, value: object, hint: Any) -> None:
     """Raise InvalidValueError unless a value is of a type, or of one of several."""
     parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
     kinds = [_KINDS.get(get_origin(part) or part, (part, "")) for part in parts]
-    valid = any(isinstance(value, kind) for kind, _ in kinds) and not isinstance(value, bool)
+    valid = any(isinstance(value, kind) for kind, _ in kinds) and (hint is bool or not isinstance(value, bool))
     valid = valid and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
     require(valid, field, value, " or ".join(words or f"a {kind.__name__}" for kind, words in kinds))

@@ -5,13 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from typing import Any
+
+import numpy as np
 
 from sim.drive.drive import Drive
+from sim.drive.pull import Pull
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
-from sim.path_tracking.randomization import Randomization
+from sim.path_tracking.randomization import PARKING, Randomization
 from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
+from sim.scanner.scanner import LaserScanner
 from sim.task import MAX_WEIGHT
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
 from trackslip.slip.base import SlipLaw
@@ -21,6 +26,7 @@ PERIOD = 0.05
 _ACTIONS = ("sprockets", "twist")
 _POSE_SOURCES = ("truth", "noisy", "scanner")
 _MAX_PREVIEWS = 100
+_GRAVITY = 9.81  # [m/s^2]
 _MIN_OFF_PATH, _MIN_SCALE = 0.001, 1e-6  # [m], in a scale's own unit
 _MAX_PREVIEW = 20.0  # longest time that previews may look ahead [s]
 
@@ -80,8 +86,11 @@ class EnvConfig:
     twist_scale: tuple[float, float] = (0.3, 1.0)
     """Unit of twists, in actions and observations [m/s, rad/s]."""
     compensation: str | SlipLaw = "none"
-    """Slip law that converts twists into sprocket speeds, or its name: "none", "published", or a shipped law. A law of
-    slip under load takes the load of the slope that the robot is on."""
+    """Slip law that converts twists into sprocket speeds, or the name of a compensation: "none"; "published"; a law in
+    `laws`; "online" and "online_load", which start from laws there and learn while driving, anew in each episode; or
+    "online_cold", which starts from no slip. Those of slip under load take the load of slope and pull."""
+    laws: str | None = None
+    """File of the laws that `compensation` names; None for the laws shipped with trackslip."""
     previews: int = 5
     """Number of future reference twists in the observation."""
     preview_spacing: float = 0.2
@@ -93,6 +102,12 @@ class EnvConfig:
     """Standard deviation of noisy positions, in x and in y [m]."""
     heading_noise: float = math.radians(0.25)
     """Standard deviation of noisy headings [rad]."""
+    scanner: LaserScanner = field(default_factory=LaserScanner)
+    """The laser range finder, for poses from the scanner; it scans once in a control period."""
+    pull: Pull = field(default_factory=Pull)
+    """Load that the robot tows."""
+    loads: bool = False
+    """Add the load of slope and pull to the observation, as from an inclinometer and a load cell at the hitch."""
     off_path: float = 0.5
     """Distance from the reference beyond which an episode terminates [m]."""
     reward: Reward = field(default_factory=Reward)
@@ -134,11 +149,29 @@ class EnvConfig:
             require_at_most(name, noise, 1.0)
         require(self.off_path >= _MIN_OFF_PATH, "off_path", self.off_path, f"at least {_MIN_OFF_PATH:g} m")
         require_at_most("off_path", self.off_path, 10.0, "m")
+        rate = self.scanner.rate
+        require(abs(rate * PERIOD - 1) <= 1e-9, "scanner.rate", rate, f"{1 / PERIOD:g} Hz, once in a control period")
         known = not isinstance(self.randomization, str) or self.randomization == "typical"
         require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
         self.drawn.require_standing(self.parameters)
         distance = self.drawn.start_distance
         require(distance[1] < self.off_path, "start_distance", distance, f"less than off_path = {self.off_path} m")
+        held = self._held() if self.pull.force > 0 else math.inf
+        allowed = f"less than {max(held, 0.0):.4g} N, which the robot holds wherever and however it starts"
+        require(self.pull.force < held, "pull", self.pull.force, allowed)
+
+    def _held(self) -> float:
+        """Largest pull [N] that holds the robot on the steepest and most slippery ground, with any heading."""
+        drawn, drive, held = self.drawn, self.drive or self.parameters.drive, math.inf
+        motors = float(drive.torque_range(np.zeros(2))[1].sum()) / self.parameters.sprocket_radius
+        weight = _GRAVITY * self.parameters.mass
+        share = min(1.0, drawn.friction_ratio[0]) * (min(1.0, drawn.patch_friction[0]) if drawn.patches[1] else 1.0)
+        for ground in map(self.load_ground, self.grounds):
+            parts: tuple[Any, ...] = (ground, *ground.patches, *ground.changes)
+            friction = share * min(min(part.along, part.across) for part in parts)
+            slope = ground.slope if drawn.slope is None else min(drawn.slope[1], PARKING * math.atan(friction))
+            held = min(held, min(weight * friction * math.cos(slope), motors) - weight * math.sin(slope))
+        return held
 
     @cached_property
     def _robot_file(self) -> tuple[RobotParameters, Ground]:

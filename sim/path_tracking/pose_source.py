@@ -11,8 +11,8 @@ from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.episode import Index
 from sim.restorable import Restorable
 from sim.scanner.feed import ScannerFeed
-from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array
+from trackslip.localization.base import PoseEstimate
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.pose_tracker import Tracker
 
@@ -22,6 +22,8 @@ class TruePose(Restorable):
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
+        self._covariance = np.zeros((fleet.size, 3, 3))
+        self._valid = np.ones(fleet.size, bool)
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
         """Begin episodes of the robots `rows` (R,), with noise seeds (R,) and lengths (R,) [control periods]."""
@@ -30,12 +32,12 @@ class TruePose(Restorable):
         """Observed poses (R, 3) of the robots `rows` (R,) at the start of their episodes."""
         return self._fleet.pose()[rows]
 
-    def pose(self, k: Index, omega: Array, true: Array) -> Array:
-        """Observed poses (N, 3), `k` (N,) control periods after the episodes began.
+    def estimate(self, k: Index, omega: Array, true: Array) -> PoseEstimate:
+        """Observed poses of the N robots, `k` (N,) control periods after the episodes began.
 
         `omega` (N, 2) are the mean sprocket speeds in the last one [rad/s], `true` (N, 3) the true poses [m, m, rad].
         """
-        return true
+        return PoseEstimate(true, self._covariance, self._valid)
 
 
 class NoisyPose(TruePose):
@@ -46,6 +48,7 @@ class NoisyPose(TruePose):
     def __init__(self, fleet: Fleet, config: EnvConfig) -> None:
         super().__init__(fleet)
         self._deviation = np.array([config.position_noise, config.position_noise, config.heading_noise])
+        self._covariance[:] = np.diag(self._deviation**2)
         self._noise = np.zeros((fleet.size, 1, 3))
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
@@ -60,9 +63,10 @@ class NoisyPose(TruePose):
         """Noisy poses (R, 3)."""
         return super().start(rows) + self._noise[rows, 0]
 
-    def pose(self, k: Index, omega: Array, true: Array) -> Array:
-        """Noisy poses (N, 3)."""
-        return true + self._noise[np.arange(len(k)), np.minimum(k, self._noise.shape[1] - 1)]
+    def estimate(self, k: Index, omega: Array, true: Array) -> PoseEstimate:
+        """Noisy poses."""
+        noise = self._noise[np.arange(len(k)), np.minimum(k, self._noise.shape[1] - 1)]
+        return super().estimate(k, omega, true + noise)
 
 
 class ScannedPose(TruePose):
@@ -70,9 +74,9 @@ class ScannedPose(TruePose):
 
     STATE = ("_feed", "_tracker")
 
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, fleet: Fleet, config: EnvConfig) -> None:
         super().__init__(fleet)
-        self._feed = ScannerFeed(LaserScanner(rate=1 / PERIOD), fleet)
+        self._feed = ScannerFeed(config.scanner, fleet)
         self._locator = PlateLocator(fleet.robot.plate)
         self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
 
@@ -81,15 +85,15 @@ class ScannedPose(TruePose):
         self._feed.restart(rows, [np.random.default_rng(seed) for seed in seeds])
         self._tracker.restart(rows, self.start(rows))
 
-    def pose(self, k: Index, omega: Array, true: Array) -> Array:
-        """Tracked poses (N, 3)."""
+    def estimate(self, k: Index, omega: Array, true: Array) -> PoseEstimate:
+        """Tracked poses."""
         predicted = self._tracker.predict(omega, PERIOD)
         ranges = self._feed.measure(self._feed.true_ranges()[:, None])[:, 0]
-        return self._tracker.update(self._locator.locate(self._feed.scan(ranges), predicted)).pose
+        return self._tracker.update(self._locator.locate(self._feed.scan(ranges), predicted))
 
 
 def pose_source(config: EnvConfig, fleet: Fleet) -> TruePose:
     """The pose source of a configuration."""
     if config.pose_source == "truth":
         return TruePose(fleet)
-    return NoisyPose(fleet, config) if config.pose_source == "noisy" else ScannedPose(fleet)
+    return NoisyPose(fleet, config) if config.pose_source == "noisy" else ScannedPose(fleet, config)

@@ -19,9 +19,10 @@ from trackslip.kinematics import Array
 Range = tuple[float, float]
 """From, to; values are drawn uniformly."""
 
-_PARKING = 0.6  # steepest slope that is drawn, as a fraction of the smallest friction angle
 MAX_LATENCY = 2
 """Largest latency of commands [control periods]."""
+PARKING = 0.6
+"""Steepest slope that is drawn, over the smallest friction angle [-]."""
 _LIMITS: dict[str, Range] = {
     "friction_ratio": (0.1, 10.0),
     "radius_error": (-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR),
@@ -126,7 +127,7 @@ class Randomization:
         if self.slope is None:
             return ground
         least = min(ground.along, across, *(min(patch.along, patch.across) for patch in ground.patches))
-        return dataclasses.replace(ground, slope=min(slope, _PARKING * math.atan(least)), uphill=uphill)
+        return dataclasses.replace(ground, slope=min(slope, PARKING * math.atan(least)), uphill=uphill)
 
     def require_standing(self, robot: RobotParameters) -> None:
         """Raise InvalidValueError if the robot would tip over with one of these centres of mass."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,14 +17,11 @@ from sim.path_tracking.randomization import MAX_LATENCY
 from sim.restorable import Restorable
 from sim.robot.robot import load_robot
 from sim.task import Element, clipped_actions
-from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.compensation import SensesLoad, known_law
-from trackslip.slip.constant import NoSlip
-from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.law_file import load_laws
+from trackslip.slip.compensation import Compensation, SensesLoad, known_law, named_compensation
+from trackslip.slip.law_file import SHIPPED
 
 _TIPPED = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
 _STANDING = 0.05  # sprocket speed below which the slip of a track is taken as 0 [rad/s]
@@ -42,6 +39,7 @@ class PathTracking(Restorable):
     STATE = (
         *("fleet", "table", "_source", "_reference", "last", "_k", "_latency", "_line", "_action", "_angle", "_omega"),
         *("_pose", "_measured", "_error", "_seen_error", "_success", "_terms", "reward", "terminated", "truncated"),
+        *("_compensation", "_load"),
     )
 
     def __init__(self, config: EnvConfig, size: int, threads: int = 0) -> None:
@@ -52,7 +50,7 @@ class PathTracking(Restorable):
         self.table = ReferenceTable(config.references, np.arange(config.previews + 1) * config.stride)
         start = self.table.path(0)[0]
         begin = np.tile(start, (size, 1))
-        self.fleet = Fleet(robot, begin, None, 0.0, config.drive, threads, shears=config.shears)
+        self.fleet = Fleet(robot, begin, None, 0.0, config.drive, threads, config.pull, config.shears)
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
         self.period = PERIOD
         """Control period [s]."""
@@ -61,7 +59,9 @@ class PathTracking(Restorable):
         self.commanded = _commanded(config, self.fleet.drive.limit)
         """Elements (2) of an action."""
         self._source = pose_source(config, self.fleet)
-        self._to_omega = _action_map(config, self.fleet)
+        self._compensation = _compensation(config, self.fleet)
+        self._compensation.reset(begin)
+        self._unit = np.array([[element.scale for element in self.commanded]])  # (1, 2), of actions
         self._reference: Index = np.zeros(size, int)
         self.last: Index = np.zeros(size, int)
         """Number of steps (N,) in each robot's episode."""
@@ -76,6 +76,7 @@ class PathTracking(Restorable):
         self._measured: Array = np.zeros((size, 3))
         self._error: Array = np.zeros((size, 3))  # true
         self._seen_error: Array = np.zeros((size, 3))  # as observed
+        self._load: Array = np.zeros((size, 2))  # tractions over the load on the tracks, that the robots need [-]
         self._success = np.ones(size, bool)
         self._terms: Array = np.zeros((len(TERMS), size))  # of the reward
         self.reward: Array = np.zeros(size)
@@ -109,7 +110,8 @@ class PathTracking(Restorable):
         self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
         self._measured[where] = self._source.start(where)
         self._error[where] = body_errors(self._pose, desired)[where]
-        self._seen_error[where] = body_errors(self._measured, desired)[where]
+        self._compensation.restart(where, self._pose[where])
+        self._seen_error[where] = body_errors(self._seen_pose(), desired)[where]
         self._success[where] = np.hypot(*self._error[where, :2].T) <= LOST
 
     def step(self, actions: ArrayLike) -> None:
@@ -119,7 +121,7 @@ class PathTracking(Restorable):
         """
         action = clipped_actions(actions, self.size, len(self.commanded))
         self._line[:, 1:] = self._line[:, :-1].copy()
-        self._line[:, 0] = self._to_omega(action)
+        self._line[:, 0] = self._set_points(action)
         self.fleet.drive.command(self._line[self._rows, self._latency])
         self.fleet.advance(PERIOD)
         self._k += 1
@@ -127,10 +129,13 @@ class PathTracking(Restorable):
         self._omega = (angle - self._angle) / PERIOD
         self._angle = angle
         self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
-        self._measured = self._source.pose(self._k, self._omega, self._pose)
+        estimate = self._source.estimate(self._k, self._omega, self._pose)
+        self._measured = estimate.pose
+        self._compensation.observe(self._omega, PERIOD, estimate)
+        seen = self._seen_pose()
         self._error = body_errors(self._pose, desired)
-        exact = self._measured is self._pose  # what is observed is the truth
-        self._seen_error = self._error if exact else body_errors(self._measured, desired)
+        exact = seen is self._pose  # what is observed is the truth
+        self._seen_error = self._error if exact else body_errors(seen, desired)
         ahead, left, turn = self._error.T
         distance = np.hypot(ahead, left)
         self._success &= distance <= LOST
@@ -140,10 +145,35 @@ class PathTracking(Restorable):
         self._terms = reward_terms(self.config.reward, distance, turn, change, self.terminated)
         self.reward = np.add.accumulate(self._terms)[-1]  # one by one: the same bits for any number of robots
 
+    @property
+    def _loaded(self) -> SensesLoad | None:
+        return self._compensation if isinstance(self._compensation, SensesLoad) else None
+
+    def _set_points(self, action: Array) -> Array:
+        """Sprocket set points (N, 2) [rad/s] of actions (N, 2)."""
+        wanted = action * self._unit
+        if self.config.action == "sprockets":
+            return wanted
+        law = self._compensation.law()
+        return limit_sprocket_speeds(law.sprocket_speeds(wanted, self.fleet.robot.geometry), self.fleet.drive.limit)
+
+    def _seen_pose(self) -> Array:
+        """Observed poses (N, 3), with the angles at which the compensation says that the robots crab."""
+        if self.config.loads or self._loaded is not None:
+            self._load = self.fleet.needed_traction()
+        if self._loaded is None:
+            return self._measured
+        self._loaded.sense(self._load)
+        twist = self._compensation.law().twist(self._omega, self.fleet.robot.geometry)
+        pose = self._measured.copy()
+        pose[:, 2] += self._loaded.crab_angle(twist)
+        return pose
+
     def observation(self) -> Array:
         """Observations (N, n), see `path_tracking.observation`."""
         twists = self.table.twists(self._reference, self._k)
-        return self.layout.observation(self._seen_error, twists, self._omega, self._action)
+        load = self._load if self.config.loads else None
+        return self.layout.observation(self._seen_error, twists, self._omega, self._action, load)
 
     def info(self) -> dict[str, Array]:
         """Further quantities by name, as arrays (N, ...), some of them the task's own; the keys are always the same."""
@@ -197,27 +227,7 @@ def _commanded(config: EnvConfig, limit: float) -> tuple[Element, Element]:
     return Element("speed", "m/s", speed), Element("yaw rate", "rad/s", rate)
 
 
-def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:
-    """Function that maps actions (N, 2) to sprocket set points (N, 2) [rad/s]."""
-    limit, geometry = fleet.drive.limit, fleet.robot.geometry
-    if config.action == "sprockets":
-        return lambda action: action * limit
-    compensation, scale = known_law(_law(config, fleet)), np.array([config.twist_scale])
-
-    def compensated(action: Array) -> Array:
-        if isinstance(compensation, SensesLoad):
-            compensation.sense(fleet.needed_traction())
-        return limit_sprocket_speeds(compensation.law().sprocket_speeds(action * scale, geometry), limit)
-
-    return compensated
-
-
-def _law(config: EnvConfig, fleet: Fleet) -> SlipLaw:
+def _compensation(config: EnvConfig, fleet: Fleet) -> Compensation:
     if isinstance(config.compensation, SlipLaw):
-        return config.compensation
-    laws: dict[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
-    if config.compensation not in laws:
-        laws |= load_laws(robot=fleet.robot.geometry)
-    allowed = f"a slip law, or one of {', '.join(laws)}"
-    require(config.compensation in laws, "compensation", config.compensation, allowed)
-    return laws[config.compensation]
+        return known_law(config.compensation)
+    return named_compensation(config.compensation, fleet.robot.geometry, config.laws or SHIPPED)

@@ -16,6 +16,7 @@ from gymnasium.wrappers.vector import NormalizeObservation, NormalizeReward, Rec
 
 from sim.drive.drive import Drive
 from sim.drive.motor import Motor
+from sim.drive.pull import Pull
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.fleet import Setting
 from sim.ground.ground import Change, Ground
@@ -23,6 +24,7 @@ from sim.path_tracking.config import EnvConfig, Reward
 from sim.path_tracking.randomization import Randomization
 from sim.robot.named import ROBOTS, load_tracked
 from sim.robot.parameters import RobotParameters
+from sim.scanner.scanner import LaserScanner
 from sim.task import from_options
 from sim.terrain import Course, Flat, Step
 from sim.traverse.config import TraverseConfig
@@ -32,6 +34,7 @@ from sim.traverse.states import Servos
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr_load import IcrLoad
+from trackslip.slip.law_file import load_laws, save_laws
 
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
 TWIST = {"action": "twist", "compensation": "icr_radius"}
@@ -43,12 +46,16 @@ DRAWN = {
     "randomization": "typical",
     "off_path": 0.22,
 }
+LEARNING = {"action": "twist", "compensation": "online_load", "loads": True, "pull": Pull(10.0, since=1.0)}
+COARSE = {"pose_source": "scanner", "scanner": LaserScanner(resolution=0.01, dropout=0.05)}
 VARIANTS = [
     (TRACKING, {}),
     (TRACKING, TWIST | {"pose_source": "noisy", "randomization": "typical"}),
     (TRACKING, {"action": "twist", "compensation": PUBLISHED, "previews": 0}),
     (TRACKING, {"action": "twist", "compensation": UNDER_LOAD, "randomization": "typical"}),
     (TRACKING, {"pose_source": "scanner", "randomization": "typical", "reference": ("circle", "slalom")}),
+    (TRACKING, TWIST | COARSE | {"compensation": "online", "randomization": "typical"}),
+    (TRACKING, LEARNING | {"compensation": "online_cold", "ground": "clay"}),
     (TRAVERSE, {}),
     (TRAVERSE, {"action": "correction", "flippers": "pairs", "period": 0.2}),
     (TRAVERSE, {"course": ("random", "step10", "rough"), "kinds": ("gap",)}),
@@ -60,6 +67,14 @@ VARIANTS = [
 @pytest.mark.parametrize(("name", "options"), VARIANTS)
 def test_gymnasium_finds_no_fault(name, options):
     check_env(gym.make(name, **options).unwrapped, skip_render_check=True)
+
+
+@pytest.fixture(scope="module")
+def laws(tmp_path_factory):
+    """Options with a file of laws, among them that of `online_load`."""
+    file = tmp_path_factory.mktemp("laws") / "laws.json"
+    save_laws(file, load_laws() | {"icr_load": UNDER_LOAD}, RobotParameters().geometry)
+    return {"laws": file}
 
 
 def assert_same(one, two):
@@ -86,17 +101,19 @@ SHORT = {"limits": Limits(time=1.2, stuck_time=0.4), "course": ("random", "rough
         ),
         (TRACKING, DRAWN | TWIST | {"pose_source": "noisy"}, AutoresetMode.SAME_STEP),
         (TRACKING, DRAWN | TWIST | {"compensation": UNDER_LOAD}, AutoresetMode.NEXT_STEP),
+        (TRACKING, DRAWN | TWIST | COARSE | {"compensation": "online"}, AutoresetMode.SAME_STEP),
+        *((TRACKING, DRAWN | LEARNING | {"pose_source": "noisy"}, mode) for mode in AutoresetMode),
         *((TRACKING, DRAWN | {"max_episode_steps": 13}, mode) for mode in AutoresetMode),
         (TRAVERSE, {"period": 0.2, "max_episode_steps": 4}, AutoresetMode.NEXT_STEP),
         (TRAVERSE, SHORT, AutoresetMode.NEXT_STEP),
         (TRAVERSE, SHORT, AutoresetMode.SAME_STEP),
     ],
 )
-def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_path):
+def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, laws, tmp_path):
     file = tmp_path / "short.csv"
     file.write_text("x,y\n0,0\n0.1,0\n0.2,0.02\n")  # of a few seconds, so that an episode comes to its end
     if name == TRACKING:
-        options = options | {"reference": (*options["reference"], str(file))}
+        options = options | laws | {"reference": (*options["reference"], str(file))}
     native = gym.make_vec(name, num_envs=3, autoreset_mode=mode, threads=2, **options)
     single = gym.make_vec(name, 3, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **options)
     assert isinstance(native, PathTrackingVectorEnv | TraverseVectorEnv)
@@ -125,6 +142,8 @@ STATES = [
     (TRACKING, DRAWN | {"ground": ("stone", "clay"), "pose_source": "noisy"}, {"reference": "circle"}),
     (TRACKING, DRAWN | TWIST | {"compensation": UNDER_LOAD, "pose_source": "scanner"}, {"ground": CHANGING}),
     (TRACKING, DRAWN | {"drive": Drive(delay=0.127, droop=0.05)}, {}),
+    (TRACKING, DRAWN | TWIST | COARSE | {"compensation": "online"}, {}),
+    (TRACKING, DRAWN | LEARNING | {"pose_source": "noisy", "ground": ("stone", "clay")}, {"ground": CHANGING}),
     (TRAVERSE, SHORT, {}),
     (TRAVERSE, {"course": "step10", "limits": Limits(stuck_time=0.8, stuck_share=2.0)}, {}),
 ]
@@ -145,7 +164,9 @@ def continued(env, steps):
 @pytest.mark.parametrize("how", ["same", "other", pytest.param("deepcopy", marks=pytest.mark.slow), "pickle"])
 @pytest.mark.parametrize(("name", "options", "given"), STATES)
 @pytest.mark.parametrize("make", [gym.make, partial(gym.make_vec, num_envs=3, threads=2, max_episode_steps=15)])
-def test_an_environment_continues_from_a_state_to_the_bit(make, name, options, given, how):
+def test_an_environment_continues_from_a_state_to_the_bit(make, name, options, given, how, laws):
+    options = options | laws if name == TRACKING else options
+
     def driven(seed, given, steps):
         env = make(name, **options)
         env.reset(seed=seed, options=given)
@@ -423,6 +444,7 @@ ROUGH = {"course": ("random", "rough")}
     ("name", "robots", "steps", "options"),
     [
         (TRACKING, 64, 50, DRAWN | LONG),
+        (TRACKING, 16, 100, DRAWN | LEARNING | LONG | {"compensation": "online_cold"}),
         (TRAVERSE, 8, 20, ROUGH),
         pytest.param(TRACKING, 64, 15_625, DRAWN | LONG, marks=pytest.mark.slow),  # a million actions
         pytest.param(TRAVERSE, 64, 15_625, ROUGH, marks=pytest.mark.slow),

@@ -91,6 +91,9 @@ def test_a_policy_of_another_environment_is_refused():
     other = Policy(network(np.random.default_rng(0), (7, 2)), AUTHORITY, OPTIONS)
     with pytest.raises(InvalidValueError, match=r"network of the policy = \(7, 2\): must be from 19 inputs to 2"):
         PolicyController(other, 5.0)
+    loaded = Policy(network(np.random.default_rng(0), (21, 2)), AUTHORITY, OPTIONS | {"loads": True})
+    with pytest.raises(InvalidValueError, match="loads of the policy = True: must be false"):
+        PolicyController(loaded, 5.0)
 
 
 def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():

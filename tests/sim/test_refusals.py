@@ -109,7 +109,7 @@ REFUSED = [
     # environments
     (PathTrackingEnv, {"action": "torque"}, "action = 'torque': must be one of sprockets, twist"),
     (PathTrackingEnv, {"reference": ()}, "reference = (): must be a name, or a tuple of names"),
-    (PathTrackingEnv, {"action": "twist", "compensation": "magic"}, "compensation = 'magic': must be a slip law, or"),
+    (PathTrackingEnv, {"action": "twist", "compensation": "magic"}, "compensation = 'magic': must be one of none,"),
     (PathTrackingEnv, {"previews": -1}, "previews = -1: must be a whole number from 0 to 100"),
     (PathTrackingEnv, {"preview_spacing": 0.12}, "preview_spacing = 0.12: must be a multiple of 0.05 s"),
     (PathTrackingEnv, {"randomization": Randomization(start_distance=(0.0, 0.6))}, "start_distance = (0.0, 0.6)"),
