@@ -72,10 +72,3 @@ def test_options_reach_each_robot():
     env.set_options([{"reference": "circle"}, {"reference": "slalom"}])
     env.reset()
     assert [info["reference"] for info in env.reset_infos] == [1, 2]
-
-
-@pytest.mark.slow
-def test_an_agent_trains():
-    from stable_baselines3 import PPO
-
-    PPO("MlpPolicy", PathTrackingVecEnv(8), n_steps=32, batch_size=64, n_epochs=1, device="cpu").learn(512)
