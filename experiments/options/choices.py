@@ -2,7 +2,7 @@
 
 CONTROLLER_NAMES = (
     *("feedforward", "linear", "samson", "kanayama", "dynamic_feedback", "offset_point"),
-    *("pure_pursuit", "stanley", "lqr", "mpc"),
+    *("pure_pursuit", "regulated_pure_pursuit", "stanley", "path_following", "lqr", "ltv_mpc", "mpc", "mppi"),
 )
 """The controllers of trackslip.controllers."""
 REFERENCE_NAMES = ("paper", "circle", "figure_eight", "slalom", "rounded_square", "clothoid", "spiral", "stop_and_go")

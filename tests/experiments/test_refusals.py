@@ -118,6 +118,8 @@ OPTIONS = [
     ("benchmark --controllers dynamic_feedback:static=1", "'dynamic_feedback:static=1': must be dynamic_feedback:ARG"),
     ("benchmark --controllers mpc:intervals=1.5", "intervals = '1.5': must be a whole number"),
     ("benchmark --controllers mpc:intervals=1000000", "intervals = 1000000: must be a whole number from 1 to 100"),
+    ("benchmark --controllers mppi:samples=100000", "samples = 100000: must be a whole number from 2 to 10000"),
+    ("benchmark --controllers path_following:catch_up=1", "catch_up = 1.0: must be less than 1"),
     ("benchmark --controllers lqr:period=1e-9", "period = 1e-09: must be from 0.001 to 10 s"),
     ("benchmark --controllers none:Mine", "controllers = 'none:Mine': must be MODULE:CLASS that"),
     ("benchmark --controllers pathlib:Path", "controllers = 'pathlib:Path': must be a class with a method"),

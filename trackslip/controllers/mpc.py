@@ -6,32 +6,19 @@ control", SIAM J. Control and Optimization 43(5), 2005.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from trackslip.controllers.base import ControlLaw
-from trackslip.errors import TrackslipError, require, require_whole
+from trackslip.controllers.horizon import Horizon, Improve
+from trackslip.errors import TrackslipError, require_whole
 from trackslip.kinematics import Array, advance, track_speeds, twist_of_tracks
-from trackslip.trajectory.base import Reference
-
-
-@dataclass
-class _State:
-    """The state between calls."""
-
-    program: _Program | None = None
-    """Built in the first call, which needs CasADi."""
-    time: float = 0.0
-    """Time of the last call [s]."""
-    plans: Array | None = None
-    """Track speeds (..., K, 2) [m/s] that each robot plans from that time on; None before the first call."""
 
 
 @dataclass(frozen=True)
-class ModelPredictive(ControlLaw):
+class ModelPredictive(Horizon):
     """Minimises the predicted errors over a horizon, subject to the speed limit of both tracks.
 
     The state is the pose; the inputs are the track speeds (v -+ half_gauge w), held for an interval, so that without
@@ -42,67 +29,22 @@ class ModelPredictive(ControlLaw):
     If the problem of a robot cannot be solved, it keeps its shifted plan or, without one, the twist of the reference.
     """
 
-    intervals: int = 15
-    """K, number of intervals in the horizon [-]."""
-    interval: float = 0.2
-    """Duration of an interval [s]."""
-    position_scale: float = 0.1
-    """Error in x or y that costs as much as the other quantities at their scales [m]."""
-    heading_scale: float = 0.6
-    """Error of the heading that costs as much [rad]."""
     speed_scale: float = 0.12
     """Deviation of a track speed from the reference that costs as much [m/s]."""
-    final_weight: float = 10.0
-    """Factor on the cost of the errors at the end of the horizon [-]."""
-    track_speed: float = 0.295
-    """Speed limit of each track, slightly below the 0.3 m/s of the sprockets [m/s]."""
-    half_gauge: float = 0.213
-    """b + D, the effective half gauge with slip compensation; half the gauge without it [m]."""
     iterations: int = 3
     """Gauss-Newton steps per call [-]."""
-    _state: _State = field(default_factory=_State, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("intervals", "iterations"):
-            require_whole(name, getattr(self, name), 1, 100)
+        require_whole("iterations", self.iterations, 1, 100)
 
-    def reset(self) -> None:
-        """Discard the plans; the next call may be for another number of robots."""
-        self._state.plans = None
+    @cached_property
+    def _program(self) -> _Program:
+        return _Program(self)
 
-    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`.
-
-        Raises TrackslipError if CasADi is not installed.
-        """
-        state = self._state
-        if state.program is None:
-            state.program = _Program(self)
-        pose = np.asarray(pose, float)
-        nodes = time + self.interval * np.arange(self.intervals + 1)
-        wanted_poses = reference.pose(nodes)  # (K + 1, 3)
-        wanted_speeds = track_speeds(reference.twist((nodes[1:] + nodes[:-1]) / 2), self.half_gauge)  # (K, 2), means
-        shape = (*pose.shape[:-1], self.intervals, 2)
-        if state.plans is None:
-            plans = np.broadcast_to(np.clip(wanted_speeds, -self.track_speed, self.track_speed), shape)
-        else:
-            allowed = f"of shape {(*state.plans.shape[:-2], 3)} until reset"
-            require(state.plans.shape == shape, "pose", pose.shape, allowed)
-            plans = self._shifted(state.plans, time - state.time)
-        improved = [
-            self._improved(state.program, plan, robot, wanted_poses, wanted_speeds)
-            for plan, robot in zip(plans.reshape(-1, *shape[-2:]), pose.reshape(-1, 3), strict=True)
-        ]
-        state.plans, state.time = np.reshape(improved, shape), time
-        return twist_of_tracks(state.plans[..., 0, :], self.half_gauge)
-
-    def _shifted(self, plans: Array, elapsed: float) -> Array:
-        """Plans (..., K, 2), shifted by `elapsed` [s]; their last speeds are held."""
-        later = np.minimum(np.arange(self.intervals) + max(elapsed, 0.0) / self.interval, self.intervals - 1)
-        k = np.minimum(later.astype(int), self.intervals - 2)
-        share = (later - k)[:, None]
-        return (1 - share) * plans[..., k, :] + share * plans[..., k + 1, :]
+    def _improve(self, time: float, poses: Array, twists: Array) -> Improve:
+        wanted = {"wanted_poses": poses, "wanted_speeds": track_speeds(twists, self.half_gauge)}
+        return partial(self._improved, self._program, **wanted)
 
     def _improved(
         self, program: _Program, plan: Array, pose: Array, wanted_poses: Array, wanted_speeds: Array
@@ -145,10 +87,8 @@ class _Program:
         ends = [_arc(casadi, poses[:, k], speeds[:, k], gauge, interval) for k in range(count)]
         gaps = casadi.vec(poses[:, 1:] - casadi.horzcat(*ends))
         matrix = casadi.jacobian(gaps, unknowns)
-        scales = [controller.speed_scale] * 2 + [controller.position_scale] * 2 + [controller.heading_scale]
-        weights = np.tile(np.array(scales) ** -2, (count, 1))
-        weights[-1, 2:] *= controller.final_weight
-        self._hessian = casadi.diag(casadi.DM(weights.ravel()))
+        of_speeds = np.full((count, 2), controller.speed_scale**-2)
+        self._hessian = casadi.diag(casadi.DM(np.concatenate([of_speeds, controller.weights], axis=1).ravel()))
         self._linearised = casadi.Function(
             "linearised",
             [poses, speeds, wanted_poses, wanted_speeds],

@@ -6,8 +6,11 @@ from trackslip.controllers.base import Controller
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.error_feedback import Feedforward, Kanayama, LinearTimeVarying, OffsetPoint, Samson
 from trackslip.controllers.lqr import Lqr
+from trackslip.controllers.ltv_mpc import LinearPredictive
 from trackslip.controllers.mpc import ModelPredictive
-from trackslip.controllers.steering import PurePursuit, Stanley
+from trackslip.controllers.mppi import PathIntegral
+from trackslip.controllers.path_following import PathFollowing
+from trackslip.controllers.steering import PurePursuit, RegulatedPurePursuit, Stanley
 
 CONTROLLERS: dict[str, type[Controller]] = {
     "feedforward": Feedforward,
@@ -17,8 +20,12 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "dynamic_feedback": DynamicFeedback,
     "offset_point": OffsetPoint,
     "pure_pursuit": PurePursuit,
+    "regulated_pure_pursuit": RegulatedPurePursuit,
     "stanley": Stanley,
+    "path_following": PathFollowing,
     "lqr": Lqr,
+    "ltv_mpc": LinearPredictive,
     "mpc": ModelPredictive,
+    "mppi": PathIntegral,
 }
 """Controllers by their names on the command line."""

@@ -1,8 +1,9 @@
-"""Laws that steer towards a point ahead: pure pursuit of a reference in time, and the law of the robot Stanley.
+"""Laws that steer towards a point ahead: pure pursuit of a reference in time, plain and regulated; the robot Stanley's.
 
-R. C. Coulter, "Implementation of the pure pursuit path tracking algorithm", CMU-RI-TR-92-01, 1992; G. M. Hoffmann,
-C. J. Tomlin, M. Montemerlo and S. Thrun, "Autonomous automobile trajectory tracking for off-road driving: controller
-design, experimental validation and racing", ACC 2007.
+R. C. Coulter, "Implementation of the pure pursuit path tracking algorithm", CMU-RI-TR-92-01, 1992; S. Macenski,
+S. Singh, F. Martín and J. Ginés, "Regulated pure pursuit for robot path tracking", Autonomous Robots 47, 2023;
+G. M. Hoffmann, C. J. Tomlin, M. Montemerlo and S. Thrun, "Autonomous automobile trajectory tracking for off-road
+driving: controller design, experimental validation and racing", ACC 2007.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from trackslip.controllers.base import ControlLaw, OncePerReference, natural_frequency
 from trackslip.controllers.error_feedback import ErrorFeedback, Errors
-from trackslip.errors import require
+from trackslip.errors import require, require_at_most
 from trackslip.kinematics import Array, advance, wrap_angle
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
@@ -42,15 +43,57 @@ class PurePursuit(ControlLaw):
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""
-        desired = reference.twist(time)
-        gain = 2 * self.damping * natural_frequency(desired, self.stiffness)
-        here, goal = reference.pose(time), self._path(PathAhead, reference).point(time, self.look_ahead)
-        e_x, e_y, e_phi = np.moveaxis(body_errors(pose, here), -1, 0)
-        v = speed_to_keep_up(desired, (e_x, e_y, e_phi), gain)
-        x, y, _ = np.moveaxis(body_errors(pose, goal), -1, 0)
-        # A robot far ahead of the reference that has nearly reached the goal must not spin.
-        distance_squared = np.maximum(x**2 + y**2, (self.look_ahead / 2) ** 2)
-        return np.stack([v, v * 2 * y / distance_squared], axis=-1)
+        path = self._path(PathAhead, reference)
+        v, curvature, _ = path.pursued(time, pose, self.look_ahead, self.damping, self.stiffness)
+        return np.stack([v, v * curvature], axis=-1)
+
+
+@dataclass(frozen=True)
+class RegulatedPurePursuit(ControlLaw):
+    """Pure pursuit with a goal further ahead at speed, slower in sharp bends and before cusps, stops and the end.
+
+    The controller of Nav2, with the names of its parameters. Its desired speed is here the one that keeps up with the
+    reference. Speed isn't scaled near obstacles.
+    """
+
+    lookahead_time: float = 1.5
+    """Distance of the goal along the path over the reference's speed [s]."""
+    min_lookahead_dist: float = 0.15
+    """Least distance of the goal [m]."""
+    max_lookahead_dist: float = 0.6
+    """Largest distance of the goal [m]."""
+    regulated_linear_scaling_min_radius: float = 0.4
+    """Radius of arcs below which the speed falls in proportion to it [m]."""
+    regulated_linear_scaling_min_speed: float = 0.05
+    """Speed below which it doesn't fall there [m/s]."""
+    approach_velocity_scaling_dist: float = 0.05
+    """Distance to a cusp, a stop or the end below which the speed falls in proportion to it [m]."""
+    min_approach_linear_velocity: float = 0.05
+    """Speed below which it doesn't fall there [m/s]."""
+    damping: float = 0.7
+    """xi of the speed law, of gain 2 xi sqrt(w_d^2 + g v_d^2) [-]."""
+    stiffness: float = 10.0
+    """g of the speed law [1/m^2]."""
+    _path: OncePerReference[PathAhead] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_at_most("min_lookahead_dist", self.min_lookahead_dist, self.max_lookahead_dist, "m")
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (..., 2) from measured poses (..., 3)."""
+        distance = self.lookahead_time * abs(reference.twist(time)[0])
+        distance = min(max(distance, self.min_lookahead_dist), self.max_lookahead_dist)
+        path = self._path(PathAhead, reference)
+        v, curvature, remaining = path.pursued(time, pose, distance, self.damping, self.stiffness)
+        sharp = np.maximum(np.abs(curvature) * self.regulated_linear_scaling_min_radius, 1.0)
+        near = np.clip(remaining / self.approach_velocity_scaling_dist, 0.0, 1.0)
+        slow = np.minimum(
+            np.maximum(np.abs(v) / sharp, self.regulated_linear_scaling_min_speed),
+            np.maximum(np.abs(v) * near, self.min_approach_linear_velocity),
+        )
+        v = np.clip(v, -slow, slow)
+        return np.stack([v, v * curvature], axis=-1)
 
 
 class PathAhead:
@@ -66,10 +109,26 @@ class PathAhead:
         cuts = np.concatenate([np.flatnonzero(np.diff(self._direction)) + 1, [cells]])
         self._cut = cuts[np.searchsorted(cuts, np.arange(cells), side="right")]  # (C,)
 
-    def point(self, time: float, distance: float) -> Array:
+    def pursued(
+        self, time: float, pose: ArrayLike, look_ahead: float, damping: float, stiffness: float
+    ) -> tuple[Array, Array, Array]:
+        """Speeds [m/s], curvatures of the arcs through the goal [1/m] and ways left [m], (...) each, at poses (..., 3).
+
+        The goal is `look_ahead` [m] beyond the reference's pose at `time` [s]; the way left ends where the goal's does.
+        """
+        desired = self._reference.twist(time)
+        goal, left = self.point(time, look_ahead)
+        e_x, e_y, e_phi = np.moveaxis(body_errors(pose, self._reference.pose(time)), -1, 0)
+        v = speed_to_keep_up(desired, (e_x, e_y, e_phi), 2 * damping * natural_frequency(desired, stiffness))
+        x, y, _ = np.moveaxis(body_errors(pose, goal), -1, 0)
+        # A robot far ahead of the reference that has nearly reached the goal must not spin.
+        curvature = 2 * y / np.maximum(x**2 + y**2, (look_ahead / 2) ** 2)
+        return v, curvature, left + np.sign(desired[0]) * (np.cos(e_phi) * e_x + np.sin(e_phi) * e_y)
+
+    def point(self, time: float, distance: float) -> tuple[Array, float]:
         """The pose (3,) on the path `distance` [m] beyond that at `time` [s], in the direction of travel.
 
-        Beyond a cusp, a stop or the end, the path continues along its tangent.
+        Beyond a cusp, a stop or the end, the path continues along its tangent; the second value is the way there [m].
         """
         now = float(np.clip(time, 0.0, self._reference.duration))
         cell = min(int(np.searchsorted(self._times, now, side="right")) - 1, len(self._direction) - 1)
@@ -77,7 +136,7 @@ class PathAhead:
         way = direction * (self._distance[cell : cut + 1] - np.interp(now, self._times, self._distance))
         then = max(now, np.interp(distance, way, self._times[cell : cut + 1])) if direction else now
         missing = direction * max(0.0, distance - way[-1])
-        return advance(self._reference.pose(then), [missing, 0.0], 1.0)
+        return advance(self._reference.pose(then), [missing, 0.0], 1.0), float(way[-1])
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ def test_suites_know_all_names():
     assert tuple(NAMED_GROUNDS) == GROUND_NAMES
 
 
-@pytest.mark.parametrize(("suite", "runs"), [("paper", 75), ("fair", 960), ("full", 2160)])
+@pytest.mark.parametrize(("suite", "runs"), [("paper", 75), ("fair", 1344), ("full", 3024)])
 def test_fleets_are_of_one_reference_and_no_larger_than_worthwhile(suite, runs):
     cases, _ = cases_of(Config(suite=suite))
     groups = fleets(cases, 2, ClosedLoops.sizes)

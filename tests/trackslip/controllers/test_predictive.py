@@ -1,0 +1,91 @@
+"""Predictive controllers against the optima of their problems, found in other ways."""
+
+import numpy as np
+import pytest
+from linearised import pose_with_error
+from scipy.optimize import minimize
+
+from trackslip.controllers.lqr import error_dynamics
+from trackslip.controllers.ltv_mpc import LinearPredictive
+from trackslip.controllers.mpc import ModelPredictive
+from trackslip.controllers.mppi import PathIntegral
+from trackslip.kinematics import advance, track_speeds, twist_of_tracks
+from trackslip.trajectory.named import named_reference
+from trackslip.trajectory.segmented import circle
+
+
+@pytest.mark.parametrize("error", [(0.02, -0.01, 0.05), (0.3, 0.2, -0.4), (-0.5, 0.1, 0.8), (0.0, -0.6, 0.3)])
+@pytest.mark.parametrize("speed", [0.15, -0.2])
+def test_the_plan_is_the_optimum_of_the_quadratic_program(error, speed):
+    """Another solver minimises the cost that the linear recursion of the errors gives, within the tracks' limits."""
+    controller = LinearPredictive(intervals=8, track_speed=0.26)
+    reference = circle(0.8, speed, 40.0)
+    nodes = 5.0 + controller.interval * np.arange(9)
+    twists = reference.twist((nodes[1:] + nodes[:-1]) / 2)
+    wanted = track_speeds(twists, controller.half_gauge)
+    a, b = error_dynamics(twists, controller.interval)
+
+    def cost(speeds):
+        left, total = np.array(error), 0.0
+        for k, change in enumerate(speeds.reshape(-1, 2) - wanted):
+            left = a[k] @ left + b[k] @ twist_of_tracks(change, controller.half_gauge)
+            total += left**2 @ controller.weights[k] + change @ change / controller.speed_scale**2
+        return total
+
+    limits = [(-controller.track_speed, controller.track_speed)] * wanted.size
+    options = {"ftol": 1e-15, "gtol": 1e-9, "maxfun": 100_000, "maxiter": 10_000}
+    found = minimize(cost, np.clip(wanted, -0.26, 0.26).ravel(), method="L-BFGS-B", bounds=limits, options=options)
+    pose = pose_with_error(reference.pose(5.0), np.array(error))
+    driven = track_speeds(controller.twist(5.0, pose, reference), controller.half_gauge)
+    np.testing.assert_allclose(driven, found.x[:2], atol=2e-4)
+    assert np.abs(driven).max() <= controller.track_speed
+    assert (np.abs(found.x) == controller.track_speed).any() == (np.hypot(*error[:2]) > 0.1)
+
+
+@pytest.mark.parametrize("make", [LinearPredictive, PathIntegral])
+def test_no_track_exceeds_its_limit(make):
+    controller, reference = make(), circle(0.7, 0.2, 40.0)
+    rng = np.random.default_rng(0)
+    for time in np.arange(5.0, 6.0, 0.05):
+        pose = pose_with_error(reference.pose(time), rng.uniform(-1, 1, (5, 3)))
+        tracks = track_speeds(controller.twist(time, pose, reference), controller.half_gauge)
+        assert (np.abs(tracks) <= controller.track_speed + 1e-12).all()
+
+
+def test_linearised_and_nonlinear_prediction_drive_alike():
+    """Near the path to second order of the error; from 0.2 m off, both come back within the same 4 s."""
+    pytest.importorskip("casadi")
+    reference = named_reference("slalom")
+    offsets = np.array([[0.01, 0.01, 0.02], [0.1, 0.17, -0.3]])
+    paths = []
+    for controller in (LinearPredictive(), ModelPredictive()):
+        pose = pose_with_error(reference.pose(0.0), offsets)
+        path = []
+        for time in np.arange(0.0, 15.0, 0.05):
+            pose = advance(pose, controller.twist(time, pose, reference), 0.05)
+            path.append(pose)
+        paths.append(path)
+    apart = np.linalg.norm(np.subtract(*paths)[..., :2], axis=-1)
+    assert apart[:, 0].max() < 5e-4
+    assert apart[:, 1].max() < 0.05
+    assert apart[-100:].max() < 1e-3
+
+
+def test_many_samples_tend_to_the_linear_quadratic_optimum():
+    """The path integral of a linear system with a quadratic cost is known: its mean plan is the optimum."""
+    reference = circle(1.0, 0.15, 40.0)
+    pose = pose_with_error(reference.pose(5.0), np.array([0.01, 0.015, 0.03]))
+    sampling = PathIntegral(samples=4000, intervals=5, noise=0.03, temperature=0.5)
+    scale = sampling.noise * np.sqrt(2 / sampling.temperature)
+    wanted = LinearPredictive(intervals=5, speed_scale=scale).twist(5.0, pose, reference)
+    found = np.mean([sampling.twist(5.0 + 1e-6 * k, pose, reference) for k in range(100)][20:], axis=0)
+    change = wanted - reference.twist(5.0)
+    np.testing.assert_allclose(found - reference.twist(5.0), change, atol=0.05 * np.abs(change).max())
+
+
+def test_random_numbers_follow_from_the_seed():
+    reference = circle(1.0, 0.15, 20.0)
+    pose = pose_with_error(reference.pose(1.0), np.array([0.1, 0.1, 0.2]))
+    first, again, other = (PathIntegral(seed=seed).twist(1.0, pose, reference) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert 1e-5 < np.abs(first - other).max() < 0.2

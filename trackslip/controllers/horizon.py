@@ -1,0 +1,102 @@
+"""What the predictive controllers have in common: horizon, weights, limits, and plans to go on from."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.controllers.base import ControlLaw
+from trackslip.errors import require, require_whole
+from trackslip.kinematics import Array, track_speeds, twist_of_tracks
+from trackslip.trajectory.base import Reference
+
+Improve = Callable[[Array, Array], Array]
+"""Makes a better plan (K, 2) of a plan (K, 2) and the pose (3,) of a robot."""
+
+
+@dataclass
+class _State:
+    """The state between calls."""
+
+    time: float = 0.0
+    """Time of the last call [s]."""
+    plans: Array | None = None
+    """Track speeds (..., K, 2) [m/s] that each robot plans from that time on; None before the first call."""
+
+
+@dataclass(frozen=True)
+class Horizon(ControlLaw, ABC):
+    """Base of the laws that minimise predicted errors by track speeds within their limits, held for an interval each.
+
+    Each call improves the plan of the previous one, shifted, and drives its first twist.
+    """
+
+    intervals: int = 15
+    """K, number of intervals in the horizon [-]."""
+    interval: float = 0.2
+    """Duration of an interval [s]."""
+    position_scale: float = 0.1
+    """Error in x or y that costs as much as the other quantities at their scales [m]."""
+    heading_scale: float = 0.6
+    """Error of the heading that costs as much [rad]."""
+    final_weight: float = 10.0
+    """Factor on the cost of the errors at the end of the horizon [-]."""
+    track_speed: float = 0.295
+    """Speed limit of each track, slightly below the 0.3 m/s of the sprockets [m/s]."""
+    half_gauge: float = 0.213
+    """b + D, the effective half gauge with slip compensation; half the gauge without it [m]."""
+    _state: _State = field(default_factory=_State, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_whole("intervals", self.intervals, 1, 100)
+
+    @property
+    def weights(self) -> Array:
+        """Weights (K, 3) of the squared errors (x, y, phi) after each interval [1/m^2, 1/m^2, 1/rad^2]."""
+        weights = np.tile(
+            [self.position_scale**-2, self.position_scale**-2, self.heading_scale**-2], (self.intervals, 1)
+        )
+        weights[-1] *= self.final_weight
+        return weights
+
+    def reset(self) -> None:
+        """Discard the plans; the next call may be for another number of robots."""
+        self._state.plans = None
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`.
+
+        Raises TrackslipError if a library that the law needs is not installed.
+        """
+        state, pose = self._state, np.asarray(pose, float)
+        nodes = time + self.interval * np.arange(self.intervals + 1)
+        twists = reference.twist((nodes[1:] + nodes[:-1]) / 2)  # (K, 2), means
+        wanted = track_speeds(twists, self.half_gauge)
+        shape = (*pose.shape[:-1], self.intervals, 2)
+        if state.plans is None:
+            plans = np.broadcast_to(np.clip(wanted, -self.track_speed, self.track_speed), shape)
+        else:
+            allowed = f"of shape {(*state.plans.shape[:-2], 3)} until reset"
+            require(state.plans.shape == shape, "pose", pose.shape, allowed)
+            plans = self._shifted(state.plans, time - state.time)
+        improve = self._improve(time, reference.pose(nodes), twists)
+        improved = [improve(*one) for one in zip(plans.reshape(-1, *shape[-2:]), pose.reshape(-1, 3), strict=True)]
+        state.plans, state.time = np.reshape(improved, shape), time
+        return twist_of_tracks(state.plans[..., 0, :], self.half_gauge)
+
+    @abstractmethod
+    def _improve(self, time: float, poses: Array, twists: Array) -> Improve:
+        """What improves plans at `time` [s], for a reference of poses (K + 1, 3) and mean twists (K, 2)."""
+
+    def _shifted(self, plans: Array, elapsed: float) -> Array:
+        """Plans (..., K, 2), shifted by `elapsed` [s]; their last speeds are held."""
+        last = self.intervals - 1
+        later = np.minimum(np.arange(last + 1) + max(elapsed, 0.0) / self.interval, last)
+        k = np.minimum(later.astype(int), max(last - 1, 0))
+        share = (later - k)[:, None]
+        return (1 - share) * plans[..., k, :] + share * plans[..., np.minimum(k + 1, last), :]

@@ -1,0 +1,107 @@
+"""Path following with a virtual target, which moves along the path with the robot and only gently with the time.
+
+D. Soetanto, L. Lapierre and A. Pascoal, "Adaptive, non-singular path-following control of dynamic wheeled robots",
+CDC 2003; the return to the reference's timing as in P. Encarnação and A. Pascoal, "Combined trajectory tracking and
+path following: an application to the coordinated control of autonomous marine craft", CDC 2001.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.controllers.base import ControlLaw
+from trackslip.errors import require
+from trackslip.kinematics import Array, wrap_angle
+from trackslip.se2 import between
+from trackslip.trajectory.base import Reference
+
+
+@dataclass
+class _State:
+    """The state between calls."""
+
+    time: float = 0.0
+    """Time of the last call [s]."""
+    target: Array | None = None
+    """tau (...), when the reference is at each robot's virtual target [s]; None before the first call."""
+    rate: Array = field(default_factory=lambda: np.zeros(()))
+    """tau' (...) since that call [-]."""
+
+
+@dataclass(frozen=True)
+class PathFollowing(ControlLaw):
+    """Steers onto the path beside the robot instead of towards the reference of the present time.
+
+    The virtual target is the reference's pose at a time tau of each robot's own. In the target's frame the robot is s
+    ahead, y to the left and turned by theta. The target keeps beside the robot by v_d tau' = v cos(theta) + k_s s, and
+    goes on with the time where the reference stands. The robot approaches the path at the angle
+    delta = -sign(v) theta_a tanh(k_delta y) by theta' = delta' - gamma y v (sin(theta) - sin(delta)) / (theta - delta)
+    - k |v| (theta - delta). Near a straight line, errors decay with the distance x like exp(lambda x) with
+    lambda^2 + (k + a) lambda + a k + gamma = 0, a = theta_a k_delta.
+
+    The speed is v = rho v_d(tau) with rho = 1 + k_t (t - tau), limited: a robot that is late doesn't cut corners and
+    hurries by `catch_up` at most. Near standstill of the reference, the law gives way to tau' = rho, v = -k_t s.
+    """
+
+    along: float = 3.0
+    """k_s, rate at which the target comes beside the robot [1/s]."""
+    approach_angle: float = 0.8
+    """theta_a, of the approach from far away [rad]."""
+    approach: float = 4.0
+    """k_delta, inverse of the distance from the path at which the approach flattens [1/m]."""
+    across: float = 5.0
+    """gamma [1/m^2]."""
+    heading: float = 5.0
+    """k [1/m]."""
+    timing: float = 0.6
+    """k_t, rate at which a delay is made up for [1/s]."""
+    catch_up: float = 0.3
+    """Largest |rho - 1|, less than 1 [-]."""
+    least_speed: float = 0.03
+    """Speed of the reference at which the law for standstill has a share of one half [m/s]."""
+    _state: _State = field(default_factory=_State, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self.approach_angle < np.pi / 2, "approach_angle", self.approach_angle, "less than pi/2 rad")
+        require(self.catch_up < 1, "catch_up", self.catch_up, "less than 1")
+
+    def reset(self) -> None:
+        """Discard the targets; the next call may be for another number of robots."""
+        self._state.target = None
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`."""
+        pose = np.asarray(pose, float)
+        target = self._target(time, pose)
+        s, y, theta = np.moveaxis(between(reference.pose(target), pose), -1, 0)
+        theta = wrap_angle(theta)
+        v_d, w_d = np.moveaxis(reference.twist(target), -1, 0)
+        hurry = 1 + np.clip(self.timing * (time - target), -self.catch_up, self.catch_up)
+        standing = self.least_speed**2 / (v_d**2 + self.least_speed**2)  # share of the law for standstill
+        v = hurry * v_d - standing * self.timing * s
+        moving = (v * np.cos(theta) + self.along * s) / np.where(v_d == 0, 1.0, v_d)
+        rate = standing * hurry + (1 - standing) * moving
+        rate = self._state.rate = np.maximum(rate, 0.0)
+        steepest = np.sign(v) * self.approach_angle
+        delta = -steepest * np.tanh(self.approach * y)
+        slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2  # of delta by y
+        off, middle = theta - delta, (theta + delta) / 2
+        steering = slope * (v * np.sin(theta) - w_d * rate * s)
+        steering -= self.across * y * v * np.cos(middle) * np.sinc(off / (2 * np.pi))
+        return np.stack([v, w_d * rate + steering - self.heading * np.abs(v) * off], axis=-1)
+
+    def _target(self, time: float, pose: Array) -> Array:
+        """tau (...) of robots at poses (..., 3) at `time` [s]."""
+        state = self._state
+        if state.target is None:
+            state.target = np.full(pose.shape[:-1], float(time))
+        else:
+            shape = state.target.shape
+            require(shape == pose.shape[:-1], "pose", pose.shape, f"of shape {(*shape, 3)} until reset")
+            state.target = state.target + max(time - state.time, 0.0) * state.rate
+        state.time = time
+        return state.target
