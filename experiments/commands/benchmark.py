@@ -1,5 +1,6 @@
 """`trackslip benchmark`: compare controllers and slip compensations; drive what isn't driven yet, gather, report."""
 
+import textwrap
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -53,7 +54,7 @@ class Config(ClosedLoopOptions):
     gains: Annotated[str | None, default_is("the suite's", "{default,tuned,FOLDER}")] = None
     """Gains of the controllers: those of their classes, the tuned ones, or those that tune wrote."""
     submit: Annotated[Path | None, default_is("none", "FILE.json")] = None
-    """Also write the rows for the public leaderboard, docs/leaderboard."""
+    """Also write the rows of the leaderboard with the scores of all their runs, for others to drive again."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
     """Number of processes, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/benchmark")
@@ -119,7 +120,7 @@ def run(config: Config) -> None:
         rows_of_board = submission(runs, entries, gains, about)
         write_output(config.submit, lambda draft: write_json(draft, rows_of_board))
     board_table(entries).print()
-    print(BOARD_LEGEND)
+    print(textwrap.fill(BOARD_LEGEND, 120))
     for line in [*lost, *(f"failed: {failure['run']}: {failure['error']}" for failure in failures)]:
         print(line)
     print(stages_text(run.watch.stages))
