@@ -75,6 +75,7 @@ SUITES: Mapping[str, Suite] = {
         gains="tuned",
     ),
 }
+"""Suites by name."""
 _PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
 _MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
 

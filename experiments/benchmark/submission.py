@@ -1,4 +1,4 @@
-"""Rows of the leaderboard with the scores of all their runs, for others to drive again."""
+"""Rows of the suite fair with the scores of all their runs, for others to drive again."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

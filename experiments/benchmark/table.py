@@ -40,7 +40,7 @@ def _with_interval(name: str) -> Callable[[Row], Cell]:
 def _behind(row: Row) -> str:
     """The difference from the best entry and its interval."""
     ends = row["behind_ci95"]
-    interval = "" if ends is None else f" ({1e3 * ends[0]:.1f} to {1e3 * ends[1]:.1f})"
+    interval = "" if ends is None else " ({:.1f} to {:.1f})".format(*(round(1e3 * end, 1) + 0.0 for end in ends))
     return f"{1e3 * row['behind']:.1f}{interval}" if row["rank"] > 1 or row["behind"] > 0 else "-"
 
 
@@ -101,7 +101,7 @@ def board_table(entries: Sequence[Row]) -> Table:
         "Position errors, means over references, grounds and seeds",
         tuple(columns),
         [[cell(entry) for cell in columns.values()] for entry in entries],
-        align="rll" + "l" * several + "r",
+        align="lll" + "l" * several + "r",
         note=BOARD_LEGEND,
     )
 

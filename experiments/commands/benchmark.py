@@ -11,7 +11,7 @@ from experiments.options.world import MAX_JOBS, ClosedLoopOptions
 from trackslip.errors import counted
 
 EXAMPLES = (
-    ("every controller on the paper's path", "trackslip benchmark"),
+    ("every controller, tuned, on drawn plants", "trackslip benchmark"),
     ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
     ("two controllers on ice", "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1"),
     ("Eq. 31 with another gain", "trackslip benchmark --controllers linear linear:stiffness=160"),
@@ -21,7 +21,15 @@ PARTS = ".benchmark-parts"
 """Folder in OUT with the runs of a benchmark that isn't finished."""
 
 _EQUIPMENT = tuple(option.name for option in fields(ClosedLoopOptions) if option.name not in ("overwrite", "rrd"))
-_OF_SUITES = ("references", "grounds", "starts", "seeds", "plants", *_EQUIPMENT)  # what a suite's numbers depend on
+_OF_SUITES = (
+    "suite",
+    "references",
+    "grounds",
+    "starts",
+    "seeds",
+    "plants",
+    *_EQUIPMENT,
+)  # what the numbers of fair depend on
 Start = Literal["zero", "paper", "random"]
 _GROUNDS = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
 _COMPENSATIONS = default_is("the suite's", f"{COMPENSATIONS} ...")
@@ -54,7 +62,7 @@ class Config(ClosedLoopOptions):
     gains: Annotated[str | None, default_is("the suite's", "{default,tuned,FOLDER}")] = None
     """Gains of the controllers: those of their classes, the tuned ones, or those that tune wrote."""
     submit: Annotated[Path | None, default_is("none", "FILE.json")] = None
-    """Also write the rows of the leaderboard with the scores of all their runs, for others to drive again."""
+    """Also write the rows of the suite fair with the scores of all their runs, for others to drive again."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
     """Number of processes, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/benchmark")

@@ -7,7 +7,9 @@ import pytest
 
 from experiments.benchmark.cases import BenchmarkCase, cases_of, identified
 from experiments.benchmark.drive import ClosedLoops
+from experiments.benchmark.gains import Gains
 from experiments.benchmark.rows import board, bootstrap95, losses, over_seeds
+from experiments.benchmark.submission import submission
 from experiments.cli import main
 from experiments.commands.benchmark import Config
 from experiments.options.choices import CONTROLLER_NAMES, GROUND_NAMES, REFERENCE_NAMES
@@ -136,6 +138,18 @@ def test_intervals_of_paired_differences_cover_as_they_should():
         *_, last = board(runs)
         covered.append(last["behind_ci95"][0] < 0.002 < last["behind_ci95"][1])
     assert 0.90 < np.mean(covered) < 0.99
+
+
+def test_a_submission_has_the_scores_of_all_runs_and_how_to_drive_them_again():
+    runs = [run("linear", rms, success=rms < 0.1, seed=seed) for seed, rms in enumerate((0.002, 0.2))]
+    gains = Gains({"linear": {"none": {"stiffness": 40.0}}})
+    about = {"config": {"suite": "fair"}, "git": {"commit": "c0ffee"}, "versions": {"mujoco": "4.0.0"}}
+    found = submission(runs, board(runs), gains, about)
+    (row,) = found.pop("rows")
+    assert found == {"suite": "fair", "git": {"commit": "c0ffee"}, "versions": {"mujoco": "4.0.0"}}
+    assert (row["specification"], row["compensation"]) == ("linear:stiffness=40.0", "none")
+    assert row["runs"] == {"paper": {"0": 0.002, "1": 0.5}}
+    assert row["score"] == pytest.approx(0.251)
 
 
 def test_a_single_plant_tells_no_interval():

@@ -38,6 +38,7 @@ def test_section_4_with_five_seeds(trackslip):
 @pytest.mark.slow
 def test_on_ground_that_grows_stickier_online_adapts_within_seconds(trackslip):
     options = ("--controllers", "linear", "--references", "paper", "--grounds", "stone", "sticky", "--starts", "zero")
+    options += ("--plants", "nominal", "--gains", "default")
     compensations = ("--compensations", "icr_radius", "online", "online_cold")
     result = trackslip("benchmark", *options, *compensations, "--seeds", "0", "1", "--jobs", "1")
     reference = paper_reference()

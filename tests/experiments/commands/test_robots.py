@@ -34,6 +34,7 @@ def test_a_tracked_robot_is_identified_and_controlled(trackslip, tmp_path, name,
     assert found.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(theory, rel=bound)
     options = ("--controllers", "linear", "--compensations", "none", "icr_radius", "--seeds", "0", "--jobs", "1")
     small = ("--references", "circle", "--localization", "truth", "--starts", "zero", "--grounds", "robot")
+    small += ("--plants", "nominal", "--gains", "default")
     table = trackslip("benchmark", *robot, "--laws", str(found.folder), *options, *small)
     rms = {row["compensation"]: row["rms_position_after_12s"] for row in table.summary["rows"]}
     assert rms["icr_radius"] < 0.3 * rms["none"]
