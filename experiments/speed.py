@@ -36,6 +36,7 @@ from sim.robot.robot import Robot
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.stopwatch import Stopwatch
+from sim.terrain import Course, Flat
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array, sprocket_speeds
 from trackslip.slip.compensation import KNOWN_LAWS, FixedLaw
@@ -48,11 +49,14 @@ if TYPE_CHECKING:
 CASES = ("bare engine", "fleet", "scanner", "closed loop", "PathTracking-v0", "Traverse-v0")
 BARE, FLEET, SCANNER, LOOP, TRACKING, TRAVERSE = CASES
 LOOPS, LOCALIZATION, REPRODUCE = "ten closed loops", "localization", "reproduce"
+COURSES = {"stairs": 0.33, "random": 0.5}
+"""Courses, and the least speed of Traverse-v0 on them over that on level ground."""
 _RADIUS, _SPEED = 1.25, 0.15  # of the circle that robots drive [m], [m/s]
 _STEADY = 2.0  # time after which the sprockets turn at their set points [s]
 _LOOPS = 10  # robots in closed loop whose cost is checked: as many as reproduce drives
 _UNDER_WAY = 40  # control periods after which all robots of an environment drive
 _FEWEST = 3  # periods in a turn
+_CROSSING = 64  # robots whose courses are compared
 _SLOWER = {SCANNER: 0.5, LOOP: 0.1, TRACKING: 0.5, TRAVERSE: 0.05}  # shares of the simulated time of a turn
 _BACK = np.array([0.5, 1.0, 1.0])  # gains from observed errors to a twist
 
@@ -73,12 +77,14 @@ class SpeedRatio:
 
 
 def measure(config: Config, robot: Robot, turn: Turn) -> tuple[list[SpeedRatio], dict[str, float]]:
-    """Speeds of all cases, and costs over their physics of ten closed loops, localization and reproduce [-]."""
+    """Speeds of all cases, costs over their physics of ten closed loops, localization and reproduce, and speeds on
+    `COURSES` over that on level ground [-].
+    """
     speeds = [speed for size in config.sizes for speed in _speeds(config, robot, size, turn)]
     loops = _measured(LOOPS, _closed_loops(robot, _LOOPS, config.threads), 40, config.repeats, turn)
     costs = {LOOPS: 1 / loops.over_bare, LOCALIZATION: _localization(config), REPRODUCE: _reproduction(config, robot)}
     turn(1.0)
-    return speeds, costs
+    return speeds, costs | _on_courses(config)
 
 
 def checks_of(speeds: Sequence[SpeedRatio], costs: dict[str, float]) -> list[Check]:
@@ -91,6 +97,9 @@ def checks_of(speeds: Sequence[SpeedRatio], costs: dict[str, float]) -> list[Che
             checks.append(Check(case, "speed over the bare engine", one.over_bare, at_least(least), "x"))
     for name, most in ((LOOPS, 2.5), (LOCALIZATION, 1.0), (REPRODUCE, 6.0)):
         checks.append(Check(name, "time over its physics", costs[name], most, "x"))
+    for name, least in COURSES.items():
+        case = f"{TRAVERSE}, {name}, {_CROSSING} robots"
+        checks.append(Check(case, "speed over that on level ground", costs[name], at_least(least), "x"))
     return checks
 
 
@@ -227,6 +236,25 @@ def _traverse(size: int, threads: int, seed: int) -> _Case:
 
     take_turn(_UNDER_WAY // 2)
     return _Case(size, world.period, steps, take_turn)
+
+
+def _on_courses(config: Config) -> dict[str, float]:
+    """Speeds of Traverse-v0 on `COURSES` over that on level ground: medians of the ratios of turns side by side [-]."""
+    envs = {}
+    for course in (Course((Flat(6.0),)), *COURSES):
+        env = TraverseVectorEnv(_CROSSING, threads=config.threads, action="correction", course=course)
+        env.reset(seed=config.seed)
+        envs[course] = env
+
+    def turn(env: TraverseVectorEnv, periods: int) -> float:
+        still = np.zeros(env.action_space.shape or (), np.float32)
+        return _seconds(lambda: [env.step(still) for _ in range(periods)])
+
+    for env in envs.values():
+        turn(env, _UNDER_WAY // 2)
+    took = np.array([[turn(env, _FEWEST) for env in envs.values()] for _ in range(config.repeats)])
+    ratios: Array = np.median(took[:, :1] / took[:, 1:], axis=0)
+    return dict(zip(COURSES, ratios.tolist(), strict=True))
 
 
 def bare_copy(source: batch.Batch, threads: int = 0) -> batch.Batch:

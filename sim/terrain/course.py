@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -160,18 +161,10 @@ class Course:
 
         Cells of courses of more than 800 m² are larger. `height` is exact.
         """
-        table, origin, per_metre = self._table
-        at = (points - origin) * per_metre
-        at = np.clip(at, 0.0, np.array(table.shape) - 1.001)
-        cell = at.astype(int)
-        u, v = np.moveaxis(at - cell, -1, 0)
-        i, j = cell[..., 0], cell[..., 1]
-        return (1 - u) * ((1 - v) * table[i, j] + v * table[i, j + 1]) + u * (
-            (1 - v) * table[i + 1, j] + v * table[i + 1, j + 1]
-        )
+        return look_up([self], points.reshape(1, -1, 2)).reshape(points.shape[:-1])
 
     @cached_property
-    def _table(self) -> tuple[Array, Array, float]:
+    def table(self) -> tuple[Array, Array, float]:
         """Heights on a grid that extends beyond the course, position of the first one, and cells per metre."""
         low, high = self.bounds[:, :2]
         cell = max(_CELL, math.sqrt(float(np.prod(high - low)) / _MAX_CELLS))
@@ -221,6 +214,21 @@ class Course:
                 **look(_FLOOR, base),
             )
         return names
+
+
+def look_up(courses: Sequence[Course], points: Array) -> Array:
+    """Heights (N, P) of N courses, each at its own of `points` (N, P, 2) [m]; see `Course.elevation`."""
+    tables, origins, per_metre = zip(*(course.table for course in courses), strict=True)
+    shape = np.array([table.shape for table in tables])[:, None]  # (N, 1, 2)
+    at = (points - np.array(origins)[:, None]) * np.array(per_metre)[:, None, None]
+    at = np.clip(at, 0.0, shape - 1.001)
+    cell = at.astype(int)
+    first = cell[..., 0] * shape[..., 1] + cell[..., 1]
+    corners = first[..., None] + shape[..., 1:] * [0, 0, 1, 1] + [0, 1, 0, 1]  # (N, P, 4)
+    near = np.array([table.take(own) for table, own in zip(tables, corners, strict=True)])
+    u, v = np.moveaxis(at - cell, -1, 0)
+    back, front = ((1 - v) * near[..., k] + v * near[..., k + 1] for k in (0, 2))
+    return np.asarray((1 - u) * back + u * front)
 
 
 def _add_lines(spec: mujoco.MjSpec, name: str) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from sim.batched_world import BatchedWorld
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
-from sim.terrain import Course
+from sim.terrain.course import Course, look_up
 from sim.tracks import bind
 from sim.traverse.contact import TrackContact
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
@@ -106,7 +106,6 @@ class Traverse(BatchedWorld):
         self.course: list[Course] = [courses[0]] * size
         """Course of each robot."""
         self._laid: list[Course | None] = [None] * size
-        self._groups: list[NDArray[np.int_]] = []  # robots on the same course
         self._stuck = StuckWatch(self.limits, size, period)
         self.outcome: Outcomes = np.full(size, Outcome.DRIVING)
         """Outcomes (N,) of the runs so far."""
@@ -146,7 +145,6 @@ class Traverse(BatchedWorld):
         require(valid, "start", poses.tolist(), f"finite poses (x, y, heading), one for each of {len(where)} robots")
         for row, course in zip(where, chosen, strict=True):
             self._lay(int(row), course)
-        self._group()
         asked = self._clear if flippers is None else np.asarray(flippers, float)
         angles = np.broadcast_to(asked, self.servo.angle.shape[1:])
         self.servo.begin(where, np.clip(angles, *self.tracked.flipper_range.T))
@@ -166,7 +164,6 @@ class Traverse(BatchedWorld):
         super().set_state(state)
         self.course = [self._courses[one] if isinstance(one, int) else one for one in state["courses"]]
         self._laid = list(self.course)
-        self._group()
 
     def step(self, command: Command) -> None:
         """Simulate one control period of the robots whose runs have not ended.
@@ -198,19 +195,9 @@ class Traverse(BatchedWorld):
         self.contact.put(fine, TrackContact.of(readings, belts, self.sample))
         self._judge(rows, broken)
 
-    def _group(self) -> None:
-        """Find the robots that are on the same course."""
-        same: dict[int, list[int]] = {}
-        for row, own in enumerate(self.course):
-            same.setdefault(id(own), []).append(row)
-        self._groups = [np.array(group) for group in same.values()]
-
     def elevation(self, points: Array) -> Array:
         """Heights (N, P) of the ground at `points` (N, P, 2) of each robot's course [m]."""
-        heights = np.empty(points.shape[:2])
-        for group in self._groups:
-            heights[group] = self.course[group[0]].elevation(points[group])
-        return heights
+        return look_up(self.course, points)
 
     def reflex(self, reflex: Reflex) -> Array:
         """Set points (N, F) of the flippers' angles by reflex, tips up [rad]."""

@@ -21,7 +21,7 @@ from sim.pilot import Pilot
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.trajectory.segmented import circle
 
-COSTS = {LOOPS: 2.0, LOCALIZATION: 0.5, REPRODUCE: 5.0}
+COSTS = {LOOPS: 2.0, LOCALIZATION: 0.5, REPRODUCE: 5.0, "stairs": 0.8, "random": 0.8}
 
 
 def test_the_bare_engine_repeats_the_motion_of_a_closed_loop(robot):
@@ -48,4 +48,5 @@ def test_the_whole_table(trackslip):
     result = trackslip("bench", "--sizes", "1", "3", "--seconds", "0.5", "--repeats", "1")
     assert len(result.summary["speeds"]) == 12
     assert all(one["over_bare"] > 0 for one in result.summary["speeds"])
+    assert "Traverse-v0, stairs, 64 robots: speed over that on level ground" in result.stdout
     assert "localization: time over its physics" in [check["name"] for check in result.summary["checks"]]
