@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Literal
 import tyro
 
 from experiments.options.base import Excludes, Exclusion, Positive, ResultsOptions, Whole, Within, default_is
+from experiments.options.choices import FTR_NAMES
 from experiments.options.world import MAX_DURATION, RobotSource
 from trackslip.errors import InvalidValueError, require_positive
 
@@ -15,6 +16,7 @@ EXAMPLES = (
     ("the rescue robot on stairs, flippers by reflex", "trackslip drive"),
     ("slowly over a step, with pictures", "trackslip drive --course step10 --speed 0.1 --pictures 8"),
     ("your own robot and course, as a video", "trackslip drive --robot r.toml --course c.toml --video drive.mp4"),
+    ("over a rail as in FTR-Bench, scaled to the robot", "trackslip drive --course rails --difficulty 0.8"),
     ("by the keyboard", "trackslip drive --course arena --teleop"),
 )
 MAX_PICTURES = 100
@@ -33,7 +35,9 @@ class Config(ResultsOptions):
     robot: RobotSource = "rescue"
     """Robot: a name, a file of a model (MJCF, URDF) with its tracks, or of parameters as written by calibrate."""
     course: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "stairs"
-    """Course: flat, ramp20, step10, stairs, cross_beams, pallets, rough, gap, side_slope, arena, or a .toml file."""
+    """Course: flat, ramp20, step10, stairs, cross_beams, pallets, rough, gap, side_slope, arena, FTR-Bench's, FILE."""
+    difficulty: Annotated[float, Within(0.0, 1.0)] = 0.5
+    """Difficulty of a course of FTR-Bench, from the smallest published sizes to the largest [-]."""
     speed: Annotated[float, Within(-_MAX_SPEED, _MAX_SPEED, "m/s")] = 0.3
     """Speed of the belts, negative to drive backwards [m/s]."""
     turn: Annotated[float, Within(-_MAX_TURN, _MAX_TURN, "rad/s")] = 0.0
@@ -66,6 +70,8 @@ class Config(ResultsOptions):
         if self.video is not None and self.video.suffix.lower() != ".mp4":
             raise InvalidValueError("video", str(self.video), "a file that ends in .mp4")
         self.flipper_angles()
+        if self.course not in FTR_NAMES and self.difficulty != Config.difficulty:
+            raise InvalidValueError("difficulty", self.difficulty, "left out without a course of FTR-Bench")
         if self.path is not None:
             require_positive("speed", self.speed)
 

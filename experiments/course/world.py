@@ -15,7 +15,9 @@ from experiments.storage.plain_json import plain
 from sim.robot.named import load_tracked
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel, build_tracked, clear_angles
+from sim.seeds import generator
 from sim.terrain import Course, load_course
+from sim.traverse.ftr_courses import FTR_COURSES, draw_ftr_course
 from sim.traverse.outcome import Limits
 from sim.traverse.states import Servos
 from sim.traverse.world import Traverse
@@ -41,7 +43,11 @@ class CourseWorld:
     def of(cls, config: Config) -> CourseWorld:
         """Build the world; raises TrackslipError for a robot or a course that can't be built."""
         robot = load_tracked(config.robot)
-        course = load_course(config.course, config.seed)
+        if config.course in FTR_COURSES:
+            rng = generator(config.seed or 0, config.course)
+            course = draw_ftr_course(config.course, config.difficulty, rng, robot.hull)
+        else:
+            course = load_course(config.course, config.seed)
         if config.friction is not None:
             course = replace(course, friction=config.friction)
         outwards = abs(config.turn) * robot.half_gauge

@@ -14,6 +14,15 @@ GROUND_NAMES = (
 """The grounds of sim.ground."""
 ROBOT_NAMES = (SHIPPED := "shipped", "rescue", "box", "husky", "warthog", "maxxii")
 """The robots of sim.robot."""
+FTR_NAMES = tuple(
+    f"{kind}{size}"
+    for size in ("", "_published")
+    for kind in (
+        *("steps_up", "steps_down", "uplifts", "one_sided", "plum_piles"),
+        *("waves", "rails", "stairs_up", "stairs_down", "mixed"),
+    )
+)
+"""The courses of sim.traverse.ftr_courses."""
 WITHOUT_LAWS = ("none", "published", "online_cold")
 """Compensations that need no identified law."""
 CONTROLLERS = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"

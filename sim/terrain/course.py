@@ -17,7 +17,7 @@ import numpy as np
 import models
 from sim.seeds import generator
 from sim.terrain.fields import Mesh, Picture, Rough
-from sim.terrain.loose import Beams, Pallets
+from sim.terrain.loose import Beams, Blocks, Pallets
 from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, Stairs, Step, require_length
 from sim.terrain.solids import Base, Level, Solid, look, seen_from_above
 from sim.toml_file import build, read_named, read_toml
@@ -48,6 +48,7 @@ _KINDS: dict[str, type[Any]] = {
     "gap": Gap,
     "side_slope": SideSlope,
     "beams": Beams,
+    "blocks": Blocks,
     "pallets": Pallets,
     "rough": Rough,
     "picture": Picture,

@@ -1,4 +1,4 @@
-"""Obstacles on level ground: beams across the course, and pallets."""
+"""Obstacles on level ground: beams across the course, pallets, and blocks anywhere."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.terrain.pieces import Placed, Site, require_height, require_length, require_number
-from sim.terrain.solids import WOOD, Box, Level, Solid
+from sim.terrain.pieces import MAX_LENGTH, MAX_NUMBER, Placed, Site, require_height, require_length, require_number
+from sim.terrain.solids import STONE, WOOD, Box, Level, Solid
 from trackslip.errors import require, require_within
 
 _MAX_YAW = 0.8  # [rad]
@@ -55,6 +55,39 @@ class Beams:
             for k in range(self.number)
         )
         return Placed((Level(site.x, end, site.width / 2, site.z), *beams), end, site.z)
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Blocks on level ground, such as rails, piles or a kerb under one track."""
+
+    blocks: tuple[tuple[float, float, float, float, float, float], ...]
+    """Each x and y of its middle, from the piece's beginning and to the left of the course's middle, size along x and y
+    before it is turned, height [m] and yaw [rad]."""
+    length: float
+    """Length of the piece [m]."""
+
+    def __post_init__(self) -> None:
+        require_length("length", self.length)
+        require(1 <= len(self.blocks) <= MAX_NUMBER, "blocks", f"{len(self.blocks)} blocks", f"1 to {MAX_NUMBER}")
+        for block in self.blocks:
+            require(len(block) == 6, "blocks", block, "x, y, length, width, height and yaw")
+            x, y, along, across, height, yaw = block
+            require_within("x of a block", x, 0.0, self.length, "m")
+            require_within("y of a block", y, -MAX_LENGTH, MAX_LENGTH, "m")
+            require_length("length of a block", along)
+            require_length("width of a block", across)
+            require_height("height of a block", height)
+            require_within("yaw of a block", yaw, -math.pi, math.pi, "rad")
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        end = site.x + self.length
+        solids = (
+            Box((site.x + x, y, site.z + height / 2), (along / 2, across / 2, height / 2), _turned(yaw), STONE)
+            for x, y, along, across, height, yaw in self.blocks
+        )
+        return Placed((Level(site.x, end, site.width / 2, site.z), *solids), end, site.z)
 
 
 @dataclass(frozen=True)

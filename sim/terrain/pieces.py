@@ -24,7 +24,8 @@ MAX_LENGTH = 200.0
 _MIN_LENGTH = 0.001  # [m]
 _MIN_HEIGHT, _MAX_HEIGHT = 1e-4, 10.0  # of anything on a course [m]
 _MAX_ANGLE = 1.2  # of a ramp or a side slope [rad]
-_MAX_NUMBER = 500  # of stairs, beams or pallets in a piece
+MAX_NUMBER = 500
+"""Largest number of stairs, beams, blocks or pallets in a piece."""
 
 
 def require_length(field: str, value: float) -> None:
@@ -39,7 +40,7 @@ def require_height(field: str, value: float) -> None:
 
 def require_number(field: str, value: int) -> None:
     """Raise InvalidValueError unless a piece may have `value` parts of a kind."""
-    require_whole(field, value, 1, _MAX_NUMBER)
+    require_whole(field, value, 1, MAX_NUMBER)
 
 
 def _require_change(field: str, value: float) -> None:

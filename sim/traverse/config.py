@@ -10,6 +10,7 @@ from sim.robot.tracked import TrackedRobot
 from sim.task import MAX_WEIGHT
 from sim.terrain import Course, load_course
 from sim.traverse.courses import OBSTACLES, require_kinds
+from sim.traverse.ftr_courses import FTR_COURSES
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import Scripted
 from sim.traverse.states import MAX_SPEED, Servos
@@ -21,6 +22,8 @@ SAMPLE = 0.02
 """Time between samples of the contacts [s]."""
 RANDOM = "random"
 """Name of randomly drawn courses; see `courses.draw_course`."""
+DRAWN = (RANDOM, *FTR_COURSES)
+"""Names of courses that each episode draws anew."""
 _ACTIONS = ("direct", "correction")
 _FLIPPERS = ("each", "pairs")
 
@@ -60,9 +63,10 @@ class TraverseConfig:
     robot: RobotSource = "rescue"
     """Name of a robot, its .toml file, or the robot."""
     course: str | Course | tuple[str | Course, ...] = RANDOM
-    """A course, the name of one, "random", or a .toml file; if there are several, each episode draws one."""
+    """A course, the name of one, "random", one of `FTR_COURSES`, or a .toml file; if there are several, each episode
+    draws one."""
     difficulty: tuple[float, float] = (0.0, 1.0)
-    """Range from which the difficulty of random courses is drawn, within 0 to 1 [-]."""
+    """Range from which the difficulty of courses that are drawn is drawn, within 0 to 1 [-]."""
     obstacles: int = 2
     """Number of obstacles on a random course, 1 or 2."""
     kinds: tuple[str, ...] = OBSTACLES
@@ -99,7 +103,7 @@ class TraverseConfig:
         valid = self.courses and all(isinstance(one, str | Course) for one in self.courses)
         require(valid, "course", self.course, "a course, a name, or a tuple of those")
         for course in self.courses:
-            if isinstance(course, str) and course != RANDOM:
+            if isinstance(course, str) and course not in DRAWN:
                 load_course(course)
         require_range("difficulty", self.difficulty, 0.0, 1.0)
         require_kinds(self.kinds)

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from sim.restorable import Restorable
 from sim.task import Element, checked, clipped_actions
 from sim.terrain import Course, load_course
-from sim.traverse.config import RANDOM, SAMPLE, Reward, TraverseConfig
+from sim.traverse.config import DRAWN, RANDOM, SAMPLE, Reward, TraverseConfig
 from sim.traverse.courses import MAX_BOXES, draw_course
+from sim.traverse.ftr_courses import FTR_BOXES, draw_ftr_course
 from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Outcome, Outcomes
 from sim.traverse.world import Command, Traverse
@@ -54,15 +55,18 @@ class Crossing(Restorable):
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
         self.config = config
         self.size, self.threads = size, threads
-        names = [one for one in config.courses if isinstance(one, str) and one != RANDOM]
+        self._drawn = [one for one in config.courses if one in DRAWN]
+        names = [one for one in config.courses if isinstance(one, str) and one not in DRAWN]
         self._named = {name: load_course(name) for name in names}
         own = [one for one in config.courses if isinstance(one, Course)]
-        drawn = [draw_course(np.random.default_rng(0), 0.0)] if RANDOM in config.courses else []
+        robot = config.load_robot()
+        self._hull = robot.hull
+        drawn = [draw_course(np.random.default_rng(0), 0.0)] if self._drawn else []
         self.world = Traverse(
-            config.load_robot(),
+            robot,
             [*self._named.values(), *own, *drawn],
             size,
-            boxes=MAX_BOXES if drawn else 0,
+            boxes=max((MAX_BOXES if one == RANDOM else FTR_BOXES for one in self._drawn), default=0),
             preset=config.preset,
             servos=config.servos,
             limits=config.limits,
@@ -112,7 +116,7 @@ class Crossing(Restorable):
         """Draw a robot's episode; values in `options` replace drawn ones, but don't change which numbers are drawn.
 
         The options are `course`, a name that the environment was made with, or a course of boxes; `difficulty`, of a
-        random course [-]; `start_offset`, to the left [m]; and `start_heading` [rad]. Raises InvalidValueError for
+        drawn course [-]; `start_offset`, to the left [m]; and `start_heading` [rad]. Raises InvalidValueError for
         unknown options and values out of range.
         """
         options = checked("options", options, _OPTIONS)
@@ -128,12 +132,15 @@ class Crossing(Restorable):
         require_finite("start_heading", heading)
         require_at_most("magnitude of start_heading", abs(heading), np.pi, "rad")
         course = options.get("course", chosen)
-        if course == RANDOM:
-            course = draw_course(own, difficulty, config.obstacles, config.kinds)
+        if course in self._drawn:
+            if course == RANDOM:
+                course = draw_course(own, difficulty, config.obstacles, config.kinds)
+            else:
+                course = draw_ftr_course(str(course), difficulty, own, self._hull)
         else:
             difficulty = np.nan
             if not isinstance(course, Course):
-                allowed = f"a course, or one of {', '.join((*self._named, RANDOM))}"
+                allowed = f"a course, or one of {', '.join((*self._named, *self._drawn))}"
                 require(course in self._named, "course", course, allowed)
                 course = self._named[course]
         x, y, _, ahead = course.start

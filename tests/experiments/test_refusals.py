@@ -63,6 +63,8 @@ OPTIONS = [
         "drive --robot nobody",
         "robot = 'nobody': must be one of shipped, rescue, box, husky, warthog, maxxii, or a .toml file",
     ),
+    ("drive --difficulty 0.9", "difficulty = 0.9: must be left out without a course of FTR-Bench"),
+    ("drive --course rails --difficulty 1.1", "difficulty = 1.1: must be from 0 to 1"),
     ("drive --flippers sideways", "flippers = 'sideways': must be up, down, reflex, or angles"),
     ("drive --video drive.avi", "video = 'drive.avi': must be a file that ends in .mp4"),
     ("drive --path gone.csv --speed -1", "speed = -1.0: must be a finite number > 0"),

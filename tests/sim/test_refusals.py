@@ -18,7 +18,7 @@ from sim.robot.named import load_tracked
 from sim.robot.parameters import RobotParameters
 from sim.scanner.obstacles import Post, Walker, Wall
 from sim.scanner.scanner import LaserScanner
-from sim.terrain import Beams, Course, Flat, HeightField, Mesh, Picture, Ramp, Rough, Stairs, Step
+from sim.terrain import Beams, Blocks, Course, Flat, HeightField, Mesh, Picture, Ramp, Rough, Stairs, Step
 from sim.tracks.hull import Hull
 from sim.traverse.courses import draw_course
 from sim.traverse.world import Traverse
@@ -37,6 +37,7 @@ LEVEL = [Course((Flat(4.0),))]
 COURSE = partial(draw_course, np.random.default_rng(0))
 COMMANDS = partial(track_commands, rate=50.0, driver=Driver(), rng=np.random.default_rng(0))
 WHEELS = Hull.from_wheels
+BLOCKS = partial(Blocks, length=1.0)
 
 REFUSED = [
     # drives
@@ -77,6 +78,10 @@ REFUSED = [
     # terrain
     (Flat, {"length": NAN}, "length = nan: must be from 0.001 to 200 m"),
     (Ramp, {"angle": 1.5}, "angle = 1.5: must be from -1.2 to 1.2 rad (69 degrees)"),
+    (BLOCKS, {"blocks": ()}, "blocks = '0 blocks': must be 1 to 500"),
+    (BLOCKS, {"blocks": ((0.5, 0.0),)}, "blocks = (0.5, 0.0): must be x, y, length, width, height and yaw"),
+    (BLOCKS, {"blocks": ((2.0, 0.0, 0.1, 0.1, 0.1, 0.0),)}, "x of a block = 2.0: must be from 0 to 1 m"),
+    (BLOCKS, {"blocks": ((0.5, 0.0, 0.1, 0.1, NAN, 0.0),)}, "height of a block = nan: must be from 0.0001 to 10 m"),
     (Step, {"height": 0.0}, "height = 0.0: must be from 0.0001 to 10 m, or its negative to go down"),
     (Stairs, {"rise": "a"}, "rise = 'a': must be a finite number"),
     (Ramp, {"angle": "a"}, "angle = 'a': must be from -1.2 to 1.2 rad"),
