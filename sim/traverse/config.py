@@ -11,6 +11,7 @@ from sim.task import MAX_WEIGHT
 from sim.terrain import Course, load_course
 from sim.traverse.courses import OBSTACLES, require_kinds
 from sim.traverse.ftr_courses import FTR_COURSES
+from sim.traverse.observation import SensorNoise
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import Scripted
 from sim.traverse.states import MAX_SPEED, Servos
@@ -34,21 +35,26 @@ class Reward:
 
     progress            weight_progress times the way that the robot came closer to the goal [m]
     energy              -weight_energy times the work of the belts against the ground [J]
+    time                -weight_time times the control period
     change              -weight_change times the mean square of the change of the actions
-    end                 weight_reached for a crossed course; -weight_failed for tipping over, falling, exploding or
-                        being stuck
+    end                 weight_reached for a crossed course; -weight_failed for tipping over, falling, exploding, being
+                        stuck or running out of time
+
+    A robot that stands still earns less than one that tries and fails.
     """
 
     weight_progress: float = 2.0
     """Reward per way [1/m]."""
     weight_energy: float = 0.001
     """Cost of work [1/J]."""
-    weight_change: float = 0.02
+    weight_time: float = 0.25
+    """Cost of time [1/s]."""
+    weight_change: float = 0.005
     """Cost of changes of the actions [-]."""
     weight_reached: float = 5.0
     """Reward, once, for crossing the course [-]."""
     weight_failed: float = 5.0
-    """Penalty, once, for failing: tipped, fallen, stuck or exploded [-]."""
+    """Penalty, once, for any other end [-]."""
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -92,6 +98,8 @@ class TraverseConfig:
     """Contact preset of the tracks."""
     reward: Reward = field(default_factory=Reward)
     """The reward of a step."""
+    noise: SensorNoise = field(default_factory=SensorNoise)
+    """Noise of the observations."""
     limits: Limits = field(default_factory=Limits)
     """Limits that end an episode."""
     servos: Servos = field(default_factory=Servos)

@@ -7,11 +7,15 @@ front of it, rows at `ASIDE` to its left, row by row.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from sim.task import Element
 from sim.traverse.world import Traverse
 from trackslip import se2
+from trackslip.errors import require_at_most, require_non_negative
 from trackslip.kinematics import Array
 
 AHEAD = np.linspace(-0.5, 0.9, 15)
@@ -21,11 +25,36 @@ ASIDE = np.array([-0.22, 0.0, 0.22])
 _AXES = ("forward", "left", "up")
 
 
+@dataclass(frozen=True)
+class SensorNoise:
+    """Standard deviations of Gaussian noise of the observations, independent from step to step."""
+
+    attitude: float = 0.0
+    """Of each component of the vertical in the robot's frame [-], which are small angles [rad]."""
+    rate: float = 0.0
+    """Of the roll, pitch and yaw rates [rad/s]."""
+    position: float = 0.0
+    """Of the distance from the middle of the course, by odometry [m]."""
+    heading: float = 0.0
+    """Of the heading, by odometry [rad]."""
+    speed: float = 0.0
+    """Of the belts' speeds [m/s]."""
+    flipper: float = 0.0
+    """Of the flippers' angles; their set points are known [rad]."""
+    height: float = 0.0
+    """Of each height in the map [m]."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require_non_negative(name, value)
+            require_at_most(name, value, 10.0)
+
+
 class CrossingLayout:
     """Elements (n) of an observation."""
 
-    def __init__(self, world: Traverse) -> None:
-        """For the robots of `world`."""
+    def __init__(self, world: Traverse, noise: SensorNoise) -> None:
+        """For the robots of `world`, whose sensors have this noise."""
         flippers, quarter = [flipper.body for flipper in world.tracked.robot.flippers], np.pi / 2
         self.elements = (
             *(Element(f"vertical, {axis}", "-", 1.0) for axis in _AXES),
@@ -40,12 +69,19 @@ class CrossingLayout:
         """Names, units, scales and bounds."""
         self._scale = np.array([element.scale for element in self.elements])
         self._bound = np.array([element.bound for element in self.elements], np.float32)
+        f, heights = len(flippers), len(ASIDE) * len(AHEAD)
+        parts = (
+            *((3, noise.attitude), (3, noise.rate), (1, noise.position), (1, noise.heading), (2, noise.speed)),
+            *((f, noise.flipper), (f, 0.0), (heights, noise.height)),
+        )
+        self.noise = np.repeat([deviation for _, deviation in parts], [count for count, _ in parts])
+        """Standard deviations (n,) of the quantities, in their units."""
         self._lowest = world.tracked.robot.lowest
         across, along = np.meshgrid(ASIDE, AHEAD, indexing="ij")
         self._around = np.stack([along.ravel(), across.ravel()], axis=-1)
 
-    def observation(self, world: Traverse) -> Array:
-        """Observations (N, n) of all robots."""
+    def observation(self, world: Traverse, seeds: Sequence[int]) -> Array:
+        """Observations (N, n) of all robots; their noise depends on `seeds` (N,) and on the time of the run."""
         state = world.state
         heading, position = state.heading, state.position
         around = position[:, None, :2] + se2.rotate(heading[:, None], self._around)
@@ -57,4 +93,10 @@ class CrossingLayout:
             ],
             axis=1,
         )
+        if self.noise.any():
+            steps = np.rint(world.time / world.period).astype(int)
+            draws = [
+                np.random.default_rng(both).standard_normal(len(self.noise)) for both in zip(seeds, steps, strict=True)
+            ]
+            whole = whole + self.noise * np.array(draws)
         return np.clip((whole / self._scale).astype(np.float32), -self._bound, self._bound)

@@ -21,11 +21,10 @@ from sim.traverse.world import Command, Traverse
 from trackslip.errors import require, require_at_most, require_finite, require_range
 from trackslip.kinematics import Array
 
-TERMS = ("progress", "energy", "change", "end")
+TERMS = ("progress", "energy", "time", "change", "end")
 """Names of the terms of the reward."""
 _OPTIONS = {"course": str | Course, "difficulty": float, "start_offset": float, "start_heading": float}
 _QUARTER = np.pi / 2  # flipper angle of an action of 1 [rad]
-_FAILED = (Outcome.STUCK, Outcome.FELL, Outcome.TIPPED, Outcome.EXPLODED)
 
 
 @dataclass(frozen=True)
@@ -38,6 +37,8 @@ class CourseRun:
     """Its difficulty; NaN for a course that was not drawn [-]."""
     start: tuple[float, float, float]
     """Start pose (x, y, heading) [m, m, rad]."""
+    seed: int = 0
+    """Of its sensors' noise."""
 
 
 class Crossing(Restorable):
@@ -47,7 +48,7 @@ class Crossing(Restorable):
     """
 
     STATE = (
-        *("world", "difficulty", "_action", "_difficulty", "_length", "_penetration", "_work", "_terms"),
+        *("world", "difficulty", "_action", "_difficulty", "_seed", "_length", "_penetration", "_work", "_terms"),
         *("reward", "terminated", "truncated"),
     )
 
@@ -76,7 +77,7 @@ class Crossing(Restorable):
         )
         self.period = config.period
         """Control period [s]."""
-        self.layout = CrossingLayout(self.world)
+        self.layout = CrossingLayout(self.world, config.noise)
         self.observed = self.layout.elements
         """Elements (n) of an observation."""
         self.difficulty = config.difficulty
@@ -91,6 +92,7 @@ class Crossing(Restorable):
         """Elements (A) of an action."""
         self._action: Array = np.zeros((size, len(self.commanded)))
         self._difficulty: Array = np.full(size, np.nan)
+        self._seed: NDArray[np.int_] = np.zeros(size, int)  # of the sensors' noise
         self._length: Array = np.ones(size)  # way from start to goal [m]
         self._penetration: Array = np.zeros(size)  # largest in the episode [m]
         self._work: Array = np.zeros(size)  # in the episode [J]
@@ -120,7 +122,8 @@ class Crossing(Restorable):
         unknown options and values out of range.
         """
         options = checked("options", options, _OPTIONS)
-        config, own = self.config, np.random.default_rng(int(generator.integers(2**63)))
+        seed = int(generator.integers(2**63))
+        config, own = self.config, np.random.default_rng(seed)
         chosen = config.courses[generator.integers(len(config.courses))]
         low, high = self.difficulty
         difficulty = options.get("difficulty", low + (high - low) * float(generator.random()))
@@ -145,7 +148,7 @@ class Crossing(Restorable):
                 course = self._named[course]
         x, y, _, ahead = course.start
         require(abs(y + offset) < course.width / 2, "start_offset", offset, f"less than {course.width / 2:g} m")
-        return CourseRun(course, float(difficulty), (x, y + offset, ahead + heading))
+        return CourseRun(course, float(difficulty), (x, y + offset, ahead + heading), seed)
 
     def begin(self, rows: Sequence[int], episodes: Sequence[CourseRun]) -> None:
         """Begin episodes with the robots `rows` (R,), one each."""
@@ -154,6 +157,7 @@ class Crossing(Restorable):
             return
         self.world.begin(where, [one.course for one in episodes], [one.start for one in episodes])
         self._difficulty[where] = [one.difficulty for one in episodes]
+        self._seed[where] = [one.seed for one in episodes]
         self._length[where] = self.world.way[where]
         for state in (self._action, self._penetration, self._work, self.reward, *self._terms.values()):
             state[where] = 0
@@ -175,14 +179,15 @@ class Crossing(Restorable):
         self._penetration = np.maximum(self._penetration, np.where(running, contact.depth.max(axis=1), 0.0))
         gain = np.where(running, before - self.world.way, 0.0)
         ended = np.where(running, self.outcome, Outcome.DRIVING)
-        self._terms = reward_terms(self.config.reward, gain, work, np.where(running[:, None], change, 0.0), ended)
+        took = np.where(running, self.period, 0.0)
+        self._terms = reward_terms(self.config.reward, gain, work, took, np.where(running[:, None], change, 0.0), ended)
         self.reward = sum((self._terms[name] for name in TERMS), np.zeros(self.size))
         self.truncated = self.outcome == Outcome.TIME
         self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
 
     def observation(self) -> Array:
         """Observations (N, n), see `traverse.observation`."""
-        return self.layout.observation(self.world)
+        return self.layout.observation(self.world, self._seed.tolist())
 
     def info(self) -> dict[str, NDArray[Any]]:
         """Further quantities by name, as arrays (N, ...); the keys are always the same."""
@@ -224,17 +229,24 @@ def _commanded(config: TraverseConfig, flippers: Sequence[str]) -> tuple[Element
     return *belts, *(Element(f"{name}, {kind}", "rad", angle) for name in flippers)
 
 
-def reward_terms(reward: Reward, gain: Array, work: Array, change: Array, outcome: Outcomes) -> dict[str, Array]:
+def reward_terms(
+    reward: Reward, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes
+) -> dict[str, Array]:
     """The terms (N,) of `config.Reward`, by name.
 
-    They depend on the way gained (N,) [m], the belts' work (N,) [J], the change of the actions (N, A), and the outcome
-    of this step (N,).
+    They depend on the way gained (N,) [m], the belts' work (N,) [J], the time taken (N,) [s], the change of the actions
+    (N, A), and the outcome of this step (N,).
     """
     return {
         "progress": reward.weight_progress * gain,
         "energy": -reward.weight_energy * work,
+        "time": -reward.weight_time * took,
         "change": -reward.weight_change * _sum(change**2) / change.shape[1],
-        "end": reward.weight_reached * (outcome == Outcome.REACHED) - reward.weight_failed * np.isin(outcome, _FAILED),
+        "end": np.select(
+            [outcome == Outcome.REACHED, outcome != Outcome.DRIVING],
+            [reward.weight_reached, -reward.weight_failed],
+            0.0,
+        ),
     }
 
 
