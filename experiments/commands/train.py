@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import tyro
 
 from experiments.options.base import Excludes, Exclusion, Needs, Positive, ResultsOptions, Whole, default_is
-from experiments.options.choices import GROUNDS, REFERENCES, ROBOTS
+from experiments.options.choices import FTR_NAMES, GROUNDS, REFERENCES, ROBOTS
 from experiments.options.world import MAX_THREADS
 from trackslip.errors import InvalidValueError
 
@@ -15,6 +15,7 @@ EXAMPLES = (
     ("two million steps", "trackslip train"),
     ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
     ("to cross courses", "trackslip train --env traverse --out out/traverse"),
+    ("to cross rails and stairs", "trackslip train --env traverse --courses rails stairs_up --difficulty 0.2 0.6"),
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
 )
 PATH_TRACKING, TRAVERSE = ENVIRONMENTS = ("path_tracking", "traverse")
@@ -53,10 +54,12 @@ class Config(ResultsOptions):
     """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
     """Identified laws of the robot for --compensation: a summary.json, or a folder that contains one."""
+    courses: Annotated[tuple[str, ...], tyro.conf.arg(metavar="{random,steps_up,...} ...")] = ("random",)
+    """Courses: random, and those of FTR-Bench, of which each episode draws one; needs --env traverse."""
     difficulty: tuple[float, float] = (0.7, 1.0)
     """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
     trials: Annotated[int, Whole(1, MAX_TRIALS)] = 300
-    """Number of unseen courses, of each of three difficulties, to try the policy on; needs --env traverse."""
+    """Number of unseen courses, of each of three difficulties or of several --courses, to try the policy on."""
     network: Annotated[tuple[int, ...], Whole(1, MAX_LAYER)] = (64, 64)
     """Sizes of the hidden layers."""
     learning_rate: Annotated[float, Positive(1.0)] = 6e-4
@@ -79,7 +82,7 @@ class Config(ResultsOptions):
     """Folder for the policy, its checkpoints and the training curve."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
-        Needs(("difficulty", "trials"), "env", (TRAVERSE,)),
+        Needs(("courses", "difficulty", "trials"), "env", (TRAVERSE,)),
         Excludes(("references", "grounds", "compensation", "laws", "authority"), "env", (TRAVERSE,)),
     )
 
@@ -92,7 +95,10 @@ class Config(ResultsOptions):
             raise InvalidValueError("difficulty", self.difficulty, "two ascending numbers from 0 to 1")
         if self.robots * self.horizon % self.batch:
             raise InvalidValueError("batch", self.batch, f"a factor of robots * horizon = {self.robots * self.horizon}")
-        for name in ("references", "grounds", "network"):
+        for course in self.courses:
+            if course not in (allowed := ("random", *FTR_NAMES)):
+                raise InvalidValueError("courses", course, f"some of {', '.join(allowed)}")
+        for name in ("references", "grounds", "network", "courses"):
             if not getattr(self, name):
                 raise InvalidValueError(name, getattr(self, name), "at least one")
         if not 0 < self.discount < 1:
@@ -126,6 +132,7 @@ def run(config: Config) -> None:
     for point in curve[:1] + curve[-1:]:
         print(f"{point['steps']:>10,} steps: mean reward per step {point['reward']:.3f}{most}")
     if found:
-        crossing_table(f"Unseen courses, {config.trials} of each difficulty", found["rates"]).print()
-        print(gain_text(found["gain"]))
+        crossing_table(f"Unseen courses, {config.trials} in each row", found["rates"]).print()
+        for gain in found["gains"]:
+            print(gain_text(gain))
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {run.wall:.0f} s")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -21,22 +22,31 @@ from sim.traverse.config import TraverseConfig
 from sim.traverse.outcome import Outcome
 from sim.traverse.policy import CrossingPolicy
 from sim.traverse.task import Crossing
+from sim.traverse.world import Command
 from trackslip.kinematics import Array
 
 SCRIPTED, POLICY = "scripted", "policy"
-_HEADER = ("controller", "difficulty", "crossed [%]", "95 % interval", "tipped", "stuck", "other", "time [s]")
+STRAIGHT = {"straight, flat": 0.0, "straight, raised": 1.2}
+"""Flipper angles of robots that drive straight on, tips up [rad]."""
+_HEADER = ("course", "controller", "difficulty", "crossed [%]", "95 % interval", "tipped", "stuck", "other", "time [s]")
 _RESAMPLES = 10_000
 _SMOOTH = 7  # points of the curve in a running mean
-_LOOKS = {SCRIPTED: (ORANGE, "s", -0.004), POLICY: (BLUE, "o", 0.004)}  # colour, marker, distance from its difficulty
+_LOOKS = {  # colour, marker, place beside the others in a group
+    SCRIPTED: (ORANGE, "s", -0.5),
+    POLICY: (BLUE, "o", 0.5),
+    **{name: (GREY, marker, place) for name, marker, place in zip(STRAIGHT, "_^", (-1.5, 1.5), strict=True)},
+}
 
 
 @dataclass(frozen=True)
 class CrossingRate:
-    """Courses of one difficulty crossed by one controller."""
+    """Courses of one kind and difficulty crossed by one controller."""
 
+    course: str
+    """Its name."""
     controller: str
     difficulty: float
-    """Of the courses [-]."""
+    """Of the courses, the middle of the range from which it is drawn [-]."""
     courses: int
     crossed: int
     """Number of courses that it crossed."""
@@ -56,8 +66,10 @@ class CrossingRate:
 
 @dataclass(frozen=True)
 class CrossingGain:
-    """Difference between the rates of the policy and of the scripted controller, over all difficulties."""
+    """Difference between the rates of the policy and of the scripted controller on a kind of course."""
 
+    course: str
+    """Its name."""
     gain: float
     """Difference of the rates [-]."""
     low: float
@@ -69,42 +81,53 @@ class CrossingGain:
 
 
 def compare(
-    policy: CrossingPolicy, difficulty: tuple[float, float], courses: int, seed: int, threads: int = 0
-) -> tuple[list[CrossingRate], CrossingGain]:
-    """Let both cross `courses` courses of the lowest, the middle and the highest difficulty.
+    policy: CrossingPolicy, difficulty: tuple[float, float], trials: int, seed: int, threads: int = 0
+) -> tuple[list[CrossingRate], list[CrossingGain]]:
+    """Let the policy, the scripted controller and robots that drive straight on cross `trials` courses of each kind.
 
-    The courses have two obstacles of all kinds, and are drawn with seeds that no training with `seed` uses.
+    Courses of a single kind are of the lowest, the middle and the highest difficulty, those of several of any. They
+    are drawn with seeds that no training with `seed` uses; random ones have two obstacles of all kinds.
     """
     config = from_options(TraverseConfig, policy.options)
-    task = Crossing(config, courses, threads)
-    rates, crossed = [], []
+    task, everyone = Crossing(config, trials, threads), range(trials)
     low, high = difficulty
-    for level in dict.fromkeys((low, (low + high) / 2, high)):
-        for controller in (SCRIPTED, POLICY):
-            task.set_difficulty(level, level)
-            everyone = range(courses)
-            unseen = [generator(seed, f"unseen course {level:g} {k}") for k in everyone]
-            task.begin(everyone, [task.draw(one, {}) for one in unseen])
-            ended = _drive(task, policy if controller == POLICY else None)
-            rates.append(crossing_rate(controller, level, ended, task.world.time))
-            crossed.append(ended == Outcome.REACHED)
-    scripted, learnt = np.concatenate(crossed[0::2]), np.concatenate(crossed[1::2])
-    return rates, crossing_gain(scripted, learnt, generator(seed, "resampled courses"))
+    levels = [(low, high)]
+    if len(config.courses) == 1:
+        levels = [(level, level) for level in dict.fromkeys((low, (low + high) / 2, high))]
+    rates, gains = [], []
+    for course in config.courses:
+        name, crossed = course if isinstance(course, str) else "own", defaultdict(list)
+        for level in levels:
+            middle = sum(level) / 2
+            for controller in _LOOKS:
+                task.set_difficulty(*level)
+                unseen = [generator(seed, f"unseen course {middle:g} {k}") for k in everyone]
+                task.begin(everyone, [task.draw(one, {"course": course}) for one in unseen])
+                ended = _drive(task, controller, policy)
+                rates.append(crossing_rate(name, controller, middle, ended, task.world.time))
+                crossed[controller].append(ended == Outcome.REACHED)
+        scripted, learnt = (np.concatenate(crossed[controller]) for controller in (SCRIPTED, POLICY))
+        gains.append(crossing_gain(name, scripted, learnt, generator(seed, "resampled courses")))
+    return rates, gains
 
 
-def crossing_gain(scripted: NDArray[np.bool_], policy: NDArray[np.bool_], rng: np.random.Generator) -> CrossingGain:
+def crossing_gain(
+    course: str, scripted: NDArray[np.bool_], policy: NDArray[np.bool_], rng: np.random.Generator
+) -> CrossingGain:
     """The difference between two controllers that crossed the same courses (C,) or not."""
     more = policy.astype(float) - scripted
     means = rng.choice(more, (_RESAMPLES, len(more))).mean(axis=1)
     low, high = np.quantile(means, [0.025, 0.975])
-    return CrossingGain(float(more.mean()), float(low), float(high), int((more > 0).sum()), int((more < 0).sum()))
+    return CrossingGain(
+        course, float(more.mean()), float(low), float(high), int((more > 0).sum()), int((more < 0).sum())
+    )
 
 
 def crossing_table(title: str, rates: Sequence[CrossingRate]) -> Table:
-    """A row per controller and difficulty."""
+    """A row per course, difficulty and controller."""
     rows = [
         (
-            *(one.controller, f"{one.difficulty:.3g}", f"{100 * one.rate:.1f}"),
+            *(one.course, one.controller, f"{one.difficulty:.3g}", f"{100 * one.rate:.1f}"),
             f"{100 * one.low:.1f} to {100 * one.high:.1f}",
             *(str(count) for count in (one.tipped, one.stuck, one.other)),
             number(one.time, 1),
@@ -118,18 +141,24 @@ def gain_text(gain: CrossingGain) -> str:
     """A sentence on the difference between two controllers."""
     rate = f"{100 * gain.gain:+.1f} points, 95 % interval {100 * gain.low:+.1f} to {100 * gain.high:+.1f}"
     alone = f"{gain.only_policy} courses are crossed by the {POLICY} alone, {gain.only_scripted} by the {SCRIPTED} one"
-    return f"{POLICY} - {SCRIPTED}: {rate}; {alone}"
+    return f"{gain.course}, {POLICY} - {SCRIPTED}: {rate}; {alone}"
 
 
-def _drive(task: Crossing, policy: CrossingPolicy | None) -> NDArray[np.int_]:
-    """Outcomes (N,) of all episodes of `task`; without a policy, the scripted controller is not corrected."""
+def _drive(task: Crossing, controller: str, policy: CrossingPolicy) -> NDArray[np.int_]:
+    """Outcomes (N,) of all episodes of `task`; the scripted controller is one that is not corrected."""
+    still = np.zeros((task.size, len(task.commanded)))
     while (task.outcome == Outcome.DRIVING).any():
-        action = np.zeros((task.size, len(task.commanded))) if policy is None else policy.action(task.observation())
-        task.step(action)
+        if controller in STRAIGHT:
+            angle = np.full(task.world.servo.angle.shape, STRAIGHT[controller])
+            task.world.step(Command(np.full((task.size, 2), task.config.scripted.speed), angle))
+        else:
+            task.step(policy.action(task.observation()) if controller == POLICY else still)
     return task.outcome.copy()
 
 
-def crossing_rate(controller: str, difficulty: float, ended: NDArray[np.int_], time: Array) -> CrossingRate:
+def crossing_rate(
+    course: str, controller: str, difficulty: float, ended: NDArray[np.int_], time: Array
+) -> CrossingRate:
     """The rate of episodes that ended with these outcomes (N,) at these times (N,) [s]."""
     crossed, tipped, stuck = (int((ended == one).sum()) for one in (Outcome.REACHED, Outcome.TIPPED, Outcome.STUCK))
     total = len(ended)
@@ -137,7 +166,7 @@ def crossing_rate(controller: str, difficulty: float, ended: NDArray[np.int_], t
     mean = float(time[ended == Outcome.REACHED].mean()) if crossed else None
     counts = (tipped, stuck, total - crossed - tipped - stuck)
     return CrossingRate(
-        controller, difficulty, total, crossed, crossed / total, float(low), float(high), *counts, time=mean
+        course, controller, difficulty, total, crossed, crossed / total, float(low), float(high), *counts, time=mean
     )
 
 
@@ -150,13 +179,18 @@ def learning_curve(curve: Sequence[Mapping[str, float]], rates: Sequence[Crossin
     if rates:
         known = [(k, 100 * point["crossed"]) for k, point in zip(steps, curve, strict=True) if "crossed" in point]
         _line(panels[1], "crossed in training [%]", *np.array(known).reshape(-1, 2).T)
+        courses = list(dict.fromkeys(one.course for one in rates))
+        step = 0.008 if len(courses) == 1 else 0.12
         for name, (colour, marker, beside) in _LOOKS.items():
             own = [one for one in rates if one.controller == name]
             middle = 100 * np.array([one.rate for one in own])
             ends = np.abs(100 * np.array([(one.low, one.high) for one in own]).T - middle)
-            place = np.array([one.difficulty for one in own]) + beside
+            groups = [one.difficulty if len(courses) == 1 else courses.index(one.course) for one in own]
+            place = np.array(groups) + step * beside
             panels[2].errorbar(place, middle, ends, color=colour, marker=marker, ms=5, lw=1.2, capsize=2, label=name)
-        panels[2].set(title="unseen courses crossed [%]", xlabel="difficulty [–]")
+        panels[2].set(title="unseen courses crossed [%]", xlabel="difficulty [–]" if len(courses) == 1 else "")
+        if len(courses) > 1:
+            panels[2].set_xticks(range(len(courses)), courses, rotation=60, ha="right")
         panels[2].legend(loc="lower left")
     return figure
 

@@ -98,15 +98,15 @@ class Traversing:
     initial_deviation = -1.0
 
     def __init__(self, config: Config) -> None:
-        self._config, self._robot = config, config.robot or "rescue"
+        self._config = config
+        self._options = {**OPTIONS, "robot": config.robot or "rescue", "course": list(config.courses)}
 
     def robots(self) -> Any:
         """See LearningTask."""
         from sim.sb3 import TraverseVecEnv
 
         courses = {"difficulty": self._config.difficulty, "kinds": _HARD, "obstacles": 1, "limits": _LIMITS}
-        options = {**OPTIONS, "robot": self._robot, **courses}
-        return TraverseVecEnv(self._config.robots, self._config.threads, **options)
+        return TraverseVecEnv(self._config.robots, self._config.threads, **self._options, **courses)
 
     def ended(self, infos: Sequence[dict[str, Any]]) -> dict[str, float]:
         """See LearningTask."""
@@ -114,11 +114,11 @@ class Traversing:
 
     def policy(self, network: Network) -> CrossingPolicy:
         """See LearningTask."""
-        return CrossingPolicy(network, {**OPTIONS, "robot": self._robot})
+        return CrossingPolicy(network, self._options)
 
     def tried(self, policy: Path) -> dict[str, Any]:
-        """See LearningTask: compared with the scripted controller, on courses that are new to both."""
+        """See LearningTask: compared with the scripted controller and others, on courses that are new to all."""
         config = self._config
         trained = CrossingPolicy.load(policy)
-        rates, gain = compare(trained, config.difficulty, config.trials, config.seed, config.threads)
-        return {"rates": rates, "gain": gain}
+        rates, gains = compare(trained, config.difficulty, config.trials, config.seed, config.threads)
+        return {"rates": rates, "gains": gains}

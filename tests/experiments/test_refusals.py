@@ -63,6 +63,7 @@ OPTIONS = [
         "drive --robot nobody",
         "robot = 'nobody': must be one of shipped, rescue, box, husky, warthog, maxxii, or a .toml file",
     ),
+    ("train --env traverse --courses rails moon", "courses = 'moon': must be some of random, steps_up"),
     ("drive --difficulty 0.9", "difficulty = 0.9: must be left out without a course of FTR-Bench"),
     ("drive --course rails --difficulty 1.1", "difficulty = 1.1: must be from 0 to 1"),
     ("drive --flippers sideways", "flippers = 'sideways': must be up, down, reflex, or angles"),

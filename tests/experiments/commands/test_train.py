@@ -96,9 +96,11 @@ def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
     sizes = ("--robots", "2", "--horizon", "8", "--batch", "16", "--epochs", "1", "--network", "8", "--steps", "16")
     found = trackslip("train", "--env", "traverse", *sizes, "--trials", "1", "--difficulty", "0", "0")
     assert [point["steps"] for point in found.summary["curve"]] == [16]
-    assert [(one["controller"], one["courses"]) for one in found.summary["rates"]] == [("scripted", 1), ("policy", 1)]
+    assert [(one["controller"], one["courses"]) for one in found.summary["rates"]] == [
+        (name, 1) for name in ("scripted", "policy", "straight, flat", "straight, raised")
+    ]
     assert "95 % interval" in found.printed
     assert (found.folder / "curve.png").is_file()
     policy = CrossingPolicy.load(found.folder)
-    assert policy.options == {**OPTIONS, "robot": "rescue"}
+    assert policy.options == {**OPTIONS, "robot": "rescue", "course": ["random"]}
     assert policy.action(np.zeros((3, 63))).shape == (3, 4)
