@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.driving.lookup import policy_path, reference, user_modules
-from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
+from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
 from experiments.storage.manifest import content, digest
 from experiments.storage.results import SUMMARY_FILE
 from sim.seeds import generator
@@ -30,8 +30,6 @@ FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
 """Axes along which the runs of a benchmark differ: the fields of a BenchmarkCase."""
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
-TRAINING_PATHS = ("circle", "slalom", "clothoid", "stop_and_go")
-"""References that controllers are tuned on; the suite `fair` has the others."""
 
 
 @dataclass(frozen=True)

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from experiments.driving.closed_loop import Plant
 from experiments.driving.lookup import reference
 from experiments.driving.world import World
+from sim.drive.drive import Drive
 from sim.ground.ground import Ground
 from sim.path_tracking.randomization import Randomization
+from sim.robot.parameters import RobotParameters
 from sim.seeds import generator
 
 _NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
 _SPACING = 0.05  # of the points of a path that patches may lie on [s]
 
 
-def distribution(world: World) -> Randomization:
-    """The ranges, around the world's robot, from which every property is drawn uniformly and on its own."""
-    nominal, lag = world.radius_error, world.drive.lag
-    shift = 0.1 * world.robot.geometry.half_gauge
+def distribution(robot: RobotParameters, drive: Drive) -> Randomization:
+    """The ranges, around a robot and its drive, from which every property is drawn uniformly and on its own."""
+    nominal, lag, shift = robot.radius_error, drive.lag, 0.1 * robot.half_gauge
     return Randomization(
         friction_ratio=(0.8, 1.25),
         radius_error=(nominal - 0.03, nominal + 0.03),
@@ -35,5 +38,6 @@ def draw_plant(world: World, name: str, ground: Ground, seed: int, key: str) -> 
     """The plant of a run on the reference called `name`, the same for every controller and compensation."""
     rng, path = generator(seed, f"plant {key}"), reference(name)
     poses = path.pose(np.arange(0.0, path.duration, _SPACING))
-    setting = distribution(world).setting(rng, world.parameters, world.drive, ground, poses)
+    robot = replace(world.parameters, radius_error=world.radius_error)
+    setting = distribution(robot, world.drive).setting(rng, robot, world.drive, ground, poses)
     return Plant(setting, world.config.scanner.noise * float(rng.uniform(*_NOISE)))

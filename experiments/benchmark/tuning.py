@@ -10,11 +10,12 @@ import numpy as np
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
-from experiments.benchmark.cases import TRAINING_PATHS, BenchmarkCase
+from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import specified
 from experiments.benchmark.rows import score
 from experiments.driving.lookup import tunable
+from experiments.options.choices import TRAINING_PATHS
 from experiments.report.table import Table
 from experiments.storage.manifest import relative
 from experiments.studies.trials import Trial, TrialOutcome

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import tyro
 
 from experiments.options.base import Excludes, Exclusion, Needs, Positive, ResultsOptions, Whole, default_is
-from experiments.options.choices import FTR_NAMES, GROUNDS, REFERENCES, ROBOTS
+from experiments.options.choices import COMPENSATIONS, FTR_NAMES, GROUNDS, REFERENCES, ROBOTS, TRAINING_PATHS
 from experiments.options.world import MAX_THREADS
 from trackslip.errors import InvalidValueError
 
@@ -39,15 +39,12 @@ class Config(ResultsOptions):
     """Total number of control periods, summed over all robots."""
     robots: Annotated[int, Whole(1, MAX_ROBOTS)] = 64
     """Number of robots in the vector environment."""
-    references: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{REFERENCES} ...")] = (
-        *("paper", "figure_eight", "slalom"),
-        *("clothoid", "spiral", "stop_and_go"),
-    )
+    references: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{REFERENCES} ...")] = TRAINING_PATHS
     """Paths to train on; each episode draws one."""
     grounds: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{GROUNDS} ...")] = ("stone",)
     """Grounds to train on; each episode draws one."""
-    compensation: str = "icr_radius"
-    """Slip compensation: none, published, constant, exponential, exponential_speed, icr or icr_radius."""
+    compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
+    """Slip compensation; those that learn start anew in each episode."""
     authority: Annotated[tuple[float, float], Positive(MAX_AUTHORITY)] = (0.12, 0.6)
     """Largest correction of the reference's twist [m/s, rad/s]."""
     robot: Annotated[str | None, default_is("shipped; with --env traverse, rescue", ROBOTS)] = None

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from experiments.options.base import Distinct, Whole
-from experiments.options.choices import COMPENSATIONS, CONTROLLER_NAMES
+from experiments.options.choices import COMPENSATIONS, CONTROLLER_NAMES, TRAINING_PATHS
 from experiments.options.world import ClosedLoopOptions
 from trackslip.errors import require_positive
 
@@ -58,7 +58,6 @@ class Config(ClosedLoopOptions):
 
 def run(config: Config) -> None:
     """Search, store and print."""
-    from experiments.benchmark.cases import TRAINING_PATHS
     from experiments.benchmark.drive import ClosedLoops
     from experiments.benchmark.gains import GAINS_FILE
     from experiments.benchmark.tuning import gains_table, tune

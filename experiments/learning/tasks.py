@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from experiments.benchmark.plants import distribution
 from experiments.learning.crossing import compare
 from sim.network import Network
 from sim.path_tracking.config import Reward
-from sim.path_tracking.randomization import Randomization
 from sim.policy import Policy
 from sim.robot.named import SHIPPED, load_parameters
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS, CrossingPolicy
-from trackslip.slip.compensation import KNOWN_LAWS
-from trackslip.slip.law_file import SHIPPED as LAWS
-from trackslip.slip.law_file import load_laws
 
 if TYPE_CHECKING:
     from experiments.commands.train import Config
 
-_RANDOMIZATION = Randomization(start_distance=(0.0, 0.2), start_heading=(-0.4, 0.4), friction_ratio=(0.9, 1.4))
+_START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)  # ranges [m], [rad]
 _REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, position_scale=0.02, heading_scale=0.2)
 _HARD = ("step up", "stairs up", "beams")
 """Kinds of obstacles that the scripted controller does not always cross, which training draws."""
@@ -51,7 +49,7 @@ class LearningTask(Protocol):
 
 
 class PathTrackingTask:
-    """Corrections of the reference's twist, in trackslip/PathTracking-v0; `benchmark` compares its policies."""
+    """Corrections of the reference's twist on drawn plants, in trackslip/PathTracking-v0."""
 
     initial_deviation = -1.2
 
@@ -64,7 +62,7 @@ class PathTrackingTask:
 
         config = self._config
         parameters, _ = load_parameters(config.robot or SHIPPED)
-        laws = {} if config.compensation in KNOWN_LAWS else load_laws(config.laws or LAWS, parameters.geometry)
+        plants = distribution(parameters, parameters.drive)
         robots = PathTrackingVecEnv(
             config.robots,
             config.threads,
@@ -72,10 +70,11 @@ class PathTrackingTask:
             reference=config.references,
             ground=config.grounds,
             action="twist",
-            compensation=laws.get(config.compensation, config.compensation),
+            compensation=config.compensation,
+            laws=config.laws and str(config.laws),
             pose_source="noisy",
             reward=_REWARD,
-            randomization=_RANDOMIZATION,
+            randomization=replace(plants, start_distance=_START_DISTANCE, start_heading=_START_HEADING),
         )
         return Corrections(robots, config.authority)
 

@@ -7,6 +7,8 @@ CONTROLLER_NAMES = (
 """The controllers of trackslip.controllers."""
 REFERENCE_NAMES = ("paper", "circle", "figure_eight", "slalom", "rounded_square", "clothoid", "spiral", "stop_and_go")
 """The references of trackslip.trajectory."""
+TRAINING_PATHS = ("circle", "slalom", "clothoid", "stop_and_go")
+"""References for tuning and training; the suite `fair` has the others."""
 GROUND_NAMES = (
     *("stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky"),
     *("firm_sand", "loose_sand", "clay", "snow", "asphalt", "grass", "ice"),
