@@ -11,7 +11,7 @@ from rich.table import Table as RichTable
 
 from experiments.report.formats import MISSING
 
-_FILE_WIDTH = 160  # a file has no width, and nothing should be cut [characters]
+_WIDEST = 10_000  # of tables, none of which is cut [characters]
 _DENSE = 9  # more columns are set smaller
 
 
@@ -62,9 +62,8 @@ class Table:
             table.add_column(escape(name), justify="left" if side == "l" else "right", no_wrap=True)
         for row in self.texts:
             table.add_row(*map(escape, row))
-        console = Console(highlight=False)
-        if not console.is_terminal:
-            console.width = _FILE_WIDTH
+        console = Console(highlight=False, width=_WIDEST)
+        console.width = console.measure(table).maximum  # a narrower terminal wraps lines
         console.print(table)
 
     @property
