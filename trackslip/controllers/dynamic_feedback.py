@@ -90,7 +90,9 @@ class DynamicFeedback(ControlLaw):
             return 0.0, static_speed, np.zeros_like(static_speed)
         if last.speed.shape != static_speed.shape:
             raise InvalidValueError("pose", (*static_speed.shape, 3), f"of shape {(*last.speed.shape, 3)} until reset")
-        return max(time - last.time, 0.0), last.speed, last.speed - last.static_speed
+        known = np.isfinite(last.speed)  # a robot whose pose was lost begins again
+        offset = np.where(known, last.speed - last.static_speed, 0.0)
+        return max(time - last.time, 0.0), np.where(known, last.speed, static_speed), offset
 
     def _share(self, desired_speed: float, speed: Array) -> Array:
         """Share of the dynamic law (...): 0 up to `least_speed`, 1 from 1.5 times as much."""

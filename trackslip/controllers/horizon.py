@@ -32,7 +32,8 @@ class _State:
 class Horizon(ControlLaw, ABC):
     """Base of the laws that minimise predicted errors by track speeds within their limits, held for an interval each.
 
-    Each call improves the plan of the previous one, shifted, and drives its first twist.
+    Each call improves the plan of the previous one, shifted, and drives its first twist. A robot whose pose is not
+    finite keeps its shifted plan.
     """
 
     intervals: int = 15
@@ -85,7 +86,8 @@ class Horizon(ControlLaw, ABC):
             require(state.plans.shape == shape, "pose", pose.shape, allowed)
             plans = self._shifted(state.plans, time - state.time)
         improve = self._improve(time, reference.pose(nodes), twists)
-        improved = [improve(*one) for one in zip(plans.reshape(-1, *shape[-2:]), pose.reshape(-1, 3), strict=True)]
+        robots = zip(plans.reshape(-1, *shape[-2:]), pose.reshape(-1, 3), strict=True)
+        improved = [improve(plan, one) if np.isfinite(one).all() else plan for plan, one in robots]
         state.plans, state.time = np.reshape(improved, shape), time
         return twist_of_tracks(state.plans[..., 0, :], self.half_gauge)
 

@@ -50,8 +50,6 @@ class ModelPredictive(Horizon):
         self, program: _Program, plan: Array, pose: Array, wanted_poses: Array, wanted_speeds: Array
     ) -> Array:
         """The plan (K, 2) after Gauss-Newton steps from `pose` (3,), unchanged if one of them fails."""
-        if not np.isfinite(pose).all():
-            return plan
         origin = np.array([*wanted_poses[0, :2], 2 * np.pi * np.round((pose[2] - wanted_poses[0, 2]) / (2 * np.pi))])
         wanted = wanted_poses - [*origin[:2], 0.0]
         poses, speeds = self._driven(pose - origin, plan), plan

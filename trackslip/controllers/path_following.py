@@ -85,7 +85,7 @@ class PathFollowing(ControlLaw):
         v = hurry * v_d - standing * self.timing * s
         moving = (v * np.cos(theta) + self.along * s) / np.where(v_d == 0, 1.0, v_d)
         rate = standing * hurry + (1 - standing) * moving
-        rate = self._state.rate = np.maximum(rate, 0.0)
+        rate = self._state.rate = np.fmax(rate, 0.0)  # the target waits while the pose is lost
         steepest = np.sign(v) * self.approach_angle
         delta = -steepest * np.tanh(self.approach * y)
         slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2  # of delta by y

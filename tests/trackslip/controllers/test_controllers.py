@@ -162,6 +162,22 @@ def test_twists_depend_neither_on_the_place_nor_on_the_side(make, side):
         pose = advance(pose, twist, 0.2)
 
 
+def test_a_robot_is_controlled_again_after_its_pose_was_lost(make):
+    """For half a second, on a circle; the robot beside it drives as ever."""
+    reference = circle(1.0, 0.15, 20.0)
+    runs = []
+    for lost in (False, True):
+        controller, pose = make(), np.tile(reference.pose(0.0), (2, 1))
+        for k in range(160):
+            seen = np.where([[lost and 20 <= k < 30], [False]], np.nan, pose)
+            pose = advance(pose, np.nan_to_num(controller.twist(0.05 * k, seen, reference)), 0.05)
+        runs.append(pose)
+    assert np.isfinite(controller.twist(8.0, pose, reference)).all()
+    np.testing.assert_array_equal(runs[1][1], runs[0][1])
+    if make is not CONTROLLERS["feedforward"]:
+        np.testing.assert_allclose(runs[1][0], runs[0][0], atol=0.03)
+
+
 def test_a_run_after_reset_is_the_first_one_again(make):
     reference = circle(1.0, 0.15, 20.0)
     controller = make()
