@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
@@ -86,20 +86,25 @@ class ClosedLoops:
         return compensation(name, self.world.robot.geometry, self.config.laws)
 
     def check(self, cases: Sequence[BenchmarkCase]) -> None:
-        """Raise TrackslipError for an unknown name, before anything is driven."""
-        look_ups: dict[str, Callable[[str], object]] = {
-            "controller": self.controller,
-            "compensation": self.compensation,
-            "reference": reference,
-            "ground": self.ground,
-        }
-        for factor, look_up in look_ups.items():
-            for name in dict.fromkeys(getattr(case, factor) for case in cases):
+        """Raise TrackslipError for unknown names, gains and plants that aren't allowed, before anything is driven."""
+        look_ups: tuple[tuple[Callable[[str], object], str, Iterable[str]], ...] = (
+            (self.controller, "controller", (case.controller for case in cases)),
+            (self.controller, "controller", map(self.specification, cases)),
+            (self.compensation, "compensation", (case.compensation for case in cases)),
+            (reference, "reference", (case.reference for case in cases)),
+            (self.ground, "ground", (case.ground for case in cases)),
+        )
+        for look_up, factor, names in look_ups:
+            for name in dict.fromkeys(names):
                 try:
                     look_up(name)
                 except InvalidValueError as error:
                     option = f"{factor}s" if error.field == factor else error.field
                     raise InvalidValueError(option, error.value, error.allowed) from error
+        try:
+            self.plant(cases[0])
+        except InvalidValueError as error:
+            raise InvalidValueError(f"{error.field} of drawn plants", error.value, error.allowed) from error
 
     def drive(self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
         """Drive cases that share a reference, as one fleet."""

@@ -39,7 +39,7 @@ class Gains:
             for row in rows:
                 arguments = {str(name): float(value) for name, value in row["arguments"].items()}
                 found.setdefault(row["controller"], {})[row["compensation"]] = arguments
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError):
             allowed = "tuned, default, or a folder or file that trackslip tune wrote"
             raise InvalidValueError("gains", relative(source), allowed) from None
         return cls(found)

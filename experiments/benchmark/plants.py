@@ -20,9 +20,12 @@ _SPACING = 0.05  # of the points of a path that patches may lie on [s]
 
 
 def distribution(robot: RobotParameters, drive: Drive) -> Randomization:
-    """The ranges, around a robot and its drive, from which every property is drawn uniformly and on its own."""
+    """The ranges, around a robot and its drive, from which every property is drawn uniformly and on its own.
+
+    Raises InvalidValueError for a robot so near the limits that it could not stand, or be simulated.
+    """
     nominal, lag, shift = robot.radius_error, drive.lag, 0.1 * robot.half_gauge
-    return Randomization(
+    found = Randomization(
         friction_ratio=(0.8, 1.25),
         radius_error=(nominal - 0.03, nominal + 0.03),
         com_x=(-shift, shift),
@@ -32,6 +35,8 @@ def distribution(robot: RobotParameters, drive: Drive) -> Randomization:
         patch_size=(0.3, 1.0),
         patch_friction=(0.5, 1.0),
     )
+    found.require_standing(robot)
+    return found
 
 
 def draw_plant(world: World, name: str, ground: Ground, seed: int, key: str) -> Plant:

@@ -38,7 +38,9 @@ class Tried:
     error: float
     """Position error after the transient, 0.5 m for a run that lost the path [m]."""
     roughness: float
-    """Root mean square rate of change of the set points [rad/s^2]."""
+    """Root mean square rate of change of the set points, infinite if a run failed [rad/s^2]."""
+    failure: str = ""
+    """Reason why a run failed, or none could be driven."""
 
     def cost(self, limit: float) -> float:
         """The error; above the limit on roughness more than any error, and the more the rougher [m]."""
@@ -54,8 +56,9 @@ class Training:
 
     def tried(self, specifications: list[str]) -> list[Tried]:
         """Drive candidates, all on the same paths and plants; one that can't be made has an infinite error."""
-        rows: dict[str, list[dict[str, Any]]] = {one: [] for one in specifications if self._can_be_made(one)}
-        for path in TRAINING_PATHS:
+        refused = {one: self._refusal(one) for one in specifications}
+        rows: dict[str, list[dict[str, Any]]] = {one: [] for one, reason in refused.items() if not reason}
+        for path in TRAINING_PATHS if rows else ():
             cases = [
                 BenchmarkCase(one, self._compensation, path, "stone", "random", seed, f"{one} {seed}")
                 for one in rows
@@ -64,30 +67,30 @@ class Training:
             part, _, _ = drive_fleet(self._loops, cases)
             for row in part.rows:
                 rows[row["controller"]].append(row)
-        return [_means(rows.get(one, [])) for one in specifications]
+        return [Tried(np.inf, np.inf, refused[one]) if refused[one] else _means(rows[one]) for one in specifications]
 
-    def _can_be_made(self, specification: str) -> bool:
+    def _refusal(self, specification: str) -> str:
+        """Reason why a candidate can't be made, if it can't."""
         try:
             self._loops.controller(specification)
-        except TrackslipError:
-            return False
-        return True
+        except TrackslipError as error:
+            return str(error)
+        return ""
 
 
 def _means(rows: list[dict[str, Any]]) -> Tried:
-    if not rows:
-        return Tried(np.inf, np.inf)
-    rough = [row.get("roughness") for row in rows]
-    return Tried(
-        float(np.mean([score(row) for row in rows])),
-        np.inf if None in rough else float(np.mean(np.array(rough, float))),
-    )
+    error = float(np.mean([score(row) for row in rows]))
+    for row in rows:
+        if row["error"] is not None:
+            return Tried(error, np.inf, row["error"])
+    return Tried(error, float(np.mean([row["roughness"] for row in rows])))
 
 
 def tune(trial: Trial, rng: np.random.Generator, config: Config) -> TrialOutcome:
     """The best gains of the controller and compensation that the trial is called by, within a factor of ten.
 
-    The defaults of the class are among the first candidates. The search is in the logarithms of the gains.
+    The defaults of the class are among the first candidates. The search is in the logarithms of the gains. Raises
+    TrackslipError if a run fails with each of the candidates.
     """
     controller, compensation = trial.given
     defaults, training = tunable(controller), Training(config, compensation)
@@ -116,6 +119,8 @@ def tune(trial: Trial, rng: np.random.Generator, config: Config) -> TrialOutcome
         rng=rng,
     )
     arguments, best = min(seen.values(), key=lambda one: one[1].cost(config.roughness))
+    if best.failure:
+        raise TrackslipError(f"{controller} with {compensation}: no gains drive all training runs: {best.failure}")
     _, default = next(iter(seen.values()))
     numbers = {"controller": controller, "compensation": compensation, "arguments": arguments}
     numbers |= {"error": best.error, "roughness": best.roughness}

@@ -124,9 +124,9 @@ def run(config: Config) -> None:
         failures = [{"run": row["run"], "error": row["error"]} for row in runs if row["error"] is not None]
         summary = {"board": entries, "rows": rows, "cases": [case_row(one) for one in runs], "failures": failures}
         run.write(summary | {"runs": len(runs), "wall_s": run.wall}, manifest=about)
-    if config.submit is not None:
-        rows_of_board = submission(runs, entries, gains, about)
-        write_output(config.submit, lambda draft: write_json(draft, rows_of_board))
+        if config.submit is not None:
+            rows_of_board = submission(runs, entries, gains, about)
+            write_output(config.submit, lambda draft: write_json(draft, rows_of_board))
     board_table(entries).print()
     print(textwrap.fill(BOARD_LEGEND, 120))
     for line in [*lost, *(f"failed: {failure['run']}: {failure['error']}" for failure in failures)]:

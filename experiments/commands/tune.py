@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -58,6 +59,7 @@ class Config(ClosedLoopOptions):
 
 def run(config: Config) -> None:
     """Search, store and print."""
+    from experiments.benchmark.cases import BenchmarkCase, identified
     from experiments.benchmark.drive import ClosedLoops
     from experiments.benchmark.gains import GAINS_FILE
     from experiments.benchmark.tuning import gains_table, tune
@@ -67,14 +69,16 @@ def run(config: Config) -> None:
     from experiments.studies.trials import Trial, forget_trials, run_trials
 
     loops = ClosedLoops(config, "drawn")
+    pairs = list(product(config.controllers, config.compensations))
+    driven = product(pairs, TRAINING_PATHS, config.seeds)
+    cases = [BenchmarkCase(*pair, path, "stone", "random", seed) for pair, path, seed in driven]
+    loops.check(cases)
     for name in config.controllers:
         tunable(name)
-    for name in config.compensations:
-        loops.compensation(name)
-    pairs = [(controller, compensation) for controller in config.controllers for compensation in config.compensations]
+    depends_on = [case.id for case in identified(cases, loops)]
     with Run(config, partial(forget_trials, config.out)) as run:
         trials = [Trial(" ".join(pair), given=pair) for pair in pairs]
-        outcomes = run_trials(run, partial(tune, config=config), trials, "tune {case}", loops.world.about)
+        outcomes = run_trials(run, partial(tune, config=config), trials, "tune {case}", depends_on)
         rows = [outcomes[trial.case][0].numbers for trial in trials]
         about = run.manifest(**loops.world.about)
         found_by = {name: about[name] for name in ("arguments", "git", "versions")}

@@ -70,18 +70,20 @@ def controller(name: str, geometry: RobotGeometry, top_speed: float, period: flo
 
 
 def tunable(name: str) -> dict[str, float]:
-    """Positive numbers that a controller's constructor takes and that don't describe the robot, with their defaults.
+    """Gains in a controller's constructor with their defaults: positive floats, but for those that describe the robot.
 
-    Raises InvalidValueError for an unknown name, a controller with arguments, and one that has no such numbers.
+    Raises InvalidValueError for an unknown name, a controller with arguments, and one that has no gains.
     """
     found: dict[str, float] = {}
     if not name.startswith(_POLICY):
         with _refused(name):
             _, accepted, given = _constructor(name)
-        defaults = {key: one.default for key, one in accepted.items() if key not in _OF_THE_ROBOT and not given}
-        found = {key: value for key, value in defaults.items() if isinstance(value, float) and value > 0}
+        for key, one in accepted.items() if not given else ():
+            number = isinstance(one.default, float) or (isinstance(one.default, int) and _kind(one) == "float")
+            if key not in _OF_THE_ROBOT and number and 0 < one.default < float("inf"):
+                found[key] = float(one.default)
     if not found:
-        raise InvalidValueError("controllers", name, "a controller, without arguments, that has gains to tune")
+        raise InvalidValueError("controllers", name, "a controller, without arguments, with gains such as gain=2.0")
     return found
 
 
@@ -125,9 +127,7 @@ def _arguments(name: str, called: str, given: str, accepted: Mapping[str, inspec
 
 def _value(key: str, text: str, parameter: inspect.Parameter) -> Any:
     """An argument's value, of the type of the annotation or the default; without one, a number or else a text."""
-    default = parameter.default
-    kind = parameter.annotation if parameter.annotation is not parameter.empty else type(default)
-    kind = getattr(kind, "__name__", kind)
+    kind = _kind(parameter)
     if kind == "str":
         return text
     if kind == "bool":
@@ -140,6 +140,12 @@ def _value(key: str, text: str, parameter: inspect.Parameter) -> Any:
         return text
     require_finite(key, number)
     return float(number) if kind == "float" else number
+
+
+def _kind(parameter: inspect.Parameter) -> Any:
+    """Name of the type of a parameter, by its annotation or its default."""
+    kind = parameter.annotation if parameter.annotation is not parameter.empty else type(parameter.default)
+    return getattr(kind, "__name__", kind)
 
 
 def locator(name: str, robot: Robot) -> Locator:

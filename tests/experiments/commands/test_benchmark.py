@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from browser import assert_fits
 
+from experiments.benchmark.cases import SUITES, Suite
+from experiments.cli import main
 from experiments.commands.benchmark import PARTS
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import tracking_errors
@@ -120,6 +122,15 @@ def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path)
     result = trackslip("benchmark", *short, "--suite", "fair", "--controllers", "mine3:Broken", "--seeds", "0")
     assert [row["failed"] for row in result.summary["rows"]] == [1, 1, 1]
     assert not (result.folder / "runs.parquet").exists()
+
+
+def test_runs_are_kept_when_the_submission_cannot_be_written(short, tmp_path, monkeypatch, capsys):
+    design = (("linear",), ("none",), ("bend.csv",), ("stone",), ("zero",), (0,))
+    monkeypatch.setitem(SUITES, "fair", Suite([design], "nominal", "default"))
+    with pytest.raises(SystemExit):
+        main(["benchmark", "--submit", "bend.csv/row.json", "--jobs", "1", "--out", "out"])
+    assert "with 1 of 1 runs driven; the same command resumes" in capsys.readouterr().err
+    assert (tmp_path / "out" / PARTS).is_dir()
 
 
 def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_path):

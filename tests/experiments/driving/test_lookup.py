@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.driving.closed_loop import start_pose
-from experiments.driving.lookup import REACH, controller
+from experiments.driving.lookup import REACH, controller, tunable
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.lqr import Lqr
 from trackslip.controllers.mpc import ModelPredictive
@@ -61,6 +61,16 @@ def test_a_users_class_gets_both(tmp_path, monkeypatch):
             made(f"asks_for_limits:Mine:{wrong}")
     with pytest.raises(InvalidValueError, match="asks_for_limits:Mine:ARGUMENT=VALUE"):
         made("asks_for_limits:Mine:weight=1")
+
+
+def test_gains_are_positive_finite_floats_that_do_not_describe_the_robot(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    defaults = 'gain: float = 2, rate=0.5, top=float("inf"), zero=0.0, back=-1.0, n=3, on=True, more=None, period=0.1'
+    Path("has_gains.py").write_text(f"class Mine:\n    def __init__(self, name, {defaults}): ...")
+    assert tunable("has_gains:Mine") == {"gain": 2.0, "rate": 0.5}
+    for name in ("feedforward", "linear:damping=1", "ppo:out/train"):
+        with pytest.raises(InvalidValueError, match="without arguments, with gains such as"):
+            tunable(name)
 
 
 def test_the_linear_controller_with_arguments_starts_where_it_does_without():
