@@ -58,7 +58,9 @@ def board(runs: Sequence[Row]) -> list[Row]:
 
     Entries are compared pair by pair: runs on the same plant and path, from the same start. `behind` is the mean of the
     differences from the best entry, with a 95 % interval from 2000 bootstrap samples of the seeds, drawn for each path
-    and ground on its own. Entries share a `rank` with the first one from which they can't be distinguished.
+    on its own; the grounds of a seed, which share plant, start and noise, stay together. Samples have a seed less than
+    there are, so that their variance has no bias (J. N. K. Rao and C. F. J. Wu, JASA 83, 1988). Entries share a `rank`
+    with the first one from which they can't be distinguished.
     """
     names = ("controller", "compensation", "start")
     alike = sorted(_alike(runs, names), key=lambda same: np.mean([score(run) for run in same]))
@@ -81,19 +83,22 @@ def board(runs: Sequence[Row]) -> list[Row]:
     return entries
 
 
-def _place(run: Row) -> tuple[str, str, int]:
+def _place(run: Row) -> tuple[str, int, str]:
     """What runs that are compared have in common."""
-    return run["reference"], run["ground"], run["seed"]
+    return run["reference"], run["seed"], run["ground"]
 
 
-def _resampled(scores: Array, strata: Sequence[object]) -> Array | None:
-    """Means (E, B) of bootstrap samples of scores (E, P), drawn within `strata` (P); None for a single run in one."""
+def _resampled(scores: Array, seeds: Sequence[tuple[str, int]]) -> Array | None:
+    """Means (E, B) of bootstrap samples of scores (E, P), by path and seed (P); None for a single seed."""
     rng = generator(0, "bootstrap over plants")
-    parts = [np.array([k for k, one in enumerate(strata) if one == stratum]) for stratum in dict.fromkeys(strata)]
+    paths: dict[str, dict[int, list[int]]] = {}
+    for k, (path, seed) in enumerate(seeds):
+        paths.setdefault(path, {}).setdefault(seed, []).append(k)
+    parts = [np.array(list(by_seed.values())) for by_seed in paths.values()]  # (S, G) each
     if min(map(len, parts)) < 2:
         return None
-    drawn = np.concatenate([part[rng.integers(len(part), size=(_RESAMPLES, len(part)))] for part in parts], axis=1)
-    return np.array([one[drawn].mean(axis=1) for one in scores])
+    drawn = [part[rng.integers(len(part), size=(_RESAMPLES, len(part) - 1))].reshape(_RESAMPLES, -1) for part in parts]
+    return np.array([one[np.concatenate(drawn, axis=1)].mean(axis=1) for one in scores])
 
 
 def settled_error(row: Row) -> float:
@@ -125,7 +130,7 @@ def bootstrap95(values: Sequence[float]) -> tuple[float, float] | None:
     """Percentile bootstrap interval of the mean over seeds; None for fewer than two values."""
     if len(values) < 2:
         return None
-    drawn = generator(0, "bootstrap over seeds").integers(len(values), size=(_RESAMPLES, len(values)))
+    drawn = generator(0, "bootstrap over seeds").integers(len(values), size=(_RESAMPLES, len(values) - 1))
     low, high = np.percentile(np.array(values)[drawn].mean(axis=1), [2.5, 97.5])
     return float(low), float(high)
 
