@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from experiments.report.colours import BLUE, GREY, ORANGE
-from experiments.report.figures.style import styled, subplots
+from experiments.report.figures.style import legend_below, margin_for, styled, subplots
 from experiments.report.formats import number
 from experiments.report.table import Table
 from sim.seeds import generator
@@ -34,7 +34,7 @@ _SMOOTH = 7  # points of the curve in a running mean
 _LOOKS = {  # colour, marker, place beside the others in a group
     SCRIPTED: (ORANGE, "s", -0.5),
     POLICY: (BLUE, "o", 0.5),
-    **{name: (GREY, marker, place) for name, marker, place in zip(STRAIGHT, "_^", (-1.5, 1.5), strict=True)},
+    **{name: (GREY, marker, place) for name, marker, place in zip(STRAIGHT, "D^", (-1.5, 1.5), strict=True)},
 }
 
 
@@ -173,25 +173,24 @@ def crossing_rate(
 @styled
 def learning_curve(curve: Sequence[Mapping[str, float]], rates: Sequence[CrossingRate] = ()) -> Figure:
     """Reward over the training's steps; with `rates`, also the share of courses crossed, in training and afterwards."""
-    figure, ((*panels,),) = subplots(2.9, 1, 3 if rates else 1, across=0.5, squeeze=False)
+    several = len({one.course for one in rates}) > 1
+    labels = [one.course if several else f"difficulty {one.difficulty:g}" for one in rates if one.controller == POLICY]
+    figure, ((*panels,),) = subplots(2.9, 1, 3 if rates else 1, across=margin_for(labels), squeeze=False)
     steps = np.array([point["steps"] for point in curve]) / 1000
     _line(panels[0], "reward per step", steps, np.array([point["reward"] for point in curve]))
     if rates:
         known = [(k, 100 * point["crossed"]) for k, point in zip(steps, curve, strict=True) if "crossed" in point]
         _line(panels[1], "crossed in training [%]", *np.array(known).reshape(-1, 2).T)
-        courses = list(dict.fromkeys(one.course for one in rates))
-        step = 0.008 if len(courses) == 1 else 0.12
         for name, (colour, marker, beside) in _LOOKS.items():
             own = [one for one in rates if one.controller == name]
             middle = 100 * np.array([one.rate for one in own])
             ends = np.abs(100 * np.array([(one.low, one.high) for one in own]).T - middle)
-            groups = [one.difficulty if len(courses) == 1 else courses.index(one.course) for one in own]
-            place = np.array(groups) + step * beside
-            panels[2].errorbar(place, middle, ends, color=colour, marker=marker, ms=5, lw=1.2, capsize=2, label=name)
-        panels[2].set(title="unseen courses crossed [%]", xlabel="difficulty [–]" if len(courses) == 1 else "")
-        if len(courses) > 1:
-            panels[2].set_xticks(range(len(courses)), courses, rotation=60, ha="right")
-        panels[2].legend(loc="lower left")
+            place, look = np.arange(len(own)) + 0.18 * beside, {"color": colour, "marker": marker, "ms": 4.5}
+            panels[2].errorbar(middle, place, xerr=ends, ls="none", elinewidth=1.2, label=name, **look)
+        panels[2].set_yticks(range(len(labels)), labels)
+        panels[2].invert_yaxis()
+        panels[2].set(title="crossed afterwards [%]", xlim=(-3, 103))
+        legend_below(figure, panels[2].get_legend_handles_labels()[0], ncols=4)
     return figure
 
 
