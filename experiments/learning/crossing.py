@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +30,6 @@ SCRIPTED, POLICY = "scripted", "policy"
 STRAIGHT = {"straight, flat": 0.0, "straight, raised": 1.2}
 """Flipper angles of robots that drive straight on, tips up [rad]."""
 _HEADER = ("course", "controller", "difficulty", "crossed [%]", "95 % interval", "tipped", "stuck", "other", "time [s]")
-_RESAMPLES = 10_000
 _SMOOTH = 7  # points of the curve in a running mean
 _LOOKS = {  # colour, marker, place beside the others in a group
     SCRIPTED: (ORANGE, "s", -0.5),
@@ -74,7 +74,7 @@ class CrossingGain:
     """Difference of the rates [-]."""
     low: float
     high: float
-    """Ends of its 95 % interval, from resampling courses [-]."""
+    """Ends of its 95 % interval (Agresti and Min, for pairs) [-]."""
     only_policy: int
     only_scripted: int
     """Number of courses that one of the two alone crosses."""
@@ -107,19 +107,22 @@ def compare(
                 rates.append(crossing_rate(name, controller, middle, ended, task.world.time))
                 crossed[controller].append(ended == Outcome.REACHED)
         scripted, learnt = (np.concatenate(crossed[controller]) for controller in (SCRIPTED, POLICY))
-        gains.append(crossing_gain(name, scripted, learnt, generator(seed, "resampled courses")))
+        gains.append(crossing_gain(name, scripted, learnt))
     return rates, gains
 
 
-def crossing_gain(
-    course: str, scripted: NDArray[np.bool_], policy: NDArray[np.bool_], rng: np.random.Generator
-) -> CrossingGain:
-    """The difference between two controllers that crossed the same courses (C,) or not."""
-    more = policy.astype(float) - scripted
-    means = rng.choice(more, (_RESAMPLES, len(more))).mean(axis=1)
-    low, high = np.quantile(means, [0.025, 0.975])
+def crossing_gain(course: str, scripted: NDArray[np.bool_], policy: NDArray[np.bool_]) -> CrossingGain:
+    """The difference between two controllers that crossed the same courses (C,) or not.
+
+    Its interval is Wald's with half a course more in each cell of the 2 x 2 table (Agresti and Min, Statistics in
+    Medicine 24, 2005), which has a width even where the two cross the same courses.
+    """
+    more, fewer = int((policy & ~scripted).sum()), int((scripted & ~policy).sum())
+    total = len(policy) + 2
+    middle = (more - fewer) / total
+    half = 1.96 * math.sqrt(((more + fewer + 1) / total - middle**2) / total)
     return CrossingGain(
-        course, float(more.mean()), float(low), float(high), int((more > 0).sum()), int((more < 0).sum())
+        course, (more - fewer) / len(policy), max(middle - half, -1.0), min(middle + half, 1.0), more, fewer
     )
 
 

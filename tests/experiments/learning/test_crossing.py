@@ -10,15 +10,20 @@ from sim.traverse.policy import OPTIONS, CrossingPolicy
 
 
 def test_the_gain_is_that_of_the_pairs():
-    rng = np.random.default_rng(0)
     scripted = np.arange(400) < 200
     policy = scripted ^ (np.arange(400) >= 320)  # 80 more, none fewer
-    gain = crossing_gain("random", scripted, policy, rng)
+    gain = crossing_gain("random", scripted, policy)
     assert (gain.gain, gain.only_policy, gain.only_scripted) == (0.2, 80, 0)
-    # of a share of 0.2 among 400: normal, to three decimals
+    # of a share of 0.2 among 400: normal, to two decimals
     half = 1.96 * np.sqrt(0.2 * 0.8 / 400)
     assert (gain.low, gain.high) == pytest.approx((0.2 - half, 0.2 + half), abs=4e-3)
-    assert crossing_gain("random", scripted, scripted, rng).high == 0.0
+
+
+def test_two_controllers_that_cross_the_same_few_courses_may_still_differ():
+    every = np.ones(24, bool)
+    gain = crossing_gain("steps_down", every, every)
+    assert (gain.gain, gain.low, gain.high) == (0, pytest.approx(-0.0754, abs=1e-4), pytest.approx(0.0754, abs=1e-4))
+    assert crossing_gain("steps_up", ~every, every).high == 1.0
 
 
 def test_intervals_of_the_gain_cover_the_truth():
@@ -27,7 +32,7 @@ def test_intervals_of_the_gain_cover_the_truth():
     for _ in range(60):
         scripted = rng.random(150) < 0.6
         policy = np.where(rng.random(150) < 0.3, rng.random(150) < 0.9, scripted)  # true gain 0.3 (0.9 - 0.6)
-        gain = crossing_gain("random", scripted, policy, rng)
+        gain = crossing_gain("random", scripted, policy)
         covered += gain.low <= 0.09 <= gain.high
     assert 52 <= covered < 60  # of 60, 57 expected
 
@@ -42,7 +47,7 @@ def test_a_policy_that_corrects_nothing_crosses_what_the_scripted_controller_doe
     ]
     assert rates[0].time == rates[1].time
     assert (rates[0].low, rates[0].high) == pytest.approx((0.342, 1.0), abs=1e-3)  # Wilson, two of two
-    assert gain.gain == gain.low == gain.high == 0.0
+    assert (gain.gain, gain.low) == (0.0, -gain.high)
 
 
 def test_several_kinds_of_courses_have_a_row_per_controller_and_a_gain_each():
