@@ -44,10 +44,11 @@ class CourseWorld:
         """Build the world; raises TrackslipError for a robot or a course that can't be built."""
         robot = load_tracked(config.robot)
         if config.course in FTR_COURSES:
-            rng = generator(config.seed or 0, config.course)
-            course = draw_ftr_course(config.course, config.difficulty, rng, robot.hull)
+            seed = config.seed or 0
+            drawn = draw_ftr_course(config.course, config.difficulty, generator(seed, config.course), robot.hull)
+            course = replace(drawn, seed=seed)
         else:
-            course = load_course(config.course, config.seed)
+            course = load_course(config.course, config.seed, FTR_COURSES)
         if config.friction is not None:
             course = replace(course, friction=config.friction)
         outwards = abs(config.turn) * robot.half_gauge

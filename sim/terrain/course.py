@@ -253,7 +253,7 @@ def course_names() -> list[str]:
     return sorted(path.stem for path in _COURSES.glob("*.toml"))
 
 
-def load_course(source: str, seed: int | None = None) -> Course:
+def load_course(source: str, seed: int | None = None, drawn: Sequence[str] = ()) -> Course:
     """Load a named course, or a TOML file with fields of `Course` and tables `[[pieces]]`.
 
     Each piece has a `kind` and fields of that piece. Files that it names are relative to the TOML file.
@@ -261,13 +261,14 @@ def load_course(source: str, seed: int | None = None) -> Course:
     Args:
         source: the name, or the file.
         seed: replaces that of the file.
+        drawn: further names that the caller knows, for the message.
 
     Raises:
         InvalidValueError: for any other source.
         SettingsFileError: for an unreadable file and invalid fields.
     """
     named = _COURSES / f"{source}.toml"
-    table = read_toml(named) if source in course_names() else read_named("course", source, course_names())
+    table = read_toml(named) if source in course_names() else read_named("course", source, (*course_names(), *drawn))
     folder = Path(source).parent
     rows = table.pop("pieces", [])
     if not isinstance(rows, list):

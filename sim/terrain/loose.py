@@ -71,7 +71,7 @@ class Blocks:
         require_length("length", self.length)
         require(1 <= len(self.blocks) <= MAX_NUMBER, "blocks", f"{len(self.blocks)} blocks", f"1 to {MAX_NUMBER}")
         for block in self.blocks:
-            require(len(block) == 6, "blocks", block, "x, y, length, width, height and yaw")
+            require(np.shape(block) == (6,), "blocks", block, "x, y, length, width, height and yaw")
             x, y, along, across, height, yaw = block
             require_within("x of a block", x, 0.0, self.length, "m")
             require_within("y of a block", y, -MAX_LENGTH, MAX_LENGTH, "m")

@@ -112,7 +112,7 @@ class TraverseConfig:
         require(valid, "course", self.course, "a course, a name, or a tuple of those")
         for course in self.courses:
             if isinstance(course, str) and course not in DRAWN:
-                load_course(course)
+                load_course(course, drawn=DRAWN)
         require_range("difficulty", self.difficulty, 0.0, 1.0)
         require_kinds(self.kinds)
         require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.terrain import Beams, Course, Flat, Gap, Piece, Ramp, Stairs, Step
-from trackslip.errors import require
+from trackslip.errors import require, require_within
 
 MAX_BOXES = 9
 """Largest number of boxes of a course that `draw_course` draws."""
@@ -27,7 +27,7 @@ def draw_course(
 
     It has one or two `obstacles` of these `kinds`. Raises InvalidValueError for values that aren't allowed.
     """
-    require(0.0 <= difficulty <= 1.0, "difficulty", difficulty, "from 0 to 1")
+    require_within("difficulty", difficulty, 0.0, 1.0)
     require(1 <= obstacles <= 2, "obstacles", obstacles, "1 or 2")
     require_kinds(kinds)
     pieces: list[Piece] = []

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.terrain import Blocks, Course, Flat, Piece, Ramp, Stairs, Step
-from trackslip.errors import require
+from trackslip.errors import require, require_within
 
 KINDS = (
     *("steps_up", "steps_down", "uplifts", "one_sided", "plum_piles"),
@@ -28,8 +28,6 @@ _RADIUS = 0.1  # of the track wheels of FTR-Bench's robot [m]
 _WIDTH, _APART = 2.0, 0.7  # of the courses, and between obstacles [m]
 _START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind them [m]
 _PILES, _WAVES, _STEPS, _THICKNESS = 4, 3, 4, 0.1  # numbers, and a rail's thickness [m]
-_DEEPEST = 0.3  # a pile below the highest [m]
-_SEEDS = 2**31
 
 
 def draw_ftr_course(name: str, difficulty: float, rng: np.random.Generator, hull: Sequence[Sequence[float]]) -> Course:
@@ -45,7 +43,7 @@ def draw_ftr_course(name: str, difficulty: float, rng: np.random.Generator, hull
         InvalidValueError: for another name or difficulty.
     """
     require(name in FTR_COURSES, "course", name, f"one of {', '.join(FTR_COURSES)}")
-    require(0.0 <= difficulty <= 1.0, "difficulty", difficulty, "from 0 to 1")
+    require_within("difficulty", difficulty, 0.0, 1.0)
     kind = name.removesuffix(PUBLISHED)
     scale = 1.0 if name != kind else max(radius for _, _, radius in hull) / _RADIUS
     kinds = [kind]
@@ -54,8 +52,7 @@ def draw_ftr_course(name: str, difficulty: float, rng: np.random.Generator, hull
     pieces: list[Piece] = []
     for one in kinds:
         pieces += [Flat(_APART)] * bool(pieces) + _obstacle(one, difficulty, scale, rng)
-    friction, seed = float(rng.uniform(0.6, 0.9)), int(rng.integers(_SEEDS))
-    return Course(tuple(pieces), _WIDTH, friction, seed, start_length=_START, goal_length=_GOAL)
+    return Course(tuple(pieces), _WIDTH, float(rng.uniform(0.6, 0.9)), start_length=_START, goal_length=_GOAL)
 
 
 def _obstacle(kind: str, difficulty: float, scale: float, rng: np.random.Generator) -> list[Piece]:
@@ -77,10 +74,10 @@ def _obstacle(kind: str, difficulty: float, scale: float, rng: np.random.Generat
         case "one_sided":
             return [Blocks(((0.6, side * _WIDTH / 4, 1.2, _WIDTH / 2, harder(0.1, 0.3), 0.0),), 1.2)]
         case "plum_piles":
-            size, lowest = any_size(0.2, 0.5), 0.01 * scale
-            place, deepest = (np.arange(_PILES) + 0.5) * size, harder(0.05, _DEEPEST)
+            size, lowest, highest = any_size(0.2, 0.5), 0.01 * scale, harder(0.05, 0.3)
+            place = (np.arange(_PILES) + 0.5) * size
             piles = [
-                (float(x), float(y), size, size, float(rng.uniform(lowest, deepest)), 0.0)
+                (float(x), float(y), size, size, float(rng.uniform(lowest, highest)), 0.0)
                 for x in place
                 for y in place - place.mean()
             ]

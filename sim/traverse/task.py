@@ -18,7 +18,7 @@ from sim.traverse.ftr_courses import FTR_BOXES, draw_ftr_course
 from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Outcome, Outcomes
 from sim.traverse.world import Command, Traverse
-from trackslip.errors import require, require_at_most, require_finite, require_range
+from trackslip.errors import require, require_range, require_within
 from trackslip.kinematics import Array
 
 TERMS = ("progress", "energy", "time", "change", "end")
@@ -131,9 +131,8 @@ class Crossing(Restorable):
             options.get(name, generator.uniform(-1.0, 1.0) * largest)
             for name, largest in (("start_offset", config.start_offset), ("start_heading", config.start_heading))
         )
-        require_finite("start_offset", offset)
-        require_finite("start_heading", heading)
-        require_at_most("magnitude of start_heading", abs(heading), np.pi, "rad")
+        require_within("difficulty", difficulty, 0.0, 1.0)
+        require_within("start_heading", heading, -np.pi, np.pi, "rad")
         course = options.get("course", chosen)
         if course in self._drawn:
             if course == RANDOM:
@@ -147,7 +146,7 @@ class Crossing(Restorable):
                 require(course in self._named, "course", course, allowed)
                 course = self._named[course]
         x, y, _, ahead = course.start
-        require(abs(y + offset) < course.width / 2, "start_offset", offset, f"less than {course.width / 2:g} m")
+        require_within("start_offset", offset, -course.width / 2, course.width / 2, "m")
         return CourseRun(course, float(difficulty), (x, y + offset, ahead + heading), seed)
 
     def begin(self, rows: Sequence[int], episodes: Sequence[CourseRun]) -> None:

@@ -14,10 +14,13 @@ from tracked_files import write_robot
 
 import trackslip as library
 from experiments.cli import main
+from experiments.commands.drive import Config
 from experiments.course.teleop import Keyboard
+from experiments.course.world import CourseWorld
 from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
 from sim.terrain import load_course
+from trackslip.errors import InvalidValueError
 
 SHORT = ("--course", "step10", "--preset", "fast", "--speed", "0.5", "--duration", "2")
 
@@ -165,3 +168,11 @@ def test_teleop_on_a_virtual_display(tmp_path):
     drive = json.loads((tmp_path / "out" / "summary.json").read_text())["drive"]
     assert drive["outcome"] == "time"
     assert drive["duration"] == pytest.approx(1.0)
+
+
+def test_a_drawn_course_follows_from_the_seed_that_is_stored():
+    world = CourseWorld.of(Config(course="rails", seed=7))
+    assert world.about["seed"] == 7
+    assert CourseWorld.of(Config(course="rails", seed=7)).course == world.course
+    with pytest.raises(InvalidValueError, match=r"course = 'lava': must be one of .*step10, steps_up, .*\.toml"):
+        CourseWorld.of(Config(course="lava"))

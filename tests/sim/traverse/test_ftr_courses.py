@@ -6,6 +6,7 @@ import pytest
 
 from experiments.options.choices import FTR_NAMES
 from sim.robot.named import load_tracked
+from sim.terrain import Blocks
 from sim.traverse.ftr_courses import FTR_BOXES, FTR_COURSES, KINDS, draw_ftr_course
 from trackslip.errors import InvalidValueError
 
@@ -61,6 +62,16 @@ def test_what_is_refused():
         drawn("lava", 0.5)
     with pytest.raises(InvalidValueError, match=r"difficulty = 1\.5: must be from 0 to 1"):
         drawn("rails", 1.5)
-    env = gym.make(ID, course="rails")
-    with pytest.raises(InvalidValueError, match="course = 'waves': must be a course, or one of rails"):
+    with pytest.raises(InvalidValueError, match="difficulty = None: must be from 0 to 1"):
+        drawn("rails", None)
+    with pytest.raises(InvalidValueError, match=r"blocks = 0\.5: must be x, y, length"):
+        Blocks((0.5, 0.0, 0.1, 1.0, 0.1, 0.0), 1.0)
+    with pytest.raises(InvalidValueError, match=r"course = 'lava': must be one of .*step10, random, steps_up"):
+        gym.make(ID, course="lava")
+    env = gym.make(ID, course=("rails", "step10"))
+    with pytest.raises(InvalidValueError, match=r"difficulty = 7\.0: must be from 0 to 1"):
+        env.reset(options={"course": "step10", "difficulty": 7.0})
+    with pytest.raises(InvalidValueError, match=r"start_offset = -5\.0: must be from -1\.5 to 1\.5 m"):
+        env.reset(options={"course": "step10", "start_offset": -5.0})
+    with pytest.raises(InvalidValueError, match="course = 'waves': must be a course, or one of step10, rails"):
         env.reset(options={"course": "waves"})
