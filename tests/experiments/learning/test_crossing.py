@@ -60,4 +60,4 @@ def test_several_kinds_of_courses_have_a_row_per_controller_and_a_gain_each():
     assert found["rails", "straight, raised"] == 0  # tips of flippers in the air don't lift it over
     points = [{"steps": 1, "reward": 0.0, "crossed": 0.5}]
     (*_, axes) = learning_curve(points, rates).axes
-    assert [label.get_text() for label in axes.get_xticklabels()] == ["steps_down", "rails"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["steps_down", "rails"]
