@@ -1,8 +1,8 @@
 """Linear time-varying model predictive control with the limits of the tracks.
 
-F. Künhe, J. Gomes and W. Fetter, "Mobile robot trajectory tracking using model predictive control", II IEEE
-Latin-American Robotics Symposium 2005; bounded least squares: P. B. Stark and R. L. Parker, Computational Statistics
-10, 1995.
+F. Kühne, J. M. Gomes da Silva Jr. and W. F. Lages, "Mobile robot trajectory tracking using model predictive control",
+II IEEE Latin-American Robotics Symposium 2005; bounded least squares: P. B. Stark and R. L. Parker, Computational
+Statistics 10, 1995.
 """
 
 from __future__ import annotations

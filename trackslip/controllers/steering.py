@@ -88,10 +88,8 @@ class RegulatedPurePursuit(ControlLaw):
         v, curvature, remaining = path.pursued(time, pose, distance, self.damping, self.stiffness)
         sharp = np.maximum(np.abs(curvature) * self.regulated_linear_scaling_min_radius, 1.0)
         near = np.clip(remaining / self.approach_velocity_scaling_dist, 0.0, 1.0)
-        slow = np.minimum(
-            np.maximum(np.abs(v) / sharp, self.regulated_linear_scaling_min_speed),
-            np.maximum(np.abs(v) * near, self.min_approach_linear_velocity),
-        )
+        slow = np.maximum(np.abs(v) / sharp, self.regulated_linear_scaling_min_speed)
+        slow = np.minimum(slow, np.maximum(slow * near, self.min_approach_linear_velocity))
         v = np.clip(v, -slow, slow)
         return np.stack([v, v * curvature], axis=-1)
 

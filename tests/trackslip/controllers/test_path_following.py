@@ -102,6 +102,15 @@ def test_speed_falls_before_a_cusp_where_the_robot_is():
         np.testing.assert_allclose([abs(v), w], [wanted, 0.0], atol=1e-5)
 
 
+def test_a_bend_before_a_stop_slows_down_twice():
+    """As in Nav2, the approach scales the speed that the radius of the arc leaves."""
+    reference = circle(0.2, 0.2, 10.0)
+    laws = [RegulatedPurePursuit(approach_velocity_scaling_dist=distance) for distance in (0.01, 0.2)]
+    far, near = (law.twist(9.25, reference.pose(9.25), reference) for law in laws)  # 0.15 m before the end
+    assert far[0] < 0.15
+    np.testing.assert_allclose(near, 0.75 * far, rtol=1e-3)
+
+
 def test_the_goals_range_must_be_one():
     with pytest.raises(InvalidValueError, match=r"min_lookahead_dist = 0\.9: must be at most 0\.6 m"):
         RegulatedPurePursuit(min_lookahead_dist=0.9)
