@@ -30,6 +30,7 @@ FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
 """Axes along which the runs of a benchmark differ: the fields of a BenchmarkCase."""
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
+_UNSEEN = tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS)
 
 
 @dataclass(frozen=True)
@@ -54,16 +55,7 @@ SUITES: Mapping[str, Suite] = {
         gains="default",
     ),
     "fair": Suite(
-        [
-            (
-                CONTROLLER_NAMES,
-                _THREE,
-                tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS),
-                ("stone",),
-                ("random",),
-                tuple(range(8)),
-            )
-        ],
+        [(CONTROLLER_NAMES, _THREE, _UNSEEN, ("stone",), ("random",), tuple(range(8)))],
         plants="drawn",
         gains="tuned",
     ),

@@ -39,12 +39,8 @@ def over_seeds(runs: Sequence[Row]) -> list[Row]:
     rows = []
     for same in _alike(runs, _SETTING):
         driven = [run for run in same if run["error"] is None]
-        times = [time for run in driven for time in run.get("compute_ms", ())]
-        p50, p99 = (float(np.percentile(times, percent)) if times else None for percent in (50, 99))
-        row = {name: same[0][name] for name in _SETTING} | _means(driven)
-        row |= {f"{name}_ci95": bootstrap95(_known(run.get(name) for run in driven)) for name in WITH_INTERVAL}
-        row |= {"seeds": len(same), "failed": len(same) - len(driven), "compute_ms_p50": p50, "compute_ms_p99": p99}
-        rows.append(row | {"success": sum(run["success"] for run in driven) / len(same)})
+        row = _summary(same, _SETTING) | {"seeds": len(same), "failed": len(same) - len(driven)}
+        rows.append(row | {f"{name}_ci95": bootstrap95(_known(driven, name)) for name in WITH_INTERVAL})
     return rows
 
 
@@ -72,14 +68,10 @@ def board(runs: Sequence[Row]) -> list[Row]:
         ahead = None if means is None else np.percentile(means[k] - means[leader], 2.5)
         if ahead is None or ahead > 0:
             leader = k
-        driven = [run for run in same if run["error"] is None]
-        times = [time for run in driven for time in run.get("compute_ms", ())]
-        entry: Row = {name: same[0][name] for name in names} | _means(driven)
-        entry |= {"rank": leader + 1, "score": float(scores[k].mean()), "behind": float((scores[k] - scores[0]).mean())}
+        entry = _summary(same, names) | {"rank": leader + 1, "score": float(scores[k].mean())}
+        entry |= {"behind": float((scores[k] - scores[0]).mean()), "pairs": scores.shape[1]}
         ends = None if means is None or k == 0 else np.percentile(means[k] - means[0], [2.5, 97.5])
-        entry |= {"behind_ci95": None if ends is None else ends.tolist(), "pairs": scores.shape[1]}
-        entry |= {"compute_ms_p50": float(np.median(times)) if times else None}
-        entries.append(entry | {"success": sum(run["success"] for run in driven) / len(same)})
+        entries.append(entry | {"behind_ci95": None if ends is None else ends.tolist()})
     return entries
 
 
@@ -103,7 +95,7 @@ def _resampled(scores: Array, seeds: Sequence[tuple[str, int]]) -> Array | None:
 
 def settled_error(row: Row) -> float:
     """Position error once the transient is over, or that of a shorter run; infinite where there is none [m]."""
-    known = _known((row.get("rms_position_after_12s"), row.get("rms_position")))
+    known = [value for name in ("rms_position_after_12s", "rms_position") for value in _known([row], name)]
     return known[0] if known else float("inf")
 
 
@@ -143,15 +135,16 @@ def _alike(rows: Iterable[Row], names: Sequence[str]) -> list[list[Row]]:
     return list(found.values())
 
 
-def _means(rows: Sequence[Row]) -> Row:
-    """Means of all measures over the rows that have a value."""
-    return {name: _mean(row.get(name) for row in rows) for name in MEASURES}
+def _summary(same: Sequence[Row], names: Sequence[str]) -> Row:
+    """The columns `names` that runs share, means of all measures, times of steps, and the share that kept the path."""
+    driven = [run for run in same if run["error"] is None]
+    known = {name: _known(driven, name) for name in MEASURES}
+    times = [time for run in driven for time in run.get("compute_ms", ())]
+    row: Row = {name: same[0][name] for name in names}
+    row |= {name: float(np.mean(values)) if values else None for name, values in known.items()}
+    row |= {f"compute_ms_p{q}": float(np.percentile(times, q)) if times else None for q in (50, 99)}
+    return row | {"success": sum(run["success"] for run in driven) / len(same)}
 
 
-def _known(values: Iterable[float | None]) -> list[float]:
-    return [value for value in values if value is not None]
-
-
-def _mean(values: Iterable[float | None]) -> float | None:
-    known = _known(values)
-    return float(np.mean(known)) if known else None
+def _known(rows: Iterable[Row], name: str) -> list[float]:
+    return [row[name] for row in rows if row.get(name) is not None]

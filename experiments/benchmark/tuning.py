@@ -99,11 +99,9 @@ def tune(trial: Trial, rng: np.random.Generator, config: Config) -> TrialOutcome
     def costs(logarithms: Array) -> Array:
         """Costs (S,) of candidates (parameters, S)."""
         candidates = [_arguments(defaults, one) for one in logarithms.T]
-        for one, tried in zip(
-            candidates, training.tried([specified(controller, one) for one in candidates]), strict=True
-        ):
-            seen[tuple(one.values())] = one, tried
-        return np.array([seen[tuple(one.values())][1].cost(config.roughness) for one in candidates])
+        tried = training.tried([specified(controller, one) for one in candidates])
+        seen.update((tuple(one.values()), (one, of)) for one, of in zip(candidates, tried, strict=True))
+        return np.array([one.cost(config.roughness) for one in tried])
 
     first = qmc.scale(qmc.LatinHypercube(len(defaults), rng=rng).random(POPULATION), -1.0, 1.0)
     first[0] = 0.0
@@ -124,8 +122,7 @@ def tune(trial: Trial, rng: np.random.Generator, config: Config) -> TrialOutcome
     _, default = next(iter(seen.values()))
     numbers = {"controller": controller, "compensation": compensation, "arguments": arguments}
     numbers |= {"error": best.error, "roughness": best.roughness}
-    numbers |= {"default_error": default.error, "default_roughness": default.roughness}
-    return TrialOutcome(numbers=numbers)
+    return TrialOutcome(numbers=numbers | {"default_error": default.error, "default_roughness": default.roughness})
 
 
 def _arguments(defaults: Mapping[str, float], logarithms: Array) -> dict[str, float]:

@@ -29,7 +29,7 @@ _OF_SUITES = (
     "seeds",
     "plants",
     *_EQUIPMENT,
-)  # what the numbers of fair depend on
+)  # what fair's numbers depend on
 Start = Literal["zero", "paper", "random"]
 _GROUNDS = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
 _COMPENSATIONS = default_is("the suite's", f"{COMPENSATIONS} ...")
