@@ -21,11 +21,11 @@ OPTIONS = [
     ("track --controller pid", "controller = 'pid': must be one of feedforward"),
     (
         "tune feedforward",
-        "controllers = 'feedforward': must be a controller, without arguments, that has gains to tune",
+        "controllers = 'feedforward': must be a controller, without arguments, with gains such as gain=2.0",
     ),
     ("tune linear --evaluations 11", "evaluations = 11: must be an integer from 12"),
     ("tune linear --roughness 0", "roughness = 0.0: must be a finite number > 0"),
-    ("tune linear --compensations wax", "compensation = 'wax': must be one of none"),
+    ("tune linear --compensations wax", "compensations = 'wax': must be one of none"),
     ("benchmark --gains nowhere", "gains = 'nowhere': must be tuned, default, or a folder or file that trackslip tune"),
     ("track --laws nowhere.json", "nowhere.json: No such file"),
     (f"identify {'x' * 300}", "path = 'xxx"),

@@ -143,6 +143,7 @@ def test_a_search_resumes_unless_the_controllers_have_changed(trackslip, short, 
 
 def test_a_search_without_a_candidate_that_drives_says_why(refused, short, tmp_path, monkeypatch):
     monkeypatch.setattr(tuning, "TRAINING_PATHS", (str(tmp_path / "bend.csv"),))
+    monkeypatch.setattr("sys.dont_write_bytecode", True)  # a refused command leaves nothing
     Path("never_drives.py").write_text(CLASSES.format(across=15.0, works=False))
     options = ("--compensations", "none", "--evaluations", "12", "--localization", "truth", "--threads", "1")
     said = refused("tune", "never_drives:Other", *options)
