@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from experiments.commands.train import Config
 
 _START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)  # ranges [m], [rad]
-_REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, position_scale=0.02, heading_scale=0.2)
+_REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=30.0, position_scale=0.02, heading_scale=0.2)
 _HARD = ("step up", "stairs up", "beams")
 """Kinds of obstacles that the scripted controller does not always cross, which training draws."""
 _LIMITS = Limits(time=20.0, stuck_time=3.0)
