@@ -32,18 +32,18 @@ def test_a_policy_is_trained_and_takes_part_in_the_benchmark(trackslip, tmp_path
 def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
     """The checkpoint fixes the network; every other option may change.
 
-    Untrained, the mean reward falls from 0.2 to 0.1 as the robots leave the path; with any of four seeds, training ends
-    above 0.5.
+    At first the mean reward is 0, as changes of random actions cost; with any of four seeds, training ends above 0.29.
     """
-    trained = trackslip("train", *sized(LEARNS), "--learning-rate", "3e-3", "--steps", "30720")
+    trained = trackslip("train", *sized(LEARNS), "--learning-rate", "3e-3", "--steps", "61440")
     reward = np.array([point["reward"] for point in trained.summary["curve"]])
-    assert (trained.summary["steps"], len(reward)) == (30720, 60)
+    assert (trained.summary["steps"], len(reward)) == (61440, 120)
     assert reward.max() < 1
-    assert reward[-15:].mean() > 0.35
-    resumed = ("--steps", "31744", "--resume", "--out", str(trained.folder))
+    assert abs(reward[:5].mean()) < 0.1
+    assert reward[-15:].mean() > 0.29
+    resumed = ("--steps", "62464", "--resume", "--out", str(trained.folder))
     longer = trackslip("train", *sized(LEARNS, horizon=32), *resumed)
     assert longer.summary["curve"][:-1] == trained.summary["curve"]
-    assert longer.summary["curve"][-1]["steps"] == 31744  # 32 robots, 32 steps each
+    assert longer.summary["curve"][-1]["steps"] == 62464  # 32 robots, 32 steps each
     assert trackslip("train", *sized(LEARNS), *resumed).summary["curve"] == longer.summary["curve"]  # nothing is left
     with pytest.raises(SystemExit):
         main(["train", *sized(LEARNS, network=16), *resumed])
