@@ -49,13 +49,13 @@ class LinearPredictive(Horizon):
         """
         a, b = error_dynamics(twists, self.interval)
         b = b @ twist_of_tracks(np.eye(2), self.half_gauge).T
-        effect = np.zeros((self.intervals, 3, 2 * self.intervals + 3))  # of u and e on the errors
+        effect = np.zeros((self.intervals, 3, 2 * self.intervals + 3))  # of u and e on the errors, unweighted
         now = np.eye(3, 2 * self.intervals + 3, 2 * self.intervals)
         for k in range(self.intervals):
             now = a[k] @ now
             now[:, 2 * k : 2 * k + 2] = b[k]
-            effect[k] = np.sqrt(self.weights[k])[:, None] * now
-        rows = effect.reshape(3 * self.intervals, -1)
+            effect[k] = now
+        rows = (np.sqrt(self.weights)[..., None] * effect).reshape(3 * self.intervals, -1)
         by_speeds, by_error = rows[:, :-3], rows[:, -3:]
         root = np.linalg.cholesky(by_speeds.T @ by_speeds + np.eye(2 * self.intervals) / self.speed_scale**2).T
         return root, np.linalg.solve(root.T, by_speeds.T @ by_error)
