@@ -13,7 +13,7 @@ from experiments.benchmark.rows import settled_error
 from experiments.benchmark.table import board_table, whole_table
 from experiments.driving.lookup import reference
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
-from experiments.report.figures.style import law_line, legend_below, margin_for, styled, subplots
+from experiments.report.figures.style import law_line, legend_below, log_ticks, margin_for, styled, subplots
 from experiments.report.figures.tracking import draw_paths
 from experiments.report.laws import shown
 from experiments.report.page import Bullets, Page, Plot, Section, file_name
@@ -129,6 +129,7 @@ def board_figure(rows: Sequence[Row]) -> Figure:
                 wanted = (ground, *line, compensation)
                 some = [row for row in rows if tuple(row[name] for name in _PLACE) == wanted]
                 _mean_and_range(axis, some, n + 0.5 * ((k + 0.5) / len(compensations) - 0.5), look)
+        log_ticks(axis.xaxis)
     axes[0, 0].set_yticks(range(len(lines)), labels)
     axes[0, 0].set_ylim(len(lines) - 0.5, -0.5)
     legend_below(figure, axes[0, 0].get_legend_handles_labels()[0], ncols=4)

@@ -45,7 +45,7 @@ THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 _RIGHT, _TOP = 0.15, 0.32  # margins around axes [in]
 _LETTER = 0.073  # width of a letter, on average [in]
 _LEGEND_ROW = 0.172  # height of a legend's row [in]
-_FEW_DECADES = 1e3  # largest over least, up to which decades are divided
+_HALF_A_DECADE, _FEW_DECADES = 3.0, 1e3  # largest over least, up to which decades are divided into 9 and 3
 POINTS = 500  # of a line that can be told apart at the figures' width
 
 Panels = tuple[Figure, ...]  # parts of a figure, drawn separately so that they stack on a narrow page
@@ -162,9 +162,11 @@ def zero_line(axes: Axes) -> None:
 
 
 def log_ticks(axis: Axis) -> None:
-    """Label a logarithmic axis with plain numbers: several in a decade, or one where there are many decades."""
+    """Label a logarithmic axis with plain numbers: nine or three in a decade, or one where there are many decades."""
     low, high = axis.get_view_interval()
-    steps = (1.0, 2.0, 5.0) if high < _FEW_DECADES * low else (1.0,)
+    steps: Sequence[float] = (1.0, 2.0, 5.0) if high < _FEW_DECADES * low else (1.0,)
+    if high < _HALF_A_DECADE * low:
+        steps = range(1, 10)
     axis.set_major_locator(LogLocator(subs=steps))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
