@@ -37,6 +37,7 @@ _BOARD_CAPTION = (
 _PALETTE = (BLUE, RED, GREEN, "#CC79A7", BLACK, ORANGE, "#3A93C9", "#6A3D9A", "#8C510A", GREY)
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", (0, (2, 1)), (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1, 1, 1)))
 _PLACE = ("ground", "controller", "start", "compensation")
+_LONGEST = 40  # name in a figure [characters]
 _MARKERS = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 
 
@@ -83,7 +84,7 @@ def _path_plots(runs_file: Path, cases: Sequence[BenchmarkCase]) -> Iterator[Plo
             for controller in list(dict.fromkeys([*preferred, *controllers]))[:2]:
                 same = [case for case in here if case.controller == controller]
                 chosen = {case.compensation: case for case in same if case.start == same[0].start}
-                heading = f"{relative(name)}: {relative(controller)} with each compensation"
+                heading = f"{relative(name)}: {_shortened(relative(controller))} with each compensation"
                 yield _plot(runs_file, chosen, {law: law_line(law) for law in chosen}, heading, "On")
 
 
@@ -117,7 +118,8 @@ def board_figure(rows: Sequence[Row]) -> Figure:
         list(dict.fromkeys(row[key] for row in rows)) for key in ("ground", "compensation", "start")
     )
     lines = list(dict.fromkeys((row["controller"], row["start"]) for row in rows))
-    labels = [relative(name) if len(starts) == 1 else f"{relative(name)}, start {start}" for name, start in lines]
+    names = [relative(name) if len(starts) == 1 else f"{relative(name)}, start {start}" for name, start in lines]
+    labels = [_shortened(name) for name in names]
     shared: dict[str, Any] = {"sharex": True, "sharey": True, "squeeze": False}
     figure, axes = subplots(1.2 + 0.42 * len(lines), 1, len(grounds), left=margin_for(labels), across=0.3, **shared)
     for axis, ground in zip(axes[0], grounds, strict=True):
@@ -152,5 +154,13 @@ def paths_figure(name: str, lines: Mapping[str, tuple[RunLog, dict[str, Any]]]) 
     distance.axhline(1e3 * LOST, color=GREY, lw=0.8, ls=":")
     place = (0.99, 1e3 * LOST)
     distance.annotate("lost", place, xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8)
-    legend_below(figure, plane.get_legend_handles_labels()[0], ncols=4)
+    handles = plane.get_legend_handles_labels()[0]
+    for handle in handles:
+        handle.set_label(_shortened(str(handle.get_label())))
+    legend_below(figure, handles, ncols=4)
     return figure
+
+
+def _shortened(name: str) -> str:
+    """A name for a figure, without the middle of a long list of arguments or a long path."""
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST // 2]}…{name[-_LONGEST // 2 + 1 :]}"

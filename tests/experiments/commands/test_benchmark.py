@@ -1,5 +1,6 @@
 """`trackslip benchmark`: rows match the stored runs, and faulty controllers fail alone."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -9,6 +10,7 @@ from browser import assert_fits
 from experiments.benchmark.cases import SUITES, Suite
 from experiments.cli import main
 from experiments.commands.benchmark import PARTS
+from trackslip.controllers.steering import RegulatedPurePursuit
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import tracking_errors
 from trackslip.trajectory.named import load_reference
@@ -131,6 +133,16 @@ def test_runs_are_kept_when_the_submission_cannot_be_written(short, tmp_path, mo
         main(["benchmark", "--submit", "bend.csv/row.json", "--jobs", "1", "--out", "out"])
     assert "with 1 of 1 runs driven; the same command resumes" in capsys.readouterr().err
     assert (tmp_path / "out" / PARTS).is_dir()
+
+
+def test_controllers_with_many_arguments_fit_into_figures(trackslip, short):
+    fields = dataclasses.fields(RegulatedPurePursuit)
+    given = ",".join(f"{one.name}={one.default:.12f}" for one in fields if one.init)
+    assert len(given) > 255  # a file's longest name
+    options = ("--controllers", f"regulated_pure_pursuit:{given}", "--compensations", "none", "icr_radius")
+    result = trackslip("benchmark", *short, *options, "--seeds", "0")
+    assert len(result.summary["board"]) == 2
+    assert {len(file.name) < 120 for file in (result.folder / "figures").iterdir()} == {True}
 
 
 def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_path):
