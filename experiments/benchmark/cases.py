@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.driving.lookup import policy_path, reference, user_modules
-from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
-from experiments.storage.manifest import content, digest
-from experiments.storage.results import SUMMARY_FILE
+from experiments.benchmark.config import Config
+from experiments.common.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
+from experiments.common.lookup import policy_path, reference, user_modules
+from experiments.common.manifest import content, digest
+from experiments.common.results import SUMMARY_FILE
 from sim.seeds import generator
 from trackslip import se2
 from trackslip.controllers.named import CONTROLLERS
@@ -24,7 +25,7 @@ from trackslip.slip.law_file import SHIPPED
 
 if TYPE_CHECKING:
     from experiments.benchmark.drive import ClosedLoops
-    from experiments.commands.benchmark import Config
+
 
 FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
 """Axes along which the runs of a benchmark differ: the fields of a BenchmarkCase."""

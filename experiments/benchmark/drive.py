@@ -15,13 +15,13 @@ import numpy as np
 from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.gains import Gains
 from experiments.benchmark.plants import draw_plant
-from experiments.driving.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
-from experiments.driving.lookup import compensation, controller, reference
-from experiments.driving.world import World
-from experiments.options.world import ClosedLoopOptions, Equipment, Simulation
-from experiments.recording import record_all
-from experiments.storage.results import RUNS_FILE
-from experiments.sweep.parts import Row
+from experiments.common.lookup import compensation, controller, reference
+from experiments.common.parts import Row
+from experiments.common.results import RUNS_FILE
+from experiments.recorder import record_all
+from experiments.simulate.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
+from experiments.simulate.options import ClosedLoopOptions, Equipment, Simulation
+from experiments.simulate.world import World
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
 from sim.loop import Progress

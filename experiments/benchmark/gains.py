@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from experiments.storage.manifest import relative
+from experiments.common.manifest import relative
 from trackslip.errors import InvalidValueError
 
 GAINS_FILE = "gains.json"

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.rows import settled_error
 from experiments.benchmark.table import board_table, whole_table
-from experiments.driving.lookup import reference
-from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
-from experiments.report.figures.style import law_line, legend_below, log_ticks, margin_for, styled, subplots
-from experiments.report.figures.tracking import draw_paths
-from experiments.report.laws import shown
-from experiments.report.page import Bullets, Page, Plot, Section, file_name
-from experiments.storage.manifest import command_line, relative
-from experiments.sweep.parts import Row
+from experiments.common.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
+from experiments.common.laws import shown
+from experiments.common.lookup import reference
+from experiments.common.manifest import command_line, relative
+from experiments.common.page import Bullets, Page, Plot, Section, file_name
+from experiments.common.parts import Row
+from experiments.common.style import law_line, legend_below, log_ticks, margin_for, styled, subplots
+from experiments.simulate.tracking_figures import draw_paths
 from trackslip.logs.logfile import StoredRuns
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import LOST

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.driving.closed_loop import Plant
-from experiments.driving.lookup import reference
-from experiments.driving.world import World
+from experiments.common.lookup import reference
+from experiments.simulate.closed_loop import Plant
+from experiments.simulate.world import World
 from sim.drive.drive import Drive
 from sim.ground.ground import Ground
 from sim.path_tracking.randomization import Randomization

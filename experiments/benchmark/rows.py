@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from experiments.benchmark.cases import FACTORS
-from experiments.storage.manifest import relative
-from experiments.sweep.parts import Row
+from experiments.common.manifest import relative
+from experiments.common.parts import Row
 from sim.seeds import generator
 from trackslip.kinematics import Array
 from trackslip.metrics import LOST, Expense, TrackingErrors

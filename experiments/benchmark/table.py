@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from experiments.report.table import Cell, Table
-from experiments.storage.manifest import relative
-from experiments.sweep.parts import Row
+from experiments.common.manifest import relative
+from experiments.common.parts import Row
+from experiments.common.table import Cell, Table
 
 _FOLDED = 40  # rows from which a page shows the table of all only when asked
 _Columns = Mapping[str, Callable[[Row], str | Cell]]  # their cells, by header

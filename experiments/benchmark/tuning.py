@@ -14,18 +14,18 @@ from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import specified
 from experiments.benchmark.rows import score
-from experiments.driving.lookup import tunable
-from experiments.options.choices import TRAINING_PATHS
-from experiments.report.table import Table
-from experiments.storage.manifest import relative
+from experiments.common.choices import TRAINING_PATHS
+from experiments.common.lookup import tunable
+from experiments.common.manifest import relative
+from experiments.common.sweep import drive_fleet
+from experiments.common.table import Table
 from experiments.studies.trials import Trial, TrialOutcome
-from experiments.sweep.engine import drive_fleet
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 from trackslip.metrics import LOST
 
 if TYPE_CHECKING:
-    from experiments.commands.tune import Config
+    from experiments.tune import Config
 
 POPULATION = 12
 """Candidates that are driven together, as one generation."""

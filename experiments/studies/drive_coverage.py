@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
-from experiments.checks import Check
-from experiments.driving.drives import KnownDrive, driven_by_law, driven_in_mujoco
-from experiments.driving.world import World
-from experiments.report.checks import checks_table
-from experiments.report.formats import number
-from experiments.report.table import Table
+from experiments.common.check import Check
+from experiments.common.check_table import checks_table
+from experiments.common.formats import number
+from experiments.common.table import Table
+from experiments.simulate.drives import KnownDrive, driven_by_law, driven_in_mujoco
+from experiments.simulate.world import World
 from experiments.studies.trials import (
     Estimate,
     Estimates,
@@ -53,8 +53,8 @@ from trackslip.planning.plan import paper_runs
 from trackslip.slip.families import FAMILIES
 
 if TYPE_CHECKING:
-    from experiments.commands.coverage import Config
-    from experiments.run import Run
+    from experiments.common.run import Run
+    from experiments.coverage import Config
 
 LAW = "icr_radius"
 """The law that moves the robot and is fitted."""

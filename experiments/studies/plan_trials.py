@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.checks import Check
-from experiments.driving.drives import KnownDrive, driven_by_law, driven_in_mujoco
-from experiments.driving.world import Specification, World
-from experiments.options.world import DriveOptions, Simulation
-from experiments.report.checks import checks_table
-from experiments.report.formats import number, significant
-from experiments.report.laws import symbol, unit_of
-from experiments.report.table import Table
+from experiments.common.check import Check
+from experiments.common.check_table import checks_table
+from experiments.common.formats import number, significant
+from experiments.common.laws import symbol, unit_of
+from experiments.common.table import Table
+from experiments.simulate.drives import KnownDrive, driven_by_law, driven_in_mujoco
+from experiments.simulate.options import DriveOptions, Simulation
+from experiments.simulate.world import Specification, World
 from experiments.studies.drive_coverage import TRUE_LAW
 from experiments.studies.trials import (
     Estimate,
@@ -51,8 +51,8 @@ from trackslip.planning.plan import PAPER_DURATION, DrivePlan, expected_alone, p
 from trackslip.slip.families import family
 
 if TYPE_CHECKING:
-    from experiments.commands.plan import Config
-    from experiments.run import Run
+    from experiments.common.run import Run
+    from experiments.plan.config import Config
 
 MIN_REPEATS = 100
 """Minimum repeats before RMS errors are compared with the prediction."""

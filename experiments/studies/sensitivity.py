@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.driving.grid_runs import cells_of, drive_cells, drive_grid
-from experiments.driving.world import Specification, World
-from experiments.measuring.grid import LocalizationErrors
-from experiments.options.base import with_option
-from experiments.options.grid import GridConfig
-from experiments.report.formats import number
-from experiments.report.table import Table
+from experiments.common.formats import number
+from experiments.common.options import with_option
+from experiments.common.table import Table
+from experiments.simulate.grid_options import GridConfig
+from experiments.simulate.grid_runs import cells_of, drive_cells, drive_grid
+from experiments.simulate.grid_summary import LocalizationErrors
+from experiments.simulate.world import Specification, World
 from experiments.studies.trials import Study, Trial, TrialOutcome, run_trials
 from sim.scanner.scanner import MIRROR_PERIOD
 from trackslip.errors import LogError
@@ -25,8 +25,8 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 
 if TYPE_CHECKING:
-    from experiments.commands.sensitivity import Config
-    from experiments.run import Run
+    from experiments.common.run import Run
+    from experiments.sensitivity import Config
 
 _OF_SLIP = ("", "outer bias", "std", "largest", "inner bias", "std", "largest")
 _HEADER = (*_OF_SLIP, "x [mm]", "y [mm]", "phi [deg]", "valid", "runs")

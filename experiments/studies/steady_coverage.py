@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.checks import Check
-from experiments.driving.grid_runs import cells_of, drive_grid
-from experiments.driving.world import World
-from experiments.report.laws import symbol
-from experiments.report.table import Table
+from experiments.common.check import Check
+from experiments.common.laws import symbol
+from experiments.common.table import Table
+from experiments.simulate.grid_runs import cells_of, drive_grid
+from experiments.simulate.world import World
 from experiments.studies.trials import Study, Trial, TrialOutcome, Values, plausible_shares, run_trials, share_interval
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
@@ -30,8 +30,8 @@ from trackslip.motion.steady import steady_part
 from trackslip.slip.families import FAMILIES
 
 if TYPE_CHECKING:
-    from experiments.commands.coverage import Config
-    from experiments.run import Run
+    from experiments.common.run import Run
+    from experiments.coverage import Config
 
 RUN_LAW = "icr_radius"
 """The law that is fitted to runs scanned repeatedly."""

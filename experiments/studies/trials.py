@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 import scipy
 
-from experiments.checks import Check
-from experiments.parallel import WorkersFailedError, processors, workers
-from experiments.report.table import Table
-from experiments.storage.manifest import digest, made_by
-from experiments.storage.plain_json import plain
+from experiments.common.check import Check
+from experiments.common.manifest import digest, made_by
+from experiments.common.plain_json import plain
+from experiments.common.pool import WorkersFailedError, processors, workers
+from experiments.common.table import Table
 from sim.seeds import generator
 from trackslip.kinematics import Array
 from trackslip.metrics import rms
 
 if TYPE_CHECKING:
-    from experiments.run import Run
+    from experiments.common.run import Run
     from trackslip.identification.drive_law import DriveFit
 
 FILE = ".trials.jsonl"

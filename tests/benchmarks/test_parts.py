@@ -5,7 +5,7 @@ import pytest
 from slip_data import grid
 from wandered import GEOMETRY, LAW, wandered
 
-from experiments.driving.grid_runs import before_scanner
+from experiments.simulate.grid_runs import before_scanner
 from sim.env import TraverseVectorEnv
 from sim.fleet import Fleet
 from sim.ground.named import load_ground

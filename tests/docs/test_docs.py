@@ -21,7 +21,7 @@ def workplace(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr("experiments.sweep.engine.processors", lambda: 1)  # others would take longer to start
+    monkeypatch.setattr("experiments.common.sweep.processors", lambda: 1)  # others would take longer to start
     importlib.invalidate_caches()
     yield tmp_path
     for name, module in list(sys.modules.items()):

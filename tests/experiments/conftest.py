@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 from command_runs import Result, ran
+from wandered import identified_from, wandered
 
 from experiments.cli import main
 
@@ -44,7 +45,7 @@ def failing(capsys, tmp_path, monkeypatch):
 @pytest.fixture
 def without_figures(monkeypatch):
     """Write pages without their figures, which take most of the time; tests of the reports draw them."""
-    monkeypatch.setattr("experiments.report.page.drawn_plot", lambda plot, pdf=False: ())
+    monkeypatch.setattr("experiments.common.page.drawn_plot", lambda plot, pdf=False: ())
 
 
 _PROGRESS = re.compile(r"[^:]+: [\d.]+(/[\d.]+)? \w+.*")
@@ -70,3 +71,15 @@ def short(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")
     return ("--references", "bend.csv", "--starts", "zero", "--localization", "truth", "--jobs", "1")
+
+
+@pytest.fixture(scope="session")
+def two_drives():
+    """Laws identified from two drives, one of them with outlying poses."""
+    return identified_from(wandered(outliers=4, duration=25.0), wandered(name="again", duration=15.0, seed=1))
+
+
+@pytest.fixture(scope="session")
+def without_headings():
+    """Laws identified from a drive without headings."""
+    return identified_from(wandered(headings=False, duration=24.0))

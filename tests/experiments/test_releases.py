@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments.validation.terrain.releases import LEAST_GAIN, random_robot, releases
-from experiments.validation.terrain.subjects import FromFile
+from experiments.validate.terrain.releases import LEAST_GAIN, random_robot, releases
+from experiments.validate.terrain.subjects import FromFile
 
 
 @pytest.mark.parametrize("preset", ["accurate", "fast"])

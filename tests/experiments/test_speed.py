@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments.driving.grid_runs import before_scanner
-from experiments.speed import (
+from experiments.simulate.grid_runs import before_scanner
+from experiments.simulate.speed import (
     FLEET,
     LOCALIZATION,
     LOOPS,

@@ -1,6 +1,6 @@
 """Small grids, and fleets that fail."""
 
-from experiments.driving.grid_runs import drive_cells
+from experiments.simulate.grid_runs import drive_cells
 from trackslip.logs.logfile import read_runs
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")

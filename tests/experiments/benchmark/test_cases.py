@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from experiments.benchmark.cases import BenchmarkCase, cases_of, identified
+from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import Gains
 from experiments.benchmark.rows import board, bootstrap95, losses, over_seeds
 from experiments.benchmark.submission import submission
 from experiments.cli import main
-from experiments.commands.benchmark import Config
-from experiments.options.choices import CONTROLLER_NAMES, GROUND_NAMES, REFERENCE_NAMES
-from experiments.sweep.engine import fleets
+from experiments.common.choices import CONTROLLER_NAMES, GROUND_NAMES, REFERENCE_NAMES
+from experiments.common.sweep import fleets
 from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.named import CONTROLLERS

@@ -13,10 +13,10 @@ from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import SHIPPED, Gains
 from experiments.benchmark.tuning import Tried, tune
 from experiments.cli import main
-from experiments.commands.tune import Config
-from experiments.driving.lookup import controller, tunable
-from experiments.options.world import DriveOptions
+from experiments.common.lookup import controller, tunable
+from experiments.simulate.options import DriveOptions
 from experiments.studies.trials import FILE, Trial
+from experiments.tune import Config
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
 

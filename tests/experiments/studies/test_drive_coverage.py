@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.checks import Check
+from experiments.common.check import Check
 from experiments.studies.drive_coverage import CASES, TRUE_LAW, CoverageCase, checks_of, fitted_drive, steady_laws
 from experiments.studies.trials import Estimate, Trial, TrialOutcome
 from trackslip.kinematics import RobotGeometry

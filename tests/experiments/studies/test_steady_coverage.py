@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from experiments.commands.coverage import Config
-from experiments.driving.grid_runs import drive_grid
-from experiments.driving.world import World
+from experiments.coverage import Config
+from experiments.simulate.grid_runs import drive_grid
+from experiments.simulate.world import World
 from experiments.studies.steady_coverage import scanned_again
 from sim.scanner.scanner import LaserScanner
 from trackslip.slip.families import FAMILIES

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.options.base import ResultsOptions
-from experiments.run import Run
+from experiments.common.options import ResultsOptions
+from experiments.common.run import Run
 from experiments.studies.plan_trials import MIN_REPEATS, PAPER, PLAN, plan_study, truth_of
 from experiments.studies.trials import (
     FILE,

@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from experiments.options.choices import FTR_NAMES
+from experiments.common.choices import FTR_NAMES
 from sim.robot.named import load_tracked
 from sim.terrain import Blocks
 from sim.traverse.ftr_courses import FTR_BOXES, FTR_COURSES, KINDS, draw_ftr_course

@@ -7,7 +7,7 @@ import pytest
 from drives import GEOMETRY, ICR, drive_log
 from wandered import identified_from, wandered
 
-from experiments.storage.plain_json import write_json
+from experiments.common.plain_json import write_json
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import WHITE, LawMotion
 from sim.wander.pose_source import SOURCES

@@ -1,0 +1,77 @@
+"""The options of `trackslip benchmark`."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+from experiments.common.choices import COMPENSATIONS, CONTROLLERS, GROUND_NAMES, REFERENCES, WITHOUT_LAWS
+from experiments.common.options import Distinct, Excludes, Exclusion, Whole, default_is, refuse_changed
+from experiments.simulate.options import MAX_JOBS, ClosedLoopOptions
+
+EXAMPLES = (
+    ("every controller, tuned, on drawn plants", "trackslip benchmark"),
+    ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
+    ("two controllers on ice", "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1"),
+    ("Eq. 31 with another gain", "trackslip benchmark --controllers linear linear:stiffness=160"),
+    ("your own controller, tuned by tune", "trackslip benchmark --controllers my:Controller linear --gains out/tune"),
+)
+
+
+PARTS = ".benchmark-parts"
+"""Folder in OUT with the runs of a benchmark that isn't finished."""
+_EQUIPMENT = tuple(option.name for option in fields(ClosedLoopOptions) if option.name not in ("overwrite", "rrd"))
+_OF_SUITES = (
+    "suite",
+    "references",
+    "grounds",
+    "starts",
+    "seeds",
+    "plants",
+    *_EQUIPMENT,
+)  # what fair's numbers depend on
+Start = Literal["zero", "paper", "random"]
+_GROUNDS = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
+_COMPENSATIONS = default_is("the suite's", f"{COMPENSATIONS} ...")
+
+
+@dataclass(frozen=True)
+class Config(ClosedLoopOptions):
+    """Compare controllers, with and without slip compensation, on paths and grounds, and print a leaderboard.
+
+    The --suite chooses the runs; --controllers, --compensations, --references, --grounds, --starts and --seeds replace
+    parts of it. An interrupted benchmark resumes when it is run again with the same options.
+    """
+
+    suite: Literal["paper", "fair", "full"] = "fair"
+    """Runs: Sec. IV of the paper, tuned controllers on drawn plants, or these on all paths and three grounds."""
+    controllers: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{CONTROLLERS} ...")] = None
+    """Controllers, such as linear or linear:stiffness=160; ppo:FOLDER of train, MODULE:CLASS of your own."""
+    compensations: Annotated[tuple[str, ...] | None, Distinct(), _COMPENSATIONS] = None
+    """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
+    references: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{REFERENCES} ...")] = None
+    """Paths; a .csv file lists waypoints in the columns x, y [m]."""
+    grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", _GROUNDS)] = None
+    """Grounds; sticky is stone whose friction rises after 20 s, robot is the ground of the --robot file."""
+    starts: Annotated[tuple[Start, ...] | None, Distinct(), default_is("the suite's", "{zero,paper,random} ...")] = None
+    """Start poses: on the path, beside it as in the paper (0.36 m, 30 deg), or at random (up to 0.15 m, 20 deg)."""
+    seeds: Annotated[tuple[int, ...] | None, Distinct(), Whole(), default_is("the suite's", "INT ...")] = None
+    """Seeds of plants, random starts and the scanner's noise, the same for all controllers and compensations."""
+    plants: Annotated[Literal["nominal", "drawn"] | None, default_is("the suite's", "{nominal,drawn}")] = None
+    """Robots: the one that the laws were identified on, or robots, grounds and scanners drawn around it."""
+    gains: Annotated[str | None, default_is("the suite's", "{default,tuned,FOLDER}")] = None
+    """Gains of the controllers: those of their classes, the tuned ones, or those that tune wrote."""
+    submit: Annotated[Path | None, default_is("none", "FILE.json")] = None
+    """Also write the rows of the suite fair with the scores of all their runs, for others to drive again."""
+    jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
+    """Number of processes, 0 for one per processor; the results don't depend on it."""
+    out: Path = Path("out/benchmark")
+    """Folder for the results."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Excludes(_OF_SUITES, "submit"),)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.compensations and set(self.compensations) <= set(WITHOUT_LAWS):
+            refuse_changed("laws", self.laws, None, f"with --compensations {' '.join(self.compensations)}")

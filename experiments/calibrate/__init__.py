@@ -1,0 +1,1 @@
+"""`trackslip calibrate`: a robot's parameters from its measured slips."""

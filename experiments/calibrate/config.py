@@ -1,0 +1,103 @@
+"""The options of `trackslip calibrate`."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal, get_args
+
+from experiments.common.choices import SHIPPED
+from experiments.common.log_options import Bag, BagOptions
+from experiments.common.options import Distinct, Excludes, Exclusion, Whole, Within, default_is
+from experiments.common.sensing import MAX_CLOCK_OFFSET, check_sensor
+from experiments.simulate.options import GroundOptions, Repeatable, RobotSource
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import GEARS
+
+Parameter = Literal[
+    "half_gauge",
+    "contact_length",
+    "radius_error",
+    "radius_left",
+    "radius_right",
+    "friction",
+    "friction_ratio",
+    "shear",
+    "com_x",
+    "com_y",
+    "com_height",
+    "yaw_inertia",
+    "sensor_x",
+    "sensor_y",
+    "sensor_yaw",
+    "clock",
+    "lag",
+    "delay",
+    "droop",
+]
+
+
+OF_TURNS: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
+OF_DRIVES: tuple[Parameter, ...] = ("friction", "friction_ratio", "radius_error", "sensor_x", "clock")
+"""Parameters to fit by default: to tables and steady samples, and to drives."""
+MAX_STARTS = 100
+ROBOT, GROUND = "robot.toml", "ground.toml"
+EXAMPLES = (
+    ("to the paper's slips and radii", "trackslip calibrate"),
+    ("to half of a log", "trackslip calibrate --target log.csv --robot husky --hold-out 0.5"),
+    ("to obeyed commands", "trackslip calibrate --target log.csv --free lag delay clock"),
+)
+
+
+@dataclass(frozen=True)
+class Config(Repeatable):
+    """Fit parameters of the simulated robot, its ground, drive and sensor to published slips or to a log.
+
+    A log is one that identify reads: drives or windows with poses, or steady samples. A table of turns has the columns
+    radius and speed (commanded, to the left), observed_radius, slip_outer, slip_inner.
+    """
+
+    target: Annotated[str, default_is("published", "published|FILE")] = "published"
+    """Data: the paper's Eq. 11 and Fig. 5 (published), a log, a ROS bag or a folder, or a .csv table of turns."""
+    free: Annotated[
+        tuple[Parameter, ...] | None,
+        Distinct("parameter"),
+        default_is(
+            f"{' '.join(OF_TURNS)}; for drives {' '.join(OF_DRIVES)}", f"{{{','.join(get_args(Parameter))}}} ..."
+        ),
+    ] = None
+    """Parameters to fit; friction_ratio is across / along, radii are relative errors; lag to droop need commands."""
+    robot: RobotSource = SHIPPED
+    """Robot with the initial values, and with the values of the parameters that are not fitted."""
+    ground: GroundOptions = field(default_factory=GroundOptions)
+    """The ground with the initial values."""
+    gear: Annotated[float, Within(*GEARS)] = 1.0
+    """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
+    sensor: Annotated[tuple[float, float, float] | None, default_is("the middle", "X Y YAW")] = None
+    """Place of the poses' sensor, ahead of and left of the middle of the tracks, and its heading there [m, m, rad]."""
+    clock_offset: Annotated[float, Within(-MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET, "s")] = 0.0
+    """Initial encoder clock minus pose clock [s]."""
+    bag: Bag = field(default_factory=BagOptions)
+    """Topics to read from a bag."""
+    hold_out: Annotated[float | None, Within(0.01, 0.99), default_is("nothing", "FLOAT")] = None
+    """Share at the end of the log that is predicted by a fit to the rest [-]."""
+    folds: Annotated[int | None, Whole(2, 20), default_is("none", "INT")] = None
+    """Number of parts of the log, each of which is predicted by a fit to the others."""
+    test: Annotated[Path | None, default_is("none", "LOG")] = None
+    """Another log to predict, for which only the clock is fitted."""
+    starts: Annotated[int | None, Whole(0, MAX_STARTS), default_is("5 for a table of turns, else 0", "INT")] = None
+    """Number of random starts in addition to the robot's own values."""
+    rrd: bool = False
+    """Also record the calibrated robot turning at the paper's radii, for the rerun viewer, in OUT/recordings."""
+    out: Path = Path("out/calibrate")
+    """Folder for the results, including robot.toml and ground.toml."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Excludes(("folds", "test"), "hold_out"),
+        Excludes(("test",), "folds"),
+        Excludes(("gear", "sensor", "clock_offset", "hold_out", "folds", "test"), "target", ("published",)),
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.target:
+            raise InvalidValueError("target", self.target, "published, or a file")
+        check_sensor(self.sensor)

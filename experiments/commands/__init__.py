@@ -1,1 +1,0 @@
-"""One file per command, each with a `run` that reads options, calls, stores and prints."""

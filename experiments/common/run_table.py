@@ -1,0 +1,69 @@
+"""The table of a grid's runs: its columns, and the choice of runs by the values of its axes."""
+
+import contextlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from experiments.common.results import TABLE_FILE
+from trackslip.errors import InvalidValueError
+from trackslip.logs.columns import Columns
+from trackslip.logs.logfile import read_table
+from trackslip.logs.schema import NO_UNIT, PURE, Column
+
+COLUMNS = {
+    column.name: column
+    for column in (
+        Column("run", NO_UNIT, "name of the run: its log in runs.parquet"),
+        Column("id", NO_UNIT, "hash of all that the run is: options, robot, ground, seed"),
+        Column("error", NO_UNIT, "why there is no run; null where there is one"),
+        Column("omega_l", "rad/s", "measured speed of the left sprocket"),
+        Column("omega_r", "rad/s", "measured speed of the right sprocket"),
+        Column("v", "m/s", "measured forward speed"),
+        Column("w", "rad/s", "measured yaw rate"),
+        Column("observed_radius", "m", "measured radius, positive to the left"),
+        Column("slip_l", PURE, "measured slip of the left track"),
+        Column("slip_r", PURE, "measured slip of the right track"),
+        Column("true_slip_l", PURE, "true slip of the left track"),
+        Column("true_slip_r", PURE, "true slip of the right track"),
+        Column("note", NO_UNIT, "what of the run could not be used, and why; null where all could"),
+        Column("rmse_x", "m", "root mean square error of the poses along x"),
+        Column("rmse_y", "m", "root mean square error of the poses along y"),
+        Column("rmse_heading", "rad", "root mean square error of the headings"),
+        Column("valid_fraction", PURE, "share of the scans that gave a pose"),
+        Column("saturated", PURE, "share of the time with a motor at its limit, the worse track"),
+        Column("made_by", NO_UNIT, "digest of the code, models and libraries that drove it, listed in summary.json"),
+    )
+}
+"""Besides the axes of the sweep, which come after `id`."""
+_SHOWN = 10  # values of an axis in a message
+
+
+def chosen(folder: Path, where: Sequence[str]) -> set[str]:
+    """Names of the runs for which every NAME=VALUE of `where` holds.
+
+    Raises InvalidValueError for an axis or a value that the sweep doesn't have, LogError for a folder without a table
+    of runs.
+    """
+    table = read_table(folder / TABLE_FILE)
+    Columns(table, str(folder / TABLE_FILE)).require(("run",))
+    rows: list[dict[str, Any]] = table.to_pylist()
+    axes = [name for name in rows[0] if name not in COLUMNS] if rows else []
+    for text in where:
+        name, _, value = text.partition("=")
+        if name not in axes:
+            raise InvalidValueError("where", text, f"NAME=VALUE with one of {', '.join(axes)}")
+        there = list(dict.fromkeys(str(row[name]) for row in rows))
+        rows = [row for row in rows if _is(row[name], value)]
+        if not rows:
+            raise InvalidValueError("where", text, f"{name}=one of {', '.join(there[:_SHOWN])}")
+    return {str(row["run"]) for row in rows}
+
+
+def _is(value: Any, text: str) -> bool:
+    """True if a value equals its text."""
+    if str(value) == text or (isinstance(value, bool) and str(value).lower() == text):
+        return True
+    with contextlib.suppress(ValueError):
+        return isinstance(value, int | float) and float(text) == value
+    return False

@@ -1,1 +1,0 @@
-"""One tracked robot over a course: who drives it, what is recorded, and what the record says."""

@@ -1,0 +1,59 @@
+"""`trackslip deploy`: an identified law for another program."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import tyro
+
+from experiments.common.options import Exclusion, Needs, Options, default_is
+
+EXAMPLES = (
+    ("parameters of diff_drive_controller", "trackslip deploy out/identify"),
+    ("a C header with another law", "trackslip deploy out/identify --to c --law exponential --out slip.h"),
+    ("the shipped robot's law in Python", "trackslip deploy --to python --out slip.py"),
+)
+
+
+@dataclass(frozen=True)
+class Config(Options):
+    """Print or write an identified law for another program: parameters of ros2_control, JSON, a C header or Python."""
+
+    path: Annotated[Path | None, tyro.conf.Positional, default_is("the laws shipped with trackslip", "LAWS")] = None
+    """Folder of results with laws, or a JSON file of laws."""
+    to: Literal["ros2_control", "ros_control", "json", "c", "python"] = "ros2_control"
+    """Parameters of diff_drive_controller (YAML for ROS 2 or 1), JSON, a C header, or a Python module."""
+    law: Annotated[str | None, default_is("the best that the target can express", "NAME")] = None
+    """The law; diff_drive_controller takes none, icr, icr_radius and icr_sides."""
+    controller: str = "diff_drive_controller"
+    """Name of the robot's controller, such as platform_velocity_controller."""
+    out: Annotated[Path | None, default_is("print it", "FILE")] = None
+    """File to write."""
+    overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Replace the file if it exists; needs --out."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Needs(("overwrite",), "out"),
+        Needs(("controller",), "to", ("ros2_control", "ros_control")),
+    )
+
+
+def run(config: Config) -> None:
+    """Print the law, or write it."""
+    from experiments.common.results import write_output
+    from trackslip.deploy.deploy import deployed
+    from trackslip.errors import OutputError
+    from trackslip.slip.law_file import SHIPPED
+
+    if config.out is not None and config.out.is_dir():
+        raise OutputError(f"out = {str(config.out)!r}: is a folder, must be a file")
+    if config.out is not None and config.out.exists() and not config.overwrite:
+        raise OutputError(f"{config.out}: exists already; --overwrite replaces it")
+    found = deployed(config.path or SHIPPED, config.to, config.law, config.controller)
+    if config.out is None:
+        print(found.text, end="")
+        return
+    write_output(config.out, lambda draft: draft.write_text(found.text, encoding="utf-8"))
+    print(f"{config.out}: written for {config.to}, law {found.law}")
+    if found.instead:
+        print(found.instead)

@@ -1,0 +1,1 @@
+"""`trackslip drive`: a tracked robot drives over a course."""

@@ -1,1 +1,0 @@
-"""From options to a simulated world and its runs."""

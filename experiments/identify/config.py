@@ -1,0 +1,87 @@
+"""The options of `trackslip identify`."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import tyro
+
+from experiments.common.log_options import Bag, BagOptions
+from experiments.common.options import (
+    Distinct,
+    Excludes,
+    Exclusion,
+    NonNegative,
+    Positive,
+    ResultsOptions,
+    Within,
+    default_is,
+)
+from experiments.common.sensing import check_sensor
+from experiments.simulate.options import Method
+from trackslip.doubts import Accepted
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import GEARS
+from trackslip.motion.constant_speed import SETTLE
+
+EXAMPLES = (
+    ("from a stored grid", "trackslip identify out/grid"),
+    ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
+    ("from a ROS bag", "trackslip identify run.mcap --half-gauge 0.168 --sprocket-radius 0.06"),
+    ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice"),
+    ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
+    ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+)
+
+
+_SHOWN = tyro.conf.arg(help_behavior_hint="(default: where the driving shows it)")
+
+
+@dataclass(frozen=True)
+class Config(ResultsOptions):
+    """Fit the slip laws to a stored grid or to the log of a real robot, and print and report them.
+
+    A log is a ROS bag, or has the columns run, t, omega_l, omega_r, x, y, phi (any driving) or omega_l, omega_r, v, w
+    (steady samples).
+    """
+
+    path: tyro.conf.Positional[Path]
+    """Folder of a stored grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or a folder of them)."""
+    where: Annotated[tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")] = None
+    """Runs of a sweep to use: ground=ice friction_ratio=1.2."""
+    half_gauge: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
+    """Half the distance between the tracks [m]."""
+    sprocket_radius: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
+    """Radius of the sprockets [m]."""
+    gear: Annotated[float, Within(*GEARS)] = 1.0
+    """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
+    method: Annotated[
+        Literal["steady", "drive"] | None, default_is("steady where most of the driving is", "{steady,drive}")
+    ] = None
+    """Data to fit: stretches of constant sprocket speeds, or whole drives."""
+    sensor: Annotated[tuple[float, float, float] | None, default_is("estimated", "X Y YAW")] = None
+    """Place of the poses' sensor, ahead of and left of the middle of the tracks, and its heading there [m, m, rad]."""
+    estimate_sensor: Annotated[bool | None, _SHOWN] = None
+    """Estimate the sensor's place from steady stretches; whole drives always do unless --sensor is given."""
+    motion: Method = None
+    """Method that estimates the twist of a run; bundle needs ranges (see grid)."""
+    accept: Annotated[tuple[Accepted, ...] | None, Distinct("KIND"), default_is("none", "KIND ...")] = None
+    """Runs to use although these look wrong in them; warnings of what is left out name the word."""
+    settle: Annotated[float, NonNegative(3600.0, "s")] = SETTLE
+    """Time left out of each run after the sprockets have become steady [s]."""
+    bag: Bag = field(default_factory=BagOptions)
+    """Topics to read from a bag."""
+    out: Path = Path("out/identify")
+    """Folder for the results."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Excludes(("motion", "settle", "estimate_sensor"), "method", ("drive",)),
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_sensor(self.sensor)
+        if self.sensor is not None and self.estimate_sensor:
+            raise InvalidValueError("estimate_sensor", True, "left out where --sensor is given")

@@ -1,0 +1,13 @@
+"""The report of `trackslip.identify(...)`, which the library finds by an entry point."""
+
+from experiments.common.manifest import versions
+from experiments.common.plain_json import plain
+from experiments.identify.page import page
+from trackslip.identification.result import Identification
+from trackslip.identification.source import origin
+
+
+def identification_page(found: Identification) -> str:
+    """The HTML page that `trackslip identify` writes, for an identification made in Python."""
+    about = {"versions": versions(), "geometry": found.geometry, **origin(found.logs)}
+    return page(found, "Slip laws", "trackslip.identify(...).report(...)", plain(about)).html()

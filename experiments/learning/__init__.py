@@ -1,1 +1,0 @@
-"""Training of policies: environments, tasks, and evaluation."""

@@ -1,1 +1,0 @@
-"""Options shared by commands, as frozen dataclasses. Importing them loads no simulator."""

@@ -1,0 +1,1 @@
+"""`trackslip plan`: the shortest drive that determines a law."""

@@ -1,0 +1,180 @@
+"""`trackslip predict`: slip from theory, without simulating."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from experiments.common.choices import SHIPPED
+from experiments.common.colours import BLACK
+from experiments.common.options import Exclusion, Needs, Positive, ResultsOptions, default_is, refuse_changed
+from experiments.common.page import drawn
+from experiments.common.run import Run
+from experiments.common.style import RADII_SHADES, log_ticks, shade, styled, subplots
+from experiments.common.table import Table
+from experiments.simulate.options import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR, RobotSource
+from sim.drive.pull import Pull
+from sim.ground.ground import MAX_FRICTION, Ground
+from sim.robot.named import load_parameters
+from sim.robot.parameters import RobotParameters
+from trackslip.errors import InvalidValueError
+from trackslip.logs.file_format import FORMAT
+from trackslip.paper import OBSERVED_RADII
+from trackslip.skid_theory import Contact, Load, Turns, steady_turns, steady_twist
+from trackslip.slip.icr import ConstantIcr
+
+EXAMPLES = (
+    ("the shipped robot", "trackslip predict"),
+    ("uphill on ground that shears", "trackslip predict --shear 0.01 --slope 0.17"),
+    ("a robot of another size", "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2"),
+)
+_HEADER = ("radius driven [m]", "outer slip", "inner slip", "D [mm]", "ICRs, left | right [mm]")
+_GRAVITY = 9.81  # [m/s^2]
+_MODULI = (0.0, 0.002, 0.005, 0.01, 0.025)  # shear moduli that every figure shows [m]
+_POINTS = 30  # radii of a line in the figure
+_WIDEST = 3.5  # radius to which its lines go, at least [m]
+_ROBOTS = default_is("the robot's", "FLOAT")
+
+
+@dataclass(frozen=True)
+class Config(ResultsOptions):
+    """Predict slip from quasi-static theory, without simulating: on Coulomb ground a law, on other ground its slips.
+
+    With --shear, --slope or --pull, slips depend on radius and load; the law then fits their mean over the radii.
+    """
+
+    robot: RobotSource = SHIPPED
+    """Robot that supplies the values not given below."""
+    half_gauge: Annotated[float | None, Positive(100.0), _ROBOTS] = None
+    """Half the distance between the tracks [m]."""
+    contact_length: Annotated[float | None, Positive(100.0), _ROBOTS] = None
+    """Length of a track on the ground [m]."""
+    friction_ratio: Annotated[float | None, Positive(100.0), _ROBOTS] = None
+    """Friction across the track over friction along it; without a load, slip depends on no other friction [-]."""
+    friction: Annotated[float | None, Positive(MAX_FRICTION), default_is("the robot's ground's", "FLOAT")] = None
+    """Friction coefficient along the track; needs --slope or --pull [-]."""
+    shear: Annotated[float | None, default_is("the robot's ground's", "FLOAT")] = None
+    """Shear modulus of ground that gives way before it slides, 0 for Coulomb friction [m]."""
+    slope: float = 0.0
+    """Angle of the ground to the horizontal [rad]."""
+    uphill: float = 0.0
+    """Direction of uphill as the robot sees it, 0 straight ahead, positive to the left; needs --slope [rad]."""
+    pull: float = 0.0
+    """Drawbar force, backwards along the robot [N]."""
+    pull_height: float = Pull.height
+    """Height of the hitch above the ground; needs --pull [m]."""
+    com_x: Annotated[float | None, _ROBOTS] = None
+    """Centre of mass, forward of the middle of the tracks [m]."""
+    sprocket_radius: Annotated[float | None, Positive(100.0), _ROBOTS] = None
+    """Radius of the sprockets, stored with the law; slip does not depend on it [m]."""
+    radius_error: Annotated[float, RADIUS_ERROR] = 0.0
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
+    radii: Annotated[tuple[float, ...], Positive(MAX_RADIUS, "m")] = OBSERVED_RADII
+    """Radii driven that the table lists [m]."""
+    out: Path = Path("out/predict")
+    """Folder for the results."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Needs(("uphill",), "slope"),
+        Needs(("pull_height",), "pull"),
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        Ground(shear=self.shear or 0.0, slope=self.slope, uphill=self.uphill)
+        Pull(self.pull, self.pull_height)
+        if self.slope == 0 and self.pull == 0:
+            refuse_changed("friction", self.friction, None, "without --slope and --pull")
+        if not self.radii:
+            raise InvalidValueError("radii", self.radii, "at least one number")
+        if min(self.radii) < MIN_RADIUS:
+            raise InvalidValueError("radii", min(self.radii), f"at least {MIN_RADIUS:g} m")
+        if self.friction_ratio is not None and self.friction_ratio < MIN_FRICTION_RATIO:
+            raise InvalidValueError("friction_ratio", self.friction_ratio, f"at least {MIN_FRICTION_RATIO:g}")
+
+
+def run(config: Config) -> None:
+    """Compute the slips, store and print them."""
+    robot, ground, load = predicted_world(config)
+    contact = robot.contact_theory(ground.along, ground.across)
+    turns = steady_turns(config.radii, contact, ground.shear, load)
+    error = (1 + config.radius_error) * (1 - float(turns.loss.mean())) - 1
+    law = ConstantIcr(float(turns.offset.mean()), robot.half_gauge, error)
+    ahead = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)[0]
+    slip = 1 - (1 - turns.slip) * (1 + config.radius_error)  # with respect to the nominal sprocket radius
+    straight = float(1 - ahead * (1 + config.radius_error))
+    varies = ground.shear > 0 or load != Load()
+    summary = {
+        "format": FORMAT,
+        "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": robot.sprocket_radius},
+        "slip_laws": {"icr_radius": {"values": {"offset": law.offset, "radius_error": law.radius_error}}},
+        "radius": list(config.radii),
+        "slip": {"outer": slip[:, 1], "inner": slip[:, 0]},
+        "offset": turns.offset,
+        "icr": {"left": turns.icr[:, 0], "right": turns.icr[:, 1]},
+        "straight_slip": straight,
+        "shear": ground.shear,
+        "load": load,
+        "friction": [ground.along, ground.across],
+    }
+    with Run(config) as run:
+        run.write(summary)
+        if varies:
+            figures = run.folder / "figures"
+            figures.mkdir()
+            drawn("predict", draw_prediction(turns, contact, ground.shear, load)).write(figures)
+    rows = [
+        (f"{r:g}", f"{outer:+.4f}", f"{inner:+.4f}", f"{1e3 * d:.2f}", f"{1e3 * left:+.1f} | {1e3 * right:+.1f}")
+        for r, (inner, outer), d, (left, right) in zip(config.radii, slip, turns.offset, turns.icr, strict=True)
+    ]
+    if varies:
+        rows.append(("straight", f"{straight:+.4f}", f"{straight:+.4f}", "", ""))
+        Table(f"Slip by quasi-static theory, K = {1e3 * ground.shear:g} mm", _HEADER, rows).print()
+    else:
+        Table("Slip by quasi-static Coulomb theory", _HEADER[:3], [row[:3] for row in rows]).print()
+    print(f"{'mean ' if varies else ''}D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
+
+
+def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
+    """The robot, its centre of mass midway between the tracks; the level ground; and what slope and pull add."""
+    robot, ground = load_parameters(config.robot)
+    given = {name: getattr(config, name) for name in ("half_gauge", "com_x", "sprocket_radius")}
+    robot = replace(robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None})
+    if config.contact_length is not None:
+        robot = robot.with_contact_length(config.contact_length)
+    along = ground.along if config.friction is None else config.friction
+    ratio = ground.across / ground.along if config.friction_ratio is None else config.friction_ratio
+    shear = ground.shear if config.shear is None else config.shear
+    load = Load()
+    if config.slope != 0 or config.pull != 0:
+        load = Load(config.slope, config.uphill, config.pull / (robot.mass * _GRAVITY), config.pull_height)
+    return robot, Ground(along, ratio * along, shear=shear), load
+
+
+@styled
+def draw_prediction(turns: Turns, contact: Contact, shear: float, load: Load) -> Figure:
+    """Draw the turns on ground with modulus `shear` [m], and the same on other ground."""
+    figure, (offset, slip) = subplots(3.8, 1, 2)
+    radius = np.geomspace(min(turns.radius.min(), 2 * turns.half_gauge), max(_WIDEST, turns.radius.max()), _POINTS)
+    moduli = sorted({*_MODULI, shear})
+    for k, modulus in enumerate(moduli):
+        try:
+            line = steady_turns(radius, contact, modulus, load)
+        except InvalidValueError:  # softer ground than asked for may not carry the load in every turn
+            continue
+        look = {"color": shade(RADII_SHADES, k / (len(moduli) - 1)), "lw": 2.4 if modulus == shear else 1.3}
+        offset.plot(radius, 1e3 * line.offset, label=f"K = {1e3 * modulus:g} mm", **look)
+        slip.plot(radius, line.slip[:, 1], **look)
+        slip.plot(radius, line.slip[:, 0], ls="--", **look)
+    offset.plot(turns.radius, 1e3 * turns.offset, "o", color=BLACK, ms=4)
+    for side in (1, 0):
+        slip.plot(turns.radius, turns.slip[:, side], "o", color=BLACK, ms=4)
+    offset.set(title="Offset of the tracks' ICRs", xlabel="radius driven [m]", ylabel="D [mm]", xscale="log")
+    slip.set(title="Slip: outer track, inner dashed", xlabel="radius driven [m]", ylabel="slip [–]", xscale="log")
+    slip.set_ylim(-0.4, 0.4)
+    for axes in (offset, slip):
+        log_ticks(axes.xaxis)
+    offset.legend(loc="best")
+    return figure

@@ -1,1 +1,0 @@
-"""Predictions of real robots, compared with their logs."""

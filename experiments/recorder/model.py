@@ -1,0 +1,164 @@
+"""A MuJoCo model in a recording: each geom as a shape of rerun's, bodies that move, and tracks whose belts turn."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+import rerun as rr
+from scipy.spatial.transform import Rotation
+
+from experiments.recorder.stream import FIELD, at_height, send
+from sim.robot.robot import SCANNED_GROUP, VISUAL_GROUP
+from sim.tracks.drawing import BOX, CYLINDER, Pieces, TrackLook
+from trackslip.kinematics import Array
+
+ROBOT = "robot"
+"""Entity of a robot's bodies, below its run's entity."""
+GROUND = f"{FIELD}/ground"
+_UNSET = (0.5, 0.5, 0.5, 1.0)  # colour of a geom that is given none
+_STONE, _THICK = 0.5, 0.01  # side and half the thickness of a paving stone [m]
+_MARGIN = 3.0  # paving around everything [m]
+_MAX_STONES = 100  # along one side
+_TONES = ((92, 90, 86), (84, 82, 78))
+
+
+def send_robot(
+    stream: rr.RecordingStream,
+    root: str,
+    model: mujoco.MjModel,
+    time: Array,
+    qpos: Array,
+    tracks: Sequence[tuple[str, int, TrackLook]],
+    travel: Array,
+) -> None:
+    """Send all bodies of a model that move, and the tracks on them.
+
+    Args:
+        stream: the recording.
+        root: entity of the run.
+        model: the model with its looks.
+        time: times (R,) [s].
+        qpos: positions (R, nq) of all joints.
+        tracks: name, body and looks of each of T tracks.
+        travel: ways (R, T) that the belts have run, or (1, T) for belts at rest [m].
+    """
+    carriers = {body for _, body, _ in tracks}
+    bodies = [b for b in range(1, model.nbody) if model.body_weldid[b] and (b in carriers or drawn(model, b))]
+    entities = {body: f"{root}/{ROBOT}/{_path(model.body(body).name or str(body))}" for body in bodies}
+    position, attitude = _poses(model, qpos, bodies)
+    for k, (body, entity) in enumerate(entities.items()):
+        columns = rr.Transform3D.columns(translation=position[:, k], quaternion=np.roll(attitude[:, k], -1, axis=-1))
+        send(stream, entity, time, columns)
+        send_geoms(stream, f"{entity}/body", model, body)
+    for (name, body, look), way in zip(tracks, travel.T, strict=True):
+        _send_track(stream, f"{entities[body]}/{_path(name)}", time, look.pieces(way))
+
+
+def _path(name: str) -> str:
+    """A name of a model, which may contain slashes and blanks, as part of an entity's path."""
+    return "/".join(rr.escape_entity_path_part(part) for part in name.split("/"))
+
+
+def send_geoms(stream: rr.RecordingStream, entity: str, model: mujoco.MjModel, body: int) -> None:
+    """Send the visible geoms of a body, in its frame; a plane, which has no end, is left out."""
+    for i in drawn(model, body):
+        stream.log(f"{entity}/{_path(model.geom(i).name or str(i))}", _shape(model, i), static=True)
+
+
+def drawn(model: mujoco.MjModel, body: int) -> list[int]:
+    """The visible geoms of a body but planes."""
+    visible = np.isin(model.geom_group, (SCANNED_GROUP, VISUAL_GROUP))
+    mine = (model.geom_bodyid == body) & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+    return [int(i) for i in np.flatnonzero(visible & mine)]
+
+
+def send_paving(stream: rr.RecordingStream, within: Array, height: float = 0.0) -> None:
+    """Send level ground at a height [m] around the points `within` (n, 2) [m]."""
+    low = np.floor((within.min(axis=0) - _MARGIN) / _STONE).astype(int)
+    high = np.minimum(np.ceil((within.max(axis=0) + _MARGIN) / _STONE).astype(int), low + _MAX_STONES)
+    corner = np.stack(np.meshgrid(*map(np.arange, low, high)), axis=-1).reshape(-1, 2)
+    stones = rr.Boxes3D(
+        centers=at_height(_STONE * (corner + 0.5), height - _THICK),
+        half_sizes=[[_STONE / 2, _STONE / 2, _THICK]],
+        colors=np.array(_TONES, np.uint8)[corner.sum(axis=1) % 2],
+        fill_mode="solid",
+    )
+    stream.log(GROUND, stones, static=True)
+
+
+def _send_track(stream: rr.RecordingStream, entity: str, time: Array, pieces: Pieces) -> None:
+    """Send the boxes and cylinders of a track, those that never move only once."""
+    turn = Rotation.from_matrix(pieces.rotation.reshape(-1, 3, 3)).as_quat().reshape(*pieces.angle.shape, 4)
+    moves = np.ptp(pieces.position, axis=0).max(axis=-1) + np.ptp(pieces.angle, axis=0) > 0
+    colours = np.rint(255 * pieces.rgba).astype(np.uint8)
+    for kind, shape in ((BOX, "boxes"), (CYLINDER, "wheels")):
+        for mine, name in ((~moves, f"{entity}/{shape}"), (moves, f"{entity}/moving_{shape}")):
+            mine = mine & (pieces.kind == kind)
+            place, count = pieces.position[:, mine], int(mine.sum())
+            if not count:
+                continue
+            stream.log(name, _solid(kind, pieces.size[mine], place[0], turn[0, mine], colours[mine]), static=True)
+            if moves[mine].any():
+                archetype = rr.Boxes3D if kind == BOX else rr.Cylinders3D
+                columns = archetype.columns(centers=place.reshape(-1, 3), quaternions=turn[:, mine].reshape(-1, 4))
+                send(stream, name, time, columns.partition(np.full(len(time), count)))
+
+
+def _solid(kind: int, size: Array, place: Array, turn: Array, colours: np.ndarray) -> Any:
+    """Shapes of a kind of geom with MuJoCo's sizes (n, 3) [m], at places (n, 3), turned by xyzw (n, 4)."""
+    style: dict[str, Any] = {"quaternions": turn, "colors": colours, "fill_mode": "solid"}
+    geom = mujoco.mjtGeom
+    if kind == geom.mjGEOM_BOX:
+        return rr.Boxes3D(half_sizes=size, centers=place, **style)
+    if kind == geom.mjGEOM_CYLINDER:
+        return rr.Cylinders3D(radii=size[:, 0], lengths=2 * size[:, 1], centers=place, **style)
+    if kind == geom.mjGEOM_CAPSULE:  # of rerun's, the origin is the middle of one end
+        begin = place - Rotation.from_quat(turn).apply(size[:, 1:2] * [0.0, 0.0, 1.0])
+        return rr.Capsules3D(radii=size[:, 0], lengths=2 * size[:, 1], translations=begin, **style)
+    half = np.repeat(size[:, :1], 3, axis=1) if kind == geom.mjGEOM_SPHERE else size
+    return rr.Ellipsoids3D(half_sizes=half, centers=place, **style)
+
+
+def _shape(model: mujoco.MjModel, i: int) -> Any:
+    """A geom in the frame of its body."""
+    kind, place, turn = model.geom_type[i], model.geom_pos[i], np.roll(model.geom_quat[i], -1)
+    material, rgba = model.geom_matid[i], model.geom_rgba[i]
+    if material >= 0 and (rgba == _UNSET).all():  # as the engine draws it
+        rgba = model.mat_rgba[material]
+    colour = np.rint(255 * rgba).astype(np.uint8)
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.geom_dataid[i]
+        first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+        corners = model.mesh_vert[model.mesh_vertadr[mesh] :][model.mesh_face[first : first + count]]
+    elif kind == mujoco.mjtGeom.mjGEOM_HFIELD:
+        corners = _height_field(model, int(model.geom_dataid[i]))
+    else:
+        return _solid(kind, model.geom_size[i][None], place[None], turn[None], colour[None])
+    vertices = Rotation.from_quat(turn).apply(corners.reshape(-1, 3)) + place
+    edge = np.diff(vertices.reshape(-1, 3, 3), axis=1)
+    normal = np.cross(edge[:, 0], edge[:, 1])  # each triangle is shaded flat
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    return rr.Mesh3D(vertex_positions=vertices, vertex_normals=np.repeat(normal, 3, axis=0), albedo_factor=colour)
+
+
+def _height_field(model: mujoco.MjModel, field: int) -> Array:
+    """The triangles (F, 3, 3) of the surface of a height field, cut as the engine cuts it."""
+    rows, columns, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
+    length, width, high, _ = model.hfield_size[field]
+    x, y = np.meshgrid(np.linspace(-length, length, columns), np.linspace(-width, width, rows))
+    z = high * model.hfield_data[first : first + rows * columns].reshape(rows, columns)
+    points = np.stack([x, y, z], axis=-1)
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+    return np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3, 3)
+
+
+def _poses(model: mujoco.MjModel, qpos: Array, bodies: Sequence[int]) -> tuple[Array, Array]:
+    """Positions (R, B, 3) and attitudes (R, B, 4), w first, of bodies in states qpos (R, nq)."""
+    data = mujoco.MjData(model)
+    position, attitude = np.empty((len(qpos), len(bodies), 3)), np.empty((len(qpos), len(bodies), 4))
+    for k, one in enumerate(qpos):
+        data.qpos[:] = one
+        mujoco.mj_kinematics(model, data)
+        position[k], attitude[k] = data.xpos[bodies], data.xquat[bodies]
+    return position, attitude

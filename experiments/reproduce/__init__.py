@@ -1,0 +1,1 @@
+"""`trackslip reproduce`: the paper from its first run to its last figure."""

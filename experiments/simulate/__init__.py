@@ -1,0 +1,1 @@
+"""The simulated world that options describe, and what drives in it."""

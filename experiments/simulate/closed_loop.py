@@ -1,0 +1,139 @@
+"""Closed-loop runs of a fleet in front of the scanner, by the names of controller and compensation."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from experiments.common.lookup import controller, locator
+from experiments.common.plain_json import plain
+from experiments.simulate.options import LINEAR_START
+from experiments.simulate.world import World
+from sim.fleet import Setting
+from sim.ground.ground import Ground
+from sim.loop import Progress, closed_loop
+from sim.pilot import Pilot
+from sim.run_recorder import Description
+from sim.seeds import generator
+from trackslip.kinematics import Array
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.compensation import Compensation
+from trackslip.trajectory.base import Reference
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A robot on its ground in front of its scanner, which differ from the world's."""
+
+    setting: Setting
+    """Ground, radius error, lag and centre of mass; the start is the run's."""
+    scanner_noise: float
+    """Standard deviation of the ranges [m]."""
+
+
+@dataclass(frozen=True)
+class ClosedLoopRun:
+    """One run of a fleet in closed loop."""
+
+    name: str
+    key: str
+    """Key of the run's random numbers, besides `seed`."""
+    seed: int
+    """Root of the run's random numbers."""
+    controller: str
+    """Name of a controller, as in `lookup.controller`."""
+    compensation: str
+    """Name of a slip compensation; runs that share both names share one controller and one compensation."""
+    start: Array
+    """Start pose (3,) [m, m, rad]."""
+    ground: Ground | None = None
+    """The run's own ground; None for the world's."""
+    plant: Plant | None = None
+    """The run's own robot, ground and scanner; None for the world's, on `ground`."""
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    def setting(self, world: World) -> Setting:
+        """Start, ground and properties of the robot."""
+        x, y, phi = map(float, self.start)
+        if self.plant is not None:
+            return replace(self.plant.setting, start=(x, y, phi))
+        return Setting((x, y, phi), self.ground or world.ground, world.radius_error)
+
+    def own_metadata(self) -> dict[str, Any]:
+        """The metadata that may differ between the runs of a fleet."""
+        names = ("controller", "compensation", "start", "seed", *(() if self.ground is None else ("ground",)))
+        found = {name: getattr(self, name) for name in names} | dict(self.metadata)
+        if self.plant is not None:
+            own = self.plant.setting
+            found |= {"ground": own.ground, "radius_error": own.radius_error, "lag": own.lag, "weight": own.weight}
+            found |= {"scanner_noise": self.plant.scanner_noise}
+        return plain(found)
+
+
+def drive_closed_loops(
+    runs: Sequence[ClosedLoopRun],
+    world: World,
+    path: Reference,
+    localization: str,
+    compensation: Callable[[str], Compensation],
+    preview: float = 0.0,
+    progress: Progress = lambda seconds: None,
+    kept: bool = False,
+) -> list[RunLog]:
+    """Drive all runs along one path, as one fleet.
+
+    Args:
+        runs: the N runs.
+        world: robot, scanner, drives, and the ground of runs without their own.
+        path: the reference.
+        localization: source of the controllers' poses: plate, line or truth.
+        compensation: makes a compensation from its name.
+        preview: how far ahead of the present the controllers are evaluated [s].
+        progress: called with the simulated seconds since the last call, counted once for the whole fleet.
+        kept: whether the logs have all ranges of the scans.
+
+    Raises:
+        TrackslipError: for an unknown controller or compensation; when a robot tips over or a controller fails.
+    """
+    settings = [run.setting(world) for run in runs]
+    shearing = [one.ground.largest_shear > 0 for one in settings]
+    if len(set(shearing)) > 1:  # robots that drive elsewhere have other pads: their bits must not depend on company
+        parts = [[k for k, shears in enumerate(shearing) if shears == wanted] for wanted in (False, True)]
+        found: dict[int, RunLog] = {}
+        for part in parts:
+            some = [runs[k] for k in part]
+            logs = drive_closed_loops(some, world, path, localization, compensation, preview, progress, kept)
+            found |= zip(part, logs, strict=True)
+            progress = _unseen
+        return [found[k] for k in range(len(runs))]
+    limits = world.robot.geometry, world.drive.top_speed, world.config.scanner.period
+    driven_by: dict[tuple[str, str], list[int]] = {}
+    for k, run in enumerate(runs):
+        driven_by.setdefault((run.controller, run.compensation), []).append(k)
+    pilots = [
+        Pilot(controller(name, *limits), robots, compensation(law), preview)
+        for (name, law), robots in driven_by.items()
+    ]
+    fleet = world.fleet(np.array([run.start for run in runs]), [one.ground for one in settings])
+    if any(run.plant is not None for run in runs):
+        fleet.restart(np.arange(len(runs)), settings)
+    noise = [world.config.scanner.noise if run.plant is None else run.plant.scanner_noise for run in runs]
+    feed = world.feed(fleet, [generator(run.seed, run.key) for run in runs], kept, noise)
+    common = world.metadata(localization)
+    descriptions = [Description(run.name, common | run.own_metadata()) for run in runs]
+    method = None if localization == "truth" else locator(localization, world.robot)
+    return closed_loop(fleet, pilots, path, feed, method, descriptions, progress)
+
+
+def _unseen(seconds: float) -> None:
+    """No progress: it counts once for all fleets."""
+
+
+def start_pose(controller: str, reference: str, path: Reference) -> Array:
+    """The default start (3,) [m, m, rad] of a run on the reference called `reference`: its beginning.
+
+    The linear controller starts beside the paper's path, as in the paper (Sec. IV-C).
+    """
+    linear = controller.partition(":")[0] == "linear"
+    return np.array(LINEAR_START) if linear and reference == "paper" else path.pose(0.0)

@@ -1,0 +1,50 @@
+"""Options of commands that drive a grid."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from experiments.common.options import Distinct, Positive, Within
+from experiments.simulate.options import (
+    MAX_DURATION,
+    MAX_RADIUS,
+    MIN_DURATION,
+    Localization,
+    Method,
+    Simulation,
+    require_speed,
+)
+from sim.drive.drive import Drive
+from trackslip.paper import COMMANDED_RADII, SPEEDS
+
+
+@dataclass(frozen=True)
+class RunsConfig(Simulation):
+    """Runs of constant command, radius x speed, in front of the scanner."""
+
+    radii: Annotated[tuple[float, ...], Distinct("number"), Positive(MAX_RADIUS)] = COMMANDED_RADII
+    """Commanded radii, to the left, as if nothing slipped [m]."""
+    speeds: Annotated[tuple[float, ...], Distinct("number")] = SPEEDS
+    """Commanded speeds, as if nothing slipped [m/s]."""
+    localization: Localization = "plate"
+    """Pose estimation from a scan: maximum likelihood with the known plate, or the paper's line fit."""
+    duration: Annotated[float, Within(MIN_DURATION, MAX_DURATION, "s")] = 30.0
+    """Length of each run [s]."""
+
+    def check(self, drive: Drive) -> None:
+        """See Equipment."""
+        super().check(drive)
+        for speed in self.speeds:
+            require_speed("speeds", speed, drive.top_speed)
+
+
+@dataclass(frozen=True)
+class GridConfig(RunsConfig):
+    """A grid of runs that is also evaluated."""
+
+    motion: Method = None
+    """Twist estimation from a run: the paper's filter, an arc through all poses, or all ranges."""
+    random_phase: bool = False
+    """Start each run at a random point of its circle instead of the point nearest to the scanner."""
+    out: Path = Path("out/grid")
+    """Folder for the results."""

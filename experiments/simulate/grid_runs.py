@@ -1,0 +1,180 @@
+"""Open-loop runs in front of the scanner: the paper's grid of radii and speeds, and any other set of cells."""
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self, cast
+
+import numpy as np
+
+from experiments.common.lookup import locator
+from experiments.simulate.grid_options import GridConfig, RunsConfig
+from experiments.simulate.options import Repeatable
+from experiments.simulate.world import Specification, World
+from sim.drive.drive import Drive
+from sim.fleet import Fleet
+from sim.loop import Progress, open_loop
+from sim.robot.robot import Robot
+from sim.run_recorder import Description
+from sim.seeds import generator
+from sim.stopwatch import Stopwatch
+from trackslip import se2
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds
+from trackslip.logs.runlog import RunLog
+from trackslip.skid_theory import coulomb_tractions, steady_twist
+
+CLEARANCE = 1.5
+"""Distance from the scanner to the nearest point of each circle [m]."""
+_GRAVITY = 9.81  # [m/s^2]
+_SAMPLE_SPEED = 0.15  # [m/s]
+_SAMPLE_DURATION = 20.0  # [s]
+_DRIVEN_OVER_COMMANDED = 1.3  # approximate ratio of the radius driven to the radius commanded
+
+
+@dataclass(frozen=True)
+class GridCell:
+    """One run of a grid."""
+
+    name: str
+    key: str
+    """Key of the run's random numbers, besides the root seed."""
+    radius: float
+    """Of the no-slip command [m]."""
+    speed: float
+    """Of the no-slip command [m/s]."""
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def at(cls, radius: float, speed: float) -> Self:
+        """A run defined by nothing but its radius [m] and speed [m/s]."""
+        name = f"radius={radius!r} speed={speed!r}"
+        return cls(name, name, radius, speed)
+
+
+def cells_of(config: RunsConfig) -> list[GridCell]:
+    """One cell per radius and speed, radius by radius."""
+    return [GridCell.at(radius, speed) for radius, speed in itertools.product(config.radii, config.speeds)]
+
+
+def drive_grid(
+    config: GridConfig,
+    world: World,
+    progress: Progress = lambda seconds: None,
+    watch: Stopwatch | None = None,
+    kept: bool = False,
+) -> list[RunLog]:
+    """Drive every radius at every speed, all runs at once; see `drive_cells`."""
+    cells = cells_of(config)
+    return drive_cells(cells, [world] * len(cells), progress, watch, kept)
+
+
+def drive_cells(
+    cells: Sequence[GridCell],
+    worlds: Sequence[World],
+    progress: Progress = lambda seconds: None,
+    watch: Stopwatch | None = None,
+    kept: bool = False,
+) -> list[RunLog]:
+    """Drive the cells as one fleet, each in its own world; the worlds may differ in ground, radius error and seed only.
+
+    `progress` is called with the simulated seconds since the last call, counted once for the whole fleet; `watch`
+    accumulates the time spent in each stage; `kept` says whether the logs have all ranges of the scans.
+
+    Raises:
+        InvalidValueError: for a radius too small for the robot.
+        TrackslipError: when a robot tips over.
+    """
+    world = worlds[0]
+    config, robot = cast(GridConfig, world.config), world.robot
+    for cell in cells:
+        require_radius(cell.radius, robot.geometry)
+    pairs = list(zip(cells, worlds, strict=True))
+    start = np.tile(before_scanner(robot), (len(cells), 1))
+    if config.random_phase:
+        phases = [generator(w.config.seed, f"phase {c.key}").uniform(0, 2 * np.pi) for c, w in pairs]
+        start = np.array([on_circle(robot, c.radius, phase) for c, phase in zip(cells, phases, strict=True)])
+    errors = np.array([w.radius_error for w in worlds])
+    fleet = Fleet(robot, start, [w.ground for w in worlds], errors, world.drive, config.threads, world.pull)
+    feed = world.feed(fleet, [generator(w.config.seed, f"grid {c.key}") for c, w in pairs], kept)
+    twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
+    omega = sprocket_speeds(twist, 0.0, robot.geometry)
+    descriptions = [
+        Description(c.name, {"radius": c.radius, "speed": c.speed, **c.metadata, **w.metadata(config.localization)})
+        for c, w in pairs
+    ]
+    method = locator(config.localization, robot)
+    return open_loop(fleet, omega, config.duration, feed, method, descriptions, progress, watch)
+
+
+def require_radius(radius: float, geometry: RobotGeometry) -> None:
+    """Raise InvalidValueError for a radius [m] too small for the robot."""
+    if radius <= geometry.half_gauge:
+        allowed = f"greater than the half gauge, {geometry.half_gauge:g} m: else the inner track must stand or reverse"
+        raise InvalidValueError("radii", radius, allowed)
+
+
+def require_motors(cells: Sequence[tuple[float, float]], settings: Iterable[tuple[Specification, Drive]]) -> None:
+    """Raise InvalidValueError for a radius and a speed (C, 2) for which all robots' motors are too weak, by theory.
+
+    The robots turn on level Coulomb ground without patches. If only some of them are too weak, nothing is raised.
+    """
+    too_weak: dict[tuple[float, float], InvalidValueError] = {}
+    for specification, drive in settings:
+        found = dict(_too_weak(cells, specification, drive))
+        too_weak = found | too_weak if not too_weak else {cell: why for cell, why in too_weak.items() if cell in found}
+        if not too_weak:
+            return
+    for why in too_weak.values():
+        raise why
+
+
+def _too_weak(
+    cells: Sequence[tuple[float, float]], specification: Specification, drive: Drive
+) -> Iterator[tuple[tuple[float, float], InvalidValueError]]:
+    """The cells for which a robot's motors are too weak, and why."""
+    robot, ground = specification.parameters, specification.ground
+    driven = [cell for cell in cells if cell[0] > robot.half_gauge and ground.shear == 0]
+    radius, speed = np.reshape(driven, (-1, 2)).T
+    contact = robot.contact_theory(ground.along, ground.across)
+    omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
+    effective = robot.sprocket_radius * (1 + specification.radius_error)
+    belts = effective * omega
+    traction = robot.mass * _GRAVITY * coulomb_tractions(steady_twist(belts, contact), belts, contact)
+    needed = effective * traction + drive.motor.loss(omega)
+    most = drive.torque_range(omega)[1]
+    for cell, torque, limit in zip(driven, needed[:, 1], most[:, 1], strict=True):
+        if torque > limit:
+            allowed = (
+                f"at least {torque:.4g} N m, to turn with a radius of {cell[0]:g} m at {cell[1]:g} m/s on this ground"
+            )
+            yield cell, InvalidValueError("drive.torque_limit, drive.motor", f"{limit:.4g} N m", allowed)
+
+
+def before_scanner(robot: Robot) -> Array:
+    """The pose (3,) [m, m, rad] at CLEARANCE in front of the scanner from which a left turn never comes closer."""
+    return se2.compose(robot.lrf_mount, [CLEARANCE, 0.0, -np.pi / 2])
+
+
+def on_circle(robot: Robot, radius: float, phase: float) -> Array:
+    """The pose (3,) [m, m, rad] at `phase` [rad] on a circle in front of the scanner.
+
+    A left turn commanded with `radius` [m] follows the circle: it is as wide as slip makes it, so that the robot comes
+    no closer than CLEARANCE wherever it starts.
+    """
+    driven = _DRIVEN_OVER_COMMANDED * radius
+    centre = se2.compose(robot.lrf_mount, [CLEARANCE + driven, 0.0, phase - np.pi / 2])
+    return se2.compose(centre, [0.0, -driven, 0.0])
+
+
+def sample_runs(robot: str, like: Repeatable, progress: Progress = lambda seconds: None) -> list[RunLog]:
+    """Let a robot, from its file or the shipped one, turn with the paper's radii, with everything recorded.
+
+    Radii too small for the robot are left out. `like` gives the seed and the number of threads.
+    """
+    config = GridConfig(
+        robot=robot, rrd=True, seed=like.seed, threads=like.threads, speeds=(_SAMPLE_SPEED,), duration=_SAMPLE_DURATION
+    )
+    world = World.of(config)
+    cells = [cell for cell in cells_of(config) if cell.radius > world.robot.geometry.half_gauge]
+    return drive_cells(cells, [world] * len(cells), progress) if cells else []

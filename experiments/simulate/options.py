@@ -1,0 +1,215 @@
+"""The options that describe the simulated world, shared by every command that simulates."""
+
+import math
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import tyro
+
+from experiments.common.choices import GROUNDS, ROBOTS, SHIPPED
+from experiments.common.options import ResultsOptions, Whole, Within, default_is
+from sim.drive.drive import MAX_RADIUS_ERROR, Drive
+from sim.drive.pull import Pull
+from sim.ground.ground import Ground
+from sim.scanner.scanner import LaserScanner
+from trackslip.errors import InvalidValueError, require_positive
+
+T = TypeVar("T")
+Localization = Literal["plate", "line"]
+Motion = Literal["paper", "arc", "bundle"]
+Method = Annotated[Motion | None, default_is("the most accurate method the run allows", "{paper,arc,bundle}")]
+"""Method that estimates a twist from a run, if the user chooses one."""
+RobotSource = Annotated[str, tyro.conf.arg(metavar=ROBOTS)]
+"""Name of a robot, or its file."""
+IDENTIFIED = ("exponential", "icr", "icr_radius")
+"""The identified laws that the paper's controllers are compared with."""
+
+MAX_THREADS = MAX_JOBS = 1024
+MAX_PREVIEW = 1.0  # [s]
+MIN_DURATION, MAX_DURATION = 4.0, 3600.0
+"""Of a run; a shorter one leaves no steady part to average over [s]."""
+_MIN_SPEED = 1e-3  # [m/s]
+MIN_RADIUS, MAX_RADIUS = 1e-3, 1000.0  # [m]
+MIN_FRICTION_RATIO = 0.01  # across the track over along it [-]
+MAX_COORDINATE = 100.0  # of a start [m]
+RADIUS_ERROR = Within(-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
+LINEAR_START = (0.3, -0.2, math.pi / 3)
+"""Start of the paper's linear controller: (x, y, phi) (Sec. IV-C) [m, m, rad]."""
+
+
+@dataclass(frozen=True)
+class GroundOptions:
+    """The ground, and properties that differ from the named one's."""
+
+    source: Annotated[
+        str | None, tyro.conf.arg(name="", metavar=GROUNDS, help_behavior_hint="(default: the robot's, else stone)")
+    ] = None
+    """Ground to drive on."""
+    along: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
+    """Friction coefficient along the track [-]."""
+    across: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
+    """Friction coefficient across the track [-]."""
+    slope: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
+    """Angle of the ground to the horizontal [rad]."""
+    uphill: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
+    """Heading of a robot that drives straight up the slope [rad]."""
+
+    shear: Annotated[float | None, default_is("the ground's", "FLOAT")] = field(
+        default=None, metadata={"stored_unless": None}
+    )
+    """Shear modulus of ground that gives way before it slides, 0 for Coulomb friction [m]."""
+
+    def __post_init__(self) -> None:
+        self.changed(Ground())
+
+    def changed(self, ground: Ground) -> Ground:
+        """`ground` with the properties that are given here."""
+        return changed(ground, self)
+
+
+OwnNumber = Annotated[float | None, default_is("the robot's", "FLOAT")]
+"""A property of the robot's drive, unless it is given."""
+
+
+@dataclass(frozen=True)
+class MotorOptions:
+    """Properties of the motor that differ from the robot's."""
+
+    gear: OwnNumber = None
+    """Gear ratio, motor speed over sprocket speed [-]."""
+    voltage: OwnNumber = None
+    """Battery voltage, the largest at the motor [V]."""
+    no_load_speed: OwnNumber = None
+    """No-load speed of the motor at full voltage [rad/s]."""
+    stall_torque: OwnNumber = None
+    """Stall torque of the motor at full voltage [N m]."""
+    rotor_inertia: OwnNumber = None
+    """Moment of inertia of the motor, including the gear [kg m^2]."""
+    friction: OwnNumber = None
+    """Friction torque of the gear, at the sprocket [N m]."""
+
+
+@dataclass(frozen=True)
+class DriveOptions:
+    """Properties of servo and motor that differ from the robot's."""
+
+    lag: OwnNumber = None
+    """Time constant of the speed controller [s]."""
+    delay: OwnNumber = None
+    """Dead time between a command and the speed controller [s]."""
+    droop: OwnNumber = None
+    """Steady loss of speed per torque, of a controller that does not fully compensate its load [rad/s per N m]."""
+    top_speed: OwnNumber = None
+    """Largest speed of a track [m/s]."""
+    torque_limit: OwnNumber = None
+    """Largest torque of the motor at the sprocket, limited by the amplifier's current [N m]."""
+    encoder_counts: Annotated[int | None, default_is("the robot's", "INT")] = None
+    """Encoder counts per revolution of the sprocket (motor encoder times gear)."""
+    period: OwnNumber = None
+    """Sampling period of the servo [s]."""
+    motor: MotorOptions = field(default_factory=MotorOptions)
+    """Properties of the motor that differ from the robot's."""
+
+    def changed(self, drive: Drive) -> Drive:
+        """`drive` with the properties that are given here."""
+        return changed(drive, self, "drive.")
+
+
+def changed(base: T, options: object, prefix: str = "") -> T:
+    """A dataclass with the fields that `options` give; raises InvalidValueError, with a prefix to the field's name."""
+    given: dict[str, Any] = {}
+    for name in (f.name for f in fields(base)):  # type: ignore[arg-type]
+        value = getattr(options, name, None)
+        if value is not None:
+            own = getattr(base, name)
+            given[name] = changed(own, value, f"{prefix}{name}.") if is_dataclass(value) else value
+    try:
+        return replace(base, **given)  # type: ignore[type-var]
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{prefix}{error.field}", error.value, error.allowed) from error
+
+
+@dataclass(frozen=True)
+class PullOptions:
+    """Load that the robot tows."""
+
+    force: Annotated[float, tyro.conf.arg(name="", metavar="FLOAT")] = 0.0
+    """Drawbar force, backwards along the robot [N]."""
+    height: float = Pull.height
+    """Height of the hitch above the ground [m]."""
+    since: float = Pull.since
+    """Time in a run at which the force begins to act [s]."""
+
+    def __post_init__(self) -> None:
+        self.pull()
+
+    def pull(self) -> Pull:
+        """The pull itself."""
+        return Pull(self.force, self.height, self.since)
+
+
+@dataclass(frozen=True)
+class Repeatable(ResultsOptions):
+    """The options of every command that simulates."""
+
+    seed: Annotated[int, Whole()] = 0
+    """Seed of all random numbers."""
+    threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
+    """Number of worker threads, 0 for one per processor; the results don't depend on it."""
+
+
+@dataclass(frozen=True)
+class Equipment(ResultsOptions):
+    """The robot, its scanner and the field, without the ground."""
+
+    robot: RobotSource = SHIPPED
+    """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
+    radius_error: Annotated[float | None, RADIUS_ERROR, default_is("the robot's", "FLOAT")] = None
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
+    drive: DriveOptions = field(default_factory=DriveOptions)
+    """Properties of servo and motor that differ from the robot's."""
+    scanner: LaserScanner = field(default_factory=LaserScanner)
+    """A line scanner modelled on the SICK LMS 200; the paper doesn't name its scanner."""
+    obstacles: Annotated[str | None, default_is("nothing", "NAME|FILE")] = None
+    """Objects that the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file."""
+    pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
+    """Load that the robot tows."""
+    rrd: bool = False
+    """Also write recordings for the rerun viewer to OUT/recordings."""
+
+    def check(self, drive: Drive) -> None:
+        """Raise InvalidValueError for options that the robot's drive does not allow."""
+        scan_periods = self.scanner.period / drive.period
+        if abs(scan_periods - round(scan_periods)) > 1e-6 or scan_periods < 0.5:
+            allowed = f"a rate whose period is a multiple of drive.period = {drive.period} s"
+            raise InvalidValueError("scanner.rate", self.scanner.rate, allowed)
+
+
+@dataclass(frozen=True)
+class ClosedLoopOptions(Equipment):
+    """The equipment, and what many closed-loop runs have in common."""
+
+    localization: Literal["plate", "line", "truth"] = "plate"
+    """Source of the controllers' poses: scans by the plate or the line method, or the true pose."""
+    preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0
+    """Time by which the controllers look ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
+    laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
+    """Identified laws: a summary.json, or a folder that contains one."""
+
+
+@dataclass(frozen=True)
+class Simulation(Repeatable, Equipment):
+    """The simulated world, the same for every command that drives."""
+
+    ground: GroundOptions = field(default_factory=GroundOptions)
+    """The ground, and properties that differ from the named one's."""
+
+
+def require_speed(name: str, speed: float, top_speed: float) -> None:
+    """Refuse a speed [m/s] that is not positive, can't be told from standing, or is above what the drive allows."""
+    require_positive(name, speed)
+    if speed > top_speed:
+        raise InvalidValueError(name, speed, f"at most drive.top_speed = {top_speed} m/s")
+    if speed < _MIN_SPEED:
+        raise InvalidValueError(name, speed, f"at least {_MIN_SPEED:g} m/s")

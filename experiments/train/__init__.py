@@ -1,0 +1,1 @@
+"""`trackslip train`: a policy trained in the learning environments."""

@@ -1,0 +1,104 @@
+"""The options of `trackslip train`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import tyro
+
+from experiments.common.choices import COMPENSATIONS, FTR_NAMES, GROUNDS, REFERENCES, ROBOTS, TRAINING_PATHS
+from experiments.common.options import Excludes, Exclusion, Needs, Positive, ResultsOptions, Whole, default_is
+from experiments.simulate.options import MAX_THREADS
+from trackslip.errors import InvalidValueError
+
+EXAMPLES = (
+    ("two million steps", "trackslip train"),
+    ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
+    ("to cross courses", "trackslip train --env traverse --out out/traverse"),
+    ("to cross rails and stairs", "trackslip train --env traverse --courses rails stairs_up --difficulty 0.2 0.6"),
+    ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
+)
+
+
+PATH_TRACKING, TRAVERSE = ENVIRONMENTS = ("path_tracking", "traverse")
+MAX_ROBOTS = MAX_LAYER = 4096
+MAX_TRIALS = 10_000
+MAX_AUTHORITY = 10.0  # [m/s], [rad/s]
+MAX_SEED = 2**32 - 1  # the largest that PyTorch and NumPy's legacy generators accept
+
+
+@dataclass(frozen=True)
+class Config(ResultsOptions):
+    """Train a policy with PPO that corrects the reference's twist, for `benchmark --controllers ppo:OUT`.
+
+    With --env traverse, train one that corrects the scripted controller of a robot that crosses courses. The defaults
+    are the tuned configuration behind the documented results in path tracking.
+    """
+
+    env: Annotated[str, tyro.conf.arg(metavar=f"{{{','.join(ENVIRONMENTS)}}}")] = PATH_TRACKING
+    """Environment: following paths, or crossing courses with a robot with tracks and flippers."""
+    steps: Annotated[int, Whole(1)] = 2_000_000
+    """Total number of control periods, summed over all robots."""
+    robots: Annotated[int, Whole(1, MAX_ROBOTS)] = 64
+    """Number of robots in the vector environment."""
+    references: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{REFERENCES} ...")] = TRAINING_PATHS
+    """Paths to train on; each episode draws one."""
+    grounds: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{GROUNDS} ...")] = ("stone",)
+    """Grounds to train on; each episode draws one."""
+    compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
+    """Slip compensation; those that learn start anew in each episode."""
+    authority: Annotated[tuple[float, float], Positive(MAX_AUTHORITY)] = (0.12, 0.6)
+    """Largest correction of the reference's twist [m/s, rad/s]."""
+    robot: Annotated[str | None, default_is("shipped; with --env traverse, rescue", ROBOTS)] = None
+    """Robot: a name, a file of parameters as written by calibrate, or of a model (MJCF, URDF) with its tracks."""
+    laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
+    """Identified laws of the robot for --compensation: a summary.json, or a folder that contains one."""
+    courses: Annotated[tuple[str, ...], tyro.conf.arg(metavar="{random,steps_up,...} ...")] = ("random",)
+    """Courses: random, and those of FTR-Bench, of which each episode draws one; needs --env traverse."""
+    difficulty: tuple[float, float] = (0.7, 1.0)
+    """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
+    trials: Annotated[int, Whole(1, MAX_TRIALS)] = 300
+    """Number of unseen courses, of each of three difficulties or of several --courses, to try the policy on."""
+    network: Annotated[tuple[int, ...], Whole(1, MAX_LAYER)] = (64, 64)
+    """Sizes of the hidden layers."""
+    learning_rate: Annotated[float, Positive(1.0)] = 6e-4
+    """Initial learning rate; it falls linearly to a twentieth [-]."""
+    horizon: Annotated[int, Whole(1)] = 128
+    """Number of control periods of each robot between two updates."""
+    batch: Annotated[int, Whole(1)] = 2048
+    """Number of control periods in a minibatch."""
+    epochs: Annotated[int, Whole(1)] = 6
+    """Number of passes over the collected data in each update."""
+    discount: float = 0.97
+    """Discount of the reward per control period [-]."""
+    seed: Annotated[int, Whole(0, MAX_SEED)] = 0
+    """Seed of all random numbers."""
+    threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
+    """Number of the simulator's worker threads, 0 for one per processor."""
+    resume: bool = False
+    """Resume from the last checkpoint in OUT instead of starting again."""
+    out: Path = Path("out/train")
+    """Folder for the policy, its checkpoints and the training curve."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Needs(("courses", "difficulty", "trials"), "env", (TRAVERSE,)),
+        Excludes(("references", "grounds", "compensation", "laws", "authority"), "env", (TRAVERSE,)),
+    )
+
+    def __post_init__(self) -> None:
+        if self.env not in ENVIRONMENTS:
+            raise InvalidValueError("env", self.env, f"one of {', '.join(ENVIRONMENTS)}")
+        super().__post_init__()
+        low, high = self.difficulty
+        if not 0 <= low <= high <= 1:
+            raise InvalidValueError("difficulty", self.difficulty, "two ascending numbers from 0 to 1")
+        if self.robots * self.horizon % self.batch:
+            raise InvalidValueError("batch", self.batch, f"a factor of robots * horizon = {self.robots * self.horizon}")
+        for course in self.courses:
+            if course not in (allowed := ("random", *FTR_NAMES)):
+                raise InvalidValueError("courses", course, f"some of {', '.join(allowed)}")
+        for name in ("references", "grounds", "network", "courses"):
+            if not getattr(self, name):
+                raise InvalidValueError(name, getattr(self, name), "at least one")
+        if not 0 < self.discount < 1:
+            raise InvalidValueError("discount", self.discount, "between 0 and 1")

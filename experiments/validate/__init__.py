@@ -1,0 +1,1 @@
+"""`trackslip validate`: the simulated robot against theory."""

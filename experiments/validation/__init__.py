@@ -1,1 +1,0 @@
-"""Suites of checks against theory, for `trackslip validate`."""

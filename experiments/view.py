@@ -1,0 +1,80 @@
+"""`trackslip view`: show stored runs in the rerun viewer, in the browser, or in a file."""
+
+import shlex
+import tempfile
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from shutil import copyfile
+from typing import Annotated, ClassVar
+
+import tyro
+
+from experiments.common.options import Excludes, Exclusion, Options, default_is
+from trackslip.errors import InvalidValueError
+
+EXAMPLES = (
+    ("the first run", "trackslip view out/track"),
+    ("compare two runs", 'trackslip view out/reproduce --run "linear none" --run "linear icr"'),
+    ("a file for the viewer", "trackslip view log.csv --save log.rrd"),
+)
+
+
+@dataclass(frozen=True)
+class Config(Options):
+    """Show stored runs in the rerun viewer: one, or several side by side on the same time line."""
+
+    path: tyro.conf.Positional[Path]
+    """Folder of results, or a .parquet or .csv log, also of a real robot."""
+    run: Annotated[
+        tuple[str, ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(metavar="ID", help_behavior_hint="(default: the first; may be repeated)"),
+    ] = ()
+    """Name of a run or, in a grid's folder, its id or the beginning of its id; repeat the option to compare runs."""
+    web: bool = False
+    """Show them in the browser, until interrupted."""
+    save: Annotated[Path | None, default_is("none", "FILE")] = None
+    """Write an .rrd file instead, for `rerun FILE`."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Excludes(("web",), "save"),)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.save is not None and self.save.suffix.lower() != ".rrd":
+            raise InvalidValueError("save", str(self.save), "a file that ends in .rrd")
+        if len(set(self.run)) < len(self.run):
+            raise InvalidValueError("run", self.run, "all different")
+
+
+def run(config: Config) -> None:
+    """Read, choose, show."""
+    from experiments.common.results import file_names, write_output
+    from experiments.recorder import record, title, viewer
+    from trackslip.ros.choice import AUTOMATIC, BagChoice
+    from trackslip.ros.drive_log import holds_bags, read_runs_of
+
+    if (kept := viewer.drive_recording(config.path)) is not None:
+        if config.run:
+            raise InvalidValueError("run", config.run, f"left out: {config.path} has one run, with its recording")
+        if config.save is None:
+            viewer.show(kept, config.web)
+        else:
+            write_output(config.save, partial(copyfile, kept))
+            print(f"{config.save}: {kept}; to open it: rerun {shlex.quote(str(config.save))}")
+        return
+    read = read_runs_of(config.path, BagChoice(dead_reckoned=True) if holds_bags(config.path) else AUTOMATIC)
+    for line in read.warnings:
+        print(f"warning: {line}")
+    chosen = viewer.choose(read.runs, config.run, config.path)
+    if not config.run and len(read.runs) > 1:
+        print(f"{len(read.runs)} runs; showing {chosen[0].run!r}. --run ID chooses one; repeat it to compare")
+    laws = config.path if viewer.has_laws(config.path) else None
+    if config.save is not None:
+        record(config.save, chosen, laws)
+        print(f"{config.save}: {title(chosen)}; to open it: rerun {shlex.quote(str(config.save))}")
+        return
+    with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
+        file = Path(folder) / file_names([title(chosen)], ".rrd")[0]
+        record(file, chosen, laws)
+        viewer.show(file, config.web)

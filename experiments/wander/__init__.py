@@ -1,0 +1,1 @@
+"""`trackslip wander`: simulated teleoperated drives, logged as real robots log them."""

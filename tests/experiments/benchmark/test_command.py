@@ -1,0 +1,156 @@
+"""`trackslip benchmark`: rows match the stored runs, and faulty controllers fail alone."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from browser import assert_fits
+
+from experiments.benchmark.cases import SUITES, Suite
+from experiments.benchmark.config import PARTS
+from experiments.cli import main
+from trackslip.controllers.steering import RegulatedPurePursuit
+from trackslip.logs.logfile import read_runs
+from trackslip.metrics import tracking_errors
+from trackslip.trajectory.named import load_reference
+
+MODULE = '''
+import numpy as np
+from trackslip.controllers.error_feedback import LinearTimeVarying
+
+class Late(LinearTimeVarying):
+    """Falls silent after 2 s, for the robot that is farthest to the right."""
+    def twist(self, time, pose, reference):
+        twist = super().twist(time, pose, reference)
+        if time > 2.0 and len(pose) == {robots}:
+            twist[{robot}] = np.nan
+        return twist
+
+class Broken(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        raise RuntimeError("out of order")
+
+class Quits(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        raise SystemExit("enough")
+
+class Silent(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        pass
+
+class Company(LinearTimeVarying):
+    """Won't drive alone, as when its steps are timed."""
+    def twist(self, time, pose, reference):
+        assert len(pose) > 1
+        return super().twist(time, pose, reference)
+
+class Careless(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        twist = super().twist(time, pose, reference)
+        pose += 1.0
+        return twist
+'''
+
+
+ALONE = ("--compensations", "none", "--grounds", "stone", "--plants", "nominal", "--gains", "default")
+
+
+def test_rows_are_what_the_stored_runs_say(trackslip, short):
+    options = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--seeds", "0", "3")
+    options += ("--plants", "nominal")
+    result = trackslip("benchmark", *short, *options, "--grounds", "stone", "gravel")
+    rows, logs = result.summary["rows"], {log.run: log for log in read_runs(result.folder / "runs.parquet")}
+    assert len(rows) == 2 * 2 * 2
+    assert len(logs) == result.summary["runs"] == 16
+    assert result.summary["failures"] == []
+    reference = load_reference("bend.csv")
+    for row in rows:
+        case = [row[name] for name in ("controller", "compensation", "reference", "ground", "start")]
+        errors = []
+        for seed in (0, 3):
+            log = logs[" ".join([*case, str(seed)])]
+            assert log.metadata["seed"] == seed
+            assert log.metadata["ground"]["across"] == {"stone": 0.778, "gravel": 0.455}[row["ground"]]
+            assert (log.icr is not None) == (row["compensation"] == "online")
+            errors.append(tracking_errors(log.time, log.truth.pose, reference))
+        for key in ("rms_position", "rms_position_arc", "rms_heading", "cross_track", "along_track", "iae", "itae"):
+            assert row[key] == pytest.approx(np.mean([getattr(e, key) for e in errors]))
+        assert row["rms_position_after_12s"] is row["rms_position_after_12s_ci95"] is None
+        low, high = row["rms_position_ci95"]
+        assert low <= row["rms_position"] <= high
+        assert (row["seeds"], row["failed"], row["success"], row["valid_fraction"]) == (2, 0, 1.0, 1.0)
+        assert 0 < row["compute_ms_p50"] <= row["compute_ms_p99"] < 1e3
+    assert (result.folder / "leaderboard.md").read_text().count("| feedforward |") == 2 + 4
+    page = (result.folder / "report.html").read_text(encoding="utf-8")
+    names = {path.stem for path in (result.folder / "figures").glob("*.svg")}
+    assert {"leaderboard"} < names == set(re.findall(r'<figure id="(\w+)"', page))
+    assert not (result.folder / PARTS).exists()
+    assert_fits(page)  # last: it skips the test where there is no browser
+
+
+def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):
+    """Other runs of the fleet are unaffected, even by a controller that overwrites the poses it is given."""
+    (tmp_path / "mine.py").write_text(MODULE.format(robots=0, robot=0))
+    broken = {
+        "mine:Broken": "its controller fails at 0 s (RuntimeError: out of order), mine.py line 15",
+        "mine:Quits": "SystemExit: enough",
+        "mine:Silent": "its controller's twists have the shape (): must be (1, 2)",
+    }
+    well = ("mine:Late", "mine:Careless")
+    controllers = ("--controllers", "linear", *well, *broken)
+    result = trackslip("benchmark", *short, *ALONE, "--seeds", "0", "1", *controllers)
+    rows = {row["controller"]: row for row in result.summary["rows"]}
+    for name in well:
+        assert (rows[name]["failed"], rows[name]["rms_position"]) == (0, rows["linear"]["rms_position"])
+    for name, message in broken.items():
+        assert (rows[name]["failed"], rows[name]["rms_position"], rows[name]["success"]) == (2, None, 0)
+        why = [failure["error"] for failure in result.summary["failures"] if failure["run"].startswith(name)]
+        assert len(why) == 2
+        assert message in why[0]
+        assert message in result.printed
+    assert len(read_runs(result.folder / "runs.parquet")) == 2 * (1 + len(well))
+
+
+def test_a_controller_that_cannot_be_timed_has_no_times(trackslip, short, tmp_path):
+    (tmp_path / "odd.py").write_text(MODULE.format(robots=0, robot=0))
+    result = trackslip("benchmark", *short, *ALONE, "--seeds", "0", "1", "--controllers", "odd:Company")
+    (row,) = result.summary["rows"]
+    assert (row["failed"], row["compute_ms_p50"]) == (0, None)
+
+
+def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path):
+    (tmp_path / "mine3.py").write_text(MODULE.format(robots=1, robot=0))
+    result = trackslip("benchmark", *short, "--suite", "fair", "--controllers", "mine3:Broken", "--seeds", "0")
+    assert [row["failed"] for row in result.summary["rows"]] == [1, 1, 1]
+    assert not (result.folder / "runs.parquet").exists()
+
+
+def test_runs_are_kept_when_the_submission_cannot_be_written(short, tmp_path, monkeypatch, capsys):
+    design = (("linear",), ("none",), ("bend.csv",), ("stone",), ("zero",), (0,))
+    monkeypatch.setitem(SUITES, "fair", Suite([design], "nominal", "default"))
+    with pytest.raises(SystemExit):
+        main(["benchmark", "--submit", "bend.csv/row.json", "--jobs", "1", "--out", "out"])
+    assert "with 1 of 1 runs driven; the same command resumes" in capsys.readouterr().err
+    assert (tmp_path / "out" / PARTS).is_dir()
+
+
+def test_controllers_with_many_arguments_fit_into_figures(trackslip, short):
+    fields = dataclasses.fields(RegulatedPurePursuit)
+    given = ",".join(f"{one.name}={one.default:.12f}" for one in fields if one.init)
+    assert len(given) > 255  # a file's longest name
+    options = ("--controllers", f"regulated_pure_pursuit:{given}", "--compensations", "none", "icr_radius")
+    result = trackslip("benchmark", *short, *options, "--seeds", "0")
+    assert len(result.summary["board"]) == 2
+    assert {len(file.name) < 120 for file in (result.folder / "figures").iterdir()} == {True}
+
+
+def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_path):
+    (tmp_path / "mine2.py").write_text(MODULE.format(robots="len(pose)", robot="(pose[:, 1] > 0.0) & (time < 2.1)"))
+    options = (*short[:2], *short[4:], *ALONE, "--starts", "random", "--seeds", "0", "1", "2", "3")
+    result = trackslip("benchmark", *options, "--controllers", "mine2:Late")
+    (row,) = result.summary["rows"]
+    assert 0 < row["failed"] < row["seeds"] == 4
+    assert len(read_runs(result.folder / "runs.parquet")) == 4 - row["failed"]
+    assert len(result.summary["failures"]) == row["failed"]
+    assert "returns the twist (nan, nan) at 2.05 s: must be finite" in result.summary["failures"][0]["error"]

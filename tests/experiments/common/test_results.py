@@ -1,0 +1,199 @@
+"""Folders of results when disks are full, commands collide or versions differ; manifests without local paths."""
+
+import errno
+import fcntl
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pyarrow
+import pyarrow.parquet
+import pytest
+
+from experiments.cli import main
+from experiments.common.manifest import relative
+from experiments.common.results import file_names, locked, results_folder
+from trackslip.errors import OutputError
+from trackslip.logs.file_format import FORMAT
+from trackslip.slip.law_file import SHIPPED
+
+ROOT = Path(__file__).parents[3]
+TRACK = ("track", "--reference", "circle", "--circle-duration", "5", "--localization", "truth")
+
+
+def command(*arguments, **options):
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    whole = [sys.executable, "-m", "experiments", *arguments]
+    return subprocess.Popen(whole, env=environment, text=True, stderr=subprocess.PIPE, **options)
+
+
+def contents(folder):
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory):
+    """A folder with results; tests work on copies."""
+    folder = tmp_path_factory.mktemp("tracked") / "track"
+    main([*TRACK, "--out", str(folder)])
+    return folder
+
+
+@pytest.fixture
+def old(tracked, tmp_path):
+    """A folder with results."""
+    return Path(shutil.copytree(tracked, tmp_path / "track"))
+
+
+def test_a_recording_on_a_full_disk_costs_a_line(old, refused, tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+    try:
+        line = refused("view", str(old), "--save", str(tmp_path / "run.rrd"))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert line.startswith(f"{tmp_path / 'run.rrd'}: can't be written")
+    assert {file.name for file in tmp_path.iterdir()} == {"track"}
+
+
+@pytest.mark.parametrize("size", [500, 20_000])  # too little for the summary; for the runs
+def test_a_full_disk_costs_a_line_and_nothing_old(old, refused, size):
+    """A limit on file sizes fails in the midst of writing, as a full disk does."""
+    before, limits = contents(old), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        line = refused(*TRACK, "--seed", "1", "--out", str(old))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert line == f"out = {str(old)!r}: can't be written (File too large)"
+    assert contents(old) == before
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize("arguments", [("--help",), ("predict",)])
+def test_output_that_nobody_takes(tmp_path, arguments):
+    with open("/dev/full", "w") as full:
+        process = command(*arguments, stdout=full, cwd=tmp_path)
+    _, message = process.communicate()
+    assert process.returncode == 2
+    assert message == "trackslip: can't write (No space left on device)\n"
+
+
+@pytest.mark.parametrize("arguments", [TRACK, ("train",), ("benchmark",)])
+def test_two_commands_do_not_share_a_folder(old, refused, arguments):
+    with locked(old):
+        assert refused(*arguments, "--out", str(old)) == f"out = {str(old)!r}: another command is writing there"
+
+
+def test_a_file_system_without_locks_is_used_without(tmp_path, monkeypatch):
+    def unsupported(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", unsupported)
+    with locked(tmp_path):
+        (tmp_path / "result").touch()
+    assert [path.name for path in tmp_path.iterdir()] == ["result"]
+
+
+def test_an_interrupt_while_a_folder_is_locked_leaves_nothing(tmp_path, monkeypatch):
+    flock = fcntl.flock
+
+    def interrupted(file, how):
+        flock(file, how)
+        if how & fcntl.LOCK_EX:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("fcntl.flock", interrupted)
+    with pytest.raises(KeyboardInterrupt), results_folder(tmp_path / "out"):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_only_a_regular_file_is_replaced(refused, tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    line = refused("deploy", "--law", "icr", "--out", str(pipe), "--overwrite")
+    assert line == f"{pipe}: can't be replaced (it is not a regular file)"
+    assert pipe.is_fifo()
+
+
+def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
+    before = contents(old)
+    process = command("grid", "--out", str(old), "--overwrite")
+    while not list(old.glob(".partial-*")):
+        assert process.poll() is None
+        time.sleep(0.005)
+    with pytest.raises(OutputError, match="another command is writing there"), locked(old):
+        pass
+    process.kill()
+    process.communicate()
+    assert {*before, ".lock"} < {file.name for file in old.iterdir()}
+    with results_folder(old) as folder:
+        assert [file.name for file in old.iterdir() if file.name.startswith(".partial")] == [folder.name]
+        for name in before:
+            (folder / name).write_bytes(before[name])
+    assert contents(old) == before
+
+
+def test_results_of_another_command_are_replaced_only_on_request(old, refused):
+    before, predict = contents(old), ("predict", "--out", str(old))
+    assert refused(*predict) == f"out = {str(old)!r}: contains results of `track`; --overwrite replaces them"
+    assert contents(old) == before
+    main([*predict, "--overwrite"])
+    assert json.loads((old / "manifest.json").read_text())["command"] == "predict"
+
+
+def test_file_names_are_all_different():
+    names = file_names(["radius=0.5 speed=0.1", "a/b", "a b", "..", "x" * 300], ".rrd")
+    assert names == ["radius=0.5_speed=0.1.rrd", "a_b.rrd", "a_b_2.rrd", "run.rrd", "x" * 120 + ".rrd"]
+
+
+def test_results_of_a_newer_version_are_told_from_this_ones(refused, old, tmp_path):
+    assert json.loads((old / "manifest.json").read_text())["format"] == FORMAT
+    (old / "summary.json").write_text(SHIPPED.read_text())
+    (old / "manifest.json").write_text(json.dumps({"format": 2, "versions": {"trackslip": "9.8"}}))
+    for command in ("identify {}", "calibrate --target {}", "track --laws {}", "benchmark --laws {}"):
+        message = refused(*command.format(old).split())
+        assert message.startswith(f"{old / 'manifest.json'}: written by trackslip 9.8 in format 2; ")
+        assert message.endswith(" reads formats up to 1")
+    (tmp_path / "laws.json").write_text(json.dumps(json.loads(SHIPPED.read_text()) | {"format": 3}))
+    assert "laws.json: written by a newer trackslip in format 3; " in refused(*TRACK, "--laws", "laws.json")
+    table = pyarrow.parquet.read_table(old / "runs.parquet")
+    stored = json.loads(table.schema.metadata[b"trackslip"])
+    table = table.replace_schema_metadata({b"trackslip": json.dumps(stored | {"format": 2})})
+    pyarrow.parquet.write_table(table, tmp_path / "runs.parquet")
+    assert "runs.parquet: written by a newer trackslip in format 2; " in refused("identify", "runs.parquet")
+
+
+def test_results_say_nothing_about_the_machines_folders(trackslip, tmp_path, monkeypatch):
+    """Neither the output folder nor files given by absolute paths."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")
+    (tmp_path / "ground.toml").write_text("along = 0.5\nacross = 0.6\n")
+    arguments = [
+        *("benchmark", "--controllers", "feedforward", "--compensations", "none", "--starts", "zero", "--seeds", "0"),
+        *("--references", str(tmp_path / "bend.csv"), "--grounds", str(tmp_path / "ground.toml"), "--jobs", "1"),
+        *("--localization", "truth", "--out", str(tmp_path / "out")),
+    ]
+    monkeypatch.setattr("sys.argv", ["trackslip", *arguments])
+    result = trackslip(*arguments)
+    assert result.manifest["config"]["out"] == "out"
+    assert result.manifest["config"]["references"] == ["bend.csv"]
+    assert result.manifest["arguments"][-1] == "out"
+    assert list(result.manifest["ground"]) == ["ground.toml"]
+    assert str(tmp_path) not in json.dumps(result.manifest)
+    assert str(tmp_path) not in (result.folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_paths_in_results_are_relative_and_topics_stay(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert relative(str(tmp_path / "log.csv")) == "log.csv"
+    assert relative(f"ground={tmp_path / 'ice.toml'}") == "ground=ice.toml"
+    for text in ("/cmd_vel", "/joint_states/filtered", "tf:map:base_link", "log.csv"):
+        assert relative(text) == text

@@ -1,0 +1,178 @@
+"""`trackslip drive`: stored runs, recordings, videos, and driving by keyboard."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from rerun.chunk import RrdReader
+from rrd import component, verify
+from tracked_files import write_robot
+
+import trackslip as library
+from experiments.cli import main
+from experiments.drive.config import Config
+from experiments.drive.teleop import Keyboard
+from experiments.drive.world import CourseWorld
+from sim.robot.named import load_tracked
+from sim.robot.tracked_model import build_tracked
+from sim.terrain import load_course
+from trackslip.errors import InvalidValueError
+
+SHORT = ("--course", "step10", "--preset", "fast", "--speed", "0.5", "--duration", "2")
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """A drive of the rescue robot over a step."""
+    out = tmp_path_factory.mktemp("drive")
+    main(["drive", *SHORT, "--out", str(out)])
+    return out
+
+
+def test_a_drive_is_stored_with_units_and_without_nan(stored):
+    table = pyarrow.parquet.read_table(stored / "runs.parquet")
+    for field in table.schema:
+        if field.name != "run":
+            assert field.metadata[b"unit"], field.name
+            assert field.metadata[b"description"], field.name
+            values = table[field.name].to_numpy(zero_copy_only=False)[table[field.name].is_valid().to_numpy()]
+            assert np.isfinite(values).all(), field.name
+    assert table["slip_chassis_left"][0].as_py() is None  # nothing is known at rest
+    flippers = ("front_left", "front_right", "rear_left", "rear_right")
+    assert {f"angle_{side}_flipper" for side in flippers} < set(table.column_names)
+    (log,) = library.load(str(stored))
+    assert (log.run, log.time[-1]) == ("drive", pytest.approx(2.0))
+    np.testing.assert_allclose(log.omega[:, 0], table["belt_chassis_left"].to_numpy() / 0.08, rtol=1e-12)
+
+
+def test_its_summary_tells_what_happened(stored):
+    drive = json.loads((stored / "summary.json").read_text())["drive"]
+    assert (drive["outcome"], drive["duration"]) == ("time", pytest.approx(2.0))
+    assert [track["name"] for track in drive["tracks"]][:2] == ["chassis_left", "chassis_right"]
+    assert 0 < drive["max_penetration"] < 0.02
+    assert drive["energy"] == pytest.approx(sum(track["work"] for track in drive["tracks"]))
+    table = pyarrow.parquet.read_table(stored / "runs.parquet")
+    x, y = table["x"].to_numpy(), table["y"].to_numpy()
+    assert drive["way"] == pytest.approx(np.hypot(np.diff(x), np.diff(y)).sum())
+    manifest = json.loads((stored / "manifest.json").read_text())
+    assert manifest["robot"]["name"] == "rescue"
+    assert manifest["course"]["friction"] > 0
+
+
+def test_its_recording_has_the_course_the_robot_and_its_contacts(stored):
+    file = stored / "recordings" / "drive.rrd"
+    verify(file)
+    table = pyarrow.parquet.read_table(stored / "runs.parquet")
+    time, place = component(file, "/run/robot/chassis", "translation")
+    np.testing.assert_allclose(time, table["t"].to_numpy()[::2], atol=1e-6)
+    for k, name in enumerate(("x", "y", "z")):
+        np.testing.assert_allclose(place[:, k], table[name].to_numpy()[::2], atol=1e-5)
+    entities = {chunk.entity_path for chunk in RrdReader(file).stream()}
+    assert {"/field/ground", "/run/contacts/points", "/run/contacts/forces", "/run/path/driven"} <= entities
+    for kind in ("boxes", "wheels"):
+        _, moving = component(file, f"/run/robot/chassis/chassis_left/moving_{kind}", "centers")
+        assert (np.ptp(moving.reshape(len(time), -1, 3), axis=0).max(axis=-1) > 0.01).all()
+    assert component(file, "/run/slip/tracks", "scalars")[1].shape[1] == 6
+
+
+def test_terrain_in_the_recording_is_as_high_as_the_course(trackslip):
+    result = trackslip("drive", "--course", "rough", "--robot", "box", "--preset", "fast", "--duration", "0.1")
+    course, surfaces = load_course("rough"), 0
+    for chunk in RrdReader(result.folder / "recordings" / "drive.rrd").stream():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path.startswith("/field/course/") and "Mesh3D:vertex_positions" in batch.schema.names:
+            point, normal = (
+                np.asarray(batch.column(f"Mesh3D:vertex_{name}").flatten().flatten(), float).reshape(-1, 3)
+                for name in ("positions", "normals")
+            )
+            if (normal[:, 2] > 0).all():  # a height field
+                surfaces += 1
+                low, high = point.min(axis=0), point.max(axis=0)
+                inner = point[((point > low + 0.01) & (point < high - 0.01))[:, :2].all(axis=1)]
+                np.testing.assert_allclose(course.height(*inner[:, :2].T), inner[:, 2], atol=1e-5)
+    assert surfaces
+
+
+def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
+    course = tmp_path / "course.toml"
+    course.write_text('friction = 0.9\n[[pieces]]\nkind = "ramp"\nangle = 0.2\nlength = 1.0\n')
+    result = trackslip(
+        *("drive", "--robot", str(write_robot(tmp_path)), "--course", str(course)),
+        *("--preset", "fast", "--speed", "0.6", "--flippers", "up"),
+    )
+    assert result.summary["drive"]["outcome"] == "reached"
+    assert "It crossed the course after" in result.printed
+    assert "arm track" in result.printed
+    assert (result.folder / "report.html").read_text().count("<svg ") == 3
+    assert len(list((result.folder / "figures").glob("*.svg"))) == 3
+
+
+@pytest.mark.slow
+def test_a_video_has_a_picture_for_each_moment(trackslip, tmp_path):
+    av = pytest.importorskip("av", reason="PyAV isn't installed")
+    file = tmp_path / "drive.mp4"
+    box = ("--course", "flat", "--robot", "box", "--preset", "fast")
+    trackslip("drive", *box, "--duration", "0.6", "--video", str(file))
+    with av.open(str(file)) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert len(frames) == 15
+    assert frames[0].shape == (540, 960, 3)
+    assert np.abs(frames[-1].astype(int) - frames[0]).max() > 50
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="there is always a display")
+def test_what_is_not_there_is_named_in_one_line(refused, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert "needs a display" in refused("drive", "--teleop", "--course", "flat")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name, *_: None)
+    assert 'a video needs PyAV: pip install -e ".[video]"' in refused("drive", "--video", "drive.mp4")
+
+
+def test_keys():
+    up, left, space, home, page_down = 265, 263, 32, 268, 267
+    world = build_tracked(load_tracked("rescue"))
+    keyboard = Keyboard(world, 0.6, True, np.zeros(4))
+    for key in (up, up, up, left):
+        keyboard.press(key)
+    half = world.robot.half_gauge
+    np.testing.assert_allclose(keyboard(None), [0.15 - 0.1 * half, 0.15 + 0.1 * half])
+    for _ in range(50):
+        keyboard.press(up)
+    assert keyboard.speed == 0.6
+    keyboard.press(space)
+    np.testing.assert_allclose(keyboard(None), [0.0, 0.0])
+    assert keyboard.by_reflex
+    keyboard.press(home)
+    keyboard.press(page_down)
+    np.testing.assert_allclose(keyboard.angles, [0.1, 0.1, -0.1, -0.1])
+    assert not keyboard.by_reflex
+    for _ in range(50):
+        keyboard.press(home)
+    np.testing.assert_allclose(keyboard.angles[:2], world.flipper_range[:2, 1])
+
+
+@pytest.mark.slow
+def test_teleop_on_a_virtual_display(tmp_path):
+    if shutil.which("xvfb-run") is None:
+        pytest.skip("there is no xvfb-run")
+    own = [sys.executable, "-m", "experiments", "drive", "--teleop", "--robot", "box", "--course", "flat"]
+    command = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *own, "--duration", "1", "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "arrow keys" in done.stdout
+    drive = json.loads((tmp_path / "out" / "summary.json").read_text())["drive"]
+    assert drive["outcome"] == "time"
+    assert drive["duration"] == pytest.approx(1.0)
+
+
+def test_a_drawn_course_follows_from_the_seed_that_is_stored():
+    world = CourseWorld.of(Config(course="rails", seed=7))
+    assert world.about["seed"] == 7
+    assert CourseWorld.of(Config(course="rails", seed=7)).course == world.course
+    with pytest.raises(InvalidValueError, match=r"course = 'lava': must be one of .*step10, steps_up, .*\.toml"):
+        CourseWorld.of(Config(course="lava"))

@@ -1,0 +1,81 @@
+"""Sweeps: axes, names and ids of runs, fleets, and the table of runs."""
+
+import pyarrow.parquet
+import pytest
+from pages import ROOT
+
+from experiments.cli import parse
+from experiments.common.sweep import fleets
+from experiments.grid.axes import AXES
+from experiments.grid.plan import plan
+from experiments.grid.runs import GridRuns
+from experiments.grid.table import COLUMNS, write_table
+from trackslip.logs.schema import markdown
+
+
+def planned(*arguments):
+    return plan(parse(["grid", *arguments]))
+
+
+def test_a_run_is_the_same_however_it_is_asked_for():
+    (one,) = planned("--radii", "1", "--speeds", "0.1", "--ground", "ice", "--ground.slope", "0.02", "--seed", "7")
+    (same,) = planned("--radii", "1", "--speeds", "0.1", "--grounds", "ice", "--vary", "slope=0.02", "--seeds", "7")
+    assert (one.id, one.cell.key) == (same.id, same.cell.key)
+    assert one.name == "radius=1.0 speed=0.1"
+    assert same.name == "radius=1.0 speed=0.1 ground=ice seed=7 slope=0.02"
+    usual = {"--radii": "1", "--speeds": "0.1", "--ground": "ice", "--ground.slope": "0.02", "--seed": "7"}
+    others = {"--seed": "8", "--radii": "1.1", "--scanner.noise": "0.006", "--drive.lag": "0.06", "--motion": "arc"}
+    others |= {"--obstacles": "posts", "--radius-error": "0.01", "--duration": "20"}
+    ids = {one.id}
+    for change in others.items():
+        (other,) = planned(*(word for pair in (usual | dict([change])).items() for word in pair))
+        ids.add(other.id)
+    assert len(ids) == 1 + len(others)
+
+
+def _shared(setting):
+    return (setting.specification.parameters, setting.config.scanner, setting.config.random_phase)
+
+
+def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
+    (tmp_path / "sweep.toml").write_text(
+        'radius = [1.0, 2.0]\nspeed = 0.1\nground = ["stone", "gravel"]\n[robot]\nhalf_gauge = [0.15, 0.168]\n'
+        "[scanner]\nnoise = [0.005, 0.01]\n"
+    )
+    runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--vary", "random_phase=false,true")
+    assert len(runs) == 32
+    assert len(fleets(runs, 2, GridRuns.sizes)) == 8
+    for fleet in fleets(runs, 2, GridRuns.sizes):
+        assert len({_shared(run.setting) for run in fleet}) == 1
+    narrow = [run for run in runs if run.axes["robot.half_gauge"] == 0.15]
+    assert {run.world(1).robot.geometry.half_gauge for run in narrow} == {0.15}
+    assert len(narrow) == 16
+
+
+@pytest.mark.parametrize(
+    ("duration", "ratios", "workers", "count", "largest"),
+    [
+        *((30, 40, *rest) for rest in ((1, 8, 125), (2, 8, 125), (3, 12, 84), (4, 16, 63), (64, 16, 63))),
+        *((duration, 1, 2, count, 25) for duration, count in ((30, 1), (79, 1), (160, 2), (300, 2), (3600, 7))),
+        *((duration, 1, 1, -(-25 // most), most) for duration, most in ((120, 25), (1800, 8), (3600, 4))),
+    ],
+)
+def test_fleets_are_large_but_every_worker_has_some_and_logs_fit_into_memory(duration, ratios, workers, count, largest):
+    ratio = f"friction_ratio={','.join(str(0.8 + 0.01 * k) for k in range(ratios))}"
+    runs = planned("--duration", str(duration), "--vary", ratio)
+    parts = fleets(runs, workers, GridRuns.sizes)
+    assert sorted(run.id for part in parts for run in part) == sorted(run.id for run in runs)
+    assert len(parts) == count
+    assert max(map(len, parts)) <= largest
+
+
+def test_every_column_of_the_table_is_documented(tmp_path):
+    table = markdown([*COLUMNS.values(), *AXES.values()])
+    assert (ROOT / "docs" / "data.md").read_text(encoding="utf-8").count(f"\n{table}\n") == 1
+    row = {"run": "r", "id": "0", "radius": 0.5, "speed": 0.1, "ground": "ice", "v": 0.1}
+    write_table([row], ["ground", "radius", "speed"], tmp_path / "table.parquet")
+    schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
+    assert schema.names == ["run", "id", "ground", "radius", "speed", *list(COLUMNS)[2:]]
+    for field in schema:
+        unit, what = (field.metadata[key].decode() for key in (b"unit", b"description"))
+        assert f"| `{field.name}` | {unit or '–'} | {what} |" in table

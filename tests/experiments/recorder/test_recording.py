@@ -1,0 +1,261 @@
+"""Recordings read back and compared with their logs, plotted series, and `trackslip view`."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+from rrd import CIRCLE, component, verify
+
+from experiments import recorder as recording
+from experiments.cli import main
+from experiments.recorder.model import send_geoms
+from experiments.recorder.run import parameters_of
+from experiments.recorder.traces import traces_of
+from experiments.recorder.viewer import choose
+from sim.robot.parameters import RobotParameters
+from trackslip.errors import LogError
+from trackslip.kinematics import RobotGeometry, limit_sprocket_speeds, track_slip
+from trackslip.localization.scan import Plate
+from trackslip.logs.logfile import read_runs, write_csv
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.exponential import ExponentialSpeed
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory) -> tuple[Path, list[RunLog]]:
+    """Two recorded runs on a circle among posts."""
+    logs, folder = [], tmp_path_factory.mktemp("recording")
+    for compensation in ("none", "icr_radius"):
+        out = folder / compensation
+        main(["track", *CIRCLE, "--compensation", compensation, "--obstacles", "posts", "--rrd", "--out", str(out)])
+        logs += read_runs(out / "runs.parquet")
+    return folder, logs
+
+
+FILES = {name: Path(name) / "recordings" / f"linear_{name}.rrd" for name in ("none", "icr_radius")}
+
+
+def require_pose(file: Path, entity: str, log: RunLog) -> None:
+    time, translation = component(file, entity, "translation")
+    _, quaternion = component(file, entity, "quaternion")
+    np.testing.assert_allclose(time, log.time, atol=1e-9)
+    np.testing.assert_allclose(translation[:, :2], log.truth.pose[:, :2], atol=1e-6)
+    x, y, z, w = quaternion.T.astype(float)  # rerun's order
+    np.testing.assert_allclose([x, y], 0, atol=1e-7)
+    assert np.ptp(log.truth.pose[:, 2]) > 1  # the robot turned
+    np.testing.assert_allclose(np.exp(2j * np.arctan2(z, w)), np.exp(1j * log.truth.pose[:, 2]), atol=1e-6)
+
+
+def test_recording_holds_the_run(driven):
+    file, log = driven[0] / FILES["icr_radius"], driven[1][1]
+    verify(file)
+    require_pose(file, "/run/robot/chassis", log)
+    _, slip = component(file, "/run/slip/true", "scalars")
+    geometry = RobotGeometry(**log.metadata["geometry"])
+    twist = log.truth.twist[:, [0, 2]]
+    expected = track_slip(log.omega[1:], (twist[1:] + twist[:-1]) / 2, geometry)
+    turning = np.abs(log.omega[1:]) > 0.3
+    np.testing.assert_allclose(slip[1:][turning], expected[turning], atol=1e-12)
+    assert np.isnan(slip[1:][~turning]).all()
+    _, measured = component(file, "/run/sprocket/measured", "scalars")
+    np.testing.assert_array_equal(measured, log.omega)
+    _, force = component(file, "/run/robot/chassis/contact_forces", "vectors")
+    scale = force.reshape(len(force), -1, 3)[:, :, 2].sum(axis=1) / log.truth.contact[..., 2].sum(axis=1)
+    np.testing.assert_allclose(scale, scale[0], rtol=1e-5)
+
+
+def test_shoes_run_with_the_belt(driven):
+    """Backwards below the robot and forwards above, as far as the sprocket drives the belt."""
+    log = driven[1][1]
+    _, place = component(driven[0] / FILES["icr_radius"], "/run/robot/chassis/left_track/moving_boxes", "centers")
+    place = place.reshape(len(log.time), -1, 3)
+    way = 0.06 * log.omega[:, 0] * np.diff(log.time, prepend=0.0)
+    moved, height = np.diff(place[..., 0], axis=0), (place[1:, :, 2] + place[:-1, :, 2]) / 2
+    straight = np.abs((place[1:, :, 0] + place[:-1, :, 0]) / 2) < 0.15
+    for side, sign in ((height < 0.07, -1.0), (height > 0.07, 1.0)):
+        rows, shoes = np.nonzero(straight & side)
+        np.testing.assert_allclose(moved[rows, shoes], sign * way[1:][rows], atol=1e-6)
+
+
+def test_wheels_leave_sheared_ground_under_their_patches_only(tmp_path):
+    world = f"--robot husky --ground.shear 0.01 --radii 2 --speeds 0.2 --duration 4 --rrd --out {tmp_path}"
+    main(["grid", *world.split()])
+    (file,) = (tmp_path / "recordings").glob("*.rrd")
+    verify(file)
+    chunks = {str(chunk.entity_path): chunk for chunk in RrdReader(file).stream() if chunk.is_static}
+    strips = chunks["/run/robot/chassis/shear"].to_record_batch()
+    (column,) = [name for name in strips.schema.names if name.endswith(":strips")]
+    lines = np.array(strips.column(column).to_pylist()[0])
+    assert lines.shape == (4 * 5, 2, 3)  # between six points of four wheels
+    assert (np.abs(np.abs(lines[..., 0]) - 0.256) < 0.05).all()
+    assert {f"/run/robot/chassis/{side}_wheels/wheels" for side in ("left", "right")} < chunks.keys()
+    assert not [entity for entity in chunks if "track" in entity or "belt" in entity]
+
+
+def test_drawn_wheels_turn_with_the_sprockets(tmp_path):
+    main(["grid", *f"--robot husky --radii 2 --speeds 0.2 --duration 4 --rrd --out {tmp_path}".split()])
+    (file,), (log,) = (tmp_path / "recordings").glob("*.rrd"), read_runs(tmp_path / "runs.parquet")
+    turned = np.cumsum(log.omega * np.diff(log.time, prepend=0.0)[:, None], axis=0)
+    for side, angle in zip(("left", "right"), turned.T, strict=True):
+        _, place = component(file, f"/run/robot/chassis/{side}_wheels/moving_wheels", "centers")
+        place = place.reshape(len(log.time), 2, -1, 3)  # of five bolts on each of two wheels
+        away = place[..., [0, 2]] - np.array([[-0.256, 0.165], [0.256, 0.165]])[:, None]
+        np.testing.assert_allclose(np.hypot(*away[..., 0, :].T).T, 0.62 * 0.165, rtol=1e-5)
+        clockwise = np.unwrap(np.arctan2(away[..., 0, 0], away[..., 0, 1]), axis=0)
+        np.testing.assert_allclose(clockwise, np.column_stack([angle, angle]), atol=1e-5)
+
+
+def rows_of(file: Path, entity: str, name: str) -> list[list]:
+    """The values (T,) of a component in each row."""
+    rows = []
+    for chunk in RrdReader(file).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        columns = [c for c in batch.schema.names if c.endswith(f":{name}") and "time" in batch.schema.names]
+        for column in columns:
+            rows += zip(batch.column("time").to_pylist(), batch.column(column).to_pylist(), strict=True)
+    return [values or [] for _, values in sorted(rows, key=lambda row: row[0])]
+
+
+def test_nothing_is_the_plates_where_it_was_not_found(driven, tmp_path):
+    log = driven[1][0]
+    missed = np.isin(np.arange(len(log.time)), (50, 51, 120))
+    log = replace(log, valid=log.is_valid & ~missed)
+    recording.record(tmp_path / "run.rrd", [log])
+    shown = {
+        name: np.array([len(values) for values in rows_of(tmp_path / "run.rrd", f"/run/{entity}", component)])
+        for name, entity, component in (
+            ("plate", "estimate/plate", "half_sizes"),
+            ("covariance", "estimate/covariance", "half_sizes"),
+            ("points", "scan/plate", "positions"),
+            ("rays", "scan/rays", "strips"),
+            ("others", "scan/other", "positions"),
+        )
+    }
+    for name in ("plate", "covariance", "points", "rays"):
+        np.testing.assert_array_equal(shown[name] > 0, log.is_valid)
+    assert (shown["others"][[50, 51, 120]] > shown["others"][[49, 52, 119]]).all()  # what else came back there
+
+
+def test_scan_points_lie_on_the_plate(driven):
+    """In the world's frame, not the scanner's."""
+    log, plate = driven[1][0], Plate()
+    rows = rows_of(driven[0] / FILES["none"], "/run/scan/plate", "positions")
+    points = np.array([point for row in rows for point in row])
+    off = plate.outside(log.truth.pose, np.repeat(np.arange(len(rows)), [*map(len, rows)]), points[:, 0], points[:, 1])
+    assert len(off) > 1000
+    assert np.abs(np.minimum(off, 0.02)).mean() < 0.01  # the noise is 5 mm
+    assert (off < 0.05).mean() > 0.99
+
+
+def test_names_of_a_model_may_have_blanks_and_slashes(capfd):
+    geom = '<geom name="left (1) a/b" size="0.1"/>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody><body>{geom}</body></worldbody></mujoco>")
+    send_geoms(rr.RecordingStream("names"), "run/robot", model, 1)
+    assert capfd.readouterr().err == ""  # rerun warns of paths with blanks
+
+
+def test_runs_side_by_side(driven, tmp_path):
+    file = tmp_path / "both.rrd"
+    recording.record(file, driven[1])
+    verify(file)
+    for log in driven[1]:
+        require_pose(file, f"/run/{log.run.replace(' ', chr(92) + ' ')}/robot/chassis", log)
+    assert len(RrdReader(file).recordings()) == len(RrdReader(file).blueprints()) == 1
+
+
+def test_detail_is_stored_and_changes_nothing(driven, tmp_path):
+    log = driven[1][0]
+    main(["track", *CIRCLE, "--compensation", "none", "--obstacles", "posts", "--out", str(tmp_path)])
+    (plain,) = read_runs(tmp_path / "runs.parquet")
+    assert plain.truth.contact is plain.scans is None
+    np.testing.assert_array_equal(log.truth.pose, plain.truth.pose)
+    assert log.metadata == plain.metadata
+    sides = log.truth.contact.reshape(len(log.time), 2, -1, 3).sum(axis=2)
+    np.testing.assert_allclose(sides[..., 0], log.truth.traction, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(sides[1:, :, 2].sum(axis=1), 25 * 9.81, rtol=0.01)
+    assert np.isfinite(log.scans.full[100]).sum() > log.scans.cluster.hit[100].sum()  # the posts
+
+
+def test_slips_agree_in_steady_turns(driven):
+    traces = traces_of(driven[1][1])
+    steady = slice(160, 260)
+    for other in (traces.identified, traces.law):
+        np.testing.assert_allclose(np.nanmean(other[steady], axis=0), traces.slip[steady].mean(axis=0), atol=0.01)
+    assert traces.law_name == "icr_radius"
+    assert traces.moment > 11.9
+    assert traces.distance[0] == pytest.approx(np.hypot(0.1, 0.1), abs=1e-6)  # the circle is the one that was asked for
+
+
+def test_the_law_shown_is_the_one_that_compensated(driven):
+    """Including a user's law that depends on speed."""
+    log = driven[1][0]
+    geometry = RobotGeometry(**log.metadata["geometry"])
+    law = ExponentialSpeed(0.12, -0.9, -0.3, -1.1, gamma_outer=0.2, gamma_inner=-0.3)
+    limit = log.metadata["drive"]["top_speed"] / geometry.sprocket_radius
+    command = limit_sprocket_speeds(law.sprocket_speeds(log.twist_command, geometry), limit)
+    traces = traces_of(replace(log, command=command, metadata=log.metadata | {"compensation": "exponential"}))
+    slip = law.slip(log.twist_command)
+    shown = np.isfinite(traces.law)
+    assert shown.mean() > 0.8
+    np.testing.assert_allclose(traces.law[shown], slip[shown], atol=1e-9)
+    assert not shown[np.abs(command).max(axis=1) >= limit].any()  # scaled down: it can't be told there
+    assert traces.law_name == "exponential"
+
+
+def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
+    bare = [replace(log, truth=None, metadata={}, covariance=None, command=None, scans=None) for log in driven[1]]
+    write_csv(bare, tmp_path / "real.csv")
+    file = tmp_path / "a real.rrd"
+    main(["view", str(tmp_path / "real.csv"), "--save", str(file)])
+    said = capsys.readouterr().out
+    assert "2 runs; showing 'linear none'. --run ID chooses one; repeat it to compare" in said
+    assert f"to open it: rerun '{file}'" in said  # as a shell takes it
+    verify(file)
+    _, translation = component(file, "/run/robot/chassis", "translation")
+    np.testing.assert_allclose(translation[:, :2], bare[0].pose[:, :2], atol=1e-6)
+    assert parameters_of(bare[0]) == RobotParameters()
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"geometry": {"half_gauge": 0.2}},
+        {"geometry": {"half_gauge": "x", "sprocket_radius": {}}, "robot": {"mass": 10**400}},
+        {"ground": {"patches": [None], "slope": "steep"}, "obstacles": {"posts": [{"x": 1}]}},
+        {"ground": [1], "obstacles": [3], "drive": {"top_speed": "x"}, "circle": {"radius": []}},
+        {"lrf": {"mount": [1, {}, 2]}},
+    ],
+)
+def test_parts_that_a_log_describes_otherwise_are_not_shown(driven, tmp_path, odd):
+    log = replace(driven[1][1], scans=None)
+    file = tmp_path / "odd.rrd"
+    recording.record(file, [replace(log, metadata=log.metadata | odd)])
+    require_pose(file, "/run/robot/chassis", log)
+
+
+def test_view_chooses_by_name_or_id(driven):
+    ids = ("abcd12", "abce34")
+    logs = [replace(log, metadata=log.metadata | {"id": i}) for log, i in zip(driven[1], ids, strict=True)]
+    path = Path("runs")
+    assert choose(logs, ["abce34", "linear none"], path) == [logs[1], logs[0]]
+    assert choose(logs, ["abcd"], path) == [logs[0]]
+    with pytest.raises(LogError, match=r"2 runs whose id begins with 'abc'; there are 'linear none' \(id abcd12\), "):
+        choose(logs, ["abc"], path)
+    for unknown in ("abcx", ""):
+        with pytest.raises(LogError, match="no run '"):
+            choose(logs, [unknown], path)
+    with pytest.raises(LogError, match="are the same"):
+        choose(logs, ["abcd", "linear none"], path)
+
+
+def test_view_refuses(driven, refused, monkeypatch):
+    folder = str(driven[0] / "none")
+    assert refused("view", folder, "--run", "other").endswith("no run 'other'; there are 'linear none'")
+    assert "a file that ends in .rrd" in refused("view", folder, "--save", "x.txt")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    assert "doesn't start; try --web, or --save FILE" in refused("view", folder)

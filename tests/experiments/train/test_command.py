@@ -1,0 +1,106 @@
+"""`trackslip train`: policies learn to track paths and cross courses, resume, and enter benchmarks."""
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from sim.policy import Policy
+from sim.traverse.policy import OPTIONS, CrossingPolicy
+
+pytest.importorskip("stable_baselines3")
+TINY = {"robots": 4, "horizon": 32, "batch": 64, "epochs": 1, "network": 8, "references": "slalom"}
+LEARNS = {"robots": 32, "horizon": 16, "batch": 128, "epochs": 6, "network": 32, "references": "slalom"}
+
+
+def sized(sizes, **changed):
+    return tuple(word for name, value in (sizes | changed).items() for word in (f"--{name}", str(value)))
+
+
+def test_a_policy_is_trained_and_takes_part_in_the_benchmark(trackslip, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    trained = trackslip("train", *sized(TINY), "--steps", "256")
+    assert not [*tmp_path.glob("SB3-*")]
+    assert [point["steps"] for point in trained.summary["curve"]] == [128, 256]
+    assert Policy.load(trained.folder).authority == (0.12, 0.6)
+    options = ("--references", "slalom", "--starts", "zero", "--seeds", "0", "--localization", "truth", "--jobs", "1")
+    controllers = ("--controllers", "feedforward", f"ppo:{trained.folder}")
+    table = trackslip("benchmark", *options, *controllers, "--compensations", "icr_radius")
+    assert table.summary["failures"] == []
+    assert [row["controller"] for row in table.summary["rows"]] == ["feedforward", f"ppo:{trained.folder}"]
+
+
+def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
+    """The checkpoint fixes the network; every other option may change.
+
+    At first the mean reward is 0, as changes of random actions cost; with any of four seeds, training ends above 0.29.
+    """
+    trained = trackslip("train", *sized(LEARNS), "--learning-rate", "3e-3", "--steps", "61440")
+    reward = np.array([point["reward"] for point in trained.summary["curve"]])
+    assert (trained.summary["steps"], len(reward)) == (61440, 120)
+    assert reward.max() < 1
+    assert abs(reward[:5].mean()) < 0.1
+    assert reward[-15:].mean() > 0.29
+    resumed = ("--steps", "62464", "--resume", "--out", str(trained.folder))
+    longer = trackslip("train", *sized(LEARNS, horizon=32), *resumed)
+    assert longer.summary["curve"][:-1] == trained.summary["curve"]
+    assert longer.summary["curve"][-1]["steps"] == 62464  # 32 robots, 32 steps each
+    assert trackslip("train", *sized(LEARNS), *resumed).summary["curve"] == longer.summary["curve"]  # nothing is left
+    with pytest.raises(SystemExit):
+        main(["train", *sized(LEARNS, network=16), *resumed])
+    assert "network = (16,): must be (32,) with --resume" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["train", "--env", "traverse", *sized(LEARNS)[:-2], *resumed])  # without references
+    refusal = capsys.readouterr().err.splitlines()[-1]
+    assert "can't be resumed (ValueError: Observation spaces do not match" in refusal
+    assert len(refusal) < 500
+
+
+def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(trackslip, monkeypatch, capsys):
+    folder = trackslip("train", *sized(TINY), "--steps", "128").folder
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.train.training._save", interrupt)
+    with pytest.raises(SystemExit) as stop:
+        main(["train", *sized(TINY), "--steps", "256", "--resume", "--out", str(folder)])
+    assert stop.value.code == 130
+    assert capsys.readouterr().err.endswith("trackslip: interrupted; --resume continues from the last checkpoint\n")
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def test_a_training_interrupted_early_has_a_checkpoint_of_its_first_update_or_says_that_there_is_none(
+    trackslip, tmp_path, monkeypatch, capsys
+):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    begin = ["train", *sized(TINY), "--steps", "512", "--out", str(tmp_path / "out")]
+    with monkeypatch.context() as patched:
+        patched.setattr("experiments.train.training._save", interrupt)
+        with pytest.raises(SystemExit) as stop:
+            main(begin)
+    assert stop.value.code == 130
+    assert capsys.readouterr().err.endswith("trackslip: interrupted before the first checkpoint; nothing is stored\n")
+    with monkeypatch.context() as patched:
+        updates = iter((dict, interrupt))
+        patched.setattr("experiments.train.tasks.PathTrackingTask.ended", lambda *_: next(updates)())
+        with pytest.raises(SystemExit):
+            main(begin)
+    assert "--resume continues" in capsys.readouterr().err
+    assert trackslip(*begin[:-2], "--resume", "--out", str(tmp_path / "out")).summary["steps"] == 512
+
+
+def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
+    sizes = ("--robots", "2", "--horizon", "8", "--batch", "16", "--epochs", "1", "--network", "8", "--steps", "16")
+    found = trackslip("train", "--env", "traverse", *sizes, "--trials", "1", "--difficulty", "0", "0")
+    assert [point["steps"] for point in found.summary["curve"]] == [16]
+    assert [(one["controller"], one["courses"]) for one in found.summary["rates"]] == [
+        (name, 1) for name in ("scripted", "policy", "straight, flat", "straight, raised")
+    ]
+    assert "95 % interval" in found.printed
+    assert (found.folder / "curve.png").is_file()
+    policy = CrossingPolicy.load(found.folder)
+    assert policy.options == {**OPTIONS, "robot": "rescue", "course": ["random"]}
+    assert policy.action(np.zeros((3, 63))).shape == (3, 4)
