@@ -116,9 +116,9 @@ def parse(arguments: Sequence[str]) -> Any:
         SystemExit: after help, and for arguments that tyro rejects, once it has explained them.
     """
     name, *options = arguments
-    if name in _INSTEAD:
-        raise TrackslipError(f"{name} is gone; use: {_INSTEAD[name]}")
     if name not in commands():
+        if name in _INSTEAD:
+            raise TrackslipError(f"{name} is gone; use: {_INSTEAD[name]}")
         raise InvalidValueError("COMMAND", name, f"one of {', '.join(commands())}")
     module = config_module(name)
     explanation = io.StringIO()

@@ -137,8 +137,15 @@ class Section:
     heading: str
     blocks: Sequence[Block | None]
     """None is left out, and so is a section of nothing. A str is a paragraph; Markup keeps its tags."""
+    folded: bool = False
+    """Collapse it until its heading is clicked: methods, and what few readers decide by."""
 
     kind: ClassVar[str] = "section"
+
+    @property
+    def anchor(self) -> str:
+        """Its id on the page."""
+        return file_name(self.heading)
 
     def __bool__(self) -> bool:
         return any(self.blocks)
@@ -177,6 +184,21 @@ def warnings(lines: Sequence[str]) -> Section | None:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """The first thing on a page: the answer that its reader came for."""
+
+    heading: str
+    """The answer itself, in a few words with its number."""
+    facts: Sequence[tuple[str, str]] = ()
+    """Quantities and their values with ± and unit."""
+    lines: Sequence[str] = ()
+    """Sentences: the gain over today, the one thing to know."""
+    warnings: Sequence[str] = ()
+    next: Sequence[str] = ()
+    """Command lines to run next."""
+
+
+@dataclass(frozen=True)
 class Page:
     """A page, which is written with its figures."""
 
@@ -187,7 +209,8 @@ class Page:
     """Configuration, versions, seed: anything that fits into JSON; listed at the end."""
     sections: Sequence[Section | None]
     intro: Sequence[Block | None] = ()
-    """Below the title."""
+    """Below the title and the answer."""
+    answer: Answer | None = None
 
     def write(self, folder: Path, pdf: bool = False, figures: Figures | None = None) -> None:
         """Write the page and each figure as figures/NAME.svg, with `pdf` also as NAME.pdf.
@@ -214,6 +237,7 @@ class Page:
         return _template().render(
             title=self.title,
             command=relative_command(self.command),
+            answer=self.answer,
             intro=self.intro,
             sections=[section for section in self.sections if section],
             figures=figures,

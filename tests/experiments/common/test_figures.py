@@ -62,7 +62,7 @@ def test_a_prediction_has_a_line_for_each_modulus_and_a_point_for_each_radius():
 
 
 MIN_CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11: graphical objects
-TEMPLATE = (Path(experiments.__file__).parent / "report" / "templates" / "page.html.j2").read_text(encoding="utf-8")
+TEMPLATE = (Path(experiments.__file__).parent / "common" / "page.html.j2").read_text(encoding="utf-8")
 # the filter hue-rotate(180deg) of CSS, as the Filter Effects specification gives it
 HUE_ROTATE = np.array([[0.213, 0.715, 0.072]] * 3) - (np.eye(3) - np.array([[0.213, 0.715, 0.072]] * 3))
 
