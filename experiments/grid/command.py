@@ -4,16 +4,16 @@ from typing import Any
 
 from experiments.common.formats import stages_text
 from experiments.common.parts import StoredParts
-from experiments.common.results import RECORDINGS_FOLDER, RUNS_FILE, TABLE_FILE, bags_text, write_bags
+from experiments.common.results import RUNS_FILE, TABLE_FILE, bags_text, write_bags
 from experiments.common.sweep import drive_missing, resumable
 from experiments.grid.config import PARTS, Config
 from experiments.grid.plan import plan
 from experiments.grid.runs import GridRuns
-from experiments.grid.summary import all_failed, grids_of, in_full, print_sweep, summary_of
+from experiments.grid.summary import all_failed, grids_of, print_sweep, summary_of
 from experiments.grid.table import renamed, write_table
 from experiments.recorder import record_all
 from experiments.simulate.world import World
-from trackslip.errors import TrackslipError, counted
+from trackslip.errors import RunFailedError, counted
 from trackslip.logs.logfile import StoredRuns, read_runs
 from trackslip.ros.messages import require_rosbags
 
@@ -28,7 +28,7 @@ def run(config: Config) -> None:
     parts = StoredParts(config.out, PARTS)
     with resumable(config, runs, parts, "the same command" + " without --no-resume" * (not config.resume)) as run:
         if config.resume:
-            parts.take(ids, config.force)
+            parts.take(ids, force=False)
         else:
             parts.discard(ids)
         taken, began, file = len(parts), run.wall, run.folder / RUNS_FILE
@@ -37,23 +37,22 @@ def run(config: Config) -> None:
         timing = {"driving_s": run.wall - began, "driven": len(runs) - taken, "taken": taken}
         rows = [renamed(parts[one.id].row, one.name, one.axes) for one in runs]
         driven = [row["run"] for row in rows if row["error"] is None]
-        failure: dict[str, Any] = {} if driven else {"error": all_failed(rows)}
-        if failure and not unfinished:
-            raise TrackslipError(failure["error"])
+        if not driven:
+            failure = RunFailedError(all_failed(rows))
+            failure.logs = unfinished
+            raise failure
         with run.watch.stage("gathering"):
             parts.gather([(one.id, one.name) for one in runs], file)
             if config.rrd:
-                record_all(run.folder, [*(read_runs(file) if driven else ()), *unfinished])
+                record_all(run.folder, [*read_runs(file), *unfinished])
             write_table(rows, list(runs[0].axes), run.folder / TABLE_FILE)
         about: dict[str, Any] = {"timing": timing, "made_by": parts.made_by}
-        if config.bag and driven:
+        if config.bag:
             with run.watch.stage("bags"), run.progress("bags", len(driven), "bags") as done:
                 about["bags"] = write_bags(run.folder, driven, map(StoredRuns(file).log, driven), done=done)
         grids = grids_of(runs, rows)
-        whole = in_full(runs, rows, lambda: map(StoredRuns(file).log, driven), run.watch)
-        run.write(summary_of(grids, whole, rows) | about, simulated=simulated, **world.about, **failure)
-    if failure:
-        raise TrackslipError(f"{failure['error']}; see {config.out / RECORDINGS_FOLDER}")
+        summary = summary_of(grids, runs, rows, lambda: map(StoredRuns(file).log, driven), run.watch)
+        run.write(summary | about, simulated=simulated, **world.about)
     print_sweep(grids, rows, runs[0].duration)
     print(stages_text(run.watch.stages))
     if config.bag:

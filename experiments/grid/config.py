@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from experiments.common.choices import GROUNDS
-from experiments.common.options import Distinct, Excludes, Exclusion, Needs, Whole, default_is
+from experiments.common.options import Distinct, Exclusion, Needs, Whole, default_is
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.options import MAX_JOBS
 from trackslip.errors import InvalidValueError
@@ -20,8 +20,6 @@ EXAMPLES = (
     ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
     ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
 )
-
-
 PARTS = ".grid-parts"
 """Folder in OUT with the runs of a grid that isn't finished."""
 
@@ -49,13 +47,8 @@ class Config(GridConfig):
     """Also write a ROS 2 bag of each run to OUT/bags."""
     resume: bool = True
     """Keep the runs that OUT already has; --no-resume drives all of them again."""
-    force: bool = False
-    """Keep runs of OUT even if code, models or libraries have changed since."""
 
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (
-        Needs(("jobs",), "executor", ("processes",)),
-        Excludes(("force",), "resume", (False,)),
-    )
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("jobs",), "executor", ("processes",)),)
 
     def __post_init__(self) -> None:
         super().__post_init__()
