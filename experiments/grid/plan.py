@@ -13,7 +13,7 @@ from experiments.common.options import with_option
 from experiments.grid.axes import axes_of, option_name
 from experiments.grid.config import Config
 from experiments.simulate.grid_runs import GridCell, require_radius
-from experiments.simulate.world import Specification, World, WorldFiles
+from experiments.simulate.world import FileReader, Specification, World, read_files
 
 _IN_COMMON = ("scanner", "duration", "localization", "motion", "random_phase")  # options that a fleet shares
 
@@ -78,9 +78,9 @@ def plan(config: Config) -> list[PlannedRun]:
     """Every run; raises TrackslipError for invalid values, before anything is driven."""
     axes = axes_of(config)
     radii, speeds = axes.pop("radius"), axes.pop("speed")
-    base, files = replace(config, radii=radii, speeds=speeds), WorldFiles()
+    base, read = replace(config, radii=radii, speeds=speeds), functools.cache(read_files)
     grids = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
-    settings = [_setting(base, grid, files) for grid in grids]
+    settings = [_setting(base, grid, read) for grid in grids]
     narrowest = min((setting.specification.parameters for setting in settings), key=lambda robot: robot.half_gauge)
     for radius in radii:  # a radius too tight for only some of the robots is a run that fails
         require_radius(radius, narrowest.geometry)
@@ -91,12 +91,12 @@ def plan(config: Config) -> list[PlannedRun]:
     ]
 
 
-def _setting(config: Config, grid: Mapping[str, Any], files: WorldFiles) -> Setting:
+def _setting(config: Config, grid: Mapping[str, Any], read: FileReader) -> Setting:
     """The options and the world of a grid, with its own robot and ratio of friction."""
     for axis, value in grid.items():
         if name := option_name(axis):
             config = with_option(config, name, value)
-    world = files.specification(config)
+    world = Specification.read(config, read)
     changed = {axis.removeprefix("robot."): value for axis, value in grid.items() if axis.startswith("robot.")}
     robot, ground = replace(world.parameters, **changed), world.ground
     if "friction_ratio" in grid:
@@ -112,7 +112,7 @@ def _setting(config: Config, grid: Mapping[str, Any], files: WorldFiles) -> Sett
 
 @functools.cache
 def _shipped_scans() -> str:
-    return _setting(Config(), {}, WorldFiles()).scans
+    return _setting(Config(), {}, read_files).scans
 
 
 def _run(grid: Mapping[str, Any], setting: Setting, radius: float, speed: float) -> PlannedRun:

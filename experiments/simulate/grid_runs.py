@@ -8,13 +8,14 @@ from typing import Any, Self, cast
 import numpy as np
 
 from experiments.common.lookup import locator
-from experiments.simulate.grid_options import GridConfig, RunsConfig
+from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.options import Repeatable
 from experiments.simulate.world import World
 from sim.fleet import Fleet
 from sim.loop import Progress, open_loop
 from sim.robot.robot import Robot
 from sim.run_recorder import Description
+from sim.scanner.feed import ScannerFeed
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip import se2
@@ -49,7 +50,7 @@ class GridCell:
         return cls(name, name, radius, speed)
 
 
-def cells_of(config: RunsConfig) -> list[GridCell]:
+def cells_of(config: GridConfig) -> list[GridCell]:
     """One cell per radius and speed, radius by radius."""
     return [GridCell.at(radius, speed) for radius, speed in itertools.product(config.radii, config.speeds)]
 
@@ -78,9 +79,7 @@ def drive_cells(
     `progress` is called with the simulated seconds since the last call, counted once for the whole fleet; `watch`
     accumulates the time spent in each stage; `kept` says whether the logs have all ranges of the scans.
 
-    Raises:
-        InvalidValueError: for a radius too small for the robot.
-        TrackslipError: when a robot tips over.
+    Raises InvalidValueError for a radius too small for the robot, TrackslipError when a robot tips over.
     """
     world = worlds[0]
     config, robot = cast(GridConfig, world.config), world.robot
@@ -89,17 +88,18 @@ def drive_cells(
     pairs = list(zip(cells, worlds, strict=True))
     start = np.tile(before_scanner(robot), (len(cells), 1))
     if config.random_phase:
-        phases = [generator(w.config.seed, f"phase {c.key}").uniform(0, 2 * np.pi) for c, w in pairs]
-        start = np.array([on_circle(robot, c.radius, phase) for c, phase in zip(cells, phases, strict=True)])
+        phases = [generator(w.config.seed, f"phase {cell.key}").uniform(0, 2 * np.pi) for cell, w in pairs]
+        start = np.array([on_circle(robot, cell.radius, phase) for cell, phase in zip(cells, phases, strict=True)])
     errors = np.array([w.radius_error for w in worlds])
     fleet = Fleet(robot, start, [w.ground for w in worlds], errors, world.drive, config.threads, world.pull)
-    feed = world.feed(fleet, [generator(w.config.seed, f"grid {c.key}") for c, w in pairs], kept)
+    noise = [generator(w.config.seed, f"grid {cell.key}") for cell, w in pairs]
+    feed = ScannerFeed(config.scanner, fleet, noise, world.obstacles, kept)
     twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
     omega = sprocket_speeds(twist, 0.0, robot.geometry)
-    descriptions = [
-        Description(c.name, {"radius": c.radius, "speed": c.speed, **c.metadata, **w.metadata(config.localization)})
-        for c, w in pairs
-    ]
+    descriptions = []
+    for cell, w in pairs:
+        command = {"radius": cell.radius, "speed": cell.speed}
+        descriptions.append(Description(cell.name, {**command, **cell.metadata, **w.metadata(config.localization)}))
     method = locator(config.localization, robot)
     return open_loop(fleet, omega, config.duration, feed, method, descriptions, progress, watch)
 
