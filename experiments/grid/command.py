@@ -3,17 +3,17 @@
 from typing import Any
 
 from experiments.common.formats import stages_text
-from experiments.common.parts import StoredParts
+from experiments.common.plain_json import plain
 from experiments.common.results import RUNS_FILE, TABLE_FILE, bags_text, write_bags
 from experiments.common.sweep import drive_missing, resumable
-from experiments.grid.config import PARTS, Config
+from experiments.grid.config import Config
 from experiments.grid.plan import plan
 from experiments.grid.runs import GridRuns
 from experiments.grid.summary import all_failed, grids_of, print_sweep, summary_of
-from experiments.grid.table import renamed, write_table
+from experiments.grid.table import write_table
 from experiments.recorder import record_all
 from experiments.simulate.world import World
-from trackslip.errors import RunFailedError, counted
+from trackslip.errors import TrackslipError, counted
 from trackslip.logs.logfile import StoredRuns, read_runs
 from trackslip.ros.messages import require_rosbags
 
@@ -24,29 +24,21 @@ def run(config: Config) -> None:
         require_rosbags()
     runs = plan(config)
     world = World.of(config)  # before its files can change
-    ids = {one.id for one in runs}
-    parts = StoredParts(config.out, PARTS)
-    with resumable(config, runs, parts, "the same command" + " without --no-resume" * (not config.resume)) as run:
-        if config.resume:
-            parts.take(ids, force=False)
-        else:
-            parts.discard(ids)
-        taken, began, file = len(parts), run.wall, run.folder / RUNS_FILE
-        simulated = sum(one.duration for one in runs if one.id not in parts)
-        unfinished = drive_missing(config, runs, parts, GridRuns(config.threads), run.watch, config.executor)
-        timing = {"driving_s": run.wall - began, "driven": len(runs) - taken, "taken": taken}
-        rows = [renamed(parts[one.id].row, one.name, one.axes) for one in runs]
+    with resumable(config, {case.id for case in runs}) as (run, store):
+        resumed, began, file = len(store.rows), run.wall, run.folder / RUNS_FILE
+        simulated = sum(case.duration for case in runs if case.id not in store.rows)
+        drive_missing(runs, store, GridRuns(config.threads), run.watch, config.jobs, config.executor)
+        timing = {"driving_s": run.wall - began, "driven": len(runs) - resumed, "resumed": resumed}
+        rows = [store.rows[case.id] | {"run": case.name, **plain(case.axes)} for case in runs]
         driven = [row["run"] for row in rows if row["error"] is None]
         if not driven:
-            failure = RunFailedError(all_failed(rows))
-            failure.logs = unfinished
-            raise failure
+            raise TrackslipError(all_failed(rows))
         with run.watch.stage("gathering"):
-            parts.gather([(one.id, one.name) for one in runs], file)
+            store.gather(runs, file)
             if config.rrd:
-                record_all(run.folder, [*read_runs(file), *unfinished])
+                record_all(run.folder, read_runs(file))
             write_table(rows, list(runs[0].axes), run.folder / TABLE_FILE)
-        about: dict[str, Any] = {"timing": timing, "made_by": parts.made_by}
+        about: dict[str, Any] = {"timing": timing}
         if config.bag:
             with run.watch.stage("bags"), run.progress("bags", len(driven), "bags") as done:
                 about["bags"] = write_bags(run.folder, driven, map(StoredRuns(file).log, driven), done=done)
@@ -57,5 +49,5 @@ def run(config: Config) -> None:
     print(stages_text(run.watch.stages))
     if config.bag:
         print(bags_text(config.out, about["bags"]))
-    already = f", {taken} of them taken from before" if taken else ""
-    print(f"{config.out / RUNS_FILE}: {counted(len(driven), 'run')} in {run.wall:.1f} s{already}")
+    before = f", {resumed} of them before it was stopped" if resumed else ""
+    print(f"{config.out / RUNS_FILE}: {counted(len(driven), 'run')} in {run.wall:.1f} s{before}")

@@ -20,15 +20,13 @@ EXAMPLES = (
     ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
     ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
 )
-PARTS = ".grid-parts"
-"""Folder in OUT with the runs of a grid that isn't finished."""
 
 
 @dataclass(frozen=True)
 class Config(GridConfig):
     """Drive a grid of runs, radius x speed x any other option, in front of the scanner, and store them.
 
-    An interrupted grid resumes: runs that are already stored in OUT are not driven again.
+    An interrupted grid resumes when it is run again: what it has driven is not driven again.
     """
 
     grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("--ground", f"{GROUNDS} ...")] = None
@@ -45,8 +43,6 @@ class Config(GridConfig):
     """Number of processes, 0 for one per processor."""
     bag: bool = False
     """Also write a ROS 2 bag of each run to OUT/bags."""
-    resume: bool = True
-    """Keep the runs that OUT already has; --no-resume drives all of them again."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("jobs",), "executor", ("processes",)),)
 

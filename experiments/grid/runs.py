@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from experiments.common.parts import Row
+from experiments.common.sweep import Row
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_runs import drive_cells
 from experiments.simulate.grid_summary import LocalizationErrors, saturated_share
@@ -19,6 +19,7 @@ from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.logs.runlog import RunLog
 
 _SAMPLED = ("omega_l", "omega_r", "v", "w", "slip_l", "slip_r", "true_slip_l", "true_slip_r", "observed_radius")
+_POSES = ("rmse_x", "rmse_y", "rmse_heading", "valid_fraction")
 
 
 @dataclass(frozen=True)
@@ -48,4 +49,5 @@ class GridRuns:
         except LogError as error:
             note = f"run {run.name!r} left out: {str(error).removeprefix(f'run {run.name!r}: ')}"
             row = dict.fromkeys(_SAMPLED) | {"note": note}
-        return row | vars(LocalizationErrors.of([log])) | {"saturated": saturated_share(log)}
+        errors = LocalizationErrors.of([log])
+        return row | {name: getattr(errors, name) for name in _POSES} | {"saturated": saturated_share(log)}

@@ -1,25 +1,16 @@
-"""The rows of a grid's runs, and the table of them with units."""
+"""The table of a grid's runs, with units."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet
 
-from experiments.common.parts import Row
-from experiments.common.plain_json import plain
 from experiments.common.run_table import COLUMNS
+from experiments.common.sweep import Row
 from experiments.grid.axes import known
 from trackslip.logs.schema import Column, markdown
-
-
-def renamed(row: Row, name: str, axes: Mapping[str, Any]) -> Row:
-    """The row of a run that may have had another name and other axes in another sweep."""
-    kept = {column: value for column, value in row.items() if column in COLUMNS or column == "made_by"}
-    if kept.get("note"):
-        kept["note"] = kept["note"].replace(repr(row["run"]), repr(name))
-    return {"run": name, "id": row["id"], **plain(axes)} | kept | {"run": name}
 
 
 def write_table(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
