@@ -17,13 +17,9 @@ GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
 
 @pytest.mark.usefixtures("few_resamples", "without_figures")
 def test_small_grid_then_identify_then_csv(trackslip, tmp_path):
-    (tmp_path / "grid").mkdir()
-    (tmp_path / "grid" / "notes.txt").write_text("mine")
-    for name in ("summary.json", "report.html"):
-        (tmp_path / "grid" / name).write_text("old, of another command")
     grid = trackslip("grid", *SMALL, "--seed", "3")
     results = {"manifest.json", "runs.parquet", "summary.json", "table.parquet"}
-    assert {path.name for path in grid.folder.iterdir()} == results | {"notes.txt"}
+    assert {path.name for path in grid.folder.iterdir()} == results
     assert grid.manifest["seed"] == 3
     assert grid.summary["radius"]["commanded"] == [0.6, 1.5]
     assert grid.summary["radius"]["published"] == [None, 2.05]
