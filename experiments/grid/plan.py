@@ -20,8 +20,10 @@ _IN_COMMON = ("scanner", "duration", "localization", "motion", "random_phase")  
 
 @dataclass(frozen=True)
 class Setting:
-    """What runs share that differ only in radius and speed."""
+    """What runs share that differ only in radius and speed: a grid."""
 
+    axes: Mapping[str, Any]
+    """Its values of the other axes, by name."""
     config: Config
     specification: Specification
     id: str
@@ -43,7 +45,7 @@ class PlannedRun:
     that differ only in their method of localization or motion share their scans.
     """
     axes: Mapping[str, Any]
-    """Values of all axes, by name; radius and speed are the last."""
+    """Values of all axes, by name."""
     setting: Setting
     id: str
     """Hash of what the run is and of how much of it is recorded, however it was requested."""
@@ -63,11 +65,6 @@ class PlannedRun:
         """Simulated time [s]."""
         return self.setting.config.duration
 
-    @property
-    def grid(self) -> dict[str, Any]:
-        """The axes other than radius and speed: the grid that the run belongs to."""
-        return {name: value for name, value in self.axes.items() if name not in ("radius", "speed")}
-
     def world(self, threads: int) -> World:
         """Its compiled world, for a fleet on that many worker threads."""
         own = replace(self.setting.config, radii=(self.cell.radius,), speeds=(self.cell.speed,), threads=threads)
@@ -80,46 +77,42 @@ def plan(config: Config) -> list[PlannedRun]:
     radii, speeds = axes.pop("radius"), axes.pop("speed")
     base, read = replace(config, radii=radii, speeds=speeds), functools.cache(read_files)
     grids = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
-    settings = [_setting(base, grid, read) for grid in grids]
+    settings = [_setting(grid, base, read) for grid in grids]
     narrowest = min((setting.specification.parameters for setting in settings), key=lambda robot: robot.half_gauge)
     for radius in radii:  # a radius too tight for only some of the robots is a run that fails
         require_radius(radius, narrowest.geometry)
-    return [
-        _run(grid, setting, radius, speed)
-        for grid, setting in zip(grids, settings, strict=True)
-        for radius, speed in itertools.product(radii, speeds)
-    ]
+    return [_run(setting, *command) for setting in settings for command in itertools.product(radii, speeds)]
 
 
-def _setting(config: Config, grid: Mapping[str, Any], read: FileReader) -> Setting:
+def _setting(axes: Mapping[str, Any], config: Config, read: FileReader) -> Setting:
     """The options and the world of a grid, with its own robot and ratio of friction."""
-    for axis, value in grid.items():
+    for axis, value in axes.items():
         if name := option_name(axis):
             config = with_option(config, name, value)
     world = Specification.read(config, read)
-    changed = {axis.removeprefix("robot."): value for axis, value in grid.items() if axis.startswith("robot.")}
+    changed = {axis.removeprefix("robot."): value for axis, value in axes.items() if axis.startswith("robot.")}
     robot, ground = replace(world.parameters, **changed), world.ground
-    if "friction_ratio" in grid:
-        ground = replace(ground, across=grid["friction_ratio"] * ground.along)
+    if "friction_ratio" in axes:
+        ground = replace(ground, across=axes["friction_ratio"] * ground.along)
     world = replace(world, parameters=robot, ground=ground)
     drive = config.drive.changed(robot.drive)
     config.check(drive)
     shared = {name: getattr(config, name) for name in _IN_COMMON} | {"drive": drive}
     shape = replace(robot, radius_error=0.0)
     fleet = digest([shared, shape, world.obstacles, world.pull, ground.largest_shear > 0])
-    return Setting(config, world, digest([shared, world]), fleet, digest([drive, config.scanner, world]))
+    return Setting(axes, config, world, digest([shared, world]), fleet, digest([drive, config.scanner, world]))
 
 
 @functools.cache
 def _shipped_scans() -> str:
-    return _setting(Config(), {}, read_files).scans
+    return _setting({}, Config(), read_files).scans
 
 
-def _run(grid: Mapping[str, Any], setting: Setting, radius: float, speed: float) -> PlannedRun:
+def _run(setting: Setting, radius: float, speed: float) -> PlannedRun:
     config, plain = setting.config, GridCell.at(radius, speed)
-    axes = {**grid, "radius": radius, "speed": speed}
     id = digest([setting.id, (radius,), (speed,), config.seed, (config.rrd, config.bag)])
-    name = " ".join([plain.name, *sorted(f"{axis}={value}" for axis, value in grid.items())])
+    name = " ".join([plain.name, *sorted(f"{axis}={value}" for axis, value in setting.axes.items())])
     # a grid in the shipped world meets the scans of `reproduce`
     key = plain.key if setting.scans == _shipped_scans() else f"{plain.key} {setting.scans}"
+    axes = {**setting.axes, "radius": radius, "speed": speed}
     return PlannedRun(GridCell(name, key, radius, speed, {"id": id}), axes, setting, id)

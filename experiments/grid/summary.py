@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,16 +65,12 @@ class RunGrid(GridSlips):
 
 def grids_of(runs: Sequence[PlannedRun], rows: Sequence[Row]) -> list[RunGrid]:
     """The grids of a sweep, from the rows of its runs."""
-    pairs = itertools.groupby(zip(runs, rows, strict=True), key=lambda pair: pair[0].grid)
+    pairs = itertools.groupby(zip(runs, rows, strict=True), key=lambda pair: pair[0].setting.axes)
     return [RunGrid.of_rows(axes, [row for _, row in group]) for axes, group in pairs]
 
 
 def summary_of(
-    grids: Sequence[RunGrid],
-    runs: Sequence[PlannedRun],
-    rows: Sequence[Row],
-    logs: Callable[[], Iterable[RunLog]],
-    watch: Stopwatch,
+    grids: Sequence[RunGrid], runs: Sequence[PlannedRun], rows: Sequence[Row], logs: Iterable[RunLog], watch: Stopwatch
 ) -> dict[str, Any]:
     """The content of summary.json; `logs` are those of the runs that didn't fail, in order.
 
@@ -87,7 +83,7 @@ def summary_of(
         slip = _values(sampled, "slip_l", "slip_r")
         samples = SlipSamples(omega, twist, slip, tuple(row["run"] for row in sampled))
         config, geometry = runs[0].setting.config, runs[0].world(1).robot.geometry
-        content |= grid_summary(config, [run.name for run in runs], logs(), samples, geometry, watch).to_json()
+        content |= grid_summary(config, [run.name for run in runs], logs, samples, geometry, watch).to_json()
     failures = [{"run": row["run"], "error": row["error"]} for row in _failed(rows)]
     return plain(content | {"runs": rows, "failures": failures})
 
@@ -104,8 +100,11 @@ def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) 
         Table(title, (*grids[0].axes, *numbers), lines, align="r").print()
         if len(grids) > _MAX_LINES:
             print(f"and {len(grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
-    _print_some([f"warning: {warning}" for warning in _warnings(rows)], f"warnings in {SUMMARY_FILE}")
-    _print_some([f"failed: {row['run']}: {row['error']}" for row in _failed(rows)], f"failures in {TABLE_FILE}")
+    notices = [f"warning: {warning}" for warning in _warnings(rows)]
+    notices += [f"failed: {row['run']}: {row['error']}" for row in _failed(rows)]
+    print("".join(f"{notice}\n" for notice in notices[:_MAX_LINES]), end="")
+    if len(notices) > _MAX_LINES:
+        print(f"and {len(notices) - _MAX_LINES} more warnings and failures in {SUMMARY_FILE}")
 
 
 def all_failed(rows: Sequence[Row]) -> str:
@@ -122,13 +121,6 @@ def _warnings(rows: Sequence[Row]) -> list[str]:
 
 def _failed(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if row["error"] is not None]
-
-
-def _print_some(lines: Sequence[str], where: str) -> None:
-    for line in lines[:_MAX_LINES]:
-        print(line)
-    if len(lines) > _MAX_LINES:
-        print(f"and {len(lines) - _MAX_LINES} more {where}")
 
 
 def _values(rows: Sequence[Row], *names: str) -> Array:

@@ -61,13 +61,6 @@ class RadiusSummary:
     rms_vs_published: float | None
     """Root mean square of observed / published - 1 [-]; None without a published radius."""
 
-    @classmethod
-    def of(cls, commanded: Sequence[float], observed: Array) -> Self:
-        """Radii observed (R,) for those commanded, compared with the paper's [m]."""
-        published = published_radii(commanded)
-        relative = (observed / published - 1)[~np.isnan(published)]
-        return cls(tuple(commanded), observed, published, rms(relative) if relative.size else None)
-
 
 @dataclass(frozen=True)
 class GridSlips:
@@ -86,7 +79,9 @@ class GridSlips:
             """Means (R,) over the runs of each radius."""
             return np.array([known_mean(values[commanded == radius]) for radius in radii])
 
-        radius = RadiusSummary.of(radii, 1 / means(1 / observed))
+        driven, published = 1 / means(1 / observed), published_radii(radii)
+        relative = (driven / published - 1)[~np.isnan(published)]
+        radius = RadiusSummary(radii, driven, published, rms(relative) if relative.size else None)
         return GridSlips(radius, OuterInner.of(slip, means), OuterInner.of(slip - true_slip, ErrorStatistics.of))
 
 

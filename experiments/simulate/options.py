@@ -137,10 +137,6 @@ class PullOptions(Pull):
     force: Annotated[float, tyro.conf.arg(name="", metavar="FLOAT")] = 0.0
     """Drawbar force, backwards along the robot [N]."""
 
-    def pull(self) -> Pull:
-        """The pull itself."""
-        return Pull(self.force, self.height, self.since)
-
 
 @dataclass(frozen=True)
 class Repeatable(ResultsOptions):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 from experiments.common.plain_json import plain
-from experiments.simulate.options import Simulation
+from experiments.simulate.options import PullOptions, Simulation
 from sim.drive.drive import Drive
 from sim.drive.pull import Pull
 from sim.fleet import Fleet, substeps
@@ -37,7 +37,7 @@ class Specification:
     radius_error: float
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     obstacles: Obstacles
-    pull: Pull = field(metadata={"stored_unless": Pull()})
+    pull: Pull = field(metadata={"stored_unless": PullOptions()})
 
     @classmethod
     def of(cls, config: Simulation) -> "Specification":
@@ -49,7 +49,7 @@ class Specification:
         """The same with `read_files` or its results from a cache."""
         parameters, ground, obstacles = read(config.robot, config.ground.source, config.obstacles)
         error = parameters.radius_error if config.radius_error is None else config.radius_error
-        return Specification(parameters, config.ground.changed(ground), error, obstacles, config.pull.pull())
+        return Specification(parameters, config.ground.changed(ground), error, obstacles, config.pull)
 
 
 @dataclass(frozen=True)
