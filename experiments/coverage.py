@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from experiments.common.options import Excludes, Exclusion, Needs, Whole
-from experiments.simulate.grid_options import GridConfig, RunsConfig
+from experiments.simulate.grid_options import GridConfig
 from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
@@ -15,11 +15,11 @@ EXAMPLES = (
     ("laws from teleoperated drives", "trackslip coverage --drives"),
 )
 _MAX_REPEATS = 100_000
-_OF_GRIDS = tuple(option.name for option in fields(RunsConfig) if option.name not in ("seed", "threads"))
+_OF_GRIDS = tuple(option.name for option in fields(GridConfig) if option.name not in ("seed", "threads"))
 
 
 @dataclass(frozen=True)
-class Config(RunsConfig):
+class Config(GridConfig):
     """Check that 95 % intervals cover the truth in 95 % of many repeats.
 
     The repeats are samples drawn from each law, with the errors of the grid's own runs, and the grid's runs scanned
@@ -56,7 +56,7 @@ class Config(RunsConfig):
 
     def grid(self, number: int) -> GridConfig:
         """The grid of that number, seen by a scanner without errors."""
-        shared = {option.name: getattr(self, option.name) for option in fields(RunsConfig)}
+        shared = {option.name: getattr(self, option.name) for option in fields(GridConfig)}
         return GridConfig(**shared | {"scanner": self.scanner.ideal, "random_phase": True, "seed": self.seed + number})
 
 

@@ -4,6 +4,8 @@ import contextlib
 import functools
 import importlib
 import inspect
+import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -39,10 +41,7 @@ def reference(name: str) -> Reference:
 
 
 def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensation:
-    """A new compensation by name, using the laws in a file (default: those in the package).
-
-    Raises InvalidValueError for an unknown name, LogError for a file that can't be read or is for another robot.
-    """
+    """A new compensation by name, using the laws in a file, by default those shipped with trackslip."""
     return named_compensation(name, robot, laws or SHIPPED)
 
 
@@ -53,19 +52,17 @@ def controller(name: str, geometry: RobotGeometry, top_speed: float, period: flo
     these names get what they are for this robot: `geometry`; `half_gauge`, effective with slip compensation [m];
     `track_speed`, slightly below `top_speed` of the tracks [m/s]; `period` between two commands [s].
 
-    Raises:
-        InvalidValueError: for an unknown name or argument and a value that is not allowed.
+    Raises InvalidValueError for an unknown name or argument and a value that is not allowed.
     """
     if name.startswith(_POLICY):
         return PolicyController(Policy.load(Path(name.removeprefix(_POLICY))), top_speed / geometry.sprocket_radius)
     known = dict(zip(_OF_THE_ROBOT, (geometry, REACH * geometry.half_gauge, _MARGIN * top_speed, period), strict=True))
-    with _refused(name):
-        make, accepted, given = _constructor(name)
-        arguments = {key: value for key, value in known.items() if key in accepted}
-        made: Controller = make(**arguments | _arguments(name, name.removesuffix(f":{given}"), given, accepted))
-    for method in ("reset", "twist"):
-        if not callable(getattr(made, method, None)):
-            raise InvalidValueError("controller", name, f"a class with a method {method}: see trackslip.controllers")
+    with _errors_of(name):
+        make, parameters, given = _constructor(name)
+        arguments = {key: value for key, value in known.items() if key in parameters}
+        made: Controller = make(**arguments | _arguments(name, given, parameters))
+    if not all(callable(getattr(made, method, None)) for method in ("reset", "twist")):
+        raise InvalidValueError("controller", name, "a class with methods reset and twist: see trackslip.controllers")
     return made
 
 
@@ -74,33 +71,35 @@ def tunable(name: str) -> dict[str, float]:
 
     Raises InvalidValueError for an unknown name, a controller with arguments, and one that has no gains.
     """
-    found: dict[str, float] = {}
+    gains: dict[str, float] = {}
     if not name.startswith(_POLICY):
-        with _refused(name):
-            _, accepted, given = _constructor(name)
-        for key, one in accepted.items() if not given else ():
-            number = isinstance(one.default, float) or (isinstance(one.default, int) and _kind(one) == "float")
-            if key not in _OF_THE_ROBOT and number and 0 < one.default < float("inf"):
-                found[key] = float(one.default)
-    if not found:
+        with _errors_of(name):
+            _, parameters, given = _constructor(name)
+        if given is None:
+            defaults = {key: parameter.default for key, parameter in parameters.items() if key not in _OF_THE_ROBOT}
+            gains = {key: value for key, value in defaults.items() if isinstance(value, float) and 0 < value < math.inf}
+    if not gains:
         raise InvalidValueError("controllers", name, "a controller, without arguments, with gains such as gain=2.0")
-    return found
+    return gains
 
 
-def _constructor(name: str) -> tuple[Callable[..., Any], Mapping[str, inspect.Parameter], str]:
-    """The class of a controller, the parameters of its constructor, and the arguments that follow its name."""
-    base, _, given = name.partition(":")
+def _constructor(name: str) -> tuple[Callable[..., Any], Mapping[str, inspect.Parameter], str | None]:
+    """The class of a controller, the parameters of its constructor, and the arguments that follow its name, if any."""
+    base, colon, given = name.partition(":")
     if base in CONTROLLERS:
-        return CONTROLLERS[base], inspect.signature(CONTROLLERS[base]).parameters, given
-    attribute, _, given = given.partition(":")
-    if not base or not attribute:
-        raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, or MODULE:CLASS")
-    make = _imported(base, attribute)
-    return make, inspect.signature(make).parameters, given
+        make: Callable[..., Any] = CONTROLLERS[base]
+    else:
+        attribute, colon, given = given.partition(":")
+        if not base or not attribute:
+            raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, or MODULE:CLASS")
+        if os.getcwd() not in sys.path:
+            sys.path.insert(0, os.getcwd())
+        make = getattr(importlib.import_module(base), attribute)
+    return make, inspect.signature(make).parameters, given if colon else None
 
 
 @contextlib.contextmanager
-def _refused(name: str) -> Iterator[None]:
+def _errors_of(name: str) -> Iterator[None]:
     """Turn anything that a user's module raises into an InvalidValueError."""
     try:
         yield
@@ -111,41 +110,37 @@ def _refused(name: str) -> Iterator[None]:
         raise InvalidValueError("controller", name, f"MODULE:CLASS that can be imported and called ({why})") from error
 
 
-def _arguments(name: str, called: str, given: str, accepted: Mapping[str, inspect.Parameter]) -> dict[str, Any]:
+def _arguments(name: str, given: str | None, parameters: Mapping[str, inspect.Parameter]) -> dict[str, Any]:
     """Arguments by name from ARGUMENT=VALUE,..., of the types of the constructor's parameters."""
+    if given is None:
+        return {}
     plain = (bool, int, float, str, type(None), type)  # an empty default is a type
-    settable = {key: one for key, one in accepted.items() if isinstance(one.default, plain)}
-    found: dict[str, Any] = {}
-    for text in given.split(",") if name != called else ():
+    settable = {key: parameter for key, parameter in parameters.items() if isinstance(parameter.default, plain)}
+    arguments: dict[str, Any] = {}
+    for text in given.split(","):
         key, equals, value = text.partition("=")
-        if not equals or key not in settable or key in found:
+        if not equals or key not in settable or key in arguments:
+            called = name.removesuffix(f":{given}")
             form = f"{called}:ARGUMENT=VALUE,... with different arguments among {', '.join(settable)}"
             raise InvalidValueError("controller", name, form if settable else f"{called} without arguments")
-        found[key] = _value(key, value, settable[key])
-    return found
+        arguments[key] = _value(key, value, settable[key].default)
+    return arguments
 
 
-def _value(key: str, text: str, parameter: inspect.Parameter) -> Any:
-    """An argument's value, of the type of the annotation or the default; without one, a number or else a text."""
-    kind = _kind(parameter)
-    if kind == "str":
+def _value(key: str, text: str, default: Any) -> Any:
+    """An argument's value, of the type of the default: text, true or false, or a number; without one, any of these."""
+    if isinstance(default, str):
         return text
-    if kind == "bool":
-        require(text in ("true", "false"), key, text, "true or false")
-        return text == "true"
-    try:
-        number = int(text) if kind == "int" or text.lstrip("+-").isdigit() else float(text)
-    except ValueError:
-        require(kind not in ("int", "float"), key, text, "a whole number" if kind == "int" else "a number")
-        return text
-    require_finite(key, number)
-    return float(number) if kind == "float" else number
-
-
-def _kind(parameter: inspect.Parameter) -> Any:
-    """Name of the type of a parameter, by its annotation or its default."""
-    kind = parameter.annotation if parameter.annotation is not parameter.empty else type(parameter.default)
-    return getattr(kind, "__name__", kind)
+    value: Any = text
+    with contextlib.suppress(ValueError):
+        value = json.loads(text)
+    if isinstance(default, bool):
+        require(isinstance(value, bool), key, text, "true or false")
+    elif isinstance(default, int | float):
+        require(type(value) in (int, float), key, text, "a number")
+    if isinstance(value, float):
+        require_finite(key, value)
+    return float(value) if isinstance(default, float) else value
 
 
 def locator(name: str, robot: Robot) -> Locator:
@@ -163,11 +158,3 @@ def user_modules() -> list[str]:
 def policy_path(name: str) -> Path | None:
     """The policy file of a controller ppo:PATH; None for other controllers."""
     return policy_file(Path(name.removeprefix(_POLICY))) if name.startswith(_POLICY) else None
-
-
-def _imported(module: str, attribute: str) -> Any:
-    """An attribute of a module, which may be in the current folder."""
-    here = os.getcwd()
-    if here not in sys.path:
-        sys.path.insert(0, here)
-    return getattr(importlib.import_module(module), attribute)

@@ -32,7 +32,6 @@ COLUMNS = {
         Column("rmse_heading", "rad", "root mean square error of the headings"),
         Column("valid_fraction", PURE, "share of the scans that gave a pose"),
         Column("saturated", PURE, "share of the time with a motor at its limit, the worse track"),
-        Column("made_by", NO_UNIT, "digest of the code, models and libraries that drove it, listed in summary.json"),
     )
 }
 """Besides the axes of the sweep, which come after `id`."""

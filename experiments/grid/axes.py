@@ -1,176 +1,121 @@
-"""The axes of a sweep and their values: any option of a grid by its name, and a few axes that are no options."""
+"""The axes of a sweep: any option of a grid by its name, the robot's parameters, and the ratio of friction."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
-import math
 import re
-import types
 import typing
-from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import docstring_parser
+import tyro
 
 from experiments.common.options import Distinct, option
 from experiments.grid.config import Config
 from experiments.simulate.grid_options import GridConfig
 from sim.robot.parameters import RobotParameters
 from sim.toml_file import read_toml
-from trackslip.errors import InvalidValueError, SettingsFileError, require_at_most, require_positive
+from trackslip.errors import InvalidValueError
 from trackslip.logs.schema import NO_UNIT, PURE, Column
 
-ALIASES = {"ground": "ground.source", "slope": "ground.slope"}
-"""Options that are axes under a shorter name; `--vary` takes both."""
-AXES = {
-    column.name: column
-    for column in (
-        Column("radius", "m", "radius of the no-slip command"),
-        Column("speed", "m/s", "speed of the no-slip command"),
-        Column("friction_ratio", PURE, "friction across the track over friction along it"),
-        Column("slope", "rad", "angle of the ground to the horizontal"),
-        Column("ground", NO_UNIT, "name or file of the ground"),
-        Column("seed", NO_UNIT, "root of all random numbers"),
-    )
+SPECIAL = {
+    "radius": Column("radius", "m", "radius of the no-slip command"),
+    "speed": Column("speed", "m/s", "speed of the no-slip command"),
+    "friction_ratio": Column("friction_ratio", PURE, "friction across the track over friction along it"),
 }
-"""Axes that are not options; options are described by their help."""
-MAX_RUNS = 1_000_000
-_POSITIVE = ("radius", "speed", "friction_ratio")  # axes that are no options
-_NO_AXES = ("radii", "speeds", "threads", "rrd", "out", "robot", "robot.radius_error", *ALIASES.values())
-_MAX_RATIO = 100.0
-_UNIT = re.compile(r"\[([^]]+)\]")
-_WORDS = {int: "an integer", float: "a number", bool: "true or false", str: "a name", Path: "a file"}
+"""Axes that are numbers, but neither an option nor a parameter of the robot."""
+_SHORT = {"ground.source": "ground", "ground.slope": "slope", "radii": "radius", "speeds": "speed"}
+_NO_AXES = ("threads", "rrd", "out", "overwrite", "robot", "robot.radius_error")
+_UNIT = re.compile(r" *\[([^]]+)\]")
+
+
+def option_name(axis: str) -> str | None:
+    """The option that an axis replaces; None for an axis that is no option."""
+    if axis == "friction_ratio" or axis.startswith("robot."):
+        return None
+    return next((name for name, short in _SHORT.items() if short == axis), axis)
 
 
 @functools.cache
 def known() -> dict[str, tuple[Any, Column]]:
-    """Every axis by its name, with the type of its values, and its unit and meaning: for an option, those of `--help`.
+    """Every axis by its name, with the type of its values, and its unit and meaning, as in `--help`.
 
     The names of nested options contain dots; those of the robot's parameters begin with "robot.".
     """
-    options, parameters = _fields(GridConfig), _fields(RobotParameters, "robot.")
-    special = {name: (float, AXES[name]) for name in _POSITIVE}
-    special |= {name: (options[long][0], AXES[name]) for name, long in ALIASES.items()}
-    found = {
-        name: one
-        for name, one in (special | parameters | options).items()
-        if name not in _NO_AXES and not name.startswith("robot.drive.")
-    }
-    return found | {"seed": (int, AXES["seed"])}
+    axes: dict[str, tuple[Any, Column]] = {name: (float, column) for name, column in SPECIAL.items()}
+    for name, (kind, column) in (_fields(GridConfig) | _fields(RobotParameters, "robot.")).items():
+        if name not in _NO_AXES and not name.startswith("robot.drive."):
+            short = _SHORT.get(name, name)
+            axes[short] = kind, dataclasses.replace(column, name=short)
+    return axes
 
 
 def _fields(cls: Any, prefix: str = "") -> dict[str, tuple[Any, Column]]:
-    """The fields of a dataclass and of the dataclasses in it: their types, and what their docstrings say."""
-    hints = typing.get_type_hints(cls)
-    documented = [docstring_parser.parse_from_object(own) for own in reversed(cls.__mro__[:-1])]  # as tyro reads them
-    texts = {field.arg_name: " ".join((field.description or "").split()) for one in documented for field in one.params}
-    found: dict[str, tuple[Any, Column]] = {}
+    """The single values in a dataclass and in the dataclasses in it: their types, and what their docstrings say."""
+    bases = [docstring_parser.parse_from_object(base) for base in reversed(cls.__mro__[:-1])]
+    texts = {param.arg_name: param.description or "" for base in bases for param in base.params}
+    types = typing.get_type_hints(cls)
+    fields: dict[str, tuple[Any, Column]] = {}
     for field in dataclasses.fields(cls):
-        hint, name = hints[field.name], prefix + field.name
-        if dataclasses.is_dataclass(hint):
-            found |= _fields(hint, f"{name}.")
-            continue
-        text = texts[field.name].removesuffix(".")
-        about = " ".join(_UNIT.sub("", text).split()) or field.name
-        unit = match[1] if (match := _UNIT.search(text)) else ""
-        is_number = {int, float} & {hint, *typing.get_args(hint)}
-        pure = unit == "-" or (is_number and not unit)
-        found[name] = hint, Column(name, PURE if pure else unit or NO_UNIT, about)
-    return found
+        kind, name = types[field.name], prefix + field.name
+        if dataclasses.is_dataclass(kind):
+            fields |= _fields(kind, f"{name}.")
+        elif typing.get_origin(kind) is not tuple:
+            text = " ".join(texts[field.name].split()).removesuffix(".")
+            match = _UNIT.search(text)
+            unit = match[1] if match else NO_UNIT
+            is_number = kind in (int, float) or {int, float} & set(typing.get_args(kind))
+            if unit == "-" or (is_number and not unit):
+                unit = PURE
+            fields[name] = kind, Column(name, unit, _UNIT.sub("", text))
+    return fields
 
 
 def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
     """The values of each axis, in the order of the loops: radius and speed are the innermost.
 
-    Raises InvalidValueError or SettingsFileError, which name the axis and what is allowed.
+    Raises InvalidValueError, which names the axis; SystemExit after tyro has explained what it can't read.
     """
-    given: dict[str, tuple[Any, ...]] = {}
+    given = _given(config)
+    types = {name: tuple[kind, ...] for name, (kind, _) in known().items()}  # type: ignore[valid-type]
+    typed_dict: Any = typing.TypedDict
+    words = [word for name, values in given.items() for word in (f"--{name}", *values)]
+    only_values = (tyro.conf.DisallowNone,)
+    parsed = tyro.cli(typed_dict("Axes", types, total=False), args=words, add_help=False, config=only_values)
+    axes = {name: parsed[name] for name in given}
+    for name, values in axes.items():
+        Distinct().check(name, values)
+        replaced = option_name(name)
+        if replaced is not None and option(config, replaced) != option(Config(), replaced):
+            raise InvalidValueError(replaced, option(config, replaced), f"left out where {name} is an axis")
+    drive = {"radius": axes.pop("radius", config.radii), "speed": axes.pop("speed", config.speeds)}
+    return axes | drive
 
-    def add(name: str, values: Iterable[Any], source: str, called: str) -> None:
-        axis = next((short for short, long in ALIASES.items() if name == long), name)
-        if axis in given:
-            raise InvalidValueError(source, name, "an axis that is given once")
-        given[axis] = _checked(axis, tuple(values), called)
 
-    for axis, named in (("ground", "grounds"), ("seed", "seeds")):
-        if values := getattr(config, named):
-            add(axis, values, named, named)
+def _given(config: Config) -> dict[str, list[str]]:
+    """The axes of the options and of the sweep file, with their values as on a command line; options win."""
+    given: dict[str, Any] = {}
+    if config.grounds:
+        given["ground"] = config.grounds
+    if config.seeds:
+        given["seed"] = config.seeds
     for text in config.vary or ():
-        name, equals, listed = text.partition("=")
+        name, equals, values = text.partition("=")
         if not equals:
             raise InvalidValueError("vary", text, "NAME=VALUE,VALUE,...")
-        add(name, (part.strip() for part in listed.split(",")), "vary", f"vary {name}")
-    if config.sweep is not None:
-        from_file = list(_flat(read_toml(config.sweep)))
-        if not from_file:
-            raise SettingsFileError(f"{config.sweep}: defines no axis")
-        try:
-            for name, values in from_file:
-                add(name, values if isinstance(values, list) else (values,), "axis", name)
-        except InvalidValueError as error:
-            raise SettingsFileError(f"{config.sweep}: {error}") from error
-    _refuse_replaced(config, given)
-    drive = {"radius": given.pop("radius", config.radii), "speed": given.pop("speed", config.speeds)}
-    axes = {**given, **drive}
-    count = math.prod(len(values) for values in axes.values())
-    if count > MAX_RUNS:
-        raise InvalidValueError("runs", count, f"at most {MAX_RUNS:,}: the product of {', '.join(axes)}")
-    return axes
+        name = name.replace("-", "_")
+        given[_SHORT.get(name, name)] = values.split(",")
+    for name, values in _entries(read_toml(config.sweep)) if config.sweep else ():
+        given.setdefault(_SHORT.get(name, name), values if isinstance(values, list) else [values])
+    return {name: [str(value) for value in values] for name, values in given.items()}
 
 
-def _refuse_replaced(config: Config, given: Mapping[str, Any]) -> None:
-    """Raise InvalidValueError for an option whose value an axis replaces."""
-    defaults = type(config)()
-    for name in (name for name in given if name != "friction_ratio" and not name.startswith("robot.")):
-        replaced = {"radius": "radii", "speed": "speeds", **ALIASES}.get(name, name)
-        if option(config, replaced) != option(defaults, replaced):
-            allowed = f"left out where {name} is an axis"
-            raise InvalidValueError(replaced.removesuffix(".source"), option(config, replaced), allowed)
-    if "friction_ratio" in given and ("ground.across" in given or config.ground.across is not None):
-        raise InvalidValueError("friction_ratio", given["friction_ratio"], "left out where ground.across is given")
-
-
-def _checked(name: str, values: tuple[Any, ...], called: str) -> tuple[Any, ...]:
-    """An axis' values, converted to its type; raises InvalidValueError, which calls them `called`."""
-    if name not in known():
-        raise InvalidValueError("axis", name, f"one of {', '.join(known())}")
-    taken = tuple(_converted(known()[name][0], value, called) for value in values)
-    Distinct().check(called, taken)
-    for value in taken if name in _POSITIVE else ():
-        require_positive(called, value)
-        if name == "friction_ratio":
-            require_at_most(called, value, _MAX_RATIO)
-    return taken
-
-
-def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _entries(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """The entries of a nested table, with dotted names."""
     for name, value in table.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{name}.")
+            yield from _entries(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
-
-
-def _converted(hint: Any, value: object, name: str) -> Any:
-    """`value`, text or from TOML, as the type `hint`; raises InvalidValueError where it can't be converted."""
-    several = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
-    kinds = [kind for kind in several if kind is not type(None)]
-    for kind in kinds:
-        with contextlib.suppress(ValueError, KeyError, OverflowError):
-            return _from_text(kind, str(value).lower() if isinstance(value, bool) else str(value))
-    words = (_WORDS.get(kind) or " or ".join(typing.get_args(kind)) for kind in kinds)  # the latter of a Literal
-    raise InvalidValueError(name, value, " or ".join(words))
-
-
-def _from_text(kind: Any, text: str) -> Any:
-    """`text` as one type; raises ValueError, OverflowError or KeyError where it can't be converted."""
-    text.encode()  # an argument may contain surrogates, which can't be stored
-    if kind is bool:
-        return {"true": True, "false": False}[text]
-    if typing.get_origin(kind) is typing.Literal:
-        return {str(one): one for one in typing.get_args(kind)}[text]
-    return kind(text)

@@ -9,7 +9,7 @@ from experiments.common.sweep import drive_missing, resumable
 from experiments.grid.config import Config
 from experiments.grid.plan import plan
 from experiments.grid.runs import GridRuns
-from experiments.grid.summary import all_failed, grids_of, in_full, print_sweep, summary_of
+from experiments.grid.summary import all_failed, grids_of, print_sweep, summary_of
 from experiments.grid.table import write_table
 from experiments.recorder import record_all
 from experiments.simulate.world import World
@@ -43,8 +43,8 @@ def run(config: Config) -> None:
             with run.watch.stage("bags"), run.progress("bags", len(driven), "bags") as done:
                 about["bags"] = write_bags(run.folder, driven, map(StoredRuns(file).log, driven), done=done)
         grids = grids_of(runs, rows)
-        whole = in_full(runs, rows, lambda: map(StoredRuns(file).log, driven), run.watch)
-        run.write(summary_of(grids, whole, rows) | about, simulated=simulated, **world.about)
+        summary = summary_of(grids, runs, rows, map(StoredRuns(file).log, driven), run.watch)
+        run.write(summary | about, simulated=simulated, **world.about)
     print_sweep(grids, rows, runs[0].duration)
     print(stages_text(run.watch.stages))
     if config.bag:

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.common.sweep import Row
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_runs import drive_cells
-from experiments.simulate.grid_summary import PoseAccuracy
+from experiments.simulate.grid_summary import LocalizationErrors, saturated_share
 from sim.loop import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
@@ -19,6 +19,7 @@ from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.logs.runlog import RunLog
 
 _SAMPLED = ("omega_l", "omega_r", "v", "w", "slip_l", "slip_r", "true_slip_l", "true_slip_r", "observed_radius")
+_POSES = ("rmse_x", "rmse_y", "rmse_heading", "valid_fraction")
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,10 @@ class GridRuns:
 
     def drive(self, runs: Sequence[PlannedRun], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
         """Drive runs as one fleet."""
-        worlds = [run.world(self.threads or (1 if progress is None else 0)) for run in runs]
+        threads = self.threads or (1 if progress is None else 0)
+        worlds = [run.world(threads) for run in runs]
         cells = [run.cell for run in runs]
-        return drive_cells(cells, worlds, progress or (lambda seconds: None), watch, runs[0].setting.kept)
+        return drive_cells(cells, worlds, progress or (lambda seconds: None), watch, runs[0].setting.config.bag)
 
     def measure(self, run: PlannedRun, log: RunLog) -> Row:
         """Speeds, slips and errors of a run; no slips where it gives none, and a note why."""
@@ -47,6 +49,5 @@ class GridRuns:
         except LogError as error:
             note = f"run {run.name!r} left out: {str(error).removeprefix(f'run {run.name!r}: ')}"
             row = dict.fromkeys(_SAMPLED) | {"note": note}
-        saturated = None if log.truth is None else log.truth.saturated
-        share = 0.0 if saturated is None else float(saturated.mean(axis=0).max())
-        return row | vars(PoseAccuracy.of([log])) | {"saturated": share}
+        errors = LocalizationErrors.of([log])
+        return row | {name: getattr(errors, name) for name in _POSES} | {"saturated": saturated_share(log)}

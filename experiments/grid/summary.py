@@ -1,9 +1,10 @@
 """The summary of a sweep: numbers of each grid of radius x speed, warnings and failures."""
 
+import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -12,21 +13,12 @@ from experiments.common.results import SUMMARY_FILE, TABLE_FILE
 from experiments.common.sweep import Row
 from experiments.common.table import Table
 from experiments.grid.plan import PlannedRun
-from experiments.simulate.grid_summary import (
-    ErrorStatistics,
-    GridSummary,
-    OuterInner,
-    PoseAccuracy,
-    Radii,
-    grid_summary,
-    published_radii,
-)
+from experiments.simulate.grid_summary import GridSlips, grid_summary, known_mean, saturation_warning
 from sim.stopwatch import Stopwatch
 from trackslip.errors import counted
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.metrics import rms
 
 IN_FULL = 100
 """Runs of the largest grid for which the errors of all motion methods are compared."""
@@ -34,41 +26,26 @@ _MAX_LINES = 40
 
 
 @dataclass(frozen=True)
-class RunGrid:
+class RunGrid(GridSlips):
     """One grid of radius x speed; what no run gives is NaN."""
 
     axes: Mapping[str, Any]
     """This grid's values of the other axes of the sweep, by name."""
     runs: int
     failed: int
-    radius: Radii
-    slip_by_radius: OuterInner[Array]
-    """Mean slip (R,) at each commanded radius [-]."""
-    slip_error: OuterInner[ErrorStatistics]
-    localization: PoseAccuracy
+    localization: Mapping[str, float]
+    """Root mean square errors of the poses and the share that was measured, over all runs."""
 
     @classmethod
-    def of(cls, axes: Mapping[str, Any], rows: Sequence[Row]) -> Self:
+    def of_rows(cls, axes: Mapping[str, Any], rows: Sequence[Row]) -> "RunGrid":
         """Means over the speeds at every radius, errors over all runs."""
-        radius = np.array([row["radius"] for row in rows])
-        radii = tuple(dict.fromkeys(radius.tolist()))
-        slip = _values(rows, "slip_l", "slip_r")
-        x, y, heading, valid = _values(rows, "rmse_x", "rmse_y", "rmse_heading", "valid_fraction").T
-
-        def means(values: Array) -> Array:
-            """Means (R,) over the runs of each radius."""
-            return np.array([_mean(values[radius == r]) for r in radii])
-
-        curvature = means(1 / _values(rows, "observed_radius")[:, 0])
-        return cls(
-            axes=axes,
-            runs=len(rows),
-            failed=len(_failed(rows)),
-            radius=Radii(radii, 1 / curvature, published_radii(radii)),
-            slip_by_radius=OuterInner.of(slip, means),
-            slip_error=OuterInner.of(slip - _values(rows, "true_slip_l", "true_slip_r"), ErrorStatistics.of),
-            localization=PoseAccuracy(rms(_known(x)), rms(_known(y)), rms(_known(heading)), _mean(valid)),
-        )
+        slip, true_slip = _values(rows, "slip_l", "slip_r"), _values(rows, "true_slip_l", "true_slip_r")
+        commanded, observed = _values(rows, "radius", "observed_radius").T
+        slips = GridSlips.of(commanded, observed, slip, true_slip)
+        errors = ("rmse_x", "rmse_y", "rmse_heading")
+        localization = {name: math.sqrt(known_mean(_values(rows, name) ** 2)) for name in errors}
+        localization["valid_fraction"] = known_mean(_values(rows, "valid_fraction"))
+        return cls(**vars(slips), axes=axes, runs=len(rows), failed=len(_failed(rows)), localization=localization)
 
     @property
     def lines(self) -> list[tuple[str, ...]]:
@@ -80,38 +57,34 @@ class RunGrid:
     @property
     def line(self) -> tuple[str, ...]:
         """The grid's values of the axes, its numbers of runs, its tightest radius, and its error of slip."""
-        tightest = self.lines[self.radius.commanded.index(min(self.radius.commanded))]
-        error = np.sqrt(np.mean([e.bias**2 + e.std**2 for e in (self.slip_error.outer, self.slip_error.inner)]))
+        tightest = self.lines[int(np.argmin(self.radius.commanded))]
+        errors = (self.slip_error.outer, self.slip_error.inner)
+        error = math.sqrt(np.mean([error.bias**2 + error.std**2 for error in errors]))
         return (*map(str, self.axes.values()), str(self.runs), str(self.failed), *tightest, f"{error:.5f}")
 
 
 def grids_of(runs: Sequence[PlannedRun], rows: Sequence[Row]) -> list[RunGrid]:
     """The grids of a sweep, from the rows of its runs."""
-    found: dict[tuple[tuple[str, Any], ...], list[Row]] = {}
-    for run, row in zip(runs, rows, strict=True):
-        found.setdefault(run.grid, []).append(row)
-    return [RunGrid.of(dict(axes), own) for axes, own in found.items()]
+    pairs = itertools.groupby(zip(runs, rows, strict=True), key=lambda pair: pair[0].setting.axes)
+    return [RunGrid.of_rows(axes, [row for _, row in group]) for axes, group in pairs]
 
 
-def in_full(
-    runs: Sequence[PlannedRun], rows: Sequence[Row], logs: Callable[[], Iterable[RunLog]], watch: Stopwatch
-) -> GridSummary | None:
-    """All numbers of a grid that is the only one of a sweep, and not too large; `logs` of runs that didn't fail."""
-    measured = [row for row in rows if row.get("v") is not None]
-    if len({run.grid for run in runs}) > 1 or len(runs) > IN_FULL or not measured:
-        return None
-    pairs = (("omega_l", "omega_r"), ("v", "w"), ("slip_l", "slip_r"))
-    omega, twist, slip = (_values(measured, *pair) for pair in pairs)
-    samples = SlipSamples(omega, twist, slip, tuple(row["run"] for row in measured))
-    config, geometry = runs[0].setting.config, runs[0].world(1).robot.geometry
-    with watch.stage("errors of all methods"):
-        return grid_summary(config, [run.name for run in runs], logs(), samples, geometry, watch)
+def summary_of(
+    grids: Sequence[RunGrid], runs: Sequence[PlannedRun], rows: Sequence[Row], logs: Iterable[RunLog], watch: Stopwatch
+) -> dict[str, Any]:
+    """The content of summary.json; `logs` are those of the runs that didn't fail, in order.
 
-
-def summary_of(grids: Sequence[RunGrid], whole: GridSummary | None, rows: Sequence[Row]) -> dict[str, Any]:
-    """The content of summary.json; `whole` has all numbers of a single grid."""
+    A grid that is the only one of a sweep, and not too large, has more numbers.
+    """
+    content: dict[str, Any] = {"grids": grids, "warnings": _warnings(rows)}
+    sampled = [row for row in rows if row.get("v") is not None]
+    if len(grids) == 1 and len(runs) <= IN_FULL and sampled:
+        omega, twist = _values(sampled, "omega_l", "omega_r"), _values(sampled, "v", "w")
+        slip = _values(sampled, "slip_l", "slip_r")
+        samples = SlipSamples(omega, twist, slip, tuple(row["run"] for row in sampled))
+        config, geometry = runs[0].setting.config, runs[0].world(1).robot.geometry
+        content |= grid_summary(config, [run.name for run in runs], logs, samples, geometry, watch).to_json()
     failures = [{"run": row["run"], "error": row["error"]} for row in _failed(rows)]
-    content = {"grids": grids, "warnings": _warnings(rows), **({} if whole is None else whole.to_json())}
     return plain(content | {"runs": rows, "failures": failures})
 
 
@@ -127,8 +100,11 @@ def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) 
         Table(title, (*grids[0].axes, *numbers), lines, align="r").print()
         if len(grids) > _MAX_LINES:
             print(f"and {len(grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
-    _print_some([f"warning: {warning}" for warning in _warnings(rows)], f"warnings in {SUMMARY_FILE}")
-    _print_some([f"failed: {row['run']}: {row['error']}" for row in _failed(rows)], f"failures in {TABLE_FILE}")
+    notices = [f"warning: {warning}" for warning in _warnings(rows)]
+    notices += [f"failed: {row['run']}: {row['error']}" for row in _failed(rows)]
+    print("".join(f"{notice}\n" for notice in notices[:_MAX_LINES]), end="")
+    if len(notices) > _MAX_LINES:
+        print(f"and {len(notices) - _MAX_LINES} more warnings and failures in {SUMMARY_FILE}")
 
 
 def all_failed(rows: Sequence[Row]) -> str:
@@ -139,33 +115,14 @@ def all_failed(rows: Sequence[Row]) -> str:
 
 def _warnings(rows: Sequence[Row]) -> list[str]:
     """Saturated motors, and what could not be used of the runs."""
-    limited = [
-        f"run {row['run']!r}: a motor is at its limit for {row['saturated']:.1%} of the time"
-        for row in rows
-        if row.get("saturated")
-    ]
-    return limited + [row["note"] for row in rows if row.get("note")]
+    saturated = [saturation_warning(row["run"], row["saturated"]) for row in rows if row.get("saturated")]
+    return saturated + [row["note"] for row in rows if row.get("note")]
 
 
 def _failed(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if row["error"] is not None]
 
 
-def _print_some(lines: Sequence[str], where: str) -> None:
-    for line in lines[:_MAX_LINES]:
-        print(line)
-    if len(lines) > _MAX_LINES:
-        print(f"and {len(lines) - _MAX_LINES} more {where}")
-
-
 def _values(rows: Sequence[Row], *names: str) -> Array:
     """Columns (n, len(names)) of the rows; NaN for None."""
     return np.array([[row.get(name) for name in names] for row in rows], float)
-
-
-def _known(values: Array) -> Array:
-    return values[~np.isnan(values)]
-
-
-def _mean(values: Array) -> float:
-    return float(_known(values).mean()) if _known(values).size else math.nan

@@ -15,6 +15,7 @@ from sim.ground.ground import Ground
 from sim.loop import Progress, closed_loop
 from sim.pilot import Pilot
 from sim.run_recorder import Description
+from sim.scanner.feed import ScannerFeed
 from sim.seeds import generator
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
@@ -62,13 +63,15 @@ class ClosedLoopRun:
 
     def own_metadata(self) -> dict[str, Any]:
         """The metadata that may differ between the runs of a fleet."""
-        names = ("controller", "compensation", "start", "seed", *(() if self.ground is None else ("ground",)))
-        found = {name: getattr(self, name) for name in names} | dict(self.metadata)
+        entries: dict[str, Any] = {"controller": self.controller, "compensation": self.compensation}
+        entries |= {"start": self.start, "seed": self.seed}
+        if self.ground is not None:
+            entries["ground"] = self.ground
         if self.plant is not None:
             own = self.plant.setting
-            found |= {"ground": own.ground, "radius_error": own.radius_error, "lag": own.lag, "weight": own.weight}
-            found |= {"scanner_noise": self.plant.scanner_noise}
-        return plain(found)
+            entries |= {name: getattr(own, name) for name in ("ground", "radius_error", "lag", "weight")}
+            entries["scanner_noise"] = self.plant.scanner_noise
+        return plain(entries | dict(self.metadata))
 
 
 def drive_closed_loops(
@@ -97,16 +100,15 @@ def drive_closed_loops(
         TrackslipError: for an unknown controller or compensation; when a robot tips over or a controller fails.
     """
     settings = [run.setting(world) for run in runs]
-    shearing = [one.ground.largest_shear > 0 for one in settings]
-    if len(set(shearing)) > 1:  # robots that drive elsewhere have other pads: their bits must not depend on company
-        parts = [[k for k, shears in enumerate(shearing) if shears == wanted] for wanted in (False, True)]
-        found: dict[int, RunLog] = {}
-        for part in parts:
+    shearing = [k for k, setting in enumerate(settings) if setting.ground.largest_shear > 0]
+    firm = [k for k in range(len(runs)) if k not in shearing]
+    if shearing and firm:  # on ground that shears, robots have other pads: a run must not depend on its company
+        logs: dict[int, RunLog] = {}
+        for part, report in ((firm, progress), (shearing, lambda seconds: None)):
             some = [runs[k] for k in part]
-            logs = drive_closed_loops(some, world, path, localization, compensation, preview, progress, kept)
-            found |= zip(part, logs, strict=True)
-            progress = _unseen
-        return [found[k] for k in range(len(runs))]
+            driven = drive_closed_loops(some, world, path, localization, compensation, preview, report, kept)
+            logs |= zip(part, driven, strict=True)
+        return [logs[k] for k in range(len(runs))]
     limits = world.robot.geometry, world.drive.top_speed, world.config.scanner.period
     driven_by: dict[tuple[str, str], list[int]] = {}
     for k, run in enumerate(runs):
@@ -115,19 +117,17 @@ def drive_closed_loops(
         Pilot(controller(name, *limits), robots, compensation(law), preview)
         for (name, law), robots in driven_by.items()
     ]
-    fleet = world.fleet(np.array([run.start for run in runs]), [one.ground for one in settings])
+    fleet = world.fleet(np.array([run.start for run in runs]), [setting.ground for setting in settings])
     if any(run.plant is not None for run in runs):
         fleet.restart(np.arange(len(runs)), settings)
-    noise = [world.config.scanner.noise if run.plant is None else run.plant.scanner_noise for run in runs]
-    feed = world.feed(fleet, [generator(run.seed, run.key) for run in runs], kept, noise)
+    scanner = world.config.scanner
+    noise = [scanner.noise if run.plant is None else run.plant.scanner_noise for run in runs]
+    random = [generator(run.seed, run.key) for run in runs]
+    feed = ScannerFeed(scanner, fleet, random, world.obstacles, kept, noise)
     common = world.metadata(localization)
     descriptions = [Description(run.name, common | run.own_metadata()) for run in runs]
     method = None if localization == "truth" else locator(localization, world.robot)
     return closed_loop(fleet, pilots, path, feed, method, descriptions, progress)
-
-
-def _unseen(seconds: float) -> None:
-    """No progress: it counts once for all fleets."""
 
 
 def start_pose(controller: str, reference: str, path: Reference) -> Array:

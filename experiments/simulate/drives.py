@@ -42,17 +42,10 @@ def driven_by_law(
     counts: int | None = None,
     metadata: Mapping[str, Any] | None = None,
 ) -> KnownDrive:
-    """A drive by a law.
+    """A drive by a law from `start` (3,) [m, m, rad], by default the origin.
 
-    Args:
-        name: of the run.
-        law: that moves the robot.
-        omega: readings of the encoders (T, 2), means since the row before [rad/s].
-        rate: of the encoders [Hz].
-        rng: of the slip that varies.
-        start: pose (3,), by default the origin [m, m, rad].
-        counts: of the encoders per revolution, which read exactly without.
-        metadata: of the log besides the geometry.
+    Encoders give readings `omega` (T, 2), means since the row before [rad/s], at `rate` [Hz], exactly or with `counts`
+    per revolution; `rng` is for slip that varies, `metadata` is the log's besides the geometry.
     """
     moved, twist = law.drive(omega, rate, rng)
     motion = moved if start is None else Motion(moved.time, se2.compose(start, moved.pose))

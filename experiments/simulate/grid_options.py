@@ -19,8 +19,8 @@ from trackslip.paper import COMMANDED_RADII, SPEEDS
 
 
 @dataclass(frozen=True)
-class RunsConfig(Simulation):
-    """Runs of constant command, radius x speed, in front of the scanner."""
+class GridConfig(Simulation):
+    """A grid of runs of constant command, radius x speed, in front of the scanner."""
 
     radii: Annotated[tuple[float, ...], Distinct("number"), Positive(MAX_RADIUS)] = COMMANDED_RADII
     """Commanded radii, to the left, as if nothing slipped [m]."""
@@ -30,21 +30,15 @@ class RunsConfig(Simulation):
     """Pose estimation from a scan: maximum likelihood with the known plate, or the paper's line fit."""
     duration: Annotated[float, Within(MIN_DURATION, MAX_DURATION, "s")] = 30.0
     """Length of each run [s]."""
-
-    def check(self, drive: Drive) -> None:
-        """See Equipment."""
-        super().check(drive)
-        for speed in self.speeds:
-            require_speed("speeds", speed, drive.top_speed)
-
-
-@dataclass(frozen=True)
-class GridConfig(RunsConfig):
-    """A grid of runs that is also evaluated."""
-
     motion: Method = None
     """Twist estimation from a run: the paper's filter, an arc through all poses, or all ranges."""
     random_phase: bool = False
     """Start each run at a random point of its circle instead of the point nearest to the scanner."""
     out: Path = Path("out/grid")
     """Folder for the results."""
+
+    def check(self, drive: Drive) -> None:
+        """See Equipment."""
+        super().check(drive)
+        for speed in self.speeds:
+            require_speed("speeds", speed, drive.top_speed)

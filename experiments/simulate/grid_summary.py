@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
@@ -52,33 +52,41 @@ class ErrorStatistics:
 
 
 @dataclass(frozen=True)
-class Radii:
+class RadiusSummary:
     """Radii of a grid, one value per commanded radius [m]."""
 
     commanded: tuple[float, ...]
     observed: Array  # (R,) of the mean curvature over the speeds; NaN where no run gave a sample
     published: Array  # (R,) the paper's; NaN where it has none
-
-
-@dataclass(frozen=True)
-class RadiusSummary(Radii):
-    """Radii compared with the paper; NaN where one of the runs gave no sample."""
-
     rms_vs_published: float | None
     """Root mean square of observed / published - 1 [-]; None without a published radius."""
 
 
 @dataclass(frozen=True)
-class RatioToBound:
-    """Root mean square errors of the measured poses over their Cramér-Rao bound [-]."""
+class GridSlips:
+    """Radii and slips of a grid, from the runs that gave a sample."""
 
-    x: float
-    y: float
-    heading: float
+    radius: RadiusSummary
+    slip_by_radius: OuterInner[Array]  # (R,) each, mean slip over the speeds [-]
+    slip_error: OuterInner[ErrorStatistics]
+
+    @classmethod
+    def of(cls, commanded: Array, observed: Array, slip: Array, true_slip: Array) -> "GridSlips":
+        """From radii commanded and observed (n,) [m] and slips (n, 2) of the runs; NaN for a run without a sample."""
+        radii = tuple(dict.fromkeys(commanded.tolist()))
+
+        def means(values: Array) -> Array:
+            """Means (R,) over the runs of each radius."""
+            return np.array([known_mean(values[commanded == radius]) for radius in radii])
+
+        driven, published = 1 / means(1 / observed), published_radii(radii)
+        relative = (driven / published - 1)[~np.isnan(published)]
+        radius = RadiusSummary(radii, driven, published, rms(relative) if relative.size else None)
+        return GridSlips(radius, OuterInner.of(slip, means), OuterInner.of(slip - true_slip, ErrorStatistics.of))
 
 
 @dataclass(frozen=True)
-class PoseAccuracy:
+class LocalizationErrors:
     """Root mean square errors of all poses, gaps bridged by odometry included."""
 
     rmse_x: float
@@ -89,58 +97,42 @@ class PoseAccuracy:
     """[rad]"""
     valid_fraction: float
     """Share of the scans that gave a pose [-]."""
+    rate_hz: float
+    """Valid poses per second [1/s]."""
 
     @classmethod
     def of(cls, logs: Iterable[RunLog]) -> Self:
-        """Of simulated runs with one sampling period."""
-        found = _Poses()
-        for log in logs:
-            found.add(log)
-        values = found.errors()
-        return cls(**{one.name: values[one.name] for one in fields(cls)})
-
-
-@dataclass(frozen=True)
-class LocalizationErrors(PoseAccuracy):
-    """Pose errors, and the rate of valid poses."""
-
-    rate_hz: float
-    """Valid poses per second [1/s]."""
+        """Of simulated runs of equal length."""
+        return cls(**_root_mean([_pose_errors(log) for log in logs]))
 
 
 @dataclass(frozen=True)
 class GridLocalization(LocalizationErrors):
-    """Accuracy and speed of localization in a grid."""
+    """Accuracy of localization in a grid."""
 
-    ratio_to_bound: RatioToBound | None
-    """None for runs without scans."""
-    scans_per_s: float | None
-    """Scans localized per second of computing [1/s]; None where the time was not measured."""
+    ratio_to_bound: Mapping[str, float] | None
+    """Root mean square errors of x, y and heading over their Cramér-Rao bound [-]; None for runs without scans."""
 
 
 @dataclass(frozen=True)
-class GridSummary:
-    """The numbers of a grid. Where one needs a run that gave no sample, it is NaN."""
+class GridSummary(GridSlips):
+    """The numbers of a grid."""
 
-    radius: RadiusSummary
-    slip_by_radius: OuterInner[Array]  # (R,) each, mean slip over the speeds [-]
     slip_rms_vs_published: float | None
     """Root mean square of slip minus Eq. 11 at the paper's radii [-]; None without a published radius."""
     slip_rms_vs_published_at_simulated_radii: float
     """The same at the radii driven here [-]."""
     speed_spread: OuterInner[float]
-    """Largest difference of true slip between the speeds of one radius [-]."""
+    """Largest difference of true slip between the speeds of one radius [-]; NaN where a run gave no sample."""
     localization: GridLocalization
-    slip_error: OuterInner[ErrorStatistics]
-    """Errors of slip with the chosen motion method."""
     slip_error_by_method: Mapping[str, OuterInner[ErrorStatistics] | None]
     """Errors of slip with every motion method; None for a method that suits no run."""
 
     def to_json(self) -> dict[str, Any]:
         """The entries of a summary.json."""
-        found = plain(self)
-        found["slip_error"] |= found.pop("slip_error_by_method")
-        return found
+        content = plain(self)
+        content["slip_error"] |= content.pop("slip_error_by_method")
+        return content
 
 
 def grid_summary(
@@ -153,115 +145,92 @@ def grid_summary(
 ) -> GridSummary:
     """Evaluate a grid: `names` of all its runs, radius by radius; `logs` of those that were driven; and `samples`.
 
-    The logs are gone through once, so that there need never be more than one of them, in the order of the names.
-    `watch` knows how long localization took.
+    The logs are gone through once, so that there need never be more than one of them.
     """
-    poses, bound = _Poses(), _PosesOverBound()
     slip, true_slip = (np.full((len(names), 2), np.nan) for _ in range(2))
-    radius = np.full(len(names), np.nan)
-    sampled = np.isin(names, samples.run)
-    slip[sampled], radius[sampled] = samples.slip, samples.radius
+    observed = np.full(len(names), np.nan)
+    row = {name: names.index(name) for name in samples.run}
+    slip[[*row.values()]], observed[[*row.values()]] = samples.slip, samples.radius
+    poses: list[Array] = []
+    bounds: list[tuple[Array, Array] | None] = []
     by_method: dict[str, list[Array]] = {name: [] for name in MOTION_METHODS}
     for log in logs:
-        poses.add(log)
-        bound.add(log)
-        if log.run in samples.run:
-            truth = true_samples([log], geometry).slip
-            row = names.index(log.run)
-            true_slip[row] = truth[0]
+        poses.append(_pose_errors(log))
+        bounds.append(_squares_and_bounds(log))
+        if log.run in row:
+            run = row[log.run]
             with watch.stage("errors of all methods"):
+                true_slip[run] = true_samples([log], geometry).slip[0]
                 measured = config.motion or best_method(log)
-                by_method[measured].append(slip[[row]] - truth)
-                others = [name for name in MOTION_METHODS if name != measured]
-                for name, sample in samples_by_method(log, geometry, others).items():
-                    by_method[name].append(sample.slip - truth)
-    by_radius = (len(config.radii), len(config.speeds))
-    mean_slip = slip.reshape(*by_radius, 2).mean(axis=1)
-    spread = np.ptp(true_slip.reshape(*by_radius, 2), axis=1)
-    published = published_radii(config.radii)
-    at_published = np.repeat(published, len(config.speeds))
-    known = ~np.isnan(at_published)
-    observed = 1 / (1 / radius).reshape(by_radius).mean(axis=1)
-    relative = (observed / published - 1)[~np.isnan(published)]
-    seconds = watch.stages.get("localization")
+                others = samples_by_method(log, geometry, [name for name in MOTION_METHODS if name != measured])
+                for name, found in {measured: slip[run], **{name: s.slip[0] for name, s in others.items()}}.items():
+                    by_method[name].append(found - true_slip[run])
+    commanded = np.repeat(config.radii, len(config.speeds))
+    published = published_radii(commanded)
+    in_paper = ~np.isnan(published) & ~np.isnan(observed)
+    spread = np.ptp(true_slip.reshape(len(config.radii), -1, 2), axis=1)
     return GridSummary(
-        radius=RadiusSummary(config.radii, observed, published, rms(relative) if relative.size else None),
-        slip_by_radius=OuterInner.of(mean_slip, np.array),
-        slip_rms_vs_published=rms(slip[known] - PUBLISHED(1 / at_published[known])) if known.any() else None,
+        **vars(GridSlips.of(commanded, observed, slip, true_slip)),
+        slip_rms_vs_published=rms(slip[in_paper] - PUBLISHED(1 / published[in_paper])) if in_paper.any() else None,
         slip_rms_vs_published_at_simulated_radii=rms(samples.slip - PUBLISHED(samples.curvature)),
         speed_spread=OuterInner.of(spread, lambda of_radius: float(of_radius.max())),
-        localization=GridLocalization(
-            **poses.errors(), ratio_to_bound=bound.ratio(), scans_per_s=poses.rows / seconds if seconds else None
-        ),
-        slip_error=OuterInner.of((slip - true_slip)[sampled], ErrorStatistics.of),
+        localization=GridLocalization(**_root_mean(poses), ratio_to_bound=_ratio_to_bound(bounds)),
         slip_error_by_method={
-            name: OuterInner.of(np.concatenate(parts), ErrorStatistics.of) if parts else None
-            for name, parts in by_method.items()
+            name: OuterInner.of(np.array(errors), ErrorStatistics.of) if errors else None
+            for name, errors in by_method.items()
         },
     )
 
 
-def published_radii(commanded: Sequence[float]) -> Array:
+def published_radii(commanded: Iterable[float]) -> Array:
     """The paper's observed radius for each commanded one, (n,) [m]; NaN where the paper has none."""
     printed = dict(zip(COMMANDED_RADII, OBSERVED_RADII, strict=True))
     return np.array([printed.get(radius, np.nan) for radius in commanded])
 
 
-@dataclass
-class _Poses:
-    """The errors of all poses of some runs, summed up."""
-
-    rows: int = 0
-    compared: int = 0  # with the truth, where that is known
-    valid: int = 0
-    squares: Array = field(default_factory=lambda: np.zeros(3))  # of the errors of x, y and heading
-    period: float = math.nan  # of the rows, the same for all runs
-
-    def add(self, log: RunLog) -> None:
-        """Add the poses of a simulated run."""
-        if log.truth is not None:
-            error = log.pose - log.truth.pose
-            error[:, 2] = wrap_angle(error[:, 2])
-            self.squares += np.sum(error**2, axis=0)
-            self.compared += len(error)
-        self.rows += len(log.time)
-        self.valid += int(np.count_nonzero(log.is_valid))
-        self.period = float(np.median(np.diff(log.time)))
-
-    def errors(self) -> dict[str, float]:
-        """The fields of LocalizationErrors for all runs added."""
-        x, y, heading = np.sqrt(self.squares / self.compared).tolist()
-        valid = self.valid / self.rows
-        return dict(rmse_x=x, rmse_y=y, rmse_heading=heading, valid_fraction=valid, rate_hz=valid / self.period)
+def known_mean(values: Array) -> float:
+    """Mean of the values that are not NaN; NaN without any."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else math.nan
 
 
-@dataclass
-class _PosesOverBound:
-    """The errors of measured poses and their bound, leaving out views close to edge-on, summed up.
+def _pose_errors(log: RunLog) -> Array:
+    """Mean squares of the errors of x, y and heading, the share of valid poses, and their rate (5,)."""
+    assert log.truth is not None
+    error = log.pose - log.truth.pose
+    error[:, 2] = wrap_angle(error[:, 2])
+    valid = np.mean(log.is_valid)
+    return np.array([*np.mean(error**2, axis=0), valid, valid / np.median(np.diff(log.time))])
 
-    The scanner sees the plate, so the reference is the plate's true place on the leaning robot.
+
+def _root_mean(runs: Sequence[Array]) -> dict[str, float]:
+    """The fields of LocalizationErrors for runs of equal length, from their `_pose_errors`."""
+    x, y, heading, valid, rate = np.mean(runs, axis=0).tolist()
+    roots = {"rmse_x": math.sqrt(x), "rmse_y": math.sqrt(y), "rmse_heading": math.sqrt(heading)}
+    return roots | {"valid_fraction": valid, "rate_hz": rate}
+
+
+def _squares_and_bounds(log: RunLog) -> tuple[Array, Array] | None:
+    """Sums of the squared errors of measured x, y and heading, and of their bounds (3,); None without scans or noise.
+
+    Views close to edge-on are left out. The scanner sees the plate: its true place on the leaning robot counts.
     """
+    scans, truth = log.scans, log.truth
+    if scans is None or scans.scan.noise == 0 or truth is None or truth.lean is None:
+        return None
+    phi, valid = truth.pose[:, 2], log.is_valid
+    left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
+    plate = truth.pose + truth.lean[:, None] * left
+    error, bound = beside_bound(log.pose[valid], plate[valid], scans.plate, scans.scan)
+    return np.sum(error**2, axis=0), np.einsum("sii->i", bound)
 
-    unknown: bool = False  # of a run without scans or noise
-    squares: Array = field(default_factory=lambda: np.zeros(3))  # of the errors of x, y and heading
-    variances: Array = field(default_factory=lambda: np.zeros(3))  # the bounds
 
-    def add(self, log: RunLog) -> None:
-        """Add the measured poses of a simulated run."""
-        scans, truth = log.scans, log.truth
-        if scans is None or scans.scan.noise == 0 or truth is None or truth.lean is None:
-            self.unknown = True
-            return
-        phi, valid = truth.pose[:, 2], log.is_valid
-        left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
-        true = (truth.pose + truth.lean[:, None] * left)[valid]
-        error, bound = beside_bound(log.pose[valid], true, scans.plate, scans.scan)
-        self.squares += np.sum(error**2, axis=0)
-        self.variances += np.einsum("sii->i", bound)
-
-    def ratio(self) -> RatioToBound | None:
-        """Errors over their bound; None if that is unknown."""
-        return None if self.unknown else RatioToBound(*np.sqrt(self.squares / self.variances).tolist())
+def _ratio_to_bound(runs: Sequence[tuple[Array, Array] | None]) -> dict[str, float] | None:
+    known = [run for run in runs if run is not None]
+    if len(known) < len(runs):
+        return None
+    squares, bounds = np.sum(known, axis=0)
+    return dict(zip(("x", "y", "heading"), np.sqrt(squares / bounds).tolist(), strict=True))
 
 
 def simulated_seconds(logs: Sequence[RunLog]) -> float:
@@ -269,10 +238,17 @@ def simulated_seconds(logs: Sequence[RunLog]) -> float:
     return float(sum(log.time[-1] - log.time[0] for log in logs))
 
 
+def saturated_share(log: RunLog) -> float:
+    """Share of the time with a motor at its limit, of the worse track [-]."""
+    saturated = None if log.truth is None else log.truth.saturated
+    return 0.0 if saturated is None else float(saturated.mean(axis=0).max())
+
+
 def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
     """A line for each run in which a motor reached its limit."""
-    return [
-        f"run {log.run!r}: a motor is at its limit for {log.truth.saturated.mean(axis=0).max():.1%} of the time"
-        for log in logs
-        if log.truth is not None and log.truth.saturated is not None and log.truth.saturated.max() > 0
-    ]
+    return [saturation_warning(log.run, share) for log in logs if (share := saturated_share(log)) > 0]
+
+
+def saturation_warning(run: str, share: float) -> str:
+    """The line for a run with a motor at its limit for a share of the time."""
+    return f"run {run!r}: a motor is at its limit for {share:.1%} of the time"

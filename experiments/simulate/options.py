@@ -26,6 +26,7 @@ IDENTIFIED = ("exponential", "icr", "icr_radius")
 """The identified laws that the paper's controllers are compared with."""
 
 MAX_THREADS = MAX_JOBS = 1024
+MAX_SEED = 2**63 - 1  # of an integer in a Parquet file
 MAX_PREVIEW = 1.0  # [s]
 MIN_DURATION, MAX_DURATION = 4.0, 3600.0
 """Of a run; a shorter one leaves no steady part to average over [s]."""
@@ -54,7 +55,6 @@ class GroundOptions:
     """Angle of the ground to the horizontal [rad]."""
     uphill: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
     """Heading of a robot that drives straight up the slope [rad]."""
-
     shear: Annotated[float | None, default_is("the ground's", "FLOAT")] = field(
         default=None, metadata={"stored_unless": None}
     )
@@ -131,29 +131,18 @@ def changed(base: T, options: object, prefix: str = "") -> T:
 
 
 @dataclass(frozen=True)
-class PullOptions:
+class PullOptions(Pull):
     """Load that the robot tows."""
 
     force: Annotated[float, tyro.conf.arg(name="", metavar="FLOAT")] = 0.0
     """Drawbar force, backwards along the robot [N]."""
-    height: float = Pull.height
-    """Height of the hitch above the ground [m]."""
-    since: float = Pull.since
-    """Time in a run at which the force begins to act [s]."""
-
-    def __post_init__(self) -> None:
-        self.pull()
-
-    def pull(self) -> Pull:
-        """The pull itself."""
-        return Pull(self.force, self.height, self.since)
 
 
 @dataclass(frozen=True)
 class Repeatable(ResultsOptions):
     """The options of every command that simulates."""
 
-    seed: Annotated[int, Whole()] = 0
+    seed: Annotated[int, Whole(0, MAX_SEED)] = 0
     """Seed of all random numbers."""
     threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
     """Number of worker threads, 0 for one per processor; the results don't depend on it."""

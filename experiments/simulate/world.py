@@ -1,15 +1,12 @@
 """The simulated world that a command's options describe: robot, ground, drives, scanner, obstacles."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from experiments.common.plain_json import plain
-from experiments.simulate.options import Simulation
+from experiments.simulate.options import PullOptions, Simulation
 from sim.drive.drive import Drive
 from sim.drive.pull import Pull
 from sim.fleet import Fleet, substeps
@@ -18,9 +15,17 @@ from sim.ground.named import load_ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
-from sim.scanner.feed import ScannerFeed
 from sim.scanner.obstacles import Obstacles, load_obstacles
 from trackslip.kinematics import Array
+
+FileReader = Callable[[str, str | None, str | None], tuple[RobotParameters, Ground, Obstacles]]
+
+
+def read_files(robot: str, ground: str | None, obstacles: str | None) -> tuple[RobotParameters, Ground, Obstacles]:
+    """A robot, a ground (None for the robot's own) and obstacles by their names or files."""
+    parameters, own_ground = load_parameters(robot)
+    chosen = own_ground if ground is None else load_ground(ground)
+    return parameters, chosen, Obstacles() if obstacles is None else load_obstacles(obstacles)
 
 
 @dataclass(frozen=True)
@@ -32,30 +37,19 @@ class Specification:
     radius_error: float
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     obstacles: Obstacles
-    pull: Pull = field(metadata={"stored_unless": Pull()})
+    pull: Pull = field(metadata={"stored_unless": PullOptions()})
 
     @classmethod
     def of(cls, config: Simulation) -> "Specification":
         """Read the files that the options name; raises TrackslipError for a file or name that does not exist."""
-        return WorldFiles().specification(config)
+        return Specification.read(config, read_files)
 
-
-class WorldFiles:
-    """Robots, grounds and obstacles by name or file; each file is read once."""
-
-    def __init__(self) -> None:
-        self._robot = functools.cache(load_parameters)
-        self._ground = functools.cache(load_ground)
-        self._obstacles = functools.cache(load_obstacles)
-
-    def specification(self, config: Simulation) -> Specification:
-        """The world that the options name; raises TrackslipError for a file or name that does not exist."""
-        parameters, ground = self._robot(config.robot)
-        if config.ground.source is not None:
-            ground = self._ground(config.ground.source)
-        obstacles = Obstacles() if config.obstacles is None else self._obstacles(config.obstacles)
+    @staticmethod
+    def read(config: Simulation, read: FileReader) -> "Specification":
+        """The same with `read_files` or its results from a cache."""
+        parameters, ground, obstacles = read(config.robot, config.ground.source, config.obstacles)
         error = parameters.radius_error if config.radius_error is None else config.radius_error
-        return Specification(parameters, config.ground.changed(ground), error, obstacles, config.pull.pull())
+        return Specification(parameters, config.ground.changed(ground), error, obstacles, config.pull)
 
 
 @dataclass(frozen=True)
@@ -87,46 +81,31 @@ class World(Specification):
         threads, ground = self.config.threads, grounds or self.ground
         return Fleet(self.robot, start, ground, self.radius_error, self.drive, threads, self.pull)
 
-    def feed(
-        self,
-        fleet: Fleet,
-        generators: Sequence[np.random.Generator],
-        kept: bool = False,
-        noise: ArrayLike | None = None,
-    ) -> ScannerFeed:
-        """The scanner in front of a fleet, with one random number generator per robot; the others: see ScannerFeed."""
-        return ScannerFeed(self.config.scanner, fleet, generators, self.obstacles, kept, noise)
-
     def metadata(self, localization: str) -> dict[str, Any]:
         """The metadata of every run simulated in this world."""
-        return plain(
-            {
-                "geometry": self.robot.geometry,
-                "robot": self.parameters,
-                "plate": self.robot.plate,
-                "lrf": {"mount": self.robot.lrf_mount},
-                "ground": self.ground,
-                "radius_error": self.radius_error,
-                **self._towed,
-                "drive": self.drive,
-                "scanner": self.config.scanner,
-                "obstacles": self.obstacles,
-                "localization": localization,
-                "seed": self.config.seed,
-                "model_sha256": self.robot.digest,
-            }
-        )
+        measured = {
+            "geometry": self.robot.geometry,
+            "plate": self.robot.plate,
+            "lrf": {"mount": self.robot.lrf_mount},
+            "radius_error": self.radius_error,
+            "scanner": self.config.scanner,
+            "localization": localization,
+        }
+        return plain(measured | self.about)
 
     @property
     def about(self) -> dict[str, Any]:
         """The world's entries in the manifest of a command."""
-        more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters, "drive": self.drive}
-        return {"seed": self.config.seed, "model_sha256": self.robot.digest, **more, **self._towed}
-
-    @property
-    def _towed(self) -> dict[str, Pull]:
-        """The pull by name, if there is one."""
-        return {"pull": self.pull} if self.pull.force > 0 else {}
+        towed = {"pull": self.pull} if self.pull.force > 0 else {}
+        return {
+            "seed": self.config.seed,
+            "model_sha256": self.robot.digest,
+            "ground": self.ground,
+            "obstacles": self.obstacles,
+            "robot": self.parameters,
+            "drive": self.drive,
+            **towed,
+        }
 
 
 @functools.lru_cache(maxsize=8)

@@ -10,11 +10,13 @@ from experiments.cli import main
 
 @pytest.fixture
 def trackslip(tmp_path):
-    """A function that runs a command, by default into a folder of its own, and returns its Result."""
+    """A function that runs a command, by default into a new folder, and returns its Result."""
 
     def run(*arguments: str) -> Result:
         given = list(arguments)
         folder = tmp_path / given[0]
+        while folder.exists():
+            folder = folder.with_name(f"{folder.name}_again")
         if "--out" in given:
             k = given.index("--out")
             folder = Path(given[k + 1])

@@ -1,16 +1,19 @@
 """Sweeps: axes, names and ids of runs, fleets, and the table of runs."""
 
+from typing import get_args
+
 import pyarrow.parquet
 import pytest
 from pages import ROOT
 
 from experiments.cli import parse
 from experiments.common.sweep import fleets
-from experiments.grid.axes import AXES
+from experiments.grid.axes import known
 from experiments.grid.plan import plan
 from experiments.grid.runs import GridRuns
 from experiments.grid.table import COLUMNS, write_table
 from trackslip.logs.schema import markdown
+from trackslip.paper import SPEEDS
 
 
 def planned(*arguments):
@@ -42,7 +45,7 @@ def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
         'radius = [1.0, 2.0]\nspeed = 0.1\nground = ["stone", "gravel"]\n[robot]\nhalf_gauge = [0.15, 0.168]\n'
         "[scanner]\nnoise = [0.005, 0.01]\n"
     )
-    runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--vary", "random_phase=false,true")
+    runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--vary", "random_phase=False,True")
     assert len(runs) == 32
     assert len(fleets(runs, 2, GridRuns.sizes)) == 8
     for fleet in fleets(runs, 2, GridRuns.sizes):
@@ -70,12 +73,32 @@ def test_fleets_are_large_but_every_worker_has_some_and_logs_fit_into_memory(dur
 
 
 def test_every_column_of_the_table_is_documented(tmp_path):
-    table = markdown([*COLUMNS.values(), *AXES.values()])
+    table = markdown(COLUMNS.values())
     assert (ROOT / "docs" / "data.md").read_text(encoding="utf-8").count(f"\n{table}\n") == 1
-    row = {"run": "r", "id": "0", "radius": 0.5, "speed": 0.1, "ground": "ice", "v": 0.1}
-    write_table([row], ["ground", "radius", "speed"], tmp_path / "table.parquet")
+    row = {"run": "r", "id": "0", "radius": 0.5, "speed": 0.1, "scanner.noise": 0.01, "ground": "ice", "v": 0.1}
+    axes = ["ground", "scanner.noise", "radius", "speed"]
+    write_table([row], axes, tmp_path / "table.parquet")
     schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
-    assert schema.names == ["run", "id", "ground", "radius", "speed", *list(COLUMNS)[2:]]
+    assert schema.names == ["run", "id", *axes, *list(COLUMNS)[2:]]
+    expected = {name: column.metadata for name, column in COLUMNS.items()} | {
+        "ground": {"unit": "", "description": "Ground to drive on"},
+        "scanner.noise": {"unit": "m", "description": "Standard deviation of a range"},
+        "radius": {"unit": "m", "description": "radius of the no-slip command"},
+        "speed": {"unit": "m/s", "description": "speed of the no-slip command"},
+    }
     for field in schema:
-        unit, what = (field.metadata[key].decode() for key in (b"unit", b"description"))
-        assert f"| `{field.name}` | {unit or '–'} | {what} |" in table
+        assert {key.decode(): value.decode() for key, value in field.metadata.items()} == expected[field.name]
+
+
+def test_every_axis_has_a_meaning_and_numbers_a_unit():
+    for name, (kind, column) in known().items():
+        assert column.name == name
+        assert column.description
+        assert column.unit or not {int, float} & {kind, *get_args(kind)}, name
+
+
+def test_options_win_over_a_sweep_file(tmp_path):
+    (tmp_path / "sweep.toml").write_text("radius = [1, 2]\nseed = [0, 1]\n[ground]\nslope = 0.1")
+    runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--seeds", "7", "--vary", "radius=0.5", "motion=arc")
+    fixed = {"seed": 7, "motion": "arc", "slope": 0.1, "radius": 0.5}
+    assert [run.axes for run in runs] == [fixed | {"speed": speed} for speed in SPEEDS]
