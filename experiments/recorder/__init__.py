@@ -22,7 +22,7 @@ def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> None
     from experiments.recorder.run import send_runs
     from experiments.recorder.stream import write_recording
 
-    write_recording(file, title(logs), lambda stream: send_runs(stream, logs, laws))
+    write_recording(file, title(logs), lambda recording: send_runs(recording, logs, laws))
 
 
 def title(logs: Sequence[RunLog]) -> str:
