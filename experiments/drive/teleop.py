@@ -112,15 +112,15 @@ class Teleop:
 def teleoperate(world: CourseWorld) -> DrivenCourse:
     """Drive by the keyboard, in the viewer; raises TrackslipError without a display."""
     by_reflex = world.config.flipper_angles() is None
-    keyboard = Keyboard(world.traverse.tracked, world.top_speed, by_reflex, world.set_angles)
-    viewer = Teleop(world.with_looks(), keyboard)
+    keyboard = Keyboard(world.traverse.tracked, world.traverse.servos.top_speed, by_reflex, world.set_angles)
+    viewer, reflex = Teleop(world.with_looks(), keyboard), world.flippers()
     print(HELP, flush=True)
-    reflex = world.flippers()
-
-    def flippers(now: Traverse) -> Array:
-        return reflex(now) if keyboard.by_reflex else keyboard.angles
-
     try:
-        return drive_course(world.traverse, keyboard, flippers, watch=viewer)
+        return drive_course(
+            world.traverse,
+            keyboard,
+            lambda traverse: reflex(traverse) if keyboard.by_reflex else keyboard.angles,
+            watch=viewer,
+        )
     finally:
         viewer.close()

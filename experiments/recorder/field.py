@@ -10,7 +10,7 @@ import rerun as rr
 
 from experiments.recorder.model import send_geoms, send_paving
 from experiments.recorder.sensing import OTHER_COLOUR
-from experiments.recorder.stream import FIELD, Recording, about_vertical, at_height, rgb
+from experiments.recorder.stream import FIELD, Recording, about_vertical, at_height, paint, rgb
 from experiments.recorder.traces import Traces
 from sim.scanner.obstacles import Walker
 from trackslip.kinematics import Array
@@ -54,8 +54,10 @@ def _send_ground(recording: Recording, ground: Mapping[str, Any], low: Array, hi
     slope, heading = (float(ground.get(key) or 0.0) for key in ("slope", "uphill"))
     if slope:
         uphill, corner = [np.cos(heading), np.sin(heading), 0.0], [*(low + _FAR - 1.0), 0.02]
-        look = {"labels": [f"uphill, {slope:.3g} rad"], "colors": [rgb(_PATCH_COLOUR)], "radii": [0.02]}
-        recording.still(f"{FIELD}/uphill", rr.Arrows3D(vectors=[uphill], origins=[corner], **look))
+        arrow = rr.Arrows3D(
+            vectors=[uphill], origins=[corner], labels=[f"uphill, {slope:.3g} rad"], **paint(_PATCH_COLOUR, 0.02)
+        )
+        recording.still(f"{FIELD}/uphill", arrow)
 
 
 def _send_obstacles(recording: Recording, obstacles: Mapping[str, Any], traces: Traces) -> None:
@@ -66,7 +68,7 @@ def _send_obstacles(recording: Recording, obstacles: Mapping[str, Any], traces: 
     if walls:
         ends = [([wall["x0"], wall["y0"]], [wall["x1"], wall["y1"]]) for wall in walls]
         around = [[[*a, 0.0], [*b, 0.0], [*b, _TALL], [*a, _TALL], [*a, 0.0]] for a, b in ends]
-        recording.still(f"{FIELD}/walls", rr.LineStrips3D(around, colors=[rgb(OTHER_COLOUR)], radii=[0.01]))
+        recording.still(f"{FIELD}/walls", rr.LineStrips3D(around, **paint(OTHER_COLOUR, 0.01)))
     for k, walker in enumerate(walkers):
         turns_after = np.inf if walker.get("turns_after") is None else walker["turns_after"]  # JSON has no infinity
         person, entity = Walker(**{**walker, "turns_after": turns_after}), f"{FIELD}/walkers/{k}"
@@ -78,5 +80,6 @@ def _cylinders(circles: list[tuple[float, float, float]]) -> rr.Cylinders3D:
     """Upright cylinders on the ground over circles (x, y, radius) [m]."""
     x, y, radii = np.transpose(circles)
     centres = np.column_stack([x, y, np.full(len(x), _TALL / 2)])
-    style: dict[str, Any] = {"colors": [rgb(OTHER_COLOUR)], "fill_mode": "solid"}
-    return rr.Cylinders3D(lengths=[_TALL] * len(x), radii=radii, centers=centres, **style)
+    return rr.Cylinders3D(
+        lengths=[_TALL] * len(x), radii=radii, centers=centres, colors=[rgb(OTHER_COLOUR)], fill_mode="solid"
+    )

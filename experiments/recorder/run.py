@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import mujoco
@@ -15,7 +16,7 @@ from experiments.recorder.field import send_field
 from experiments.recorder.model import ROBOT, send_robot
 from experiments.recorder.plots import LEFT, RIGHT, Panel, send_layout
 from experiments.recorder.sensing import ESTIMATE_COLOUR, send_estimate, send_scans
-from experiments.recorder.stream import CAMERA, RUN, Recording, Series, about_vertical, at_height, rgb
+from experiments.recorder.stream import CAMERA, RUN, Recording, Series, about_vertical, at_height, paint, rgb
 from experiments.recorder.traces import Traces
 from sim.robot.looks import RobotLooks, robot_looks
 from sim.robot.pads import shearing_points
@@ -130,7 +131,7 @@ def _in_colour(series: Sequence[Series], colour: str, run: str) -> list[Series]:
 
 def parameters_of(log: RunLog) -> RobotParameters:
     """The parameters of the robot that drove a run, as far as its log has them; the shipped robot's for the rest."""
-    known = log.metadata.get("robot") or log.metadata.get("geometry")
+    known: Any = log.metadata.get("robot") or log.metadata.get("geometry")
     names = RobotParameters.__dataclass_fields__.keys() - {"drive"}
     with contextlib.suppress(*MALFORMED):  # a robot of another kind, too
         return build(RobotParameters, {key: value for key, value in known.items() if key in names}, log.run)
@@ -167,15 +168,15 @@ def _send_contacts(recording: Recording, chassis: str, traces: Traces, model: mu
     if truth is not None and truth.contact is not None:
         count = truth.contact.shape[1]
         origins = _beside_pads(model, count, parameters)
-        look = rr.Arrows3D.from_fields(origins=origins, colors=[rgb(GREEN)], radii=[0.004])
+        look = rr.Arrows3D.from_fields(origins=origins, **paint(GREEN, 0.004))
         vectors = (_NEWTON * truth.contact).reshape(-1, 3)
         recording.shapes(f"{chassis}/contact_forces", time, np.full(len(time), count), look, vectors=vectors)
     if truth is not None and truth.shear is not None:
         count = truth.shear.shape[1]
-        look = rr.Points3D.from_fields(positions=_beside_pads(model, count, parameters), radii=[0.015])
+        dots = rr.Points3D.from_fields(positions=_beside_pads(model, count, parameters), radii=[0.015])
         share = truth.shear.ravel() / max(float(np.quantile(truth.shear, _STRONGEST)), 1e-9)
         colours = matplotlib.colormaps["viridis"](share, bytes=True)
-        recording.shapes(f"{chassis}/shear", time, np.full(len(time), count), look, colors=colours)
+        recording.shapes(f"{chassis}/shear", time, np.full(len(time), count), dots, colors=colours)
 
 
 def _beside_pads(model: mujoco.MjModel, count: int, parameters: RobotParameters) -> Array:
@@ -199,8 +200,8 @@ def _send_paths(recording: Recording, root: str, traces: Traces, colour: str, es
     if (reference := traces.reference) is not None:
         path, target = at_height(reference, _ABOVE), f"{root}/reference/target"
         recording.line(f"{root}/reference/path", path, _REFERENCE_COLOUR, 0.016)
-        look = {"colors": [(255, 255, 255)], "radii": [0.012]}
-        recording.still(target, rr.Arrows3D(vectors=[[0.25, 0, 0]], origins=[[0, 0, 0.02]], **look))
+        arrow = rr.Arrows3D(vectors=[[0.25, 0, 0]], origins=[[0, 0, 0.02]], **paint("#ffffff", 0.012))
+        recording.still(target, arrow)
         recording.poses(target, traces.time, path, about_vertical(reference[:, 2]))
 
 

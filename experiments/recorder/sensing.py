@@ -5,7 +5,7 @@ import numpy as np
 import rerun as rr
 
 from experiments.common.colours import VERMILLION
-from experiments.recorder.stream import Recording, about_vertical, at_height, rgb
+from experiments.recorder.stream import Recording, about_vertical, at_height, paint, rgb
 from experiments.recorder.traces import Traces
 from trackslip.kinematics import Array
 from trackslip.logs.scanlog import ScanLog
@@ -25,19 +25,19 @@ def send_estimate(recording: Recording, entity: str, traces: Traces, model: mujo
     plate, pose, counts = model.geom("plate"), traces.estimate[known], known.astype(int)
     height = float(plate.pos[2])
     recording.poses(f"{entity}/plate", time[known], at_height(pose, height), about_vertical(pose[:, 2]))
-    look = rr.Boxes3D.from_fields(colors=[rgb(ESTIMATE_COLOUR)], radii=[0.004])
+    look = rr.Boxes3D.from_fields(**paint(ESTIMATE_COLOUR, 0.004))
     size = np.tile(plate.size * [1, 1, 1.05], (len(pose), 1))
     recording.shapes(f"{entity}/plate", time, counts, look, half_sizes=size)
     if covariance is None or not np.isfinite(covariance[known]).all():
         return
     variance, axes = np.linalg.eigh(covariance[known, :2, :2])
-    ellipses = {
+    ellipses: dict[str, Array] = {
         "half_sizes": at_height(_MAGNIFIED * np.sqrt(np.maximum(variance, 0)), 0.004),
         "centers": at_height(pose, height + _ON_TOP),
         "quaternions": about_vertical(np.arctan2(axes[:, 1, 0], axes[:, 0, 0])),
     }
-    look = rr.Ellipsoids3D.from_fields(colors=[(*rgb(ESTIMATE_COLOUR), 110)], fill_mode="solid")
-    recording.shapes(f"{entity}/covariance", time, counts, look, **ellipses)
+    solid = rr.Ellipsoids3D.from_fields(colors=[(*rgb(ESTIMATE_COLOUR), 110)], fill_mode="solid")
+    recording.shapes(f"{entity}/covariance", time, counts, solid, **ellipses)
 
 
 def send_scans(recording: Recording, entity: str, traces: Traces, height: float) -> None:
@@ -51,13 +51,13 @@ def send_scans(recording: Recording, entity: str, traces: Traces, height: float)
     plate = _points(origin, heading, cluster.bearing, np.where(hit, cluster.range, np.nan))
     others = _others(scans, hit, origin, heading)
     for name, points, colour in (("plate", plate, PLATE_COLOUR), ("other", others, OTHER_COLOUR)):
-        known, look = np.isfinite(points[..., 0]), rr.Points3D.from_fields(colors=[rgb(colour)], radii=[0.012])
+        known, look = np.isfinite(points[..., 0]), rr.Points3D.from_fields(**paint(colour, 0.012))
         recording.shapes(f"{entity}/{name}", time, known.sum(axis=1), look, positions=points[known])
     step = np.maximum(1, cluster.count // _MAX_RAYS)[:, None]
     ray = hit & (np.cumsum(hit, axis=1) % step == 0)
     strips = np.stack([np.broadcast_to(origin, plate[ray].shape), plate[ray]], axis=1)
-    look = rr.LineStrips3D.from_fields(colors=[(*rgb(PLATE_COLOUR), 60)], radii=[0.0015])
-    recording.shapes(f"{entity}/rays", time, ray.sum(axis=1), look, strips=strips)
+    line = rr.LineStrips3D.from_fields(**paint(PLATE_COLOUR, 0.0015, 60))
+    recording.shapes(f"{entity}/rays", time, ray.sum(axis=1), line, strips=strips)
 
 
 def _points(origin: Array, heading: float, bearing: Array, distance: Array) -> Array:

@@ -50,8 +50,7 @@ class Recording:
 
     def poses(self, entity: str, time: Array, position: Array, attitude: Array | None = None) -> None:
         """Move an entity through positions (T, 3) [m] with attitudes (T, 4), quaternions xyzw."""
-        turned = {} if attitude is None else {"quaternion": attitude}
-        self.rows(entity, time, rr.Transform3D.columns(translation=position, **turned))
+        self.rows(entity, time, rr.Transform3D.columns(translation=position, quaternion=attitude))
 
     def shapes(self, entity: str, time: Array, counts: np.ndarray, look: Any, **columns: Any) -> None:
         """Add shapes with the looks of an archetype, `counts` (T,) of them in each row; `columns` is what differs."""
@@ -62,22 +61,24 @@ class Recording:
     def line(self, entity: str, points: Array, colour: str, radius: float) -> None:
         """Add a line through points (n, 3); radius in [m]."""
         if len(points):
-            self.still(entity, rr.LineStrips3D([points], colors=[rgb(colour)], radii=[radius]))
+            self.still(entity, rr.LineStrips3D([points], **paint(colour, radius)))
 
     def series(self, root: str, time: Array, series: Sequence[Series]) -> None:
         """Add lines of plots below the entity `root`."""
         late = time >= min(TRANSIENT, time[-1] / 2)
         for lines in series:
             entity, count = f"{root}/{lines.entity}", len(lines.names)
-            look = {"colors": [rgb(colour) for colour in lines.colours[:count]], "widths": [lines.width] * count}
-            self.still(entity, rr.SeriesLines(names=lines.names, **look))
+            colours = [rgb(colour) for colour in lines.colours[:count]]
+            look = rr.SeriesLines(names=lines.names, colors=colours, widths=[lines.width] * count)
+            self.still(entity, look)
             columns = rr.Scalars.columns(scalars=lines.values.ravel())
             self.rows(entity, time, columns.partition(np.full(len(time), count)))
             self.plotted[entity] = lines.values[late]
 
     def properties(self, name: str, metadata: Mapping[str, Any]) -> None:
         """Add a run's metadata as text."""
-        self.stream.send_property(name, rr.AnyValues(**{key: str(value) for key, value in metadata.items()}))
+        texts: dict[str, Any] = {key: str(value) for key, value in metadata.items()}
+        self.stream.send_property(name, rr.AnyValues(**texts))
 
 
 def write_recording(file: Path, title: str, send: Callable[[Recording], None]) -> None:
@@ -106,6 +107,11 @@ def about_vertical(heading: Array) -> Array:
 def at_height(pose: Array, height: float) -> Array:
     """Positions (T, 3) of poses (T, 2 or 3) at a height above the ground [m]."""
     return np.column_stack([pose[:, :2], np.full(len(pose), height)])
+
+
+def paint(colour: str, radius: float, opacity: int = 255) -> dict[str, Any]:
+    """Looks of points, lines and arrows in the colour '#rrggbb'; radius in [m]."""
+    return {"colors": [(*rgb(colour), opacity)], "radii": [radius]}
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
