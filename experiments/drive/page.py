@@ -73,9 +73,11 @@ def page(
     run: DrivenCourse, result: Mapping[str, Any], manifest: Mapping[str, Any], command: str, pictures: Sequence[str]
 ) -> Page:
     """The page of a drive; `pictures` are files in its folder."""
-    profile = Plot("drive_profile", _profile(run), "Path of the chassis", "The ground along the middle of the course.")
-    slip = Plot("drive_slip_over_slope", _slip_over_slope(run), "Slip against slope", _SLIP_CAPTION)
-    time = Plot("drive", _over_time(run), "Over time", "Slip and load of the chassis' tracks.")
+    profile = Plot(
+        "drive_profile", _profile(run), "Path of the chassis", "The ground along the middle of the course.", ""
+    )
+    slip = Plot("drive_slip_over_slope", _slip_over_slope(run), "Slip against slope", _SLIP_CAPTION, "")
+    time = Plot("drive", _over_time(run), "Over time", "Slip and load of the chassis' tracks.", "")
     return Page(
         title=f"{run.robot.name} on {manifest['config']['course']}",
         command=command,
@@ -92,11 +94,11 @@ def page(
 def _answer(run: DrivenCourse, result: Mapping[str, Any], view: str) -> Answer:
     """How the drive ended, what it took, and where it ended."""
     place, speed = run.state.position[-1], result["way"] / max(result["duration"], 1e-9)
-    pitch, roll, slope = np.degrees(run.attitude[-1])
-    end = f"The end: x = {place[0]:.2f} m, slope of the ground {slope:.0f}°, pitch {pitch:.0f}°, roll {roll:.0f}°."
-    lines = [end.replace("-", "−")]
+    pitch, roll, slope = (f"{number(angle, 0)}°" for angle in np.round(np.degrees(run.attitude[-1])) + 0.0)
+    x = number(place[0], 2, "m")
+    lines = [f"It ended at x = {x} on a slope of {slope}, with a pitch of {pitch} and a roll of {roll}."]
     if result["outcome"] == "time" and speed > 0:
-        lines.append(f"At its mean speed, {speed:.2f} m/s, it needs {result['remaining'] / speed:.0f} s more.")
+        lines.append(f"At its mean speed, {speed:.2f} m/s, it would need {result['remaining'] / speed:.0f} s more.")
     steep = f"{degrees(result['max_pitch']):.1f}° and {degrees(result['max_roll']):.1f}°"
     deep = (
         f"{1e3 * result['max_penetration']:.2f} mm, in 99 % of the time below {1e3 * result['penetration_p99']:.2f} mm"
@@ -145,7 +147,7 @@ def _profile(run: DrivenCourse) -> Figure:
 @styled
 def _slip_over_slope(run: DrivenCourse) -> Figure:
     """Slip of the chassis' tracks against the slope of the ground under them."""
-    figure, axes = _axes(6.4, 3.4)
+    figure, axes = _axes(5.4, 3.2)
     slope, shown = np.degrees(run.slope), thin(len(run.time), 1500)
     for k, (colour, marker, name, offset) in enumerate(_TRACKS):
         axes.plot(slope[shown], run.slip[shown, k], ".", color=colour, ms=2.5, alpha=0.35, mew=0)

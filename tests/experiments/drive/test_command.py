@@ -47,20 +47,11 @@ def test_a_drive_is_stored_with_units_and_without_nan(stored):
     (log,) = library.load(str(stored))
     assert (log.run, log.time[-1]) == ("drive", pytest.approx(2.0))
     np.testing.assert_allclose(log.omega[:, 0], table["belt_chassis_left"].to_numpy() / 0.08, rtol=1e-12)
-
-
-def test_its_summary_tells_what_happened(stored):
     drive = json.loads((stored / "summary.json").read_text())["drive"]
     assert (drive["outcome"], drive["duration"]) == ("time", pytest.approx(2.0))
-    assert [track["name"] for track in drive["tracks"]][:2] == ["chassis_left", "chassis_right"]
     assert 0 < drive["max_penetration"] < 0.02
     assert drive["energy"] == pytest.approx(sum(track["work"] for track in drive["tracks"]))
-    table = pyarrow.parquet.read_table(stored / "runs.parquet")
-    x, y = table["x"].to_numpy(), table["y"].to_numpy()
-    assert drive["way"] == pytest.approx(np.hypot(np.diff(x), np.diff(y)).sum())
-    manifest = json.loads((stored / "manifest.json").read_text())
-    assert manifest["robot"]["name"] == "rescue"
-    assert manifest["course"]["friction"] > 0
+    assert drive["way"] == pytest.approx(np.hypot(*np.diff([table["x"], table["y"]])).sum())
 
 
 def test_its_recording_has_the_course_the_robot_and_its_contacts(stored):
@@ -107,8 +98,9 @@ def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
     assert result.summary["drive"]["outcome"] == "reached"
     assert "It crossed the course after" in result.printed
     assert "arm track" in result.printed
-    assert (result.folder / "report.html").read_text().count("<svg ") == 3
-    assert len(list((result.folder / "figures").glob("*.svg"))) == 3
+    page = (result.folder / "report.html").read_text()
+    assert "<h2>It crossed the course after" in page
+    assert page.count("<svg ") == len(list((result.folder / "figures").glob("*.svg"))) == 7
 
 
 @pytest.mark.slow
