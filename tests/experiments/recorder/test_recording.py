@@ -148,19 +148,6 @@ def test_runs_side_by_side(driven, tmp_path):
     assert len(RrdReader(file).recordings()) == len(RrdReader(file).blueprints()) == 1
 
 
-def test_detail_is_stored_and_changes_nothing(driven, tmp_path):
-    log = driven[1][0]
-    main(["track", *CIRCLE, "--compensation", "none", "--obstacles", "posts", "--out", str(tmp_path)])
-    (plain,) = read_runs(tmp_path / "runs.parquet")
-    assert plain.truth.contact is plain.scans is None
-    np.testing.assert_array_equal(log.truth.pose, plain.truth.pose)
-    assert log.metadata == plain.metadata
-    sides = log.truth.contact.reshape(len(log.time), 2, -1, 3).sum(axis=2)
-    np.testing.assert_allclose(sides[..., 0], log.truth.traction, rtol=1e-4, atol=1e-3)
-    np.testing.assert_allclose(sides[1:, :, 2].sum(axis=1), 25 * 9.81, rtol=0.01)
-    assert np.isfinite(log.scans.full[100]).sum() > log.scans.cluster.hit[100].sum()  # the posts
-
-
 def test_slips_agree_in_steady_turns(driven):
     traces = Traces(driven[1][1])
     steady = slice(160, 260)
