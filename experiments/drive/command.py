@@ -1,7 +1,5 @@
 """`trackslip drive`: a tracked robot over a course."""
 
-import shlex
-
 from experiments.common.manifest import command_line
 from experiments.common.results import DRIVE_RECORDING, PICTURES_FOLDER, RECORDINGS_FOLDER, REPORT_FILE, RUNS_FILE
 from experiments.common.run import Run
@@ -15,7 +13,7 @@ def run(config: Config) -> None:
         prefer_egl()  # before the modules below import MuJoCo, which chooses its OpenGL then
 
     from experiments.drive.course import drive_course
-    from experiments.drive.page import page, sentences, tracks_table
+    from experiments.drive.page import answer, page, tracks_table
     from experiments.drive.pictures import require_video, write_pictures, write_video
     from experiments.drive.recording import record_course_drive
     from experiments.drive.results import drive_summary, write_course_run
@@ -40,11 +38,13 @@ def run(config: Config) -> None:
         with run.busy("pictures"):
             files = write_pictures(run.folder / PICTURES_FOLDER, drive, looks, config.pictures)
         pictures = [f"{PICTURES_FOLDER}/{file.name}" for file in files]
-        page(drive, result, manifest, command_line("drive"), pictures).write(run.folder)
+        reply = answer(drive, result, config.out)
+        page(drive, result, reply, manifest, command_line("drive"), pictures).write(run.folder)
         if config.video is not None:
             with run.progress("video", result["duration"]) as advance:
                 write_video(config.video, drive, looks, advance)
-    print("\n".join(sentences(result)))
+    print(f"{reply.heading}.")
+    for name, value in reply.facts:
+        print(f"{name}: {value}".replace("−", "-"))
     tracks_table(result).print()
-    shown = shlex.quote(str(config.out))
-    print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s; next: trackslip view {shown}")
+    print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s; next: {reply.next[0]}")

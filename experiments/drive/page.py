@@ -1,7 +1,9 @@
 """The page, the figures and the table of a drive over a course."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from math import degrees
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,10 +12,11 @@ from matplotlib.figure import Figure
 
 from experiments.common.colours import BLUE, GREY, ORANGE
 from experiments.common.formats import number, pair, percent
+from experiments.common.manifest import relative
 from experiments.common.page import Answer, Page, Pictures, Plot, Section
 from experiments.common.style import styled, thin
 from experiments.common.table import Table
-from experiments.drive.course import DrivenCourse
+from experiments.drive.course import PERIOD, DrivenCourse
 from experiments.drive.results import slip_by_slope
 from trackslip.kinematics import Array
 
@@ -39,19 +42,26 @@ _SLIP_CAPTION = (
 )
 
 
-def sentences(result: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Outcome, motion and tracks of a drive, from its summary."""
-    ended = f"{SENTENCES[result['outcome']]} after {result['duration']:.1f} s"
-    if result["outcome"] != "reached":
-        ended += f", {result['remaining']:.2f} m before the end"
-    climbed = number(round(result["climbed"], 2) + 0.0, 2)
-    return (
-        f"{ended}.",
-        f"distance driven {result['way']:.2f} m, height gained {climbed} m, "
-        f"pitch up to {degrees(result['max_pitch']):.1f} deg, roll up to {degrees(result['max_roll']):.1f} deg",
-        f"penetration up to {1e3 * result['max_penetration']:.2f} mm (99 %: {1e3 * result['penetration_p99']:.2f} mm), "
-        f"work of the belts {number(result['energy'], 0)} J",
+def answer(run: DrivenCourse, result: Mapping[str, Any], out: Path) -> Answer:
+    """How the drive ended, what it took, and where it ended; `result` is its summary, `out` its folder."""
+    heading = f"{SENTENCES[run.outcome]} after {result['duration']:.1f} s"
+    if run.outcome != "reached":
+        heading += f", {result['remaining']:.2f} m before the end"
+    pitch, roll, slope = (f"{number(angle, 0)}°" for angle in np.round(np.degrees(run.attitude[-1])) + 0.0)
+    x, speed = number(run.state.position[-1, 0], 2, "m"), result["way"] / max(result["duration"], PERIOD)
+    lines = [f"It ended at x = {x} on a slope of {slope}, with a pitch of {pitch} and a roll of {roll}."]
+    if run.outcome == "time" and speed > 0:
+        lines.append(f"At its mean speed, {speed:.2f} m/s, it would need {result['remaining'] / speed:.0f} s more.")
+    deepest, usual = (f"{1e3 * result[name]:.2f} mm" for name in ("max_penetration", "penetration_p99"))
+    facts = (
+        ("distance driven", number(result["way"], 2, "m")),
+        ("height gained", number(round(result["climbed"], 2) + 0.0, 2, "m")),
+        ("slip, left | right track", pair([percent(track["slip"]) for track in result["tracks"][:2]])),
+        ("largest pitch and roll", f"{degrees(result['max_pitch']):.1f}° and {degrees(result['max_roll']):.1f}°"),
+        ("penetration", f"up to {deepest}, 99 %: {usual}"),
+        ("work of the belts", number(result["energy"], 0, "J")),
     )
+    return Answer(heading, facts, lines, next=(f"trackslip view {shlex.quote(relative(str(out)))}",))
 
 
 def tracks_table(result: Mapping[str, Any]) -> Table:
@@ -70,7 +80,12 @@ def tracks_table(result: Mapping[str, Any]) -> Table:
 
 
 def page(
-    run: DrivenCourse, result: Mapping[str, Any], manifest: Mapping[str, Any], command: str, pictures: Sequence[str]
+    run: DrivenCourse,
+    result: Mapping[str, Any],
+    answer: Answer,
+    manifest: Mapping[str, Any],
+    command: str,
+    pictures: Sequence[str],
 ) -> Page:
     """The page of a drive; `pictures` are files in its folder."""
     profile = Plot(
@@ -82,36 +97,13 @@ def page(
         title=f"{run.robot.name} on {manifest['config']['course']}",
         command=command,
         manifest=manifest,
-        answer=_answer(run, result, f"trackslip view {manifest['config']['out']}"),
+        answer=answer,
         sections=(
             Section("Over the course", (profile, Pictures(pictures, "The robot on the course") if pictures else None)),
             Section("Slip", (slip, tracks_table(result))),
             Section("Over time", (time,)),
         ),
     )
-
-
-def _answer(run: DrivenCourse, result: Mapping[str, Any], view: str) -> Answer:
-    """How the drive ended, what it took, and where it ended."""
-    place, speed = run.state.position[-1], result["way"] / max(result["duration"], 1e-9)
-    pitch, roll, slope = (f"{number(angle, 0)}°" for angle in np.round(np.degrees(run.attitude[-1])) + 0.0)
-    x = number(place[0], 2, "m")
-    lines = [f"It ended at x = {x} on a slope of {slope}, with a pitch of {pitch} and a roll of {roll}."]
-    if result["outcome"] == "time" and speed > 0:
-        lines.append(f"At its mean speed, {speed:.2f} m/s, it would need {result['remaining'] / speed:.0f} s more.")
-    steep = f"{degrees(result['max_pitch']):.1f}° and {degrees(result['max_roll']):.1f}°"
-    deep = (
-        f"{1e3 * result['max_penetration']:.2f} mm, in 99 % of the time below {1e3 * result['penetration_p99']:.2f} mm"
-    )
-    facts = (
-        ("distance driven", number(result["way"], 2, "m")),
-        ("height gained", number(round(result["climbed"], 2) + 0.0, 2, "m")),
-        ("slip, left | right track", pair([percent(track["slip"]) for track in result["tracks"][:2]])),
-        ("largest pitch and roll", steep),
-        ("largest penetration", deep),
-        ("work of the belts", number(result["energy"], 0, "J")),
-    )
-    return Answer(sentences(result)[0].removesuffix("."), facts, lines, next=(view,))
 
 
 def _axes(width: float, height: float) -> tuple[Figure, Axes]:
@@ -174,7 +166,7 @@ def _over_time(run: DrivenCourse) -> list[Figure]:
         ("Penetration", "largest depth [mm]", 1e3 * run.depth.max(axis=1, keepdims=True), ("all tracks",)),
     ]
     figures = []
-    for title, label, values, names in contents:
+    for title, label, values, names in (panel for panel in contents if panel[-1]):
         figure, axes = _axes(4.6, 2.8)
         for k, name in enumerate(names):
             # dashes over wider lines, as the two sides often coincide
@@ -183,7 +175,6 @@ def _over_time(run: DrivenCourse) -> list[Figure]:
         axes.set(title=title, xlabel="t [s]", ylabel=label)
         if title == "Slip":
             _limit_slip(axes, values)
-        if names:
-            figure.legend(ncols=2, loc="outside lower left")
-            figures.append(figure)
+        figure.legend(ncols=2, loc="outside lower left")
+        figures.append(figure)
     return figures
