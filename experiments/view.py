@@ -69,7 +69,7 @@ def run(config: Config) -> None:
     chosen = viewer.choose(read.runs, config.run, config.path)
     if not config.run and len(read.runs) > 1:
         print(f"{len(read.runs)} runs; showing {chosen[0].run!r}. --run ID chooses one; repeat it to compare")
-    laws = config.path if viewer.has_laws(config.path) else None
+    laws = config.path if config.path.is_dir() else None
     if config.save is not None:
         record(config.save, chosen, laws)
         print(f"{config.save}: {title(chosen)}; to open it: rerun {shlex.quote(str(config.save))}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from sim.robot.tracked import TrackedRobot
 from sim.terrain import Course
 from sim.traverse.outcome import Outcome
-from sim.traverse.reflex import Reflex
 from sim.traverse.states import States
 from sim.traverse.world import Command, Traverse
 from trackslip.kinematics import Array
@@ -43,16 +43,16 @@ class PathPilot:
     speed: float  # of the robot, if it didn't slip [m/s]
     half_gauge: float  # half the distance between the tracks [m]
     look_ahead: float = 0.5  # distance along the path of the point that the robot drives to [m]
-    _at: int = field(default=0, init=False)  # index of the point that the robot has got to
+    _at: int = field(default=0, init=False)  # index of the point that the robot has reached
 
     @classmethod
     def of(cls, path: Path, speed: float, half_gauge: float) -> PathPilot:
         """Follow the waypoints in a .csv file; raises ReferenceFileError if they can't be driven."""
         reference = read_waypoints(path)
         dense = reference.pose(np.linspace(0.0, reference.duration, 20_000))[:, :2]
-        way = np.append(0.0, np.cumsum(np.hypot(*np.diff(dense, axis=0).T)))
-        even = np.linspace(0.0, way[-1], max(2, round(way[-1] / _SPACING) + 1))
-        points = np.stack([np.interp(even, way, column) for column in dense.T], axis=-1)
+        length = np.append(0.0, np.cumsum(np.hypot(*np.diff(dense, axis=0).T)))
+        even = np.linspace(0.0, length[-1], max(2, round(length[-1] / _SPACING) + 1))
+        points = np.stack([np.interp(even, length, column) for column in dense.T], axis=-1)
         return cls(points, speed, half_gauge)
 
     def __call__(self, state: States) -> Array | None:
@@ -66,7 +66,7 @@ class PathPilot:
         along, across, _ = body_errors([*here, heading], [*goal, heading])
         distance = max(float(np.hypot(along, across)), self.look_ahead / 2)
         curvature = float(np.clip(2 * across / distance**2, -_SHARPEST, _SHARPEST))
-        if along < 0:  # it has passed the goal by: turn on the spot
+        if along < 0:  # the goal lies behind: turn on the spot
             return self.speed * np.sign(across) * np.array([-1.0, 1.0])
         outer = 1 + abs(curvature) * self.half_gauge  # the faster belt runs at the set speed
         return np.asarray(self.speed / outer * (1 + curvature * self.half_gauge * np.array([-1.0, 1.0])))
@@ -76,10 +76,12 @@ class PathPilot:
 class DrivenCourse:
     """A drive of R rows, the first at rest; T tracks and F flippers. Means are those since the previous row."""
 
+    robot: TrackedRobot
+    course: Course
+    outcome: str
+    """Outcome: reached, tipped, stuck, fell, exploded, time, or stopped."""
+    state: States
     time: Array  # (R,) since the start [s]
-    qpos: Array  # (R, nq) of the model
-    qvel: Array  # (R, nv)
-    state: States  # poses and velocities, from `qpos` and `qvel`
     command: Array  # (R, 2) belt speeds asked for, left and right [m/s]
     flipper_command: Array  # (R, F) set points of the flippers, tips up [rad]
     belt: Array  # (R, T) mean speeds of the belts [m/s]
@@ -89,16 +91,35 @@ class DrivenCourse:
     touching: NDArray[np.bool_]  # (R, T)
     depth: Array  # (R, T) largest penetration [m]
     work: Array  # (R, T) of the belts against the ground [J]
-    slope: Array  # (R,) of the ground under the tracks, along the robot, uphill is positive [rad]
-    outcome: str
-    """Outcome: reached, tipped, stuck, fell, exploded, time, or stopped."""
     tracks: tuple[str, ...]  # names (T,)
-    flippers: tuple[str, ...]  # names (F,)
+
+    @property
+    def flippers(self) -> list[str]:
+        """Names of the flippers (F,)."""
+        return [flipper.body for flipper in self.robot.flippers]
 
     @property
     def travel(self) -> Array:
-        """(R, T) way of each belt since the start [m]."""
+        """Distances (R, T) that the belts have run since the start [m]."""
         return np.cumsum(self.belt * np.diff(self.time, prepend=0.0)[:, None], axis=0)
+
+    @property
+    def attitude(self) -> Array:
+        """Pitch, roll and slope of the ground (R, 3) [rad]."""
+        return np.stack([self.state.pitch, self.state.roll, self.slope], axis=-1)
+
+    @cached_property
+    def slope(self) -> Array:
+        """Slopes (R,) along the robot of the line that fits the ground under its tracks best, positive uphill [rad]."""
+        hull = np.array(self.robot.hull)
+        along = np.linspace(hull[:, 0].min(), hull[:, 0].max(), _SIDE_POINTS)
+        heading = self.state.heading[:, None, None]
+        across = self.robot.half_gauge * np.array([1.0, -1.0])[:, None]
+        x = self.state.position[:, 0, None, None] + along * np.cos(heading) - across * np.sin(heading)
+        y = self.state.position[:, 1, None, None] + along * np.sin(heading) + across * np.cos(heading)
+        height = self.course.height(x, y).mean(axis=1)  # (R, P)
+        offset = along - along.mean()
+        return np.asarray(np.arctan((height * offset).sum(axis=-1) / (offset**2).sum()))
 
 
 def drive_course(
@@ -117,7 +138,7 @@ def drive_course(
         progress: called with the seconds simulated since the last call.
         watch: called after each row; the run is stopped when it returns False.
     """
-    rows = [_row(world, np.zeros(2), world.servo.angle[0].copy())]
+    rows = [_row(world, np.zeros(2), world.servo.angle[0])]
     outcome = ""
     while not outcome:
         speeds, angles = pilot(world.state), flippers(world)
@@ -127,36 +148,20 @@ def drive_course(
         world.step(Command(speeds[None], angles[None]))
         rows.append(_row(world, speeds, angles))
         progress(world.period)
+        if not watch(world):
+            outcome = STOPPED
         if world.outcome[0] != Outcome.DRIVING:
             outcome = Outcome(int(world.outcome[0])).label
-        elif not watch(world):
-            outcome = STOPPED
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     tracked = world.tracked
-    state = States(tracked, columns["qpos"], columns["qvel"])
-    names = tuple(flipper.body for flipper in tracked.robot.flippers)
-    slope = ground_slope(world.course[0], state, tracked.robot)
     return DrivenCourse(
-        state=state, slope=slope, outcome=outcome, tracks=tuple(world.track_names), flippers=names, **columns
+        state=States(tracked, columns.pop("qpos"), columns.pop("qvel")),
+        course=world.course[0],
+        robot=tracked.robot,
+        outcome=outcome,
+        tracks=tuple(world.track_names),
+        **columns,
     )
-
-
-def reflexes(world: Traverse) -> Array:
-    """Flippers' angles (F,) by reflex [rad]."""
-    return world.reflex(Reflex())[0]
-
-
-def ground_slope(course: Course, state: States, robot: TrackedRobot) -> Array:
-    """Slopes (R,) of the ground along R robots, of the line that fits its heights under their tracks best [rad]."""
-    hull = np.array(robot.hull)
-    along = np.linspace(hull[:, 0].min(), hull[:, 0].max(), _SIDE_POINTS)
-    level = state.heading[:, None, None]
-    across = robot.half_gauge * np.array([1.0, -1.0])[:, None]
-    x = state.position[:, 0, None, None] + along * np.cos(level) - across * np.sin(level)
-    y = state.position[:, 1, None, None] + along * np.sin(level) + across * np.cos(level)
-    height = course.height(x, y)  # (R, 2, P)
-    offset = along - along.mean()
-    return np.asarray(np.arctan((height.mean(axis=1) * offset).sum(axis=-1) / (offset**2).sum()))
 
 
 def _row(world: Traverse, speeds: Array, angles: Array) -> dict[str, Array]:

@@ -15,11 +15,10 @@ from experiments.common.results import write_output
 from experiments.drive.course import DrivenCourse
 from sim.robot.tracked_model import TrackedModel
 from sim.robot.tracked_view import TrackedView
-from sim.terrain import Course
 from trackslip.errors import OutputError, TrackslipError, first_line
 
 WIDTH, HEIGHT = 960, 540  # [px]
-_CALM = 50  # rows before and after one, over which the height of the ground is averaged
+_CALM = 50  # rows before and after a picture, over which the height of the ground is averaged
 FRAME_RATE = 25
 """Pictures per second of a video [Hz]."""
 
@@ -30,19 +29,19 @@ def require_video() -> None:
         raise TrackslipError('a video needs PyAV: pip install -e ".[video]"; --pictures N needs nothing else')
 
 
-def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, course: Course, count: int) -> list[Path]:
+def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: int) -> list[Path]:
     """Write PNG files, named by their number and time, evenly over the run; `looks` is the model with its looks."""
+    if not count:
+        return []
     folder.mkdir(parents=True, exist_ok=True)
     rows = np.unique(np.linspace(0, len(run.time) - 1, count + 1).astype(int)[1:])
     files = [folder / f"{number:03d}_{run.time[row]:.1f}s.png" for number, row in enumerate(rows)]
-    for file, picture in zip(files, _pictures(run, looks, course, rows), strict=True):
+    for file, picture in zip(files, _pictures(run, looks, rows), strict=True):
         imsave(file, picture)
     return files
 
 
-def write_video(
-    file: Path, run: DrivenCourse, looks: TrackedModel, course: Course, advance: Callable[[float], None]
-) -> None:
+def write_video(file: Path, run: DrivenCourse, looks: TrackedModel, advance: Callable[[float], None]) -> None:
     """Write an .mp4 file in real time, complete or not at all; OutputError if it can't be written.
 
     `advance` is called with the simulated time of each picture [s].
@@ -58,7 +57,7 @@ def write_video(
                 stream = container.add_stream("libx264", rate=FRAME_RATE, options={"crf": "22", "preset": "veryfast"})
                 stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
                 stream.time_base = Fraction(1, FRAME_RATE)
-                for picture in _pictures(run, looks, course, rows):
+                for picture in _pictures(run, looks, rows):
                     container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
                     advance(1 / FRAME_RATE)
                 container.mux(stream.encode())
@@ -68,16 +67,16 @@ def write_video(
     write_output(file, write)
 
 
-def _pictures(run: DrivenCourse, looks: TrackedModel, course: Course, rows: np.ndarray) -> Iterator[np.ndarray]:
+def _pictures(run: DrivenCourse, looks: TrackedModel, rows: np.ndarray) -> Iterator[np.ndarray]:
     """The pictures (HEIGHT, WIDTH, 3) of rows (K,) of a run."""
     model, data = looks.model, mujoco.MjData(looks.model)
     view, travel = TrackedView(looks, WIDTH, HEIGHT), run.travel
-    ground = course.height(*run.state.position[:, :2].T)
+    ground = run.course.height(*run.state.position[:, :2].T)
     # the camera follows the mean height around, so that it doesn't jump with every step of stairs
     calm = np.convolve(np.pad(ground, _CALM, mode="edge"), np.full(2 * _CALM + 1, 1 / (2 * _CALM + 1)), mode="valid")
     try:
         for row in rows:
-            data.qpos[:] = run.qpos[row]
+            data.qpos[:] = run.state.qpos[row]
             mujoco.mj_kinematics(model, data)
             mujoco.mj_camlight(model, data)
             yield view.picture(data, travel[row], float(calm[row]))

@@ -12,25 +12,24 @@ import pyarrow.parquet
 
 from experiments.common.plain_json import plain
 from experiments.drive.course import DrivenCourse
-from sim.terrain import Course
 from trackslip.kinematics import Array
 from trackslip.logs.logfile import packing
 from trackslip.logs.schema import COLUMNS, PURE, Column
 from trackslip.logs.table import file_metadata
 
-_TRACK = {
-    "belt": ("belt", "m/s", "mean belt speed since the previous row, track {}"),
-    "slip": ("slip", PURE, "1 - speed over ground / belt speed, track {}; null where it doesn't touch or stands"),
-    "traction": ("traction", "N", "mean force of the ground along the belt, track {}"),
-    "load": ("load", "N", "mean normal force, track {}"),
-    "depth": ("depth", "m", "largest penetration since the previous row, track {}"),
-    "work": ("work", "J", "work of the belt against the ground since the previous row, track {}"),
-}
-_SLOPE = "slope of the ground under the tracks along the robot, uphill is positive"
+_NAME = "drive"  # of the run
 _LOG = ("t", "omega_l", "omega_r", "x", "y", "phi")
+_TRACK = {
+    "belt": ("m/s", "mean belt speed since the previous row"),
+    "slip": (PURE, "1 - speed over ground / belt speed; null where the track doesn't touch or stands"),
+    "traction": ("N", "mean force of the ground along the belt"),
+    "load": ("N", "mean normal force"),
+    "depth": ("m", "largest penetration since the previous row"),
+    "work": ("J", "work of the belt against the ground since the previous row"),
+}
 
 
-def drive_summary(run: DrivenCourse, course: Course) -> dict[str, Any]:
+def drive_summary(run: DrivenCourse) -> dict[str, Any]:
     """Summary of a drive: outcome, lengths [m], angles [rad], penetration [m], energy [J], and each track."""
     state, moving = run.state, run.depth[1:]
     position = state.position
@@ -39,7 +38,7 @@ def drive_summary(run: DrivenCourse, course: Course) -> dict[str, Any]:
         "outcome": run.outcome,
         "duration": round(float(run.time[-1]), 9),  # simulated time [s]
         "way": float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),  # of the chassis in the plane
-        "remaining": max(0.0, course.goal - float(position[-1, 0])),  # along the course until its end
+        "remaining": max(0.0, run.course.goal - float(position[-1, 0])),  # along the course until its end
         "climbed": float(position[-1, 2] - position[0, 2]),  # height of the chassis at the end, above the start
         "max_pitch": float(np.abs(state.pitch).max()),
         "max_roll": float(np.abs(state.roll).max()),
@@ -76,18 +75,15 @@ def slip_by_slope(slope: Array, slip: Array, width: float) -> tuple[Array, Array
     return np.array(bins, float) * width, np.array(quartiles).reshape(-1, 3)[:, [1, 0, 2]]
 
 
-def write_course_run(run: DrivenCourse, name: str, about: Mapping[str, Any], file: Path) -> None:
-    """Write a drive as a table with units.
-
-    `about` is the run's metadata. What is not defined is null, never NaN.
-    """
+def write_course_run(run: DrivenCourse, about: Mapping[str, Any], file: Path) -> None:
+    """Write a drive as a table with units, and `about` as its metadata. What is not defined is null, never NaN."""
     columns = list(_columns(run, about["geometry"]["sprocket_radius"]))
     # NaN stands for what is not defined, and nothing else: the states of a run that broke down are the last finite ones
     arrays = [pa.array(np.ascontiguousarray(values), from_pandas=True) for _, values in columns]
     fields = [pa.field("run", pa.string())]
     fields += [pa.field(c.name, array.type, metadata=c.metadata) for (c, _), array in zip(columns, arrays, strict=True)]
-    schema = pa.schema(fields, metadata=file_metadata(fields, {name: plain(about)}))
-    table = pa.Table.from_arrays([pa.array([name] * len(run.time)), *arrays], schema=schema)
+    schema = pa.schema(fields, metadata=file_metadata(fields, {_NAME: plain(about)}))
+    table = pa.Table.from_arrays([pa.array([_NAME] * len(run.time)), *arrays], schema=schema)
     pa.parquet.write_table(table, file, row_group_size=len(run.time), **packing(schema))
 
 
@@ -105,14 +101,19 @@ def _columns(run: DrivenCourse, radius: float) -> Iterator[tuple[Column, Array]]
         (("pitch",), "rad", "angle by which the chassis points upwards", state.pitch[:, None]),
         (("v_x", "v_y", "v_z"), "m/s", "velocity of the chassis' frame in the world", state.velocity),
         (("w_x", "w_y", "w_z"), "rad/s", "angular velocity in the chassis' frame", state.rate),
-        (("slope",), "rad", _SLOPE, run.slope[:, None]),
+        (
+            ("slope",),
+            "rad",
+            "slope of the ground under the tracks, along the robot, uphill is positive",
+            run.slope[:, None],
+        ),
         (("belt_cmd_l",), "m/s", "belt speed asked for, left", run.command[:, :1]),
         (("belt_cmd_r",), "m/s", "belt speed asked for, right", run.command[:, 1:]),
     ):
         yield from ((Column(name, unit, what), values) for name, values in zip(names, columns.T, strict=True))
-    for field, (prefix, unit, what) in _TRACK.items():
-        for track, values in zip(run.tracks, getattr(run, field).T, strict=True):
-            yield Column(f"{prefix}_{track}", unit, what.format(track)), values
+    for name, (unit, what) in _TRACK.items():
+        for track, values in zip(run.tracks, getattr(run, name).T, strict=True):
+            yield Column(f"{name}_{track}", unit, f"{what}, track {track}"), values
     for k, flipper in enumerate(run.flippers):
         yield Column(f"angle_{flipper}", "rad", f"angle of {flipper}, up is positive"), state.flippers[:, k]
         yield Column(f"angle_cmd_{flipper}", "rad", f"angle asked of {flipper}"), run.flipper_command[:, k]

@@ -16,15 +16,22 @@ from sim.traverse.states import States
 from sim.traverse.world import Traverse
 from trackslip.kinematics import Array
 
-_UP, _DOWN, _LEFT, _RIGHT, _SPACE = 265, 264, 263, 262, 32  # codes of keys, as GLFW numbers them
-_PAGE_UP, _PAGE_DOWN, _HOME, _END = 266, 267, 268, 269
-_FASTER, _TURN = 0.05, 0.1  # a press of a key [m/s], [rad/s]
-_LIFT = 0.1  # of flippers, a press of a key [rad]
+_SPACE = 32
+_STEPS = {  # by a key, as GLFW numbers it: changes of speed [m/s], turn [rad/s], front and rear flippers [rad]
+    265: (0.05, 0.0, 0.0, 0.0),  # up
+    264: (-0.05, 0.0, 0.0, 0.0),  # down
+    263: (0.0, 0.1, 0.0, 0.0),  # left
+    262: (0.0, -0.1, 0.0, 0.0),  # right
+    268: (0.0, 0.0, 0.1, 0.0),  # Home
+    269: (0.0, 0.0, -0.1, 0.0),  # End
+    266: (0.0, 0.0, 0.0, 0.1),  # Page Up
+    267: (0.0, 0.0, 0.0, -0.1),  # Page Down
+}
 HELP = (
     "arrow keys: faster, slower, left, right; space: stop; "
     "Home, End: front flippers up, down; Page Up, Page Down: rear flippers up, down; close the window to end"
 )
-_BETWEEN = 0.03  # pictures, at least [s]
+_BETWEEN = 0.03  # time between pictures, at least [s]
 
 
 class Keyboard:
@@ -39,19 +46,16 @@ class Keyboard:
 
     def press(self, key: int) -> None:
         """React to a key."""
-        if key in (_UP, _DOWN):
-            change = _FASTER if key == _UP else -_FASTER
-            self.speed = float(np.clip(round(self.speed + change, 6), -self._top_speed, self._top_speed))
-        elif key in (_LEFT, _RIGHT):
-            most = self._top_speed / self._half_gauge
-            change = _TURN if key == _LEFT else -_TURN
-            self.turn = float(np.clip(round(self.turn + change, 6), -most, most))
-        elif key == _SPACE:
+        if key == _SPACE:
             self.speed = self.turn = 0.0
-        elif key in (_HOME, _END, _PAGE_UP, _PAGE_DOWN):
-            moved = self._front if key in (_HOME, _END) else ~self._front
-            change = _LIFT if key in (_HOME, _PAGE_UP) else -_LIFT
-            self.angles = np.clip(self.angles + change * moved, *self._range.T)
+        if key not in _STEPS:
+            return
+        faster, left, front, rear = _STEPS[key]
+        most_turn = self._top_speed / self._half_gauge
+        self.speed = float(np.clip(self.speed + faster, -self._top_speed, self._top_speed))
+        self.turn = float(np.clip(self.turn + left, -most_turn, most_turn))
+        if front or rear:
+            self.angles = np.clip(self.angles + np.where(self._front, front, rear), *self._range.T)
             self.by_reflex = False
 
     def __call__(self, state: States) -> Array:
@@ -112,15 +116,15 @@ class Teleop:
 def teleoperate(world: CourseWorld) -> DrivenCourse:
     """Drive by the keyboard, in the viewer; raises TrackslipError without a display."""
     by_reflex = world.config.flipper_angles() is None
-    keyboard = Keyboard(world.traverse.tracked, world.top_speed, by_reflex, world.set_angles)
-    viewer = Teleop(world.with_looks(), keyboard)
+    keyboard = Keyboard(world.traverse.tracked, world.traverse.servos.top_speed, by_reflex, world.set_angles)
+    viewer, reflex = Teleop(world.with_looks(), keyboard), world.flippers()
     print(HELP, flush=True)
-    reflex = world.flippers()
-
-    def flippers(now: Traverse) -> Array:
-        return reflex(now) if keyboard.by_reflex else keyboard.angles
-
     try:
-        return drive_course(world.traverse, keyboard, flippers, watch=viewer)
+        return drive_course(
+            world.traverse,
+            keyboard,
+            lambda traverse: reflex(traverse) if keyboard.by_reflex else keyboard.angles,
+            watch=viewer,
+        )
     finally:
         viewer.close()

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
-from experiments.drive.course import PERIOD, SAMPLE, PathPilot, Pilot, reflexes
+from experiments.drive.course import PERIOD, SAMPLE, PathPilot, Pilot
 from sim.robot.named import load_tracked
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import TrackedModel, build_tracked, clear_angles
@@ -20,12 +18,14 @@ from sim.seeds import generator
 from sim.terrain import Course, load_course
 from sim.traverse.ftr_courses import FTR_COURSES, draw_ftr_course
 from sim.traverse.outcome import Limits
+from sim.traverse.reflex import Reflex
 from sim.traverse.states import Servos
 from sim.traverse.world import Traverse
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 
-_TOP_SPEED = 0.6  # of the belts at the keyboard [m/s]
+TOP_SPEED = 0.6
+"""Largest speed of the belts by hand [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +49,16 @@ class CourseWorld:
             course = load_course(config.course, config.seed, FTR_COURSES)
         if config.friction is not None:
             course = replace(course, friction=config.friction)
-        outwards = abs(config.turn) * robot.half_gauge
-        servos, limits = Servos(top_speed=max(_TOP_SPEED, abs(config.speed) + outwards)), Limits(time=config.duration)
-        preset = config.preset
+        fastest = abs(config.speed) + abs(config.turn) * robot.half_gauge
         world = Traverse(
-            robot, [course], preset=preset, servos=servos, limits=limits, period=PERIOD, sample=SAMPLE, threads=1
+            robot,
+            [course],
+            preset=config.preset,
+            servos=Servos(top_speed=max(TOP_SPEED, fastest)),
+            limits=Limits(time=config.duration),
+            period=PERIOD,
+            sample=SAMPLE,
+            threads=1,
         )
         made = cls(robot, course, world, config)
         world.begin([0], flippers=clear_angles(world.tracked, made.set_angles))
@@ -77,9 +82,9 @@ class CourseWorld:
     def flippers(self) -> Callable[[Traverse], Array]:
         """Source of the flippers' angles."""
         if self.config.flipper_angles() is None:
-            return reflexes
+            return lambda world: world.reflex(Reflex())[0]
         angles = self.set_angles
-        return lambda _: angles
+        return lambda world: angles
 
     def pilot(self) -> Pilot:
         """The driver without a keyboard: along the path, or at constant speeds."""
@@ -89,27 +94,18 @@ class CourseWorld:
         speeds = config.speed + config.turn * self.robot.half_gauge * np.array([-1.0, 1.0])
         return lambda state: speeds
 
-    @property
-    def top_speed(self) -> float:
-        """Largest speed of a belt [m/s]."""
-        return self.traverse.servos.top_speed
-
     def with_looks(self) -> TrackedModel:
         """The same model with everything that is only for looks."""
         return build_tracked(self.robot, self.course, preset=self.config.preset, looks=True)
 
     @property
     def about(self) -> dict[str, Any]:
-        """The metadata of a run: robot, course and model, as far as the options leave them open."""
-        robot, course, model = self.robot, self.course, self.traverse.tracked.model
-        buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-        mujoco.mj_saveModel(model, None, buffer)
+        """The metadata of a run: robot and course, as far as the options leave them open."""
+        robot, course, tracked = self.robot, self.course, self.traverse.tracked
         return {
             "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},
             "robot": {**plain(robot), "model": robot.model.name, "packages": [each.name for each in robot.packages]},
             "course": {"friction": course.friction, "seed": course.seed, "goal": course.goal, "width": course.width},
             "seed": course.seed,
-            "mass": float(model.body_subtreemass[self.traverse.tracked.body]),
-            "timestep": float(model.opt.timestep),
-            "model_sha256": hashlib.sha256(buffer.tobytes()).hexdigest(),
+            "mass": float(tracked.model.body_subtreemass[tracked.body]),
         }

@@ -1,7 +1,7 @@
 """The field of a robot run as its log describes it: ground, scanner and obstacles, of which only people move."""
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
@@ -10,7 +10,7 @@ import rerun as rr
 
 from experiments.recorder.model import send_geoms, send_paving
 from experiments.recorder.sensing import OTHER_COLOUR
-from experiments.recorder.stream import FIELD, at_height, quaternion, rgb, send
+from experiments.recorder.stream import FIELD, Recording, about_vertical, at_height, paint, rgb
 from experiments.recorder.traces import Traces
 from sim.scanner.obstacles import Walker
 from trackslip.kinematics import Array
@@ -21,76 +21,65 @@ _PATCH, _PATCH_COLOUR = 0.0005, "#4f6f78"  # half the thickness of a patch on th
 _TALL = 1.0  # height of posts, walls and people [m]
 
 
-def send_field(stream: rr.RecordingStream, traces: Traces, model: mujoco.MjModel, within: Array) -> None:
+def send_field(recording: Recording, traces: Traces, model: mujoco.MjModel, within: Array) -> None:
     """Send the ground around the points `within` (n, 2), and the scanner and obstacles that a run's log describes."""
-    send_paving(stream, within)
-    if (mount := mount_of(traces)) is not None:
-        turn = rr.Quaternion(xyzw=quaternion(mount[2:])[0])
-        pose = rr.Transform3D(translation=[mount[0], mount[1], model.body("lrf").pos[2]], quaternion=turn)
-        stream.log(f"{FIELD}/scanner", pose, static=True)
-        send_geoms(stream, f"{FIELD}/scanner", model, model.body("lrf").id)
+    send_paving(recording, within)
+    if (mount := traces.mount) is not None:
+        place, turn = [*mount[:2], model.body("lrf").pos[2]], rr.Quaternion(xyzw=about_vertical(mount[2:])[0])
+        recording.still(f"{FIELD}/scanner", rr.Transform3D(translation=place, quaternion=turn))
+        send_geoms(recording, f"{FIELD}/scanner", model, model.body("lrf").id)
+    metadata = traces.log.metadata
     with contextlib.suppress(*MALFORMED):
-        _send_ground(stream, traces.log.metadata["ground"], within.min(axis=0) - _FAR, within.max(axis=0) + _FAR)
+        _send_ground(recording, metadata["ground"], within.min(axis=0) - _FAR, within.max(axis=0) + _FAR)
     with contextlib.suppress(*MALFORMED):
-        _send_obstacles(stream, traces.log.metadata["obstacles"], traces)
+        _send_obstacles(recording, metadata["obstacles"], traces)
 
 
-def mount_of(traces: Traces) -> Array | None:
-    """The scanner's pose (3,), if the log has it."""
-    if traces.log.scans is not None:
-        return traces.log.scans.scan.mount
-    with contextlib.suppress(*MALFORMED):
-        mount = np.array(traces.log.metadata["lrf"]["mount"], float)
-        return mount if mount.shape == (3,) and np.isfinite(mount).all() else None
-    return None
-
-
-def _send_ground(stream: rr.RecordingStream, ground: Mapping[str, Any], low: Array, high: Array) -> None:
+def _send_ground(recording: Recording, ground: Mapping[str, Any], low: Array, high: Array) -> None:
     """Send patches with other friction as far as they lie between `low` and `high` (2,), and the uphill direction."""
     patches = ground.get("patches") or ()
-    corners = np.array([[patch["x"], patch["y"]] for patch in patches], float).reshape(-1, 2, 2).transpose(0, 2, 1)
-    corners = np.clip(np.where(np.isnan(corners), [[-np.inf], [np.inf]], corners), low, high)  # JSON has no infinity
-    shown = np.flatnonzero((corners[:, 0] < corners[:, 1]).all(axis=1))
+    edges = np.array([[patch["x"], patch["y"]] for patch in patches], float).reshape(-1, 2, 2)
+    ends = np.stack([low, high], axis=-1)
+    edges = np.clip(np.where(np.isnan(edges), ends, edges), low[:, None], high[:, None])  # JSON has no infinity
+    shown = np.flatnonzero((edges[..., 0] < edges[..., 1]).all(axis=1))
     if len(shown):
         flat = rr.Boxes3D(
-            centers=at_height(corners[shown].mean(axis=1), _PATCH),
-            half_sizes=at_height(np.ptp(corners[shown], axis=1) / 2, _PATCH),
+            centers=at_height(edges[shown].mean(axis=-1), _PATCH),
+            half_sizes=at_height(np.ptp(edges[shown], axis=-1) / 2, _PATCH),
             colors=[rgb(_PATCH_COLOUR)],
             fill_mode="solid",
             labels=[f"friction {patches[k]['along']:g} along, {patches[k]['across']:g} across" for k in shown],
         )
-        stream.log(f"{FIELD}/patches", flat, static=True)
+        recording.still(f"{FIELD}/patches", flat)
     slope, heading = (float(ground.get(key) or 0.0) for key in ("slope", "uphill"))
-    if slope and np.isfinite([slope, heading]).all():
+    if slope:
+        uphill, corner = [np.cos(heading), np.sin(heading), 0.0], [*(low + _FAR - 1.0), 0.02]
         arrow = rr.Arrows3D(
-            vectors=[[np.cos(heading), np.sin(heading), 0.0]],
-            origins=[[*(low + _FAR - 1.0), 0.02]],
-            labels=[f"uphill, {slope:.3g} rad"],
-            colors=[rgb(_PATCH_COLOUR)],
-            radii=[0.02],
+            vectors=[uphill], origins=[corner], labels=[f"uphill, {slope:.3g} rad"], **paint(_PATCH_COLOUR, 0.02)
         )
-        stream.log(f"{FIELD}/uphill", arrow, static=True)
+        recording.still(f"{FIELD}/uphill", arrow)
 
 
-def _send_obstacles(stream: rr.RecordingStream, known: Mapping[str, Any], traces: Traces) -> None:
+def _send_obstacles(recording: Recording, obstacles: Mapping[str, Any], traces: Traces) -> None:
     """Send the obstacles that the log describes."""
-    posts, walls, walkers = (list(known.get(kind) or ()) for kind in ("posts", "walls", "walkers"))
+    posts, walls, walkers = (list(obstacles.get(kind) or ()) for kind in ("posts", "walls", "walkers"))
     if posts:
-        centres = [[post["x"], post["y"], _TALL / 2] for post in posts]
-        stream.log(f"{FIELD}/posts", _cylinders(centres, [post["radius"] for post in posts]), static=True)
+        recording.still(f"{FIELD}/posts", _cylinders([(p["x"], p["y"], p["radius"]) for p in posts]))
     if walls:
         ends = [([wall["x0"], wall["y0"]], [wall["x1"], wall["y1"]]) for wall in walls]
         around = [[[*a, 0.0], [*b, 0.0], [*b, _TALL], [*a, _TALL], [*a, 0.0]] for a, b in ends]
-        stream.log(f"{FIELD}/walls", rr.LineStrips3D(around, colors=[rgb(OTHER_COLOUR)], radii=[0.01]), static=True)
+        recording.still(f"{FIELD}/walls", rr.LineStrips3D(around, **paint(OTHER_COLOUR, 0.01)))
     for k, walker in enumerate(walkers):
         turns_after = np.inf if walker.get("turns_after") is None else walker["turns_after"]  # JSON has no infinity
-        person = Walker(**{**walker, "turns_after": turns_after})
-        entity = f"{FIELD}/walkers/{k}"
-        stream.log(entity, _cylinders([[0, 0, _TALL / 2]], [person.radius]), static=True)
-        place = at_height(person.place(traces.log.time), 0.0)
-        send(stream, entity, traces.time, rr.Transform3D.columns(translation=place))
+        person, entity = Walker(**{**walker, "turns_after": turns_after}), f"{FIELD}/walkers/{k}"
+        recording.still(entity, _cylinders([(0.0, 0.0, person.radius)]))
+        recording.poses(entity, traces.time, at_height(person.place(traces.log.time), 0.0))
 
 
-def _cylinders(centres: Sequence[Sequence[float]], radii: Sequence[float]) -> rr.Cylinders3D:
-    style: dict[str, Any] = {"colors": [rgb(OTHER_COLOUR)], "fill_mode": "solid"}
-    return rr.Cylinders3D(lengths=[_TALL] * len(radii), radii=radii, centers=centres, **style)
+def _cylinders(circles: list[tuple[float, float, float]]) -> rr.Cylinders3D:
+    """Upright cylinders on the ground over circles (x, y, radius) [m]."""
+    x, y, radii = np.transpose(circles)
+    centres = np.column_stack([x, y, np.full(len(x), _TALL / 2)])
+    return rr.Cylinders3D(
+        lengths=[_TALL] * len(x), radii=radii, centers=centres, colors=[rgb(OTHER_COLOUR)], fill_mode="solid"
+    )

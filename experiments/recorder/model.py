@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
-from experiments.recorder.stream import FIELD, at_height, send
+from experiments.recorder.stream import FIELD, Recording, at_height
 from sim.robot.robot import SCANNED_GROUP, VISUAL_GROUP
 from sim.tracks.drawing import BOX, CYLINDER, Pieces, TrackLook
 from trackslip.kinematics import Array
@@ -24,35 +24,24 @@ _TONES = ((92, 90, 86), (84, 82, 78))
 
 
 def send_robot(
-    stream: rr.RecordingStream,
+    recording: Recording,
     root: str,
     model: mujoco.MjModel,
-    time: Array,
-    qpos: Array,
-    tracks: Sequence[tuple[str, int, TrackLook]],
-    travel: Array,
+    time: Array,  # (R,) [s]
+    qpos: Array,  # (R, nq) positions of all joints
+    tracks: Sequence[tuple[str, int, TrackLook]],  # name, body and looks of each of T tracks
+    travel: Array,  # (R, T) distances that the belts have run, or (1, T) for belts at rest [m]
 ) -> None:
-    """Send all bodies of a model that move, and the tracks on them.
-
-    Args:
-        stream: the recording.
-        root: entity of the run.
-        model: the model with its looks.
-        time: times (R,) [s].
-        qpos: positions (R, nq) of all joints.
-        tracks: name, body and looks of each of T tracks.
-        travel: ways (R, T) that the belts have run, or (1, T) for belts at rest [m].
-    """
+    """Send all bodies of a model with its looks that move, and the tracks on them, below the entity `root`."""
     carriers = {body for _, body, _ in tracks}
     bodies = [b for b in range(1, model.nbody) if model.body_weldid[b] and (b in carriers or drawn(model, b))]
     entities = {body: f"{root}/{ROBOT}/{_path(model.body(body).name or str(body))}" for body in bodies}
     position, attitude = _poses(model, qpos, bodies)
     for k, (body, entity) in enumerate(entities.items()):
-        columns = rr.Transform3D.columns(translation=position[:, k], quaternion=np.roll(attitude[:, k], -1, axis=-1))
-        send(stream, entity, time, columns)
-        send_geoms(stream, f"{entity}/body", model, body)
-    for (name, body, look), way in zip(tracks, travel.T, strict=True):
-        _send_track(stream, f"{entities[body]}/{_path(name)}", time, look.pieces(way))
+        recording.poses(entity, time, position[:, k], np.roll(attitude[:, k], -1, axis=-1))
+        send_geoms(recording, f"{entity}/body", model, body)
+    for (name, body, look), distance in zip(tracks, travel.T, strict=True):
+        _send_track(recording, f"{entities[body]}/{_path(name)}", time, look.pieces(distance))
 
 
 def _path(name: str) -> str:
@@ -60,10 +49,10 @@ def _path(name: str) -> str:
     return "/".join(rr.escape_entity_path_part(part) for part in name.split("/"))
 
 
-def send_geoms(stream: rr.RecordingStream, entity: str, model: mujoco.MjModel, body: int) -> None:
+def send_geoms(recording: Recording, entity: str, model: mujoco.MjModel, body: int) -> None:
     """Send the visible geoms of a body, in its frame; a plane, which has no end, is left out."""
     for i in drawn(model, body):
-        stream.log(f"{entity}/{_path(model.geom(i).name or str(i))}", _shape(model, i), static=True)
+        recording.still(f"{entity}/{_path(model.geom(i).name or str(i))}", _shape(model, i))
 
 
 def drawn(model: mujoco.MjModel, body: int) -> list[int]:
@@ -73,7 +62,7 @@ def drawn(model: mujoco.MjModel, body: int) -> list[int]:
     return [int(i) for i in np.flatnonzero(visible & mine)]
 
 
-def send_paving(stream: rr.RecordingStream, within: Array, height: float = 0.0) -> None:
+def send_paving(recording: Recording, within: Array, height: float = 0.0) -> None:
     """Send level ground at a height [m] around the points `within` (n, 2) [m]."""
     low = np.floor((within.min(axis=0) - _MARGIN) / _STONE).astype(int)
     high = np.minimum(np.ceil((within.max(axis=0) + _MARGIN) / _STONE).astype(int), low + _MAX_STONES)
@@ -84,25 +73,27 @@ def send_paving(stream: rr.RecordingStream, within: Array, height: float = 0.0) 
         colors=np.array(_TONES, np.uint8)[corner.sum(axis=1) % 2],
         fill_mode="solid",
     )
-    stream.log(GROUND, stones, static=True)
+    recording.still(GROUND, stones)
 
 
-def _send_track(stream: rr.RecordingStream, entity: str, time: Array, pieces: Pieces) -> None:
+def _send_track(recording: Recording, entity: str, time: Array, pieces: Pieces) -> None:
     """Send the boxes and cylinders of a track, those that never move only once."""
     turn = Rotation.from_matrix(pieces.rotation.reshape(-1, 3, 3)).as_quat().reshape(*pieces.angle.shape, 4)
     moves = np.ptp(pieces.position, axis=0).max(axis=-1) + np.ptp(pieces.angle, axis=0) > 0
     colours = np.rint(255 * pieces.rgba).astype(np.uint8)
-    for kind, shape in ((BOX, "boxes"), (CYLINDER, "wheels")):
-        for mine, name in ((~moves, f"{entity}/{shape}"), (moves, f"{entity}/moving_{shape}")):
-            mine = mine & (pieces.kind == kind)
-            place, count = pieces.position[:, mine], int(mine.sum())
-            if not count:
+    for kind, name in ((BOX, "boxes"), (CYLINDER, "wheels")):
+        for moving, prefix in ((False, ""), (True, "moving_")):
+            mine = (pieces.kind == kind) & (moves == moving)
+            if not mine.any():
                 continue
-            stream.log(name, _solid(kind, pieces.size[mine], place[0], turn[0, mine], colours[mine]), static=True)
-            if moves[mine].any():
-                archetype = rr.Boxes3D if kind == BOX else rr.Cylinders3D
-                columns = archetype.columns(centers=place.reshape(-1, 3), quaternions=turn[:, mine].reshape(-1, 4))
-                send(stream, name, time, columns.partition(np.full(len(time), count)))
+            place, turned = pieces.position[:, mine], turn[:, mine]
+            solid = _solid(kind, pieces.size[mine], place[0], turned[0], colours[mine])
+            if moving:
+                counts = np.full(len(time), mine.sum())
+                columns = {"centers": place.reshape(-1, 3), "quaternions": turned.reshape(-1, 4)}
+                recording.shapes(f"{entity}/{prefix}{name}", time, counts, solid, **columns)
+            else:
+                recording.still(f"{entity}/{prefix}{name}", solid)
 
 
 def _solid(kind: int, size: Array, place: Array, turn: Array, colours: np.ndarray) -> Any:
@@ -157,8 +148,8 @@ def _poses(model: mujoco.MjModel, qpos: Array, bodies: Sequence[int]) -> tuple[A
     """Positions (R, B, 3) and attitudes (R, B, 4), w first, of bodies in states qpos (R, nq)."""
     data = mujoco.MjData(model)
     position, attitude = np.empty((len(qpos), len(bodies), 3)), np.empty((len(qpos), len(bodies), 4))
-    for k, one in enumerate(qpos):
-        data.qpos[:] = one
+    for k in range(len(qpos)):
+        data.qpos[:] = qpos[k]
         mujoco.mj_kinematics(model, data)
         position[k], attitude[k] = data.xpos[bodies], data.xquat[bodies]
     return position, attitude

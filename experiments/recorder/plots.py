@@ -3,7 +3,7 @@
 The viewer draws the entities of a panel, and lists them in its legend, by the alphabet: what comes later lies on top.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from experiments.recorder.model import GROUND, ROBOT
-from experiments.recorder.stream import CAMERA, TIMELINE, rgb, send
+from experiments.recorder.stream import CAMERA, TIMELINE, Recording
 from trackslip.kinematics import Array
 
 LEFT, RIGHT = "#56B4E9", "#E69F00"  # tracks in every panel; all colours are from Okabe and Ito's palette
@@ -21,17 +21,8 @@ _BEFORE, _LOOP = 1.0, 6.0  # start of the loop before the moment of interest, an
 _ASPECT = 1.9  # width over height of the plan
 _LEGEND = 1.25  # width of a plot over that of its data: the legend stands beside the data
 _BACKGROUND = (30, 32, 36)
-
-
-@dataclass(frozen=True)
-class Series:
-    """Lines of a panel."""
-
-    entity: str
-    values: Array  # (T, n), NaN for a gap
-    names: tuple[str, ...]  # (n,)
-    colours: tuple[str, ...]  # n or more are used in turn
-    width: float = 1.5  # [px]
+_COMMON = (5.0, 95.0)  # percentiles of values within the range of an axis
+_MARGIN = 0.25  # around them, relative to their span
 
 
 @dataclass(frozen=True)
@@ -39,35 +30,28 @@ class Panel:
     """A plot over time."""
 
     title: str
-    entities: tuple[str, ...]
-    range: tuple[float, float] | None = None  # by default that of the data
+    entities: Sequence[str]
     height: float = 1.0  # relative to the other panels
     tab: str = "Slip and errors"  # the tab with the panel, if there are several
+    has_outliers: bool = False  # show most values rather than all of them
 
 
-def send_series(stream: rr.RecordingStream, root: str, time: Array, series: Sequence[Series]) -> list[str]:
-    """Send lines over time with their names and colours; returns their entities, below `root`."""
-    for line in series:
-        count, entity = len(line.names), f"{root}/{line.entity}"
-        colours = [rgb(line.colours[k % len(line.colours)]) for k in range(count)]
-        stream.log(entity, rr.SeriesLines(names=line.names, colors=colours, widths=[line.width] * count), static=True)
-        columns = rr.Scalars.columns(scalars=line.values.ravel())
-        send(stream, entity, time, columns.partition(np.full(len(time), count)))
-    return [f"{root}/{line.entity}" for line in series]
+def common_range(values: Sequence[Array]) -> tuple[float, float]:
+    """Range of an axis with zero and most of some values, NaN where there is none."""
+    every = np.concatenate([part.ravel() for part in values])
+    low, high = np.percentile([0.0, *every[np.isfinite(every)]], _COMMON)
+    low, high = min(low, 0.0), max(high, 0.0)
+    margin = _MARGIN * (high - low) + 1e-3
+    return float(low - margin), float(high + margin)
 
 
-def begin_of_loop(moment: float, duration: float) -> float:
-    """Just before the moment of interest, in runs of that duration [s]."""
-    return max(0.0, min(moment - _BEFORE, duration - _LOOP))
+def send_layout(
+    recording: Recording, roots: Sequence[str], panels: Sequence[Panel], within: Array, moment: float, duration: float
+) -> None:
+    """Send the layout of the viewer for runs of a `duration` [s] below the entities `roots`.
 
-
-def blueprint(
-    roots: Sequence[str], panels: Sequence[Panel], sent: Sequence[str], within: Array, begin: float, duration: float
-) -> rrb.Blueprint:
-    """The layout of the viewer for runs of a `duration` [s] below the entities `roots`.
-
-    Panels without any entity among those `sent` are left out. The plan shows the points `within` (n, 2) [m]; `begin` is
-    the start of the loop that the viewer plays [s].
+    Panels without lines in the recording are left out. The plan shows the points `within` (n, 2) [m]; the viewer loops
+    around a `moment` [s].
     """
     many = len(roots) > 1
     target, eye = np.array([0.0, 0.0, 0.2]), _EYE * (_FARTHER if many else 1.0)
@@ -81,44 +65,44 @@ def blueprint(
     )
     middle = (within.min(axis=0) + within.max(axis=0)) / 2
     wide, high = np.ptp(within, axis=0)
+    above = [*middle, max(wide / _ASPECT, high) + 1.0]
     plan = rrb.Spatial3DView(
         origin="/",
         contents=["+ /**", f"- /{GROUND}/**", *(f"- /{root}/{ROBOT}/chassis/contact_forces/**" for root in roots)],
         name="Plan [grid: 1 m]",
         background=_BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=True, spacing=1.0, color=(90, 90, 90, 120)),
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital",
-            position=[*middle, max(wide / _ASPECT, high) + 1.0],
-            look_target=[*middle, 0.0],
-            eye_up=[0, 1, 0],
-        ),
+        eye_controls=rrb.EyeControls3D(kind="Orbital", position=above, look_target=[*middle, 0.0], eye_up=[0, 1, 0]),
     )
     views: rrb.Container = rrb.Vertical(space, plan, row_shares=[1.2, 1])
-    if tabs := _tabs(roots, panels, sent, duration):
+    if tabs := _tabs(roots, panels, recording.plotted, duration):
         views = rrb.Horizontal(views, rrb.Tabs(*tabs) if len(tabs) > 1 else tabs[0], column_shares=[1, 1.1])
+    begin = max(0.0, min(moment - _BEFORE, duration - _LOOP))
     loop = rrb.components.AbsoluteTimeRange(min=round(1e9 * begin), max=round(1e9 * (begin + _LOOP)))
     time = rrb.TimePanel(
         timeline=TIMELINE, state="collapsed", play_state="playing", loop_mode="selection", time_selection=loop
     )
     folded = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
-    return rrb.Blueprint(views, time, *folded, auto_views=False, auto_layout=False)
+    recording.stream.send_blueprint(rrb.Blueprint(views, time, *folded, auto_views=False, auto_layout=False))
 
 
-def _tabs(roots: Sequence[str], panels: Sequence[Panel], sent: Sequence[str], duration: float) -> list[rrb.Container]:
-    """The panels that have any of the entities `sent`, in their tabs; one legend is enough for several runs."""
+def _tabs(
+    roots: Sequence[str], panels: Sequence[Panel], plotted: Mapping[str, Array], duration: float
+) -> list[rrb.Container]:
+    """The panels that have any of the entities `plotted`, in their tabs; one legend is enough for several runs."""
     tabs: dict[str, list[tuple[float, rrb.TimeSeriesView]]] = {}
     span = [rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in (0.0, duration * _LEGEND)]
     for panel in panels:
-        entities = [f"{root}/{name}" for root in roots for name in panel.entities]
-        if not set(entities) & set(sent):
+        entities = [f"{root}/{name}" for root in roots for name in panel.entities if f"{root}/{name}" in plotted]
+        if not entities:
             continue
+        shown = common_range([plotted[entity] for entity in entities]) if panel.has_outliers else None
         view = rrb.TimeSeriesView(
             origin="/",
             contents=[f"+ /{entity}" for entity in entities],
             name=panel.title,
             axis_x=rrb.TimeAxis(view_range=rr.TimeRange(*span)),
-            axis_y=None if panel.range is None else rrb.ScalarAxis(range=panel.range, zoom_lock=False),
+            axis_y=None if shown is None else rrb.ScalarAxis(range=shown, zoom_lock=False),
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=len(roots) == 1 or not tabs),
         )
         tabs.setdefault(panel.tab, []).append((panel.height, view))

@@ -5,7 +5,7 @@ import numpy as np
 import rerun as rr
 
 from experiments.common.colours import VERMILLION
-from experiments.recorder.stream import at_height, quaternion, rgb, send_poses, send_shapes
+from experiments.recorder.stream import Recording, about_vertical, at_height, paint, rgb
 from experiments.recorder.traces import Traces
 from trackslip.kinematics import Array
 from trackslip.logs.scanlog import ScanLog
@@ -17,36 +17,30 @@ _MAX_RAYS = 24  # drawn per scan
 _EVERY_OTHER = 4  # one return in so many is drawn of those that are not the plate's
 
 
-def send_estimate(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
+def send_estimate(recording: Recording, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
     """Send the plate and the magnified ellipse of its position covariance, in the rows in which it was found."""
-    log, time = traces.log, traces.time
-    known = np.isfinite(traces.estimate).all(axis=1)
+    time, covariance, known = traces.time, traces.log.covariance, np.isfinite(traces.estimate).all(axis=1)
     if not known.any():
         return
-    plate, found, counts = model.geom("plate"), traces.estimate[known], known.astype(int)
+    plate, pose, counts = model.geom("plate"), traces.estimate[known], known.astype(int)
     height = float(plate.pos[2])
-    style = {"colors": [rgb(ESTIMATE_COLOUR)], "radii": [0.004]}
-    size = np.tile(plate.size * [1, 1, 1.05], (len(found), 1))
-    send_poses(stream, f"{entity}/plate", time[known], found, height)
-    send_shapes(stream, f"{entity}/plate", time, counts, rr.Boxes3D, style, half_sizes=size)
-    if log.covariance is None or not np.isfinite(log.covariance[known]).all():
+    recording.poses(f"{entity}/plate", time[known], at_height(pose, height), about_vertical(pose[:, 2]))
+    look = rr.Boxes3D.from_fields(**paint(ESTIMATE_COLOUR, 0.004))
+    size = np.tile(plate.size * [1, 1, 1.05], (len(pose), 1))
+    recording.shapes(f"{entity}/plate", time, counts, look, half_sizes=size)
+    if covariance is None or not np.isfinite(covariance[known]).all():
         return
-    variance, axes = np.linalg.eigh(log.covariance[known, :2, :2])
-    half = _MAGNIFIED * np.sqrt(np.maximum(variance, 0))
-    send_shapes(
-        stream,
-        f"{entity}/covariance",
-        time,
-        counts,
-        rr.Ellipsoids3D,
-        {"colors": [(*rgb(ESTIMATE_COLOUR), 110)], "fill_mode": "solid"},
-        half_sizes=at_height(half, 0.004),
-        centers=at_height(found, height + _ON_TOP),
-        quaternions=quaternion(np.arctan2(axes[:, 1, 0], axes[:, 0, 0])),
-    )
+    variance, axes = np.linalg.eigh(covariance[known, :2, :2])
+    ellipses: dict[str, Array] = {
+        "half_sizes": at_height(_MAGNIFIED * np.sqrt(np.maximum(variance, 0)), 0.004),
+        "centers": at_height(pose, height + _ON_TOP),
+        "quaternions": about_vertical(np.arctan2(axes[:, 1, 0], axes[:, 0, 0])),
+    }
+    solid = rr.Ellipsoids3D.from_fields(colors=[(*rgb(ESTIMATE_COLOUR), 110)], fill_mode="solid")
+    recording.shapes(f"{entity}/covariance", time, counts, solid, **ellipses)
 
 
-def send_scans(stream: rr.RecordingStream, entity: str, traces: Traces, height: float) -> None:
+def send_scans(recording: Recording, entity: str, traces: Traces, height: float) -> None:
     """Send the scans' returns, and rays to the plate; in rows where it wasn't found, no return is the plate's."""
     scans, time = traces.log.scans, traces.time
     if scans is None:
@@ -55,17 +49,15 @@ def send_scans(stream: rr.RecordingStream, entity: str, traces: Traces, height: 
     cluster = scans.cluster
     hit = cluster.hit & traces.log.is_valid[:, None]
     plate = _points(origin, heading, cluster.bearing, np.where(hit, cluster.range, np.nan))
-    for name, points, colour in (
-        ("plate", plate, PLATE_COLOUR),
-        ("other", _others(scans, hit, origin, heading), OTHER_COLOUR),
-    ):
-        known, style = np.isfinite(points[..., 0]), {"colors": [rgb(colour)], "radii": [0.012]}
-        send_shapes(stream, f"{entity}/{name}", time, known.sum(axis=1), rr.Points3D, style, positions=points[known])
+    others = _others(scans, hit, origin, heading)
+    for name, points, colour in (("plate", plate, PLATE_COLOUR), ("other", others, OTHER_COLOUR)):
+        known, look = np.isfinite(points[..., 0]), rr.Points3D.from_fields(**paint(colour, 0.012))
+        recording.shapes(f"{entity}/{name}", time, known.sum(axis=1), look, positions=points[known])
     step = np.maximum(1, cluster.count // _MAX_RAYS)[:, None]
     ray = hit & (np.cumsum(hit, axis=1) % step == 0)
     strips = np.stack([np.broadcast_to(origin, plate[ray].shape), plate[ray]], axis=1)
-    style = {"colors": [(*rgb(PLATE_COLOUR), 60)], "radii": [0.0015]}
-    send_shapes(stream, f"{entity}/rays", time, ray.sum(axis=1), rr.LineStrips3D, style, strips=strips)
+    line = rr.LineStrips3D.from_fields(**paint(PLATE_COLOUR, 0.0015, 60))
+    recording.shapes(f"{entity}/rays", time, ray.sum(axis=1), line, strips=strips)
 
 
 def _points(origin: Array, heading: float, bearing: Array, distance: Array) -> Array:

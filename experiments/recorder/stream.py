@@ -1,23 +1,87 @@
-"""Files of recordings, and the columns of rows over time that they consist of."""
+"""Recordings: shapes that stay, rows over time, and lines of plots, written to a file for the rerun viewer."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 import numpy as np
 import rerun as rr
+from scipy.spatial.transform import Rotation
 
 from experiments.common.results import write_output
 from trackslip.errors import OutputError, first_line
 from trackslip.kinematics import Array
+from trackslip.metrics import TRANSIENT
 
 TIMELINE = "time"
 RUN, FIELD, CAMERA = "run", "field", "camera"
 """Entities: the run, or several runs below it; what stands still; and what the eye of the viewer follows."""
 
 
-def write_recording(file: Path, title: str, send: Callable[[rr.RecordingStream], None]) -> None:
+@dataclass(frozen=True)
+class Series:
+    """Lines of a plot over time."""
+
+    entity: str
+    values: Array  # (T, n), NaN for a gap
+    names: Sequence[str]  # (n,)
+    colours: Sequence[str]  # n or more
+    width: float = 1.5  # [px]
+
+
+class Recording:
+    """A recording that is being written. Rows are at times (T,) since the start of the run [s]."""
+
+    def __init__(self, stream: rr.RecordingStream) -> None:
+        self.stream = stream
+        self.plotted: dict[str, Array] = {}
+        """Values after the transient of the lines of plots, by entity."""
+
+    def still(self, entity: str, archetype: Any) -> None:
+        """Add what is there all the time."""
+        self.stream.log(entity, archetype, static=True)
+
+    def rows(self, entity: str, time: Array, columns: Any) -> None:
+        """Add columns of T rows."""
+        nanoseconds = np.rint(1e9 * time).astype("timedelta64[ns]")
+        self.stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=nanoseconds)], columns)
+
+    def poses(self, entity: str, time: Array, position: Array, attitude: Array | None = None) -> None:
+        """Move an entity through positions (T, 3) [m] with attitudes (T, 4), quaternions xyzw."""
+        self.rows(entity, time, rr.Transform3D.columns(translation=position, quaternion=attitude))
+
+    def shapes(self, entity: str, time: Array, counts: np.ndarray, look: Any, **columns: Any) -> None:
+        """Add shapes with the looks of an archetype, `counts` (T,) of them in each row; `columns` is what differs."""
+        if counts.any():
+            self.still(entity, look)
+            self.rows(entity, time, type(look).columns(**columns).partition(counts))
+
+    def line(self, entity: str, points: Array, colour: str, radius: float) -> None:
+        """Add a line through points (n, 3); radius in [m]."""
+        if len(points):
+            self.still(entity, rr.LineStrips3D([points], **paint(colour, radius)))
+
+    def series(self, root: str, time: Array, series: Sequence[Series]) -> None:
+        """Add lines of plots below the entity `root`."""
+        late = time >= min(TRANSIENT, time[-1] / 2)
+        for lines in series:
+            entity, count = f"{root}/{lines.entity}", len(lines.names)
+            colours = [rgb(colour) for colour in lines.colours[:count]]
+            look = rr.SeriesLines(names=lines.names, colors=colours, widths=[lines.width] * count)
+            self.still(entity, look)
+            columns = rr.Scalars.columns(scalars=lines.values.ravel())
+            self.rows(entity, time, columns.partition(np.full(len(time), count)))
+            self.plotted[entity] = lines.values[late]
+
+    def properties(self, name: str, metadata: Mapping[str, Any]) -> None:
+        """Add a run's metadata as text."""
+        texts: dict[str, Any] = {key: str(value) for key, value in metadata.items()}
+        self.stream.send_property(name, rr.AnyValues(**texts))
+
+
+def write_recording(file: Path, title: str, send: Callable[[Recording], None]) -> None:
     """Write what `send` sends as a .rrd file, complete or not at all; OutputError if it can't be written."""
 
     def write(draft: Path) -> None:
@@ -25,7 +89,7 @@ def write_recording(file: Path, title: str, send: Callable[[rr.RecordingStream],
         with rr.RecordingStream("trackslip", recording_id=uuid4()) as stream:
             stream.send_recording_name(title)
             stream.save(draft)
-            send(stream)
+            send(Recording(stream))
             stream.flush()
             stream.disconnect()
 
@@ -35,59 +99,19 @@ def write_recording(file: Path, title: str, send: Callable[[rr.RecordingStream],
         raise OutputError(f"{file}: can't be written ({first_line(error)})") from error
 
 
-def send(stream: rr.RecordingStream, entity: str, time: Array, columns: Any) -> None:
-    """Send columns of T rows at times (T,) [s] since the start of the run."""
-    nanoseconds = np.rint(1e9 * time).astype("timedelta64[ns]")
-    stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=nanoseconds)], columns)
-
-
-def send_poses(stream: rr.RecordingStream, entity: str, time: Array, pose: Array, height: float = 0.0) -> None:
-    """Send poses (T, 3) of an entity at a height above the ground [m]."""
-    columns = rr.Transform3D.columns(translation=at_height(pose, height), quaternion=quaternion(pose[:, 2]))
-    send(stream, entity, time, columns)
-
-
-def send_shapes(
-    stream: rr.RecordingStream,
-    entity: str,
-    time: Array,
-    counts: np.ndarray,
-    archetype: Any,
-    style: Mapping[str, Any],
-    **columns: Array,
-) -> None:
-    """Send shapes of an archetype of rerun's, `counts` (T,) of them a row; `style` is that of all, `columns` differ."""
-    if counts.any():
-        stream.log(entity, archetype.from_fields(**style), static=True)
-        send(stream, entity, time, archetype.columns(**columns).partition(counts))
-
-
-def send_line(stream: rr.RecordingStream, entity: str, points: Array, colour: str, radius: float) -> None:
-    """Send a line through points (n, 3) that stays; radius in [m]."""
-    if len(points):
-        stream.log(entity, rr.LineStrips3D([points], colors=[rgb(colour)], radii=[radius]), static=True)
-
-
-def send_properties(stream: rr.RecordingStream, name: str, metadata: Mapping[str, Any]) -> None:
-    """Send a run's metadata as properties of the recording; anything but numbers and text becomes text."""
-    flat: dict[str, Any] = {
-        key.replace(" ", "_"): value if isinstance(value, bool | int | float | str) else str(value)
-        for key, value in metadata.items()
-        if value is not None
-    }
-    if flat:
-        stream.send_property(name, rr.AnyValues(**flat))
-
-
-def quaternion(heading: Array) -> Array:
+def about_vertical(heading: Array) -> Array:
     """Quaternions (T, 4), xyzw, of rotations about the vertical by `heading` (T,) [rad]."""
-    zero = np.zeros_like(heading)
-    return np.stack([zero, zero, np.sin(heading / 2), np.cos(heading / 2)], axis=-1)
+    return np.asarray(Rotation.from_euler("z", heading[:, None]).as_quat())
 
 
 def at_height(pose: Array, height: float) -> Array:
     """Positions (T, 3) of poses (T, 2 or 3) at a height above the ground [m]."""
     return np.column_stack([pose[:, :2], np.full(len(pose), height)])
+
+
+def paint(colour: str, radius: float, opacity: int = 255) -> dict[str, Any]:
+    """Looks of points, lines and arrows in the colour '#rrggbb'; radius in [m]."""
+    return {"colors": [(*rgb(colour), opacity)], "radii": [radius]}
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

@@ -1,8 +1,6 @@
 """Quantities over time, derived from a run's log."""
 
 import contextlib
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,20 +26,37 @@ _MAX_TURN = 0.5  # within a window, so that the polynomials follow the circle [r
 _BY_DEFAULT = "icr_radius"  # law shown for a run without compensation
 
 
-@dataclass(frozen=True)
 class Traces:
     """A run of T rows, ready to be drawn. What a log doesn't have is None; what it lacks in a row is NaN."""
 
-    log: RunLog
-    time: Array  # (T,) since the first row [s]
-    pose: Array  # (T, 3) true pose, or the last one measured if there is no truth
-    estimate: Array  # (T, 3) measured pose, NaN where there is none
-    reference: Array | None  # (T, 3) desired pose
-    error: Array | None  # (T, 3) pose error in the body frame [m, m, rad]
-    slip: Array | None  # (T, 2) true [-]
-    identified: Array | None  # (T, 2) from the smoothed measured poses [-]
-    law: Array | None  # (T, 2) by a law, at the commanded curvature, else at the one driven [-]
-    law_name: str
+    def __init__(self, log: RunLog, laws: Path | None = None) -> None:
+        """`laws` is a file or folder of identified laws, by default the shipped one."""
+        self.log, truth = log, log.truth
+        self.time = log.time - log.time[0]  # (T,) [s]
+        self.estimate = np.where(log.is_valid[:, None], log.pose, np.nan)
+        """Measured poses (T, 3), NaN where there is none."""
+        self.pose = _filled(self.estimate) if truth is None else truth.pose
+        """True poses (T, 3), or the last ones measured if there is no truth."""
+        path = reference_of(log)
+        self.reference = None if path is None else path.pose(log.time)
+        """Desired poses (T, 3)."""
+        self.error = None if self.reference is None else body_errors(self.pose, self.reference)
+        """Pose errors (T, 3) in the body frame [m, m, rad]."""
+        self.slip: Array | None = None
+        """True slips (T, 2) [-]."""
+        self.identified: Array | None = None
+        """Slips (T, 2) from the smoothed measured poses [-]."""
+        self.law: Array | None = None
+        """Slips (T, 2) by a law, at the commanded curvature, else at the one driven [-]."""
+        self.law_name = ""
+        if (geometry := stored_geometry(log)) is not None:
+            driven = _smooth_twist(log)
+            self.identified = None if driven is None else _slip(log.omega, driven, geometry)
+            if truth is not None:
+                twist = truth.twist[:, [0, 2]]
+                driven = (twist + np.concatenate([twist[:1], twist[:-1]])) / 2
+                self.slip = _slip(log.omega, driven, geometry)
+            self.law, self.law_name = _slip_by_law(log, geometry, driven, laws)
 
     @property
     def distance(self) -> Array | None:
@@ -51,40 +66,27 @@ class Traces:
     @property
     def moment(self) -> float:
         """The moment of interest: the largest error after the transient, else the middle of the run [s]."""
-        distance, late = self.distance, self.time >= TRANSIENT
-        if distance is None or not late.any():
+        late = self.time >= TRANSIENT
+        if self.distance is None or not late.any():
             return float(self.time[len(self.time) // 2])
-        return float(self.time[late][np.argmax(distance[late])])
+        return float(self.time[np.argmax(np.where(late, self.distance, 0.0))])
 
-
-def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
-    """Derive the traces of a run; `laws` is a file of identified laws, by default the shipped one."""
-    estimate = np.where(log.is_valid[:, None], log.pose, np.nan)
-    pose = _held(estimate) if log.truth is None else log.truth.pose
-    path = reference_of(log)
-    desired = None if path is None else path.pose(log.time)
-    geometry = stored_geometry(log)
-    true = identified = law = None
-    name = ""
-    if geometry is not None:
-        driven = _smooth_twist(log)
-        identified = None if driven is None else _slip(log.omega, driven, geometry)
-        if log.truth is not None:
-            twist = log.truth.twist[:, [0, 2]]
-            driven = (twist + np.concatenate([twist[:1], twist[:-1]])) / 2
-            true = _slip(log.omega, driven, geometry)
-        law, name = _slip_by_law(log, geometry, driven, laws)
-    error = None if desired is None else body_errors(pose, desired)
-    return Traces(log, log.time - log.time[0], pose, estimate, desired, error, true, identified, law, name)
+    @property
+    def mount(self) -> Array | None:
+        """(3,) pose of the scanner, if the log has it."""
+        if self.log.scans is not None:
+            return self.log.scans.scan.mount
+        with contextlib.suppress(*MALFORMED):
+            mount = np.array(self.log.metadata["lrf"]["mount"], float)
+            return mount if mount.shape == (3,) and np.isfinite(mount).all() else None
+        return None
 
 
 def reference_of(log: RunLog) -> Reference | None:
     """The reference of a run, if the log names it and it still exists."""
     name, arc = log.metadata.get("reference"), log.metadata.get("circle")
-    if name is None:
-        return None
     with contextlib.suppress(*MALFORMED):
-        return circle(**arc) if isinstance(arc, Mapping) else load_reference(str(name))
+        return circle(**arc) if arc else load_reference(str(name))
     return None
 
 
@@ -106,12 +108,11 @@ def _smooth_twist(log: RunLog) -> Array | None:
     rate = abs(pose[-1, 2] - pose[0, 2]) / (time[-1] - time[0])
     rows = int(min(_MAX_WINDOW, _MAX_TURN / max(rate, 1e-9)) / step)
     window = int(np.clip(rows, _DEGREE + 3, len(time) - 1)) // 2 * 2 - 1
-    smooth, slope = (
-        scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=order, delta=step, axis=0) for order in (0, 1)
-    )
-    v = se2.rotate(-smooth[:, 2], slope[:, :2])[:, 0]
+    filtered = [scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=k, delta=step, axis=0) for k in (0, 1)]
+    heading, rates = filtered[0][:, 2], filtered[1]
+    v = se2.rotate(-heading, rates[:, :2])[:, 0]
     middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2  # measured sprocket speeds are means, too
-    return np.stack([np.interp(middle, time, column, np.nan, np.nan) for column in (v, slope[:, 2])], axis=-1)
+    return np.stack([np.interp(middle, time, column, np.nan, np.nan) for column in (v, rates[:, 2])], axis=-1)
 
 
 def _slip_by_law(
@@ -128,19 +129,20 @@ def _slip_by_law(
             fastest = float(log.metadata["drive"]["top_speed"]) or np.inf
         limit = _BELOW_TOP * fastest / geometry.sprocket_radius
         slip = track_slip(log.command, log.twist_command, geometry)
-        shown = np.abs(log.command).max(axis=1, keepdims=True) < limit
+        slip = np.where(np.abs(log.command).max(axis=1, keepdims=True) < limit, slip, np.nan)
     else:
-        law = None
-        with contextlib.suppress(TrackslipError):
-            law, name = load_laws(file or SHIPPED, geometry).get(_BY_DEFAULT), _BY_DEFAULT
+        law, name = None, _BY_DEFAULT
+        for source in (file or SHIPPED, SHIPPED):  # a folder of results may have no laws
+            with contextlib.suppress(TrackslipError):
+                law = law or load_laws(source, geometry).get(name)
         twist = driven if log.twist_command is None else log.twist_command
         if law is None or twist is None:
             return None, ""
-        slip, shown = law(curvature(twist)), np.ones((len(log.time), 1), bool)
-    return np.where(shown & (np.abs(slip) < _POLE) & (np.abs(log.omega) > _MIN_SPROCKET_SPEED), slip, np.nan), name
+        slip = law(curvature(twist))
+    return np.where((np.abs(slip) < _POLE) & (np.abs(log.omega) > _MIN_SPROCKET_SPEED), slip, np.nan), name
 
 
-def _held(pose: Array) -> Array:
+def _filled(pose: Array) -> Array:
     """Poses (T, 3) with NaN replaced by the last known pose, or at the start by the first."""
     known = np.isfinite(pose).all(axis=1)
     if not known.any():

@@ -11,10 +11,8 @@ from pathlib import Path
 from experiments.common.results import DRIVE_RECORDING, RECORDINGS_FOLDER
 from trackslip.errors import LogError, TrackslipError
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.law_file import load_laws
 
 _NAMED = 5  # runs listed in an error message
-_SHORT = 12  # characters shown of an id
 
 
 def drive_recording(path: Path) -> Path | None:
@@ -23,33 +21,24 @@ def drive_recording(path: Path) -> Path | None:
     return file if file.is_file() else None
 
 
-def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[RunLog]:
-    """The wanted runs, in that order, by default the first; raises LogError unless each name or id matches one run."""
-    chosen = [_find(logs, one, path) for one in wanted] or [logs[0]]
+def choose(logs: Sequence[RunLog], names: Sequence[str], path: Path) -> list[RunLog]:
+    """The runs of these names, in that order, by default the first; raises LogError unless each is one run."""
+    chosen = [_find(logs, name, path) for name in names] or [logs[0]]
     if len({log.run for log in chosen}) < len(chosen):
-        raise LogError(f"{path}: two of the runs {', '.join(map(repr, wanted))} are the same")
+        raise LogError(f"{path}: two of the runs {', '.join(map(repr, names))} are the same")
     return chosen
 
 
-def _find(logs: Sequence[RunLog], wanted: str, path: Path) -> RunLog:
-    """The run with that name or, in a sweep, with that id or the only id that begins with it."""
+def _find(logs: Sequence[RunLog], name: str, path: Path) -> RunLog:
+    """The run with that name or, in a sweep, the only one whose id begins with it."""
     ids = {log.run: str(log.metadata.get("id", "")) for log in logs}
-    found = [log for log in logs if log.run == wanted]
-    found = found or [log for log in logs if wanted and ids[log.run].startswith(wanted)]
-    if len(found) != 1:
-        known = [repr(log.run) + (f" (id {ids[log.run][:_SHORT]})" if ids[log.run] else "") for log in found or logs]
-        what = f"{len(found)} runs whose id begins with" if found else "no run"
-        more = ", ..." if len(known) > _NAMED else ""
-        raise LogError(f"{path}: {what} {wanted!r}; there are {', '.join(known[:_NAMED])}{more}")
-    return found[0]
-
-
-def has_laws(path: Path) -> bool:
-    """True if a folder has identified laws."""
-    try:
-        return path.is_dir() and bool(load_laws(path))
-    except TrackslipError:
-        return False
+    matches = [log for log in logs if log.run == name]
+    matches = matches or [log for log in logs if name and ids[log.run].startswith(name)]
+    if len(matches) == 1:
+        return matches[0]
+    what = f"{len(matches)} runs whose id begins with" if matches else "no run"
+    known = [f"{log.run!r} (id {ids[log.run]})" if ids[log.run] else repr(log.run) for log in matches or logs]
+    raise LogError(f"{path}: {what} {name!r}; there are {', '.join(known[:_NAMED])}")
 
 
 def show(file: Path, web: bool) -> None:

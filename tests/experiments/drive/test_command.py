@@ -19,7 +19,6 @@ from experiments.drive.teleop import Keyboard
 from experiments.drive.world import CourseWorld
 from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
-from sim.terrain import load_course
 from trackslip.errors import InvalidValueError
 
 SHORT = ("--course", "step10", "--preset", "fast", "--speed", "0.5", "--duration", "2")
@@ -47,20 +46,11 @@ def test_a_drive_is_stored_with_units_and_without_nan(stored):
     (log,) = library.load(str(stored))
     assert (log.run, log.time[-1]) == ("drive", pytest.approx(2.0))
     np.testing.assert_allclose(log.omega[:, 0], table["belt_chassis_left"].to_numpy() / 0.08, rtol=1e-12)
-
-
-def test_its_summary_tells_what_happened(stored):
     drive = json.loads((stored / "summary.json").read_text())["drive"]
     assert (drive["outcome"], drive["duration"]) == ("time", pytest.approx(2.0))
-    assert [track["name"] for track in drive["tracks"]][:2] == ["chassis_left", "chassis_right"]
     assert 0 < drive["max_penetration"] < 0.02
     assert drive["energy"] == pytest.approx(sum(track["work"] for track in drive["tracks"]))
-    table = pyarrow.parquet.read_table(stored / "runs.parquet")
-    x, y = table["x"].to_numpy(), table["y"].to_numpy()
-    assert drive["way"] == pytest.approx(np.hypot(np.diff(x), np.diff(y)).sum())
-    manifest = json.loads((stored / "manifest.json").read_text())
-    assert manifest["robot"]["name"] == "rescue"
-    assert manifest["course"]["friction"] > 0
+    assert drive["way"] == pytest.approx(np.hypot(*np.diff([table["x"], table["y"]])).sum())
 
 
 def test_its_recording_has_the_course_the_robot_and_its_contacts(stored):
@@ -79,24 +69,6 @@ def test_its_recording_has_the_course_the_robot_and_its_contacts(stored):
     assert component(file, "/run/slip/tracks", "scalars")[1].shape[1] == 6
 
 
-def test_terrain_in_the_recording_is_as_high_as_the_course(trackslip):
-    result = trackslip("drive", "--course", "rough", "--robot", "box", "--preset", "fast", "--duration", "0.1")
-    course, surfaces = load_course("rough"), 0
-    for chunk in RrdReader(result.folder / "recordings" / "drive.rrd").stream():
-        batch = chunk.to_record_batch()
-        if chunk.entity_path.startswith("/field/course/") and "Mesh3D:vertex_positions" in batch.schema.names:
-            point, normal = (
-                np.asarray(batch.column(f"Mesh3D:vertex_{name}").flatten().flatten(), float).reshape(-1, 3)
-                for name in ("positions", "normals")
-            )
-            if (normal[:, 2] > 0).all():  # a height field
-                surfaces += 1
-                low, high = point.min(axis=0), point.max(axis=0)
-                inner = point[((point > low + 0.01) & (point < high - 0.01))[:, :2].all(axis=1)]
-                np.testing.assert_allclose(course.height(*inner[:, :2].T), inner[:, 2], atol=1e-5)
-    assert surfaces
-
-
 def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
     course = tmp_path / "course.toml"
     course.write_text('friction = 0.9\n[[pieces]]\nkind = "ramp"\nangle = 0.2\nlength = 1.0\n')
@@ -107,8 +79,9 @@ def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
     assert result.summary["drive"]["outcome"] == "reached"
     assert "It crossed the course after" in result.printed
     assert "arm track" in result.printed
-    assert (result.folder / "report.html").read_text().count("<svg ") == 3
-    assert len(list((result.folder / "figures").glob("*.svg"))) == 3
+    page = (result.folder / "report.html").read_text()
+    assert "<h2>It crossed the course after" in page
+    assert page.count("<svg ") == len(list((result.folder / "figures").glob("*.svg"))) == 7
 
 
 @pytest.mark.slow

@@ -1,10 +1,12 @@
 """Drives over courses: pilots and recorded quantities."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from experiments.drive.config import Config as DriveConfig
-from experiments.drive.course import STOPPED, PathPilot, drive_course, ground_slope
+from experiments.drive.course import STOPPED, PathPilot, drive_course
 from experiments.drive.results import slip_by_slope
 from experiments.drive.world import CourseWorld
 from sim.robot.named import load_tracked
@@ -29,8 +31,8 @@ def driven(watch=lambda _: True, **options):
 def test_slope_of_a_ramp_is_that_along_the_robot(heading):
     angle = 0.3
     course = Course((Ramp(angle=angle, length=4.0), Flat(1.0)))
-    pose = np.array([[2.0, 0.1, heading]])
-    slope = ground_slope(course, Level(pose), load_tracked("box"))
+    state = Level(np.array([[2.0, 0.1, heading]]))
+    slope = replace(driven(duration=0.1), robot=load_tracked("box"), course=course, state=state).slope
     assert slope == pytest.approx(np.arctan(np.tan(angle) * np.cos(heading)), abs=1e-9)
 
 
@@ -99,4 +101,4 @@ def test_explosions_and_drivers_that_stop_end_a_run_by_name():
     assert stopped.outcome == STOPPED
     run = driven(watch=blow_up)
     assert run.outcome == "exploded"
-    assert np.isfinite([*run.qpos.ravel(), *run.qvel.ravel(), *run.load.ravel()]).all()
+    assert np.isfinite([*run.state.qpos.ravel(), *run.state.qvel.ravel(), *run.load.ravel()]).all()
