@@ -145,12 +145,12 @@ def _examples(examples: Sequence[tuple[str, str]]) -> str:
 
 def _refused_value(stop: SystemExit) -> InvalidValueError | None:
     """The options' own error if it is why tyro stops; its field is named as the option is, ground.across."""
-    cause = stop.__context__
-    if cause is None or not isinstance(cause.__context__, InvalidValueError):
-        return None
-    refused = cause.__context__
-    group = str(getattr(cause, "arg", "Config")).removeprefix("Config").strip(".")
-    return InvalidValueError(f"{group}.{refused.field}", refused.value, refused.allowed) if group else refused
+    group, error = "", stop.__context__
+    while error is not None and not isinstance(error, InvalidValueError):
+        group, error = getattr(error, "arg", ""), error.__context__  # of a group of options
+    if error is None or not group:
+        return error
+    return InvalidValueError(f"{group}.{error.field}", error.value, error.allowed)
 
 
 def _warn(shown: set[str], message: Warning | str, *_: object, **__: object) -> None:
