@@ -56,7 +56,7 @@ OPTIONS = [
     ("predict --slope 0.9", "less than the friction limit"),
     ("predict --friction 0.5", "friction = 0.5: must be left out without --slope and --pull"),
     # drives by people, over courses, and planned
-    ("wander --duration 0.03", "duration = 0.03: must be at least 0.04 s, two readings"),
+    ("wander --duration 0.03", "duration = 0.03: must be from 1 to 3600 s"),
     ("wander --max-speed 0.4", "max_speed = 0.4: must be at most drive.top_speed = 0.3 m/s"),
     ("wander --encoder-rate 30", "encoder_rate = 30.0: must be a rate whose period is a multiple of drive.period"),
     (
@@ -70,7 +70,7 @@ OPTIONS = [
     ("drive --video drive.avi", "video = 'drive.avi': must be a file that ends in .mp4"),
     ("drive --path gone.csv --speed -1", "speed = -1.0: must be a finite number > 0"),
     ("plan", "half_gauge = None: must be given (--half-gauge on the command line)"),
-    (f"{PLAN} --area 3x-3", "area = '3x-3': must be length x width in metres, such as 3x3 or 4.5x2"),
+    (f"{PLAN} --area 3x", "area = '3x': must be length x width in metres, such as 3x3 or 4.5x2"),
     (f"{PLAN} --area 0.6x3", "area = '0.6x3': must be more than 0.672 m long and wide, for the robot to turn"),
     ("plan --after nowhere", "nowhere: No such file or directory"),
     # numbers beyond what they may be, and of another type
