@@ -38,7 +38,7 @@ OPTIONS = [
     ("deploy --law online", "law = 'online': must be one of none, "),
     ("deploy --controller my-robot", "controller = 'my-robot': must be a name of letters, digits and _"),
     ("deploy --to c --controller other", "controller = 'other': must be left out without --to ros2_control"),
-    ("deploy --law icr --out .", "out = '.': is a folder, must be a file"),
+    ("deploy --law icr --out .", ".: exists already; --overwrite replaces it"),
     # grounds, robots, motors, what is towed, obstacles: options of groups are named with the group
     ("grid --ground mud", "ground = 'mud': must be one of stone, concrete"),
     (
