@@ -7,6 +7,10 @@ from typing import Annotated, ClassVar, Literal
 import tyro
 
 from experiments.common.options import Exclusion, Needs, Options, default_is
+from experiments.common.results import write_output
+from trackslip.deploy.deploy import deployed
+from trackslip.errors import OutputError
+from trackslip.slip.law_file import SHIPPED
 
 EXAMPLES = (
     ("parameters of diff_drive_controller", "trackslip deploy out/identify"),
@@ -40,20 +44,13 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Print the law, or write it."""
-    from experiments.common.results import write_output
-    from trackslip.deploy.deploy import deployed
-    from trackslip.errors import OutputError
-    from trackslip.slip.law_file import SHIPPED
-
-    if config.out is not None and config.out.is_dir():
-        raise OutputError(f"out = {str(config.out)!r}: is a folder, must be a file")
     if config.out is not None and config.out.exists() and not config.overwrite:
         raise OutputError(f"{config.out}: exists already; --overwrite replaces it")
-    found = deployed(config.path or SHIPPED, config.to, config.law, config.controller)
+    program = deployed(config.path or SHIPPED, config.to, config.law, config.controller)
     if config.out is None:
-        print(found.text, end="")
+        print(program.text, end="")
         return
-    write_output(config.out, lambda draft: draft.write_text(found.text, encoding="utf-8"))
-    print(f"{config.out}: written for {config.to}, law {found.law}")
-    if found.instead:
-        print(found.instead)
+    write_output(config.out, lambda draft: draft.write_text(program.text, encoding="utf-8"))
+    print(f"{config.out}: written for {config.to}, law {program.law}")
+    if program.instead:
+        print(program.instead)

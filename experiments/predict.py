@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 
 from experiments.common.choices import SHIPPED
 from experiments.common.colours import BLACK
-from experiments.common.options import Exclusion, Needs, Positive, ResultsOptions, default_is, refuse_changed
+from experiments.common.options import Distinct, Exclusion, Needs, Positive, ResultsOptions, Within, default_is
 from experiments.common.page import drawn
+from experiments.common.results import FIGURES_FOLDER
 from experiments.common.run import Run
-from experiments.common.style import RADII_SHADES, log_ticks, shade, styled, subplots
+from experiments.common.style import RADII_SHADES, log_ticks, shade, styled
 from experiments.common.table import Table
 from experiments.simulate.options import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR, RobotSource
 from sim.drive.pull import Pull
@@ -23,7 +24,6 @@ from trackslip.errors import InvalidValueError
 from trackslip.logs.file_format import FORMAT
 from trackslip.paper import OBSERVED_RADII
 from trackslip.skid_theory import Contact, Load, Turns, steady_turns, steady_twist
-from trackslip.slip.icr import ConstantIcr
 
 EXAMPLES = (
     ("the shipped robot", "trackslip predict"),
@@ -33,8 +33,6 @@ EXAMPLES = (
 _HEADER = ("radius driven [m]", "outer slip", "inner slip", "D [mm]", "ICRs, left | right [mm]")
 _GRAVITY = 9.81  # [m/s^2]
 _MODULI = (0.0, 0.002, 0.005, 0.01, 0.025)  # shear moduli that every figure shows [m]
-_POINTS = 30  # radii of a line in the figure
-_WIDEST = 3.5  # radius to which its lines go, at least [m]
 _ROBOTS = default_is("the robot's", "FLOAT")
 
 
@@ -51,7 +49,7 @@ class Config(ResultsOptions):
     """Half the distance between the tracks [m]."""
     contact_length: Annotated[float | None, Positive(100.0), _ROBOTS] = None
     """Length of a track on the ground [m]."""
-    friction_ratio: Annotated[float | None, Positive(100.0), _ROBOTS] = None
+    friction_ratio: Annotated[float | None, Within(MIN_FRICTION_RATIO, 100.0), _ROBOTS] = None
     """Friction across the track over friction along it; without a load, slip depends on no other friction [-]."""
     friction: Annotated[float | None, Positive(MAX_FRICTION), default_is("the robot's ground's", "FLOAT")] = None
     """Friction coefficient along the track; needs --slope or --pull [-]."""
@@ -71,28 +69,19 @@ class Config(ResultsOptions):
     """Radius of the sprockets, stored with the law; slip does not depend on it [m]."""
     radius_error: Annotated[float, RADIUS_ERROR] = 0.0
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    radii: Annotated[tuple[float, ...], Positive(MAX_RADIUS, "m")] = OBSERVED_RADII
+    radii: Annotated[tuple[float, ...], Distinct("radius"), Within(MIN_RADIUS, MAX_RADIUS, "m")] = OBSERVED_RADII
     """Radii driven that the table lists [m]."""
     out: Path = Path("out/predict")
     """Folder for the results."""
 
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (
-        Needs(("uphill",), "slope"),
-        Needs(("pull_height",), "pull"),
-    )
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("uphill",), "slope"), Needs(("pull_height",), "pull"))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         Ground(shear=self.shear or 0.0, slope=self.slope, uphill=self.uphill)
         Pull(self.pull, self.pull_height)
-        if self.slope == 0 and self.pull == 0:
-            refuse_changed("friction", self.friction, None, "without --slope and --pull")
-        if not self.radii:
-            raise InvalidValueError("radii", self.radii, "at least one number")
-        if min(self.radii) < MIN_RADIUS:
-            raise InvalidValueError("radii", min(self.radii), f"at least {MIN_RADIUS:g} m")
-        if self.friction_ratio is not None and self.friction_ratio < MIN_FRICTION_RATIO:
-            raise InvalidValueError("friction_ratio", self.friction_ratio, f"at least {MIN_FRICTION_RATIO:g}")
+        if self.friction is not None and self.slope == 0 and self.pull == 0:
+            raise InvalidValueError("friction", self.friction, "left out without --slope and --pull")
 
 
 def run(config: Config) -> None:
@@ -100,16 +89,15 @@ def run(config: Config) -> None:
     robot, ground, load = predicted_world(config)
     contact = robot.contact_theory(ground.along, ground.across)
     turns = steady_turns(config.radii, contact, ground.shear, load)
-    error = (1 + config.radius_error) * (1 - float(turns.loss.mean())) - 1
-    law = ConstantIcr(float(turns.offset.mean()), robot.half_gauge, error)
+    loss, nominal = float(turns.loss.mean()), 1 + config.radius_error  # of slips with respect to the nominal sprocket
+    law = {"offset": float(turns.offset.mean()), "radius_error": nominal * (1 - loss) - 1}
     ahead = steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)[0]
-    slip = 1 - (1 - turns.slip) * (1 + config.radius_error)  # with respect to the nominal sprocket radius
-    straight = float(1 - ahead * (1 + config.radius_error))
-    varies = ground.shear > 0 or load != Load()
+    slip, straight = 1 - nominal * (1 - turns.slip), float(1 - nominal * ahead)
+    varies = ground.shear > 0 or config.slope != 0 or config.pull != 0
     summary = {
         "format": FORMAT,
         "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": robot.sprocket_radius},
-        "slip_laws": {"icr_radius": {"values": {"offset": law.offset, "radius_error": law.radius_error}}},
+        "slip_laws": {"icr_radius": {"values": law}},
         "radius": list(config.radii),
         "slip": {"outer": slip[:, 1], "inner": slip[:, 0]},
         "offset": turns.offset,
@@ -122,19 +110,18 @@ def run(config: Config) -> None:
     with Run(config) as run:
         run.write(summary)
         if varies:
-            figures = run.folder / "figures"
-            figures.mkdir()
-            drawn("predict", draw_prediction(turns, contact, ground.shear, load)).write(figures)
+            (run.folder / FIGURES_FOLDER).mkdir()
+            drawn("predict", draw_prediction(turns, contact, ground.shear, load)).write(run.folder / FIGURES_FOLDER)
     rows = [
         (f"{r:g}", f"{outer:+.4f}", f"{inner:+.4f}", f"{1e3 * d:.2f}", f"{1e3 * left:+.1f} | {1e3 * right:+.1f}")
         for r, (inner, outer), d, (left, right) in zip(config.radii, slip, turns.offset, turns.icr, strict=True)
     ]
     if varies:
         rows.append(("straight", f"{straight:+.4f}", f"{straight:+.4f}", "", ""))
-        Table(f"Slip by quasi-static theory, K = {1e3 * ground.shear:g} mm", _HEADER, rows).print()
-    else:
-        Table("Slip by quasi-static Coulomb theory", _HEADER[:3], [row[:3] for row in rows]).print()
-    print(f"{'mean ' if varies else ''}D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
+    columns = len(_HEADER) if varies else 3
+    title = f"Slip by quasi-static theory, K = {1e3 * ground.shear:g} mm"
+    Table(title, _HEADER[:columns], [row[:columns] for row in rows]).print()
+    print(f"{'mean ' if varies else ''}D = {1e3 * law['offset']:.2f} mm; use it with --laws {config.out}")
 
 
 def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
@@ -147,17 +134,16 @@ def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
     along = ground.along if config.friction is None else config.friction
     ratio = ground.across / ground.along if config.friction_ratio is None else config.friction_ratio
     shear = ground.shear if config.shear is None else config.shear
-    load = Load()
-    if config.slope != 0 or config.pull != 0:
-        load = Load(config.slope, config.uphill, config.pull / (robot.mass * _GRAVITY), config.pull_height)
+    load = Load(config.slope, config.uphill, config.pull / (robot.mass * _GRAVITY), config.pull_height)
     return robot, Ground(along, ratio * along, shear=shear), load
 
 
 @styled
 def draw_prediction(turns: Turns, contact: Contact, shear: float, load: Load) -> Figure:
-    """Draw the turns on ground with modulus `shear` [m], and the same on other ground."""
-    figure, (offset, slip) = subplots(3.8, 1, 2)
-    radius = np.geomspace(min(turns.radius.min(), 2 * turns.half_gauge), max(_WIDEST, turns.radius.max()), _POINTS)
+    """The turns on ground with modulus `shear` [m], and the same on other ground."""
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    offset, slip = figure.subplots(1, 2)
+    radius = np.geomspace(min(turns.radius.min(), 2 * turns.half_gauge), max(turns.radius.max(), 3.5), 30)
     moduli = sorted({*_MODULI, shear})
     for k, modulus in enumerate(moduli):
         try:
@@ -169,12 +155,11 @@ def draw_prediction(turns: Turns, contact: Contact, shear: float, load: Load) ->
         slip.plot(radius, line.slip[:, 1], **look)
         slip.plot(radius, line.slip[:, 0], ls="--", **look)
     offset.plot(turns.radius, 1e3 * turns.offset, "o", color=BLACK, ms=4)
-    for side in (1, 0):
-        slip.plot(turns.radius, turns.slip[:, side], "o", color=BLACK, ms=4)
-    offset.set(title="Offset of the tracks' ICRs", xlabel="radius driven [m]", ylabel="D [mm]", xscale="log")
-    slip.set(title="Slip: outer track, inner dashed", xlabel="radius driven [m]", ylabel="slip [–]", xscale="log")
-    slip.set_ylim(-0.4, 0.4)
+    slip.plot(turns.radius, turns.slip[:, [1, 0]], "o", color=BLACK, ms=4)
+    offset.set(title="Offset of the tracks' ICRs", ylabel="D [mm]")
+    slip.set(title="Slip: outer track, inner dashed", ylabel="slip [–]", ylim=(-0.4, 0.4))
     for axes in (offset, slip):
+        axes.set(xlabel="radius driven [m]", xscale="log")
         log_ticks(axes.xaxis)
     offset.legend(loc="best")
     return figure

@@ -7,9 +7,8 @@ from typing import Annotated, ClassVar, Literal
 
 import tyro
 
-from experiments.common.log_options import Bag, BagOptions
+from experiments.common.log_options import MAX_CLOCK_OFFSET, Bag, BagOptions, check_sensor
 from experiments.common.options import Exclusion, Needs, ResultsOptions, Whole, Within, default_is
-from experiments.common.sensing import MAX_CLOCK_OFFSET, check_sensor
 from experiments.simulate.options import MAX_THREADS, DriveOptions, GroundOptions, RobotSource
 from trackslip.kinematics import GEARS
 

@@ -9,16 +9,23 @@ import numpy as np
 import tyro
 
 from experiments.common.choices import COMPENSATIONS, CONTROLLERS, REFERENCES, WITHOUT_LAWS
+from experiments.common.lookup import compensation, reference
 from experiments.common.options import Excludes, Exclusion, Needs, Within, default_is
-from experiments.simulate.options import (
-    MAX_COORDINATE,
-    MAX_DURATION,
-    MAX_PREVIEW,
-    MAX_RADIUS,
-    Simulation,
-    require_speed,
-)
+from experiments.common.plain_json import plain
+from experiments.common.results import RUNS_FILE, bags_text, write_bags
+from experiments.common.run import Run
+from experiments.recorder import record_all
+from experiments.simulate import options
+from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
+from experiments.simulate.grid_runs import before_scanner
+from experiments.simulate.grid_summary import LocalizationErrors, simulated_seconds
+from experiments.simulate.tracking import tracking_results
+from experiments.simulate.tracking_table import tracking_table
+from experiments.simulate.world import World
 from sim.drive.drive import Drive
+from trackslip.ros.messages import require_rosbags
+from trackslip.trajectory.base import Reference
+from trackslip.trajectory.segmented import circle
 
 EXAMPLES = (
     ("the paper's path and controller", "trackslip track"),
@@ -29,28 +36,28 @@ EXAMPLES = (
 
 
 @dataclass(frozen=True)
-class Config(Simulation):
+class Config(options.Simulation):
     """Follow a path once in closed loop, localizing with the scanner, and print the errors."""
 
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
     """Controller, such as linear:stiffness=160, the paper's Eq. 31; ppo:FOLDER of train, MODULE:CLASS of your own."""
     compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
     """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
-    preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0
+    preview: Annotated[float, Within(0, options.MAX_PREVIEW, "s")] = 0.0
     """Time by which the controller looks ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
     localization: Literal["plate", "line", "truth"] = "plate"
     """Source of the controller's poses: scans by the plate or the line method, or the true pose."""
     reference: Annotated[str, tyro.conf.arg(metavar=REFERENCES)] = "paper"
     """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has waypoints x, y [m]."""
-    circle_radius: Annotated[float, Within(0.1, MAX_RADIUS, "m")] = 1.25
+    circle_radius: Annotated[float, Within(0.1, options.MAX_RADIUS, "m")] = 1.25
     """Radius of the circle, to the left; needs --reference circle [m]."""
     circle_speed: float = 0.15
     """Speed on the circle; needs --reference circle [m/s]."""
-    circle_duration: Annotated[float, Within(1.0, MAX_DURATION, "s")] = 45.0
+    circle_duration: Annotated[float, Within(1.0, options.MAX_DURATION, "s")] = 45.0
     """Time on the circle; needs --reference circle [s]."""
     start: Annotated[
         tuple[float, float, float] | None,
-        Within(-MAX_COORDINATE, MAX_COORDINATE),
+        Within(-options.MAX_COORDINATE, options.MAX_COORDINATE),
         default_is("0.3 -0.2 1.0472, as in the paper, for linear on the paper's path; else the reference's", "X Y PHI"),
     ] = None
     """Start pose [m, m, rad]."""
@@ -69,45 +76,29 @@ class Config(Simulation):
     def check(self, drive: Drive) -> None:
         """See Equipment."""
         super().check(drive)
-        require_speed("circle_speed", self.circle_speed, drive.top_speed)
+        options.require_speed("circle_speed", self.circle_speed, drive.top_speed)
 
 
 def run(config: Config) -> None:
     """Drive once, store the run and print its errors."""
-    from experiments.common.lookup import compensation, reference
-    from experiments.common.plain_json import plain
-    from experiments.common.results import RUNS_FILE, bags_text, write_bags
-    from experiments.common.run import Run
-    from experiments.recorder import record_all
-    from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
-    from experiments.simulate.grid_runs import before_scanner
-    from experiments.simulate.grid_summary import LocalizationErrors, simulated_seconds
-    from experiments.simulate.tracking import tracking_results
-    from experiments.simulate.tracking_table import tracking_table
-    from experiments.simulate.world import World
-    from trackslip.ros.messages import require_rosbags
-    from trackslip.trajectory.base import Reference
-    from trackslip.trajectory.segmented import circle
-
     if config.bag:
         require_rosbags()
     world = World.of(config)
-    name = f"{config.controller} {config.compensation}"
+    names = (config.controller, config.compensation)
+    name = " ".join(names)
     metadata: dict[str, Any] = {"reference": config.reference}
     if config.reference == "circle":
         shape = {"radius": config.circle_radius, "speed": config.circle_speed, "duration": config.circle_duration}
-        metadata["circle"] = plain(shape | {"start": before_scanner(world.robot)})
+        metadata["circle"] = plain({**shape, "start": before_scanner(world.robot)})
         path: Reference = circle(**shape, start=before_scanner(world.robot))
     else:
         path = reference(config.reference)
     start = start_pose(config.controller, config.reference, path) if config.start is None else np.array(config.start)
+    case = ClosedLoopRun(name, f"track {name}", config.seed, *names, start, metadata=metadata)
+    law = partial(compensation, robot=world.robot.geometry, laws=config.laws)
     with Run(config) as run:
-        one = ClosedLoopRun(
-            name, f"track {name}", config.seed, config.controller, config.compensation, start, metadata=metadata
-        )
-        law = partial(compensation, robot=world.robot.geometry, laws=config.laws)
         with run.progress(name, path.duration) as report:
-            logs = drive_closed_loops([one], world, path, config.localization, law, config.preview, report, config.bag)
+            logs = drive_closed_loops([case], world, path, config.localization, law, config.preview, report, config.bag)
         results, poses = tracking_results(logs, path), LocalizationErrors.of(logs)
         summary: dict[str, Any] = {"tracking": [result.to_json() for result in results], "localization": poses}
         if config.bag:

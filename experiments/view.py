@@ -11,7 +11,11 @@ from typing import Annotated, ClassVar
 import tyro
 
 from experiments.common.options import Excludes, Exclusion, Options, default_is
+from experiments.common.results import file_names, write_output
+from experiments.recorder import record, title, viewer
 from trackslip.errors import InvalidValueError
+from trackslip.ros.choice import AUTOMATIC, BagChoice
+from trackslip.ros.drive_log import holds_bags, read_runs_of
 
 EXAMPLES = (
     ("the first run", "trackslip view out/track"),
@@ -49,19 +53,15 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Read, choose, show."""
-    from experiments.common.results import file_names, write_output
-    from experiments.recorder import record, title, viewer
-    from trackslip.ros.choice import AUTOMATIC, BagChoice
-    from trackslip.ros.drive_log import holds_bags, read_runs_of
-
-    if (kept := viewer.drive_recording(config.path)) is not None:
+    recording = viewer.drive_recording(config.path)
+    if recording is not None:
         if config.run:
             raise InvalidValueError("run", config.run, f"left out: {config.path} has one run, with its recording")
         if config.save is None:
-            viewer.show(kept, config.web)
+            viewer.show(recording, config.web)
         else:
-            write_output(config.save, partial(copyfile, kept))
-            print(f"{config.save}: {kept}; to open it: rerun {shlex.quote(str(config.save))}")
+            write_output(config.save, partial(copyfile, recording))
+            print(f"{config.save}: {recording}; to open it: rerun {shlex.quote(str(config.save))}")
         return
     read = read_runs_of(config.path, BagChoice(dead_reckoned=True) if holds_bags(config.path) else AUTOMATIC)
     for line in read.warnings:

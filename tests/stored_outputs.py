@@ -34,15 +34,14 @@ COMMANDS = {
     "identify_drive": "identify wander --out OUT",
     "identify_bags": "identify wander/bags --half-gauge 0.168 --sprocket-radius 0.06 --out OUT",
     "evaluate": "evaluate wander --law identify_drive --law none --out OUT",
-    "export": "export wander --csv --out OUT/log.csv",
-    "bag": "bag wander/bags/random_1 --export OUT/log.csv",
+    "export": "log wander --out OUT/log.csv",
+    "bag": "log wander/bags/random_1 --out OUT/log.csv",
     "deploy_c": "deploy identify --to c --out OUT/slip.h",
     "deploy_python": "deploy identify --to python --out OUT/slip.py",
     "deploy_ros": "deploy identify --to ros2_control --out OUT/drive.yaml",
     "predict": "predict --shear 0.01 --slope 0.17",
     "calibrate": "calibrate --out OUT",
     "plan": "plan --half-gauge 0.168 --sprocket-radius 0.06 --max-speed 0.3 --duration 60 --out OUT",
-    "plan_drive": "plan --half-gauge 0.168 --sprocket-radius 0.06 --drive --repeats 4 --out OUT",
     "drive": "drive --duration 20 --pictures 2 --out OUT",
     "view": "view track --save OUT/run.rrd",
     "sensitivity": "sensitivity --radii 0.5 1.5 --speeds 0.1 0.2 --duration 8 --out OUT",
@@ -82,7 +81,7 @@ def store(folder: Path, names: list[str]) -> None:
     if not names:
         helps = folder / "help"
         helps.mkdir(exist_ok=True)
-        for name in sorted({line.split()[0] for line in COMMANDS.values()} | {"localize", "train", "bench"}):
+        for name in sorted({line.split()[0] for line in COMMANDS.values()} | {"train", "bench"}):
             (helps / f"{name}.txt").write_text(run(name, "--help"), encoding="utf-8")
         (helps / "trackslip.txt").write_text(run("--help"), encoding="utf-8")
 

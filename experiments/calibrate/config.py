@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal, get_args
 
 from experiments.common.choices import SHIPPED
-from experiments.common.log_options import Bag, BagOptions
+from experiments.common.log_options import MAX_CLOCK_OFFSET, Bag, BagOptions, check_sensor
 from experiments.common.options import Distinct, Excludes, Exclusion, Whole, Within, default_is
-from experiments.common.sensing import MAX_CLOCK_OFFSET, check_sensor
 from experiments.simulate.options import GroundOptions, Repeatable, RobotSource
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import GEARS

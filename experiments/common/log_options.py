@@ -1,16 +1,19 @@
-"""The options that say what to take from a bag, shared by every command that reads one."""
+"""The options of commands that read logs: what to take from a bag, and where the sensor of the poses sits."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import tyro
 
-from experiments.common.options import default_is
+from experiments.common.options import Within, default_is
 from trackslip.errors import InvalidValueError
 from trackslip.localization.scan import Plate
 from trackslip.ros.choice import BagChoice
 
-Reversed = Literal["left", "right", "both", "none"]
+MAX_CLOCK_OFFSET = 0.5
+"""Largest difference of the encoders' and the poses' clocks [s]."""
+_MAX_LEVER = 100.0  # [m]
 _CLEAR = "where the bag leaves no doubt"
 
 
@@ -36,10 +39,6 @@ class BagOptions:
     """Find a plate of this size on the robot, such as 0.5x0.02, in the scans of a stationary scanner [m]."""
     scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
     """Topic of sensor_msgs/LaserScan of the stationary scanner; needs --plate."""
-    mount: Annotated[tuple[float, float, float] | None, default_is("by transforms, else 0 0 0", "X Y YAW")] = None
-    """Pose of the scanner in the frame of the poses; with --plate and --poses, it is found by these [m, m, rad]."""
-    noise: Annotated[float | None, default_is("found", "FLOAT")] = None
-    """Standard deviation of the scanner's ranges [m]."""
     max_expanded: Annotated[float | None, default_is("268, and 100 times the file", "MB")] = None
     """Largest size of a bag's file once decompressed [MB]."""
 
@@ -47,41 +46,40 @@ class BagOptions:
         self.choice()
 
     def choice(self) -> BagChoice:
-        """The choice as the readers of bags take it."""
-        return BagChoice(
-            self.encoders,
-            _names("left", self.left),
-            _names("right", self.right),
-            self.reversed,
-            self.poses,
-            self.imu,
-            self.scan,
-            None if self.plate is None else plate_of(self.plate),
-            self.mount,
-            self.noise,
-            max_expanded=self.max_expanded,
-        )
+        """The choice as the readers of bags take it; raises InvalidValueError."""
+        if self.plate is not None and self.poses is not None:
+            raise InvalidValueError("poses", self.poses, "left out with --plate, which gives the poses")
+        parsed = {
+            "left": _names("left", self.left),
+            "right": _names("right", self.right),
+            "plate": None if self.plate is None else _plate(self.plate),
+        }
+        return BagChoice(**{**vars(self), **parsed})
 
 
 Bag = Annotated[BagOptions, tyro.conf.arg(name="")]
 """BagOptions without a prefix on the command line."""
 
 
-def _names(option: str, given: str | None) -> tuple[str, ...] | None:
-    """The names in a list separated by commas."""
-    if given is None:
-        return None
-    names = tuple(name.strip() for name in given.split(","))
-    if not all(names):
-        raise InvalidValueError(option, given, "names of joints, separated by commas")
+def _names(option: str, text: str | None) -> tuple[str, ...] | None:
+    names = None if text is None else tuple(name.strip() for name in text.split(","))
+    if names is not None and not all(names):
+        raise InvalidValueError(option, text, "names of joints, separated by commas")
     return names
 
 
-def plate_of(given: str) -> Plate:
-    """The plate of a size such as 0.5x0.02; raises InvalidValueError for anything else."""
+def _plate(size: str) -> Plate:
     try:
-        length, thickness = map(float, given.lower().split("x"))
+        length, thickness = map(float, size.lower().split("x"))
         return Plate(length, thickness)
     except ValueError:
         allowed = "LENGTHxTHICKNESS in m, as in 0.5x0.02, longer than thick"
-        raise InvalidValueError("plate", given, allowed) from None
+        raise InvalidValueError("plate", size, allowed) from None
+
+
+def check_sensor(sensor: tuple[float, float, float] | None, middle: str = "middle of the tracks") -> None:
+    """Raise InvalidValueError unless a sensor (ahead [m], left [m], yaw [rad]) is near the robot; None is valid."""
+    if sensor is not None:
+        for value, where in zip(sensor, ("ahead", "left"), strict=False):
+            Within(-_MAX_LEVER, _MAX_LEVER, f"m, {where} of the {middle}").check("sensor", value)
+        Within(-math.pi, math.pi, "rad, counter-clockwise").check("sensor", sensor[2])

@@ -6,9 +6,8 @@ from typing import Annotated
 
 import tyro
 
-from experiments.common.log_options import Bag, BagOptions
+from experiments.common.log_options import Bag, BagOptions, check_sensor
 from experiments.common.options import Distinct, Positive, ResultsOptions, Within, default_is
-from experiments.common.sensing import check_sensor
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import GEARS
 

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 import tyro
 
-from experiments.common.log_options import Bag, BagOptions
+from experiments.common.log_options import Bag, BagOptions, check_sensor
 from experiments.common.options import (
     Distinct,
     Excludes,
@@ -17,7 +17,6 @@ from experiments.common.options import (
     Within,
     default_is,
 )
-from experiments.common.sensing import check_sensor
 from experiments.simulate.options import Method
 from trackslip.doubts import Accepted
 from trackslip.errors import InvalidValueError

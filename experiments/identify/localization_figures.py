@@ -1,26 +1,18 @@
-"""Figures of localization: errors against the angle at which the scanner sees the plate, and the field seen by it."""
+"""The figure of localization: errors against the angle at which the scanner sees the plate."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.common.colours import BLACK, BLUE, GREEN, GREY, ORANGE
-from experiments.common.style import legend_below, log_ticks, mark_span, plane, styled, subplots, thin
+from experiments.common.colours import BLUE, GREEN, ORANGE
+from experiments.common.style import legend_below, log_ticks, mark_span, styled, subplots
 from experiments.identify.sightings import Sightings
 from trackslip.localization.bound import MIN_ANGLE
 from trackslip.metrics import rms
 
-if TYPE_CHECKING:
-    from trackslip.ros.scanned import ScannedDrive
-
 _EDGES = np.radians([0, 1, 2, 3, 5, 8, 12, 18, 26, 34, 42, 50, 58, 66, 74, 82, 90])
 _MIN_POSES = 10  # poses per bin, at least
-_POINTS = 3000  # poses drawn of a drive
-_ROOM = 0.6  # around the paths, within which the background is drawn [m]
 
 
 @styled
@@ -45,24 +37,4 @@ def error_against_viewing_angle(seen: Sightings) -> Figure:
         log_ticks(axis.yaxis)
         mark_span(axis, 0, least)
     legend_below(figure, [handle for axis in (position, heading) for handle in axis.get_legend_handles_labels()[0]])
-    return figure
-
-
-@styled
-def field(drives: Sequence[ScannedDrive]) -> Figure:
-    """The plate's path in all drives, in the frame of their poses, and the background that the scanner saw."""
-    figure, axes = subplots(6.0)
-    mounts = np.array([drive.stand.mount for drive in drives])
-    shown = [mounts[:, :2]]
-    for drive, (x, y, phi) in zip(drives, mounts, strict=True):
-        direction, level = phi + drive.seen.series.bearings, drive.seen.background.level
-        axes.plot(x + level * np.cos(direction), y + level * np.sin(direction), ".", color=GREY, ms=2, mew=0)
-        shown.append(drive.log.pose[drive.log.is_valid, :2])
-        axes.plot(*shown[-1][thin(len(shown[-1]), _POINTS)].T, ".", color=BLUE, ms=3, mew=0)
-    axes.plot(*mounts[:, :2].T, "^", color=BLACK, ms=7)
-    axes.quiver(*mounts[:, :2].T, np.cos(mounts[:, 2]), np.sin(mounts[:, 2]), color=BLACK, width=0.004, scale=12)
-    every = np.concatenate(shown)
-    low, high = every.min(axis=0) - _ROOM, every.max(axis=0) + _ROOM
-    plane(axes, xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axes.set_title("Path of the plate (blue), background (grey), scanner (triangle)")
     return figure

@@ -1,47 +1,81 @@
-"""`trackslip plan`: the shortest experiment to identify a slip law from, and trials of it."""
+"""`trackslip plan`: the shortest experiment to identify a slip law from."""
 
 import shlex
-from functools import partial
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
 
 from experiments.common.results import BAGS_FOLDER, REPORT_FILE
 from experiments.common.run import Run
-from experiments.plan.config import BAG_FILE, PLAN_FILE, Config
+from experiments.plan.config import Config
 from experiments.plan.page import page, print_plan
-from experiments.plan.planned import plan_to_json, planned, write_plan
-from experiments.studies.plan_trials import try_plan
-from experiments.studies.trials import forget_trials
-from trackslip.planning.plan import expected_of_paper
+from sim.wander.pose_source import SOURCES
+from trackslip.planning.information import Expectation, PoseQuality
+from trackslip.planning.limits import first_knowledge
+from trackslip.planning.plan import DrivePlan, evaluations, expected_of_paper, plan_drive
+from trackslip.planning.prior import read_identification
 from trackslip.ros.messages import has_rosbags
 from trackslip.ros.writer import write_commands
 
+PLAN_FILE, BAG_FILE = "plan.csv", "cmd_vel.mcap"
+
 
 def run(config: Config) -> None:
-    """Plan, try, store and print."""
-    bag = config.bag and has_rosbags()
-    with Run(config, partial(forget_trials, config.out)) as run:
-        plan = planned(config, run)
+    """Plan, store and print."""
+    bag, bag_file = config.bag and has_rosbags(), config.out / BAGS_FOLDER / BAG_FILE
+    with Run(config) as run:
+        plan = _plan(config, run)
         paper = expected_of_paper(plan)
-        summary, logs = plan_to_json(plan, paper), []
-        if config.drive:
-            study, log = try_plan(config, plan, paper, run)
-            trials = study.to_json()
-            summary |= {"trials": trials, "checks": trials["checks"]}
-            logs = [log]
-        write_plan(run.folder / PLAN_FILE, plan)
+        robot, play = plan.knowledge.geometry, f"ros2 bag play {shlex.quote(str(bag_file))}"
+        sizes = f"--half-gauge {robot.half_gauge:g} --sprocket-radius {robot.sprocket_radius:g}"
+        identify = f"trackslip identify LOG {sizes}"
+        rows = np.column_stack([plan.time, plan.omega, plan.twist])
+        np.savetxt(run.folder / PLAN_FILE, rows, "%.6g", ",", header="t,omega_l,omega_r,v,w", comments="")
         manifest = run.manifest(seed=config.seed)
-        page(plan, paper, manifest, study.shown if config.drive else ()).write(run.folder, config.pdf)
+        page(plan, paper, manifest, [play, identify] if bag else [identify]).write(run.folder, config.pdf)
         if bag:
             write_commands(run.folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist, config.topic)
-        run.write(summary, logs, manifest=manifest)
+        run.write(_to_json(plan, paper), manifest=manifest)
     print_plan(plan, paper)
-    if config.drive:
-        study.print()
     print(f"{config.out / PLAN_FILE}, {REPORT_FILE}: {run.wall:.1f} s")
     if bag:
-        place = config.out / BAGS_FOLDER / BAG_FILE
-        print(f"{place}: commands on {config.topic}; send them with ros2 bag play {shlex.quote(str(place))}")
+        print(f"{bag_file}: commands on {config.topic}; send them with {play}")
     elif config.bag:
         print("no ROS 2 bag of the commands, as the package rosbags is missing: pip install 'trackslip[ros]'")
-    robot = plan.knowledge.geometry
-    sizes = f"--half-gauge {shlex.quote(f'{robot.half_gauge:g}')} --sprocket-radius {robot.sprocket_radius:g}"
-    print(f"next: drive it, then trackslip identify LOG {sizes}")
+    print(f"next: drive it, then {identify}")
+
+
+def _plan(config: Config, run: Run) -> DrivePlan:
+    """The plan that the options ask for; raises LogError for results that can't be read, InvalidValueError."""
+    if config.after is None:
+        geometry = config.geometry()
+        knowledge, values, known = first_knowledge(geometry), None, None
+    else:
+        before = read_identification(config.after, config.law)
+        geometry, knowledge, values, known = before.geometry, before.knowledge, before.values, before.known
+    stated: dict[str, Any] = {"offset": config.offset, "reach_doubt": config.doubt}
+    knowledge = replace(knowledge, **{name: value for name, value in stated.items() if value is not None})
+    source, limits = SOURCES[config.poses], config.limits()
+    poses = PoseQuality(source.rate, source.position_noise, source.heading_noise if source.heading else None)
+    with run.progress("drives", evaluations(limits), "drives") as step:
+        return plan_drive(geometry, limits, poses, config.law, knowledge, values, known, config.seed, step)
+
+
+def _to_json(plan: DrivePlan, paper: Expectation | None) -> dict[str, Any]:
+    knowledge = asdict(plan.knowledge)
+    return {
+        "law": plan.law,
+        "values": dict(zip(plan.sizes, plan.values.tolist(), strict=True)),
+        "geometry": knowledge.pop("geometry"),
+        "limits": plan.limits,
+        "knowledge": knowledge,
+        "poses": plan.poses,
+        "relative_to": plan.sizes,
+        "stderr": plan.expectation.stderr,
+        "held": plan.expectation.held,
+        "paper_stderr": None if paper is None else paper.stderr,
+        "start": plan.start,
+        "places": {"low": plan.places.low, "high": plan.places.high},
+        "strokes": {"way": plan.maneuvers.way, "duration": plan.maneuvers.duration},
+    }

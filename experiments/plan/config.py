@@ -1,15 +1,14 @@
 """The options of `trackslip plan`."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
-from experiments.common.options import Exclusion, Needs, Positive, Whole, Within, default_is
-from experiments.simulate.options import Repeatable
+from experiments.common.options import Excludes, Exclusion, Positive, ResultsOptions, Whole, Within, default_is
 from trackslip.errors import InvalidValueError
+from trackslip.kinematics import RobotGeometry
 from trackslip.planning.limits import DriveLimits
 from trackslip.ros.choice import require_topic
 
@@ -17,18 +16,12 @@ EXAMPLES = (
     ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
     ("outdoors, with GNSS", "trackslip plan --half-gauge 0.3 --sprocket-radius 0.1 --area 12x8 --poses gnss"),
     ("where the law is least known", "trackslip plan --after out/identify --duration 30"),
-    ("simulated a hundred times", "trackslip plan --after out/identify --drive --repeats 100"),
 )
-
-
-PLAN_FILE = "plan.csv"
-BAG_FILE = "cmd_vel.mcap"
-_AREA = re.compile(r"(\d+(?:\.\d*)?|\.\d+)x(\d+(?:\.\d*)?|\.\d+)")
 _OF_AFTER = default_is("from --after", "FLOAT")
 
 
 @dataclass(frozen=True)
-class Config(Repeatable):
+class Config(ResultsOptions):
     """Plan the shortest experiment: a drive within limits that determines a slip law as well as possible."""
 
     half_gauge: Annotated[float | None, Positive(10.0, "m"), _OF_AFTER] = None
@@ -55,12 +48,8 @@ class Config(Repeatable):
     """Relative error of half gauge + D at which the robot still stays within the area [-]."""
     after: Annotated[Path | None, default_is("none", "FOLDER")] = None
     """Results of identify to go on from: the drive targets what they left uncertain."""
-    drive: bool = False
-    """Also drive it, and the paper's 25 runs, identify the law from each, and compare the errors."""
-    repeats: Annotated[int, Whole(1, 10_000)] = 1
-    """Number of trials, each with its own noise; with --motion mujoco, all measure the same drives. Needs --drive."""
-    motion: Literal["law", "mujoco"] = "law"
-    """Model that moves the robot with --drive: a law with random slip, or the simulated ground."""
+    seed: Annotated[int, Whole()] = 0
+    """Seed of the search."""
     bag: bool = True
     """Also write the commands as a ROS 2 bag to OUT/bags, if the package rosbags is installed."""
     topic: str = "/cmd_vel"
@@ -70,20 +59,27 @@ class Config(Repeatable):
     out: Path = Path("out/plan")
     """Folder for the results."""
 
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("repeats", "motion"), "drive"),)
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Excludes(("half_gauge", "sprocket_radius"), "after"),)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("half_gauge", "sprocket_radius"):
-            if self.after is None and getattr(self, name) is None:
-                raise InvalidValueError(name, None, f"given (--{name.replace('_', '-')} on the command line)")
+        if self.after is None:
+            self.geometry()
         require_topic(self.topic)
         self.limits()
 
+    def geometry(self) -> RobotGeometry:
+        """The robot's geometry, which must be given without --after."""
+        sizes: dict[str, Any] = {"half_gauge": self.half_gauge, "sprocket_radius": self.sprocket_radius}
+        for name, value in sizes.items():
+            if value is None:
+                raise InvalidValueError(name, None, f"given (--{name.replace('_', '-')} on the command line)")
+        return RobotGeometry(**sizes)
+
     def limits(self) -> DriveLimits:
         """Limits of the drive."""
-        sides = _AREA.fullmatch(self.area.strip().lower())
-        if sides is None:
-            raise InvalidValueError("area", self.area, "length x width in metres, such as 3x3 or 4.5x2")
-        area = (float(sides[1]), float(sides[2]))
-        return DriveLimits(self.max_speed, self.acceleration, area, self.duration, self.clearance)
+        try:
+            length, width = map(float, self.area.lower().split("x"))
+        except ValueError:
+            raise InvalidValueError("area", self.area, "length x width in metres, such as 3x3 or 4.5x2") from None
+        return DriveLimits(self.max_speed, self.acceleration, (length, width), self.duration, self.clearance)

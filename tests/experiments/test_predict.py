@@ -2,18 +2,16 @@ import pytest
 
 from experiments.predict import Config, predicted_world
 from sim.ground.ground import Ground
-from trackslip.skid_theory import Load
 from trackslip.slip.law_file import load_laws
 
 
 def test_the_default_is_the_simulated_robot(robot, trackslip):
-    """Same geometry and friction as the model, and the offset identified from simulated scans."""
     parameters, ground, load = predicted_world(Config())
     assert parameters.half_gauge == robot.geometry.half_gauge
     assert parameters.contact_length == 2 * robot.contact_half_length
     assert parameters.sprocket_radius == robot.geometry.sprocket_radius
     assert (ground.along, ground.across) == pytest.approx((Ground().along, Ground().across))
-    assert load == Load()
+    assert load.slope == load.pull == 0
     predicted = load_laws(trackslip("predict").folder, robot.geometry)["icr_radius"]
     assert load_laws()["icr_radius"].offset == pytest.approx(predicted.offset, rel=0.02)
     assert predicted.offset == pytest.approx(0.0445, abs=0.0005)
@@ -27,5 +25,4 @@ def test_on_ground_that_shears_slip_depends_on_radius_and_load(trackslip):
     level = trackslip("predict", "--shear", "0.01", "--radii", "0.606", "2.938").summary
     assert level["straight_slip"] == 0
     assert level["offset"] == pytest.approx([0.0371, 0.0296], abs=6e-5)
-    assert level["icr"]["left"] == pytest.approx([0.168 + 0.0326, 0.168 + 0.0272], abs=3e-3)
     assert "<svg" in (result.folder / "figures" / "predict.svg").read_text()

@@ -34,7 +34,7 @@ OPTIONS = [
     ("deploy --law online", "law = 'online': must be one of none, "),
     ("deploy --controller my-robot", "controller = 'my-robot': must be a name of letters, digits and _"),
     ("deploy --to c --controller other", "controller = 'other': must be left out without --to ros2_control"),
-    ("deploy --law icr --out .", "out = '.': is a folder, must be a file"),
+    ("deploy --law icr --out .", ".: exists already; --overwrite replaces it"),
     # grounds, robots, motors, what is towed, obstacles: options of groups are named with the group
     ("grid --ground mud", "ground = 'mud': must be one of stone, concrete"),
     (
@@ -49,7 +49,7 @@ OPTIONS = [
     ("predict --slope 0.9", "less than the friction limit"),
     ("predict --friction 0.5", "friction = 0.5: must be left out without --slope and --pull"),
     # drives by people, over courses, and planned
-    ("wander --duration 0.03", "duration = 0.03: must be at least 0.04 s, two readings"),
+    ("wander --duration 0.03", "duration = 0.03: must be from 1 to 3600 s"),
     ("wander --max-speed 0.4", "max_speed = 0.4: must be at most drive.top_speed = 0.3 m/s"),
     ("wander --encoder-rate 30", "encoder_rate = 30.0: must be a rate whose period is a multiple of drive.period"),
     (
@@ -63,7 +63,7 @@ OPTIONS = [
     ("drive --video drive.avi", "video = 'drive.avi': must be a file that ends in .mp4"),
     ("drive --path gone.csv --speed -1", "speed = -1.0: must be a finite number > 0"),
     ("plan", "half_gauge = None: must be given (--half-gauge on the command line)"),
-    (f"{PLAN} --area 3x-3", "area = '3x-3': must be length x width in metres, such as 3x3 or 4.5x2"),
+    (f"{PLAN} --area 3x", "area = '3x': must be length x width in metres, such as 3x3 or 4.5x2"),
     (f"{PLAN} --area 0.6x3", "area = '0.6x3': must be more than 0.672 m long and wide, for the robot to turn"),
     ("plan --after nowhere", "nowhere: No such file or directory"),
     # numbers beyond what they may be
@@ -75,6 +75,7 @@ OPTIONS = [
     (f"{PLAN} --offset 1e308", "offset = 1e+308: must be greater than -half_gauge = -0.168 m, at most 100 m"),
     (f"{PLAN} --topic 'cmd vel'", "topic = 'cmd vel': must be names of letters, digits and _, joined by /"),
     (f"{PLAN} --max-speed 1e-308", "max_speed = 1e-308: must be from 0.001 to 10 m/s"),
+    ("log run.parquet --overwrite", "overwrite = True: must be left out without --out"),
     # sweeps
     ("grid --vary noise", "vary = 'noise': must be NAME=VALUE,VALUE,..."),
     ("grid --seed -1", "seed = -1: must be an integer from 0 to"),

@@ -17,7 +17,7 @@ import numpy as np
 
 class Stubborn:
     def reset(self):
-        self.steps = 0
+        pass
 
     def twist(self, time, pose, reference):
         if time > 2.0:
@@ -34,7 +34,6 @@ def test_track(trackslip, controller, localization):
     (row,) = result.summary["tracking"]
     assert (row["controller"], row["compensation"], row["localization"]) == (controller, "icr", localization)
     assert row["rms_position"] < 0.05
-    assert row["rms_position_after_12s"] > 0
 
 
 def test_track_takes_a_start_and_laws(trackslip, tmp_path):
@@ -46,25 +45,15 @@ def test_track_takes_a_start_and_laws(trackslip, tmp_path):
     np.testing.assert_allclose(log.command[100], (v + np.array([-1, 1]) * (0.168 + 0.1) * w) / 0.06, rtol=1e-9)
 
 
-@pytest.fixture
-def stubborn(tmp_path, monkeypatch):
+def test_a_controller_that_raises_leaves_its_run(tmp_path, capsys, monkeypatch):
     (tmp_path / "stubborn_driver.py").write_text(STUBBORN)
     monkeypatch.chdir(tmp_path)
-    return "stubborn_driver:Stubborn"
-
-
-def test_a_controller_that_raises_leaves_its_run_and_its_recording(tmp_path, capsys, stubborn):
-    out = tmp_path / "out"
     with pytest.raises(SystemExit) as stop:
-        main(["track", "--controller", stubborn, *CIRCLE, "--rrd", "--out", str(out)])
+        main(["track", "--controller", "stubborn_driver:Stubborn", *CIRCLE, "--out", "out"])
     line = capsys.readouterr().err.strip().splitlines()[-1]  # progress may come before
     assert stop.value.code == 2
     assert "its controller fails at 2.05 s (RuntimeError: I have had enough)" in line
-    assert line.endswith(f"{out} contains the runs until then")
-    assert {path.name for path in out.iterdir()} == {"manifest.json", "runs.parquet", "recordings"}
-    error = json.loads((out / "manifest.json").read_text())["error"]
-    assert error in line
-    (log,) = read_runs(out / "runs.parquet")
+    (log,) = read_runs(tmp_path / "out" / "runs.parquet")
+    error = json.loads((tmp_path / "out" / "manifest.json").read_text())["error"]
     assert log.metadata["failure"] == error
     assert 1.9 < log.time[-1] <= 2.05
-    assert len(list((out / "recordings").glob("*.rrd"))) == 1

@@ -10,6 +10,7 @@ from sim.wander.motion import Motion
 from trackslip import se2
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.runlog import RunLog, Truth
+from trackslip.ros.bag import open_bag
 
 LAW = ("--motion", "law", "--duration", "20")
 
@@ -19,13 +20,10 @@ def test_each_driving_in_the_simulator(trackslip, driving):
     result = trackslip("wander", "--driving", driving, "--drives", "2", "--duration", "6")
     logs = read_runs(result.folder / "runs.parquet")
     assert [log.run for log in logs] == [f"{driving} 1", f"{driving} 2"]
-    for log, contents in zip(logs, result.summary["drives"], strict=True):
-        assert 55 <= log.valid.sum() == contents["poses"] <= 60  # 10 Hz; the last come after the encoders' end
-        assert len(log.time) == contents["readings"] > 300
-        assert 0.1 < contents["way"] < 6 * 0.3
+    for log in logs:
+        assert 55 <= log.valid.sum() <= 60  # 10 Hz; the last come after the encoders' end
         late = np.hypot(*(log.pose - log.truth.pose)[log.valid, :2].T)
         assert late.max() < 0.02 * 5 + 0.3 * 0.12  # noise, and the way in the clock's delay
-        assert log.metadata["driving"] == driving
         assert {"lrf", "scanner"}.isdisjoint(log.metadata)  # SLAM measured the poses
     assert f"trackslip identify {result.folder}" in result.printed
 
@@ -39,14 +37,23 @@ def test_a_drive_does_not_depend_on_how_many_there_are(trackslip, tmp_path):
     assert not np.array_equal(logs[1][0].omega[:100], logs[1][1].omega[:100])
 
 
-def test_ways_turns_and_rests_are_summed():
-    """2 s to the left, 1 s to the right, 1 s at rest."""
+def test_distances_turns_and_rests_are_summed():
     twist = np.repeat([[0.2, 0.0, 0.5], [0.1, 0.0, -1.0], [0.0, 0.0, 0.0]], [200, 100, 100], axis=0)
     time, pose = np.arange(401) / 100, se2.chain(np.zeros(3), se2.exp(twist * 0.01))
     valid = np.arange(401) % 5 == 0
     truth = Truth(Motion(time, pose).pose, np.concatenate([np.zeros((1, 3)), twist]))
     log = RunLog("drive", time, np.zeros((401, 2)), pose, valid=valid, truth=truth)
-    found = drive_contents(log)
-    assert (found["readings"], found["poses"]) == (401, 81)
-    measured = [found[name] for name in ("way", "turned_left", "turned_right", "standing")]
+    contents = drive_contents(log)
+    assert (contents["readings"], contents["poses"]) == (401, 81)
+    measured = [contents[name] for name in ("way", "turned_left", "turned_right", "standing")]
     np.testing.assert_allclose(measured, (0.5, 1.0, 1.0, 0.25), rtol=1e-4)
+
+
+@pytest.mark.parametrize(("motion", "source", "topic"), [("mujoco", "slam", "/pose"), ("law", "gnss", "/fix")])
+def test_a_drives_bag_has_its_encoders_and_the_poses_of_its_source(trackslip, motion, source, topic):
+    result = trackslip("wander", "--motion", motion, "--source", source, "--duration", "4", "--bag")
+    (log,), bag = read_runs(result.folder / "runs.parquet"), open_bag(result.folder / "bags" / "random_1")
+    assert set(bag.topics) == {"/joint_states", "/odom", "/tf", "/cmd_vel", "/ground_truth", topic}
+    begin = 1_767_225_600 * 10**9
+    assert [one.stamp - begin for one in bag.messages("/joint_states")] == [20_000_000 * k for k in range(201)]
+    assert [one.stamp - begin for one in bag.messages(topic)] == [round(t * 1e9) for t in log.time[log.valid].tolist()]

@@ -1,0 +1,169 @@
+"""`trackslip log`: the runs, topics, columns, units, rates and gaps of a log of any kind, and the log as a table."""
+
+import csv
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from math import degrees
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+import tyro
+
+from experiments.common.formats import MISSING, number
+from experiments.common.log_options import Bag, BagOptions
+from experiments.common.options import Exclusion, Needs, Options, default_is
+from experiments.common.results import RUNS_FILE, write_output
+from experiments.common.table import Table
+from trackslip.errors import InvalidValueError, LogError, OutputError, counted
+from trackslip.logs.logfile import write_csv, write_parquet
+from trackslip.logs.runlog import RunLog, stored_geometry
+from trackslip.logs.schema import COLUMNS
+from trackslip.logs.table import to_table
+from trackslip.logs.table_reader import ReadRuns
+from trackslip.ros.bag import Bag as RosBag
+from trackslip.ros.bag import open_bags
+from trackslip.ros.choice import BagChoice
+from trackslip.ros.drive_log import holds_bags, read_runs_of
+from trackslip.ros.readers import short_type
+from trackslip.ros.sources import overview
+
+EXAMPLES = (
+    ("a bag's topics, and the log that identify would read", "trackslip log run.mcap"),
+    ("the same with other poses, as a table", "trackslip log old.bag --poses tf:map:base_link --out log.parquet"),
+    ("stored runs for a spreadsheet", "trackslip log out/grid --out grid.csv"),
+    ("poses of a plate in the scans of a laser range finder", "trackslip log run.mcap --plate 0.5x0.02 --out log.csv"),
+)
+_TOPICS = ("topic", "type", "messages", "rate [Hz]", "longest gap [s]", "use (*: taken)")
+_RUNS = ("run", "rows", "duration [s]", "longest step [s]", "poses", "rate [Hz]", "longest gap [s]")
+_FORMATS = (".parquet", ".csv")
+
+
+@dataclass(frozen=True)
+class Config(Options):
+    """Show what a folder of results, a table of runs or a ROS bag contains; with --out, write it as a table."""
+
+    path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PATH")]
+    """Folder of results, a .parquet or .csv log, or a ROS bag (.bag, .mcap, .db3, or a folder of them)."""
+    bag: Bag = field(default_factory=BagOptions)
+    """Topics to read from a bag."""
+    out: Annotated[Path | None, default_is("none", "FILE")] = None
+    """Write the runs to this .parquet or .csv file; a .csv comes with NAME.columns.csv, which states the units."""
+    overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Replace the file if it exists; needs --out."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("overwrite",), "out"),)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.out is None:
+            return
+        if self.out.suffix.lower() not in _FORMATS:
+            raise InvalidValueError("out", self.out, f"a file that ends in {' or '.join(_FORMATS)}")
+        if self.out.resolve() in (self.path.resolve(), (self.path / RUNS_FILE).resolve()):
+            raise InvalidValueError("out", self.out, "a file other than the one being read")
+
+
+def run(config: Config) -> None:
+    """Print what the log contains, or write it as a table."""
+    choice = config.bag.choice()
+    if config.out is not None:
+        _write(config.path, choice, config.out, config.overwrite)
+        return
+    bags = open_bags(config.path, choice.max_expanded) if holds_bags(config.path) else []
+    damage = [note for bag in bags for note in bag.notes]
+    for bag in bags:
+        _topics_table(bag, choice).print()
+    try:
+        read = read_runs_of(config.path, choice)
+    except LogError as error:
+        if not bags:
+            raise
+        _print_warnings((*damage, str(error)))  # the topics are an answer, too: they show what there is to choose from
+        return
+    _columns_table(read.runs).print()
+    _runs_table(f"Runs in {config.path}", read.runs).print()
+    _print_sources(read, choice)
+    _print_warnings((*damage, *read.warnings))
+
+
+def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
+    uses, _, _ = overview(bag, choice)
+    rows = [
+        (name, short_type(topic.type), str(topic.count), number(topic.rate, 1), number(topic.longest_gap, 2))
+        for name, topic in bag.topics.items()
+    ]
+    rows += [(name, "transforms", MISSING, MISSING, MISSING) for name in uses if name not in bag.topics]
+    begin, end = bag.span
+    return Table(
+        f"{bag.path}: {(end - begin) / 1e9:.1f} s", _TOPICS, [(*row, uses.get(row[0], "")) for row in rows], "llrrrl"
+    )
+
+
+def _columns_table(logs: Sequence[RunLog]) -> Table:
+    columns = [COLUMNS[name] for name in to_table(logs).column_names]
+    rows = [(column.name, column.unit or MISSING, column.description) for column in columns]
+    return Table("Columns", ("column", "unit", "description"), rows, "l")
+
+
+def _runs_table(title: str, logs: Sequence[RunLog]) -> Table:
+    rows = []
+    for log in logs:
+        posed = log.time[log.is_valid]
+        gaps = np.diff(posed) if len(posed) > 1 else np.array([np.nan])
+        poses = (str(len(posed)), number(1 / float(np.median(gaps)), 1), number(float(gaps.max()), 2))
+        duration, step = float(log.time[-1] - log.time[0]), float(np.diff(log.time).max())
+        rows.append((log.run, str(len(log.time)), number(duration, 2), number(step, 2), *poses))
+    return Table(title, _RUNS, rows)
+
+
+def _print_sources(read: ReadRuns, choice: BagChoice) -> None:
+    """Print which topics were taken, and what the scans say of the scanner."""
+    for line in (*read.taken, *(_scanner_lines(read.runs) if choice.plate is not None else ())):
+        print(line)
+
+
+def _scanner_lines(logs: Sequence[RunLog]) -> Iterator[str]:
+    for log in logs:
+        if log.scans is not None:
+            x, y, yaw = log.scans.scan.mount
+            place = f"x = {x:.3f} m, y = {y:.3f} m, yaw = {degrees(yaw):.2f}°"
+            yield f"{log.run}: scanner at {place}, noise {1e3 * log.scans.scan.noise:.1f} mm"
+
+
+def _print_warnings(lines: Sequence[str]) -> None:
+    for line in dict.fromkeys(lines):
+        print(f"warning: {line}")
+
+
+def _write(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
+    """Write the runs to `file`, and the units of a CSV file beside it; raises OutputError for files that exist."""
+    parquet, units = file.suffix.lower() == ".parquet", file.with_suffix(".columns.csv")
+    for target in (file,) if parquet else (file, units):
+        if target.exists() and not overwrite:
+            raise OutputError(f"{target}: exists already; --overwrite replaces it")
+    read = read_runs_of(path, choice)
+
+    def write_both(draft: Path) -> None:  # or none
+        write_csv(read.runs, draft)
+        write_output(units, lambda columns: _write_units(draft, columns))
+
+    write_output(file, (lambda draft: write_parquet(read.runs, draft)) if parquet else write_both)
+    _print_sources(read, choice)
+    _print_warnings(read.warnings)
+    size = f"{counted(len(read.runs), 'run')}, {counted(sum(len(log.time) for log in read.runs), 'row')}"
+    print(f"{file}: {size}" if parquet else f"{file}: {size}; units in {units.name}")
+    robot = stored_geometry(read.runs[0])
+    half_gauge, radius = ("…", "…") if robot is None else (f"{robot.half_gauge:g}", f"{robot.sprocket_radius:g}")
+    print(f"trackslip identify {shlex.quote(str(file))} --half-gauge {half_gauge} --sprocket-radius {radius}")
+
+
+def _write_units(table: Path, file: Path) -> None:
+    """Write unit and meaning of each column of a CSV file to another one."""
+    with table.open(newline="", encoding="utf-8") as text:
+        names = next(csv.reader(text))
+    with file.open("w", newline="", encoding="utf-8") as text:
+        writer = csv.writer(text)
+        writer.writerow(("column", "unit", "description"))
+        writer.writerows((COLUMNS[name].name, COLUMNS[name].unit, COLUMNS[name].description) for name in names)

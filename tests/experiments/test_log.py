@@ -1,0 +1,213 @@
+"""`trackslip log`, bags written by --bag, and the way from teleoperation by a bag to ros2_control and back."""
+
+from __future__ import annotations
+
+import csv
+import sys
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from bags import in_order, joints_of, odometry, pose_with_covariance, poses_of, write_bag
+from beside import drive, room, teleoperated
+from diff_drive import DiffDrive, parameters_in
+from scanned import write_session
+from wandered import wandered
+
+import trackslip as package
+from experiments.cli import main, parse
+from experiments.identify.command import source_of
+from trackslip.logs.logfile import read_runs
+from trackslip.logs.schema import COLUMNS
+from trackslip.ros.bag import open_bag
+
+LOG = wandered(duration=20.0)
+ROBOT = "--half-gauge 0.168 --sprocket-radius 0.06"
+PLATE = ("--plate", "0.6x0.04")
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bags")
+    write_bag(folder / "run", "foxglove", in_order(joints_of(LOG), poses_of(LOG)))
+    motors = joints_of(LOG, names=("x1", "x2"), topic="/motors")
+    both = in_order(motors, joints_of(LOG), poses_of(LOG, pose_with_covariance), poses_of(LOG), poses_of(LOG, odometry))
+    write_bag(folder / "doubtful", "mcap", both)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results") / "grid"
+    main(["grid", "--radii", "0.5", "1", "--speeds", "0.1", "0.2", "--duration", "8", "--out", str(folder)])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scanned(tmp_path_factory):
+    session = drive(teleoperated(np.random.default_rng(1), 20.0, 4.0), things=room(), beams=241)
+    return session, write_session(tmp_path_factory.mktemp("scanned") / "run", "foxglove", session)
+
+
+def words(printed, start):
+    """The words of the printed row that begins with `start`."""
+    return next(line.split() for line in printed.splitlines() if line.strip().startswith(start))
+
+
+def test_topics_uses_columns_runs_and_doubts_are_shown(bags, capsys):
+    main(["log", str(bags / "run.mcap")])
+    printed = capsys.readouterr().out
+    assert words(printed, "/joint_states")[1:] == ["sensor_msgs/JointState", "400", "20.0", "0.05", "*", "encoders"]
+    assert words(printed, "/slam/pose")[-4:] == ["*", "poses:", "measured", "poses"]
+    assert words(printed, "omega_l")[1:3] == ["rad/s", "sprocket"]
+    assert words(printed, "run  4")[1:5] == ["400", "19.95", "0.05", str(LOG.is_valid.sum())]
+    assert "encoders: /joint_states, left " in printed
+    main(["log", str(bags / "doubtful")])
+    printed = capsys.readouterr().out
+    assert "/motors" in printed
+    assert "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC" in printed
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_a_bag_is_written_exactly_and_not_replaced_unasked(bags, tmp_path, refused, capsys, suffix):
+    file = tmp_path / "new" / f"log{suffix}"
+    command = ["log", str(bags / "run.mcap"), "--out", str(file)]
+    main(command)
+    assert f"{file}: 1 run, 400 rows" in capsys.readouterr().out
+    (written,), (read,) = package.load(file), package.load(bags / "run.mcap")
+    for name in ("time", "omega", "pose"):
+        np.testing.assert_array_equal(getattr(written, name), getattr(read, name))
+    if suffix == ".parquet":
+        for field in pyarrow.parquet.read_schema(file):
+            assert field.metadata[b"unit"].decode() == COLUMNS[field.name].unit
+    assert f"log{suffix}: exists already; --overwrite replaces it" in refused(*command)
+    before = sorted(file.parent.iterdir())
+    main([*command, "--overwrite"])
+    assert sorted(file.parent.iterdir()) == before
+
+
+def test_a_grids_csv_has_its_units_beside_it_and_identify_reads_it_with_the_options_printed(grid, tmp_path, capsys):
+    file = tmp_path / "all.csv"
+    main(["log", str(grid), "--out", str(file)])
+    command = capsys.readouterr().out.splitlines()[-1].split()
+    for before, after in zip(package.load(grid), package.load(file), strict=True):
+        assert after.run == before.run
+        np.testing.assert_array_equal(after.truth.twist, before.truth.twist)
+    with file.open(newline="") as text, file.with_suffix(".columns.csv").open(newline="") as units:
+        header, about = next(csv.reader(text)), list(csv.DictReader(units))
+    assert [row["column"] for row in about] == header
+    assert all(row["unit"] == COLUMNS[row["column"]].unit and row["description"] for row in about)
+    assert command[:2] == ["trackslip", "identify"]
+    of_csv, of_grid = (source_of(parse(line)) for line in (command[1:], ["identify", str(grid), "--motion", "arc"]))
+    np.testing.assert_allclose(of_csv.sampling.samples.slip, of_grid.sampling.samples.slip, rtol=1e-12)
+
+
+def test_a_plate_in_scans_is_found_by_log_and_by_identify(scanned, tmp_path, capsys):
+    session, bag = scanned
+    file = tmp_path / "located.parquet"
+    main(["log", str(bag), *PLATE, "--scan", "/scan", "--out", str(file)])
+    printed = capsys.readouterr().out
+    assert "run: scanner at x = 0.000 m, y = 0.000 m, yaw = 0.00°, noise 5." in printed
+    assert "warning" not in printed
+    identified = source_of(parse(["identify", str(bag), *PLATE, *ROBOT.split()]))
+    assert "the plate's in /scan" in identified.taken[0]
+    for (log,) in (read_runs(file), identified.logs):
+        valid = log.is_valid
+        assert valid.sum() > 0.9 * len(session.time)
+        assert np.hypot(*(log.pose[valid] - session.local(log.time[valid]))[:, :2].T).max() < 0.03
+        assert log.scans is not None
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("log {bags}/none.mcap", "none.mcap: no such file or folder"),
+        ("log {bags}/run.mcap --out log.txt", "out = 'log.txt': must be a file that ends in .parquet or .csv"),
+        ("log log.csv --out ./log.csv --overwrite", "out = 'log.csv': must be a file other than the one being read"),
+        ("log . --out runs.parquet --overwrite", "a file other than the one being read"),
+        ("log {bags}/run.mcap --left a", "right = None: must be given where left is"),
+        ("log {bags}/run.mcap --left a,,b --right c", "left = 'a,,b': must be names of joints, separated by"),
+        ("log {bags}/doubtful --out x.csv", "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"),
+        ("log {scanned} --plate nanx0.1", "plate = 'nanx0.1': must be LENGTHxTHICKNESS in m, as in 0.5x0.02, longer"),
+        ("log {scanned} --plate 0.02x0.5", "plate = '0.02x0.5': must be LENGTHxTHICKNESS"),
+        ("log {scanned} --plate 0.6x0.04 --poses /a", "poses = '/a': must be left out with --plate"),
+        ("log {scanned} --plate 0.1x0.02 --out x.csv", "no plate of 0.1x0.02 m moves as the encoders say"),
+        (f"identify {{bags}}/doubtful {ROBOT}", "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"),
+        (f"identify {{bags}}/run.mcap {ROBOT} --poses /scan", "it has no topic '/scan'; its topics are /joint_states"),
+        (f"identify {{bags}}/run.mcap {ROBOT} --where a=1", "holds bags, not runs of a sweep"),
+    ],
+)
+def test_what_is_refused(bags, scanned, refused, line, message):
+    assert message in refused(*line.format(bags=bags, scanned=scanned[1]).split())
+
+
+def test_identify_takes_the_topics_that_are_named(bags):
+    options = ("--encoders", "/motors", "--left", "x2", "--right", "x1", "--reversed", "both", "--poses", "/amcl_pose")
+    source = source_of(parse(["identify", str(bags / "doubtful"), *ROBOT.split(), *options]))
+    (log,) = source.logs
+    np.testing.assert_allclose(log.omega[1:], -LOG.omega[1:, ::-1], atol=1e-9)
+    assert source.taken == ("encoders: /motors, left x2, right x1; poses: /amcl_pose (as asked for)",)
+
+
+def test_a_grids_bags_have_its_scans_and_change_no_number(trackslip, grid):
+    result = trackslip("grid", "--radii", "0.5", "--speeds", "0.1", "--duration", "8", "--obstacles", "posts", "--bag")
+    (place,) = result.summary["bags"].values()
+    (log,), plain = read_runs(result.folder / "runs.parquet"), read_runs(grid / "runs.parquet")[0]
+    bag = open_bag(result.folder / place)
+    assert set(bag.topics) >= {"/joint_states", "/odom", "/tf", "/cmd_vel", "/ground_truth", "/pose", "/tf_static"}
+    scans = list(bag.messages("/scan"))
+    assert [scan.stamp - 1_767_225_600 * 10**9 for scan in scans] == [round(t * 1e9) for t in log.time.tolist()]
+    ranges = np.array([scan.content.ranges for scan in scans])
+    assert (np.isfinite(ranges).sum(axis=1) > log.scans.cluster.count).all()  # posts, too
+    np.testing.assert_array_equal(log.truth.pose, plain.truth.pose)
+
+
+def test_without_rosbags_nothing_is_driven(refused, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    assert refused("wander", "--bag") == "bags need the package rosbags: pip install 'trackslip[ros]'"
+
+
+@pytest.mark.parametrize("source", ["slam", "gnss"])
+def test_a_drive_and_its_bag_are_read_alike(trackslip, source):
+    result = trackslip("wander", "--motion", "law", "--source", source, "--duration", "20", "--bag")
+    (log,), (again,) = package.load(result.folder), package.load(result.folder / "bags")
+    np.testing.assert_allclose(again.time - again.time[0] + log.time[0], log.time, atol=2e-9)
+    np.testing.assert_allclose(again.omega[1:], log.omega[1:], atol=1e-4)  # times in whole nanoseconds
+    np.testing.assert_array_equal(again.is_valid, log.is_valid)
+    places = [run.pose[run.is_valid, :2] for run in (log, again)]
+    first = places[0][0] if source == "gnss" else 0.0  # fixes have the first one as origin
+    np.testing.assert_allclose(places[1], places[0] - first, atol=1e-6)
+
+
+LENGTHS = (1.0, 2.0, 5.0)  # driven, after which headings are compared [m]
+GAIN = 5.0  # least factor by which heading errors get smaller
+
+
+def heading_errors(controller, log):
+    """Root mean square heading errors per metre [rad/m] of the controller's odometry, over LENGTHS."""
+    heading, true = controller.odometry(log.time, log.omega)[:, 2], log.truth.pose
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T))])
+    errors = []
+    for length in LENGTHS:
+        start = np.flatnonzero(driven + length <= driven[-1])
+        end = np.searchsorted(driven, driven[start] + length)
+        missed = (heading[end] - heading[start]) - (true[end, 2] - true[start, 2])
+        errors.append(np.sqrt(np.mean(missed**2)) / length)
+    return np.array(errors)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(9))
+def test_odometry_with_deployed_parameters_turns_as_the_robot_does(seed, tmp_path, monkeypatch, capsys):
+    """Identified from the bag of a drive, deployed, and compared on another drive."""
+    monkeypatch.chdir(tmp_path)
+    main(["wander", "--drives", "2", "--duration", "60", "--seed", str(seed), "--bag", "--out", "driven"])
+    main(["identify", "driven/bags/random_1", *ROBOT.split(), "--out", "mine"])
+    main(["deploy", "mine", "--to", "ros2_control", "--out", "controller.yaml"])
+    parameters = parameters_in((tmp_path / "controller.yaml").read_text())
+    nominal = parameters | {key: 1.0 for key in parameters if key.endswith("multiplier")}
+    (other,) = (log for log in package.load("driven") if log.run == "random 2")
+    before, after = (heading_errors(DiffDrive.of(values), other) for values in (nominal, parameters))
+    with capsys.disabled():
+        print(f"\nseed {seed}: heading errors smaller by {np.round(before / after, 1)} after {LENGTHS} m")
+    assert (before > GAIN * after).all()
