@@ -1,37 +1,28 @@
-"""The runs of a benchmark: suites, names, ids, starts."""
+"""The runs of a benchmark: suites, and what one run is."""
 
-from __future__ import annotations
-
-import functools
 import importlib.util
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments.benchmark.config import Config
 from experiments.common.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
-from experiments.common.lookup import policy_path, reference, user_modules
-from experiments.common.manifest import content, digest
-from experiments.common.results import SUMMARY_FILE
+from experiments.common.lookup import reference
 from sim.seeds import generator
 from trackslip import se2
-from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array
-from trackslip.slip.law_file import SHIPPED
-
-if TYPE_CHECKING:
-    from experiments.benchmark.drive import ClosedLoops
-
 
 FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
 """Axes along which the runs of a benchmark differ: the fields of a BenchmarkCase."""
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
 _UNSEEN = tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS)
+_PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
+_MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
 
 
 @dataclass(frozen=True)
@@ -67,8 +58,6 @@ SUITES: Mapping[str, Suite] = {
     ),
 }
 """Suites by name."""
-_PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
-_MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
 
 
 @dataclass(frozen=True)
@@ -116,41 +105,24 @@ class BenchmarkCase:
             offset = np.array(_PAPER_OFFSET)
         elif self.start == "random":
             rng = generator(self.seed, f"start {self.key}")
-            away, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
-            turn = rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)
-            offset = np.array([*(away * se2.direction(bearing)), turn])
+            distance, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
+            rotation = rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)
+            offset = np.array([*(distance * se2.direction(bearing)), rotation])
         return se2.compose(reference(self.reference).pose(0.0), offset)
 
 
-def cases_of(config: Config) -> tuple[list[BenchmarkCase], list[str]]:
+def planned_cases(config: Config) -> tuple[list[BenchmarkCase], list[str]]:
     """Every run once, and a note on each of a suite's controllers that is left out because its library is missing.
 
     A controller that is named by an option is not left out; looking it up refuses it.
     """
-    given = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
-    found: dict[BenchmarkCase, None] = {}
+    options = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
+    cases: dict[BenchmarkCase, None] = {}
     for design in SUITES[config.suite].designs:
-        chosen = [own or suites for own, suites in zip(given, design, strict=True)]
-        found |= dict.fromkeys(BenchmarkCase(*values) for values in product(*chosen))
-    rest = [case for case in found if case.controller != "mpc"]
-    if len(rest) == len(found) or "mpc" in (config.controllers or ()) or importlib.util.find_spec("casadi") is not None:
-        return list(found), []
-    return rest, ['mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"']
-
-
-def identified(cases: Sequence[BenchmarkCase], loops: ClosedLoops) -> list[BenchmarkCase]:
-    """The cases with their ids; a user's controllers must have been imported."""
-    config, world = loops.config, loops.world
-    laws = config.laws or SHIPPED
-    specified = [world.parameters, world.ground, world.radius_error, world.obstacles, world.pull, world.robot.digest]
-    evaluated = [world.drive, config.scanner, config.localization, config.preview, loops.plants]
-    common = digest([specified, evaluated, content(laws / SUMMARY_FILE if laws.is_dir() else laws)])
-    contents = functools.cache(lambda name: content(Path(name)))
-    modules = set(user_modules())
-
-    def files(case: BenchmarkCase) -> dict[str, str]:
-        names = {case.reference, case.ground, str(policy_path(case.controller) or "")}
-        names |= set() if case.controller.partition(":")[0] in CONTROLLERS else modules
-        return {name: found for name in sorted(names) if (found := contents(name)) is not None}
-
-    return [replace(case, id=digest([common, case.axes, loops.specification(case), files(case)])) for case in cases]
+        values = [option or default for option, default in zip(options, design, strict=True)]
+        cases |= dict.fromkeys(BenchmarkCase(*combination) for combination in product(*values))
+    if config.controllers or importlib.util.find_spec("casadi"):
+        return list(cases), []
+    others = [case for case in cases if case.controller != "mpc"]
+    notes = ['mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"']
+    return others, notes if len(others) < len(cases) else []

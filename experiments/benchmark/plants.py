@@ -1,7 +1,5 @@
 """Plants of a benchmark: robots, grounds and scanners that differ from those the laws were identified on."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -19,13 +17,13 @@ _NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
 _SPACING = 0.05  # of the points of a path that patches may lie on [s]
 
 
-def distribution(robot: RobotParameters, drive: Drive) -> Randomization:
+def plant_ranges(robot: RobotParameters, drive: Drive) -> Randomization:
     """The ranges, around a robot and its drive, from which every property is drawn uniformly and on its own.
 
     Raises InvalidValueError for a robot so near the limits that it could not stand, or be simulated.
     """
     nominal, lag, shift = robot.radius_error, drive.lag, 0.1 * robot.half_gauge
-    found = Randomization(
+    ranges = Randomization(
         friction_ratio=(0.8, 1.25),
         radius_error=(nominal - 0.03, nominal + 0.03),
         com_x=(-shift, shift),
@@ -35,8 +33,8 @@ def distribution(robot: RobotParameters, drive: Drive) -> Randomization:
         patch_size=(0.3, 1.0),
         patch_friction=(0.5, 1.0),
     )
-    found.require_standing(robot)
-    return found
+    ranges.require_standing(robot)
+    return ranges
 
 
 def draw_plant(world: World, name: str, ground: Ground, seed: int, key: str) -> Plant:
@@ -44,5 +42,5 @@ def draw_plant(world: World, name: str, ground: Ground, seed: int, key: str) -> 
     rng, path = generator(seed, f"plant {key}"), reference(name)
     poses = path.pose(np.arange(0.0, path.duration, _SPACING))
     robot = replace(world.parameters, radius_error=world.radius_error)
-    setting = distribution(robot, world.drive).setting(rng, robot, world.drive, ground, poses)
+    setting = plant_ranges(robot, world.drive).setting(rng, robot, world.drive, ground, poses)
     return Plant(setting, world.config.scanner.noise * float(rng.uniform(*_NOISE)))

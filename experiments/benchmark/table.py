@@ -1,146 +1,92 @@
-"""The leaderboard and the table of all rows."""
+"""The leaderboard and the table of all rows, and the first as Markdown."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from experiments.benchmark.cases import FACTORS
+from experiments.benchmark.rows import ENTRY
+from experiments.common.formats import number
 from experiments.common.manifest import relative
 from experiments.common.parts import Row
-from experiments.common.table import Cell, Table
+from experiments.common.table import Table
 
-_FOLDED = 40  # rows from which a page shows the table of all only when asked
-_Columns = Mapping[str, Callable[[Row], str | Cell]]  # their cells, by header
-
-
-def _name(factor: str) -> Callable[[Row], str]:
-    return lambda row: relative(row[factor])
-
-
-def _number(name: str, scale: float = 1.0, digits: int = 2) -> Callable[[Row], str]:
-    return lambda row: "-" if row[name] is None else f"{scale * row[name]:.{digits}f}"
-
-
-def _mm(name: str) -> Callable[[Row], str]:
-    return _number(name, 1e3, 1)
-
-
-def _with_interval(name: str) -> Callable[[Row], Cell]:
-    """A length in mm, followed by its interval, which a page shows below it."""
-
-    def cell(row: Row) -> Cell:
-        mean, ends = _mm(name)(row), row[f"{name}_ci95"]
-        if ends is None:
-            return Cell(mean)
-        interval = f"[{1e3 * ends[0]:.1f}, {1e3 * ends[1]:.1f}]"
-        return Cell(mean, f"{mean} {interval}", [interval])
-
-    return cell
-
-
-def _behind(row: Row) -> str:
-    """The difference from the best entry and its interval."""
-    ends = row["behind_ci95"]
-    interval = "" if ends is None else " ({:.1f} to {:.1f})".format(*(round(1e3 * end, 1) + 0.0 for end in ends))
-    return f"{1e3 * row['behind']:.1f}{interval}" if row["rank"] > 1 or row["behind"] > 0 else "-"
-
-
-_BOARD: _Columns = {
-    "rank": lambda row: str(row["rank"]),
-    "controller": _name("controller"),
-    "compensation": _name("compensation"),
-    "start": _name("start"),
-    "kept [%]": _number("success", 100, 0),
-    "error [mm]": _mm("score"),
-    "behind the best [mm]": _behind,
-    "turning [mm]": _mm("rms_position_arc"),
-    "heading [deg]": _number("rms_heading", math.degrees(1)),
-    "rough [rad/s²]": _number("roughness"),
-    "effort [rad²/s]": _number("effort", 1, 0),
-    "step [ms]": _number("compute_ms_p50"),
+_NUMBERS = {  # header of a column: its name in a row, factor from SI, decimals
+    "kept [%]": ("success", 100.0, 0),
+    "error [mm]": ("score", 1e3, 1),
+    "gain": ("gain", 1.0, 1),
+    "turning [mm]": ("rms_position_arc", 1e3, 1),
+    "heading [deg]": ("rms_heading", math.degrees(1), 2),
+    "across [mm]": ("cross_track", 1e3, 1),
+    "along [mm]": ("along_track", 1e3, 1),
+    "max [mm]": ("max_position", 1e3, 1),
+    "effort [rad²/s]": ("effort", 1.0, 0),
+    "rough [rad/s²]": ("roughness", 1.0, 2),
+    "step [ms]": ("compute_ms_p50", 1.0, 2),
 }
-_ALL: _Columns = {
-    "controller": _name("controller"),
-    "compensation": _name("compensation"),
-    "reference": _name("reference"),
-    "ground": _name("ground"),
-    "start": _name("start"),
-    "kept [%]": _BOARD["kept [%]"],
-    "failed": lambda row: f"{row['failed']} of {row['seeds']}",
-    "rms [mm]": _with_interval("rms_position"),
-    "> 12 s [mm]": _with_interval("rms_position_after_12s"),
-    "turning [mm]": _with_interval("rms_position_arc"),
-    "heading [deg]": _BOARD["heading [deg]"],
-    "across [mm]": _mm("cross_track"),
-    "along [mm]": _mm("along_track"),
-    "max [mm]": _mm("max_position"),
-    "end [mm]": _mm("final_position"),
-    "IAE [m s]": _number("iae", 1, 3),
-    "ITAE [m s²]": _number("itae"),
-    "effort [rad²/s]": _BOARD["effort [rad²/s]"],
-    "rough [rad/s²]": _BOARD["rough [rad/s²]"],
-    "saturated [s]": _number("saturation_s"),
-    "poses valid [%]": _number("valid_fraction", 100, 1),
-    "step p50 | p99 [ms]": lambda row: f"{_number('compute_ms_p50')(row)} | {_number('compute_ms_p99')(row)}",
-}
-
-
 BOARD_LEGEND = (
     "Entries of equal rank can't be distinguished from the first of them. Kept: runs that stayed within 0.5 m. Error:"
-    " rms position error from 12 s on, 0.5 m for a run that lost the path. Behind: mean of the paired differences from"
-    " the best entry, with a 95 % bootstrap interval. Turning: error while the reference turns. Rough: rms rate of"
-    " change of the set points. Step: median computing time of a control step, compensation included."
+    " rms position error from 12 s on, 0.5 m for a run that lost the path. Gain: the error without compensation over"
+    " this one. Behind: mean of the paired differences from the best entry, with a 95 % bootstrap interval. Turning:"
+    " error while the reference turns. Rough: rms rate of change of the set points. Step: median computing time of a"
+    " control step, compensation included."
 )
 """What the columns of the leaderboard are."""
 
 
 def board_table(entries: Sequence[Row]) -> Table:
     """The leaderboard."""
-    several = len({entry["start"] for entry in entries}) > 1
-    columns = {header: cell for header, cell in _BOARD.items() if several or header != "start"}
+    names = ENTRY if len({entry["start"] for entry in entries}) > 1 else ENTRY[:2]
+    before, after = ("kept [%]", "error [mm]", "gain"), ("turning [mm]", "heading [deg]", "rough [rad/s²]", "step [ms]")
     return Table(
         "Position errors, means over references, grounds and seeds",
-        tuple(columns),
-        [[cell(entry) for cell in columns.values()] for entry in entries],
-        align="lll" + "l" * several + "r",
+        ("rank", *names, *before, "behind the best [mm]", *after),
+        [
+            [str(entry["rank"]), *_texts(entry, names), *_cells(entry, before), _behind(entry), *_cells(entry, after)]
+            for entry in entries
+        ],
+        align=f"l{'l' * len(names)}r",
         note=BOARD_LEGEND,
     )
 
 
-def whole_table(rows: Sequence[Row]) -> Table:
+def all_rows_table(rows: Sequence[Row]) -> Table:
     """All rows."""
+    names, numbers = FACTORS[:-1], [header for header in _NUMBERS if header != "gain"]
     return Table(
-        "All rows: means over seeds [95 % bootstrap interval]",
-        tuple(_ALL),
-        [[cell(row) for cell in _ALL.values()] for row in rows],
+        "Means over seeds",
+        (*names, *numbers),
+        [[*_texts(row, names), *_cells(row, numbers)] for row in rows],
         align="lllllr",
-        note="“across” and “along” are root mean squares relative to the reference's direction. IAE and ITAE are the"
-        " integrals of the position error and of time times the position error; effort is the integral of the mean"
-        " square of both sprockets' set points. “saturated”: time with a motor or a sprocket at its limit.",
-        folded=len(rows) > _FOLDED,
+        note="“across” and “along” are root mean squares relative to the reference's direction; effort is the integral"
+        " of the mean square of both sprockets' set points. summary.json has 95 % intervals and every run.",
     )
 
 
-def leaderboard(entries: Sequence[Row], lost: Sequence[str], rows: Sequence[Row], about: Mapping[str, Any]) -> str:
-    """The leaderboard, where paths are lost, and all rows, in Markdown; `about` is the manifest."""
+def _texts(row: Row, names: Iterable[str]) -> list[str]:
+    return [relative(row[name]) for name in names]
+
+
+def _cells(row: Row, headers: Iterable[str]) -> list[str]:
+    columns = [_NUMBERS[header] for header in headers]
+    return [number(None if row[name] is None else factor * row[name], digits) for name, factor, digits in columns]
+
+
+def _behind(entry: Row) -> str:
+    """The difference from the best entry and its interval."""
+    if entry["behind_ci95"] is None:
+        return number(1e3 * entry["behind"] or None, 1)
+    low, high = (round(1e3 * end, 1) + 0.0 for end in entry["behind_ci95"])  # no minus zero
+    return f"{1e3 * entry['behind']:.1f} ({low:.1f} to {high:.1f})"
+
+
+def leaderboard(entries: Sequence[Row], about: Mapping[str, Any]) -> str:
+    """The leaderboard in Markdown; `about` is the manifest."""
     git, versions = about["git"] or {}, about["versions"]
-    return "\n".join(
-        [
-            "# Leaderboard\n",
-            f"Suite `{about['config']['suite']}`, commit {git.get('commit', 'unknown')}"
-            f"{' with uncommitted changes' if git.get('dirty') else ''},"
-            f" {', '.join(f'{name} {version}' for name, version in versions.items() if version)}.\n",
-            markdown(board_table(entries)),
-            f"{BOARD_LEGEND}\n",
-            "## Where the path is lost\n",
-            *(f"- {line}" for line in lost),
-            "\n## All rows\n\nMeans over seeds [95 % bootstrap interval].\n",
-            markdown(whole_table(rows)),
-        ]
-    )
-
-
-def markdown(table: Table) -> str:
-    """A table in Markdown."""
+    changed = " with uncommitted changes" if git.get("dirty") else ""
+    installed = ", ".join(f"{name} {version}" for name, version in versions.items() if version)
+    table = board_table(entries)
     bar = [":--" if side == "l" else "--:" for side in table.sides]
-    lines = (table.header, bar, *table.texts)
-    return "\n".join("| " + " | ".join(text.replace("|", "\\|") for text in line) + " |" for line in lines) + "\n"
+    lines = [f"| {' | '.join(line)} |" for line in (table.header, bar, *table.texts)]
+    suite = f"Suite `{about['config']['suite']}`, commit {git.get('commit', 'unknown')}{changed}, {installed}."
+    return "\n\n".join(["# Leaderboard", suite, "\n".join(lines), BOARD_LEGEND]) + "\n"
