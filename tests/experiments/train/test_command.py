@@ -1,5 +1,7 @@
 """`trackslip train`: policies learn to track paths and cross courses, resume, and enter benchmarks."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -84,8 +86,9 @@ def test_a_training_interrupted_early_has_a_checkpoint_of_its_first_update_or_sa
     assert stop.value.code == 130
     assert capsys.readouterr().err.endswith("trackslip: interrupted before the first checkpoint; nothing is stored\n")
     with monkeypatch.context() as patched:
-        updates = iter((dict, interrupt))
-        patched.setattr("experiments.train.tasks.PathTrackingTask.ended", lambda *_: next(updates)())
+        updates = iter((lambda steps: None, interrupt))
+        shown = contextlib.nullcontext(lambda steps: next(updates)(steps))
+        patched.setattr("experiments.train.training.progress", lambda *_: shown)
         with pytest.raises(SystemExit):
             main(begin)
     assert "--resume continues" in capsys.readouterr().err
@@ -96,9 +99,8 @@ def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
     sizes = ("--robots", "2", "--horizon", "8", "--batch", "16", "--epochs", "1", "--network", "8", "--steps", "16")
     found = trackslip("train", "--env", "traverse", *sizes, "--trials", "1", "--difficulty", "0", "0")
     assert [point["steps"] for point in found.summary["curve"]] == [16]
-    assert [(one["controller"], one["courses"]) for one in found.summary["rates"]] == [
-        (name, 1) for name in ("scripted", "policy", "straight, flat", "straight, raised")
-    ]
+    rates = found.summary["rates"]
+    assert [(row["controller"], row["courses"]) for row in rates] == [("scripted", 1), ("policy", 1)]
     assert "95 % interval" in found.printed
     assert (found.folder / "curve.png").is_file()
     policy = CrossingPolicy.load(found.folder)
