@@ -22,11 +22,10 @@ from experiments.common.choices import COMPENSATIONS, CONTROLLER_NAMES, TRAINING
 from experiments.common.lookup import tunable
 from experiments.common.manifest import digest, relative
 from experiments.common.options import Distinct, Whole
-from experiments.common.parts import Row
 from experiments.common.plain_json import write_json
 from experiments.common.pool import Workers, processors, workers
 from experiments.common.run import Run
-from experiments.common.sweep import drive_fleet, fleets
+from experiments.common.sweep import Row, drive_fleet, fleets
 from experiments.common.table import Table
 from experiments.simulate.options import ClosedLoopOptions
 from sim.loop import Progress
@@ -105,7 +104,6 @@ def run(config: Config) -> None:
         found_by |= {"paths": TRAINING_PATHS, "seeds": config.seeds, "roughness": config.roughness}
         write_json(run.folder / GAINS_FILE, {"found_by": found_by, "gains": rows})
         run.write({"gains": rows}, manifest=about)
-    (config.out / TRIALS_FILE).unlink(missing_ok=True)
     gains_table(rows).print()
     print(f"{config.out / GAINS_FILE}: {run.wall:.1f} s; trackslip benchmark --gains {config.out}")
 
@@ -154,8 +152,8 @@ class Training:
         missing = [name for name, key in keys.items() if key not in self._finished]
         runs = fleets([case for name in missing for case in cases[name]], self._pool.count, _FLEETS)
         rows: dict[str, Row] = {}
-        for part, _, _ in self._pool.each(partial(drive_fleet, self._loops), runs):
-            rows |= {row["id"]: row for row in part.rows}
+        for fleet in self._pool.each(partial(drive_fleet, self._loops), runs):
+            rows |= {row["id"]: row for row in fleet.rows}
         for name in missing:
             trials[name] = _mean([rows[case.id] for case in cases[name]])
             if not trials[name].failure:

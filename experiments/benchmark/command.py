@@ -4,7 +4,7 @@ import shlex
 import textwrap
 
 from experiments.benchmark.cases import SUITES, BenchmarkCase, planned_cases
-from experiments.benchmark.config import PARTS, Config
+from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import Gains
 from experiments.benchmark.page import answer, page
@@ -12,10 +12,9 @@ from experiments.benchmark.rows import board, case_row, over_seeds
 from experiments.benchmark.table import BOARD_LEGEND, board_table, leaderboard
 from experiments.common.formats import stages_text
 from experiments.common.manifest import relative
-from experiments.common.parts import Row, StoredParts
 from experiments.common.plain_json import plain
 from experiments.common.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE
-from experiments.common.sweep import drive_missing, resumable
+from experiments.common.sweep import Row, drive_missing, resumable
 from experiments.recorder import record_all
 from sim.stopwatch import Stopwatch
 from trackslip.errors import counted
@@ -30,20 +29,17 @@ def run(config: Config) -> None:
     planned, notes = planned_cases(config)
     loops.check(planned)
     cases = loops.identified(planned)
-    parts = StoredParts(config.out, PARTS)
-    with resumable(config, cases, parts) as run:
-        parts.take_current({case.id for case in cases})
+    with resumable(config, {case.id for case in cases}) as (run, store):
         with run.watch.stage("driving"):
-            unfinished = drive_missing(config, cases, parts, loops, Stopwatch())
+            drive_missing(cases, store, loops, Stopwatch(), config.jobs)
         with run.watch.stage("gathering"):
-            runs = [parts[case.id].row for case in cases]
+            runs = [store.rows[case.id] for case in cases]
             rows, entries = over_seeds(runs), board(runs)
-            parts.gather([(case.id, case.name) for case in cases], run.folder / RUNS_FILE)
+            store.gather(cases, run.folder / RUNS_FILE)
         failures = [{"run": row["run"], "error": row["error"]} for row in runs if row["error"] is not None]
         if config.rrd:
-            first = [run for run in runs if run["seed"] == runs[0]["seed"] and run["error"] is None]
-            logs = [StoredRuns(run.folder / RUNS_FILE).log(row["run"]) for row in first]
-            record_all(run.folder, [*logs, *unfinished])
+            first = [row["run"] for row in runs if row["seed"] == runs[0]["seed"] and row["error"] is None]
+            record_all(run.folder, [StoredRuns(run.folder / RUNS_FILE).log(name) for name in first])
         grounds = {relative(name): plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
         seeds = sorted({case.seed for case in cases})
         about = run.manifest(**loops.world.about | {"ground": grounds, "seed": seeds})

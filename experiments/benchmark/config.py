@@ -15,8 +15,6 @@ EXAMPLES = (
     ("Eq. 31 with another gain", "trackslip benchmark --controllers linear linear:stiffness=160"),
     ("your own controller, tuned by tune", "trackslip benchmark --controllers my:Controller linear --gains out/tune"),
 )
-PARTS = ".benchmark-parts"
-"""Folder in OUT with the runs of a benchmark that isn't finished."""
 Start = Literal["zero", "paper", "random"]
 _GROUNDS = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
 

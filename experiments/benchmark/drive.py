@@ -15,8 +15,8 @@ from experiments.benchmark.gains import Gains
 from experiments.benchmark.plants import draw_plant
 from experiments.common.lookup import compensation, controller, policy_path, reference, user_modules
 from experiments.common.manifest import content, digest
-from experiments.common.parts import Row
 from experiments.common.results import SUMMARY_FILE
+from experiments.common.sweep import Row
 from experiments.simulate.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
 from experiments.simulate.options import ClosedLoopOptions, Equipment, Simulation
 from experiments.simulate.world import World

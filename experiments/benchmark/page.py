@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from experiments.benchmark.table import all_rows_table, board_table
 from experiments.common.manifest import command_line, relative
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
-from experiments.common.parts import Row
 from experiments.common.style import law_line, log_ticks, styled
+from experiments.common.sweep import Row
 
 _METHOD = (
     "Every controller drives every path on every ground, with each slip compensation. Plants, starts and scanner noise"

@@ -8,7 +8,7 @@ from experiments.benchmark.cases import FACTORS
 from experiments.benchmark.rows import ENTRY
 from experiments.common.formats import number
 from experiments.common.manifest import relative
-from experiments.common.parts import Row
+from experiments.common.sweep import Row
 from experiments.common.table import Table
 
 _NUMBERS = {  # header of a column: its name in a row, factor from SI, decimals

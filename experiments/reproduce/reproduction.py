@@ -11,7 +11,7 @@ from typing import Any
 from experiments.common.formats import stages_text
 from experiments.common.manifest import command_line
 from experiments.common.page import draw_plots
-from experiments.common.pool import InlineExecutor, WorkerProcesses, Workers, processors
+from experiments.common.pool import processors, workers
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
 from experiments.recorder import record_all
@@ -43,9 +43,8 @@ def reproduce(config: Config) -> None:
     """Drive the grid, identify the laws, verify them in closed loop, compare with the paper, store, report, print."""
     world, path = World.of(config), paper_reference()
     geometry, cells = world.robot.geometry, cells_of(config)
-    drawing = WorkerProcesses(1) if (config.threads or processors()) > 1 else InlineExecutor()
-    with Run(config) as run, drawing:
-        pool = Workers(drawing, 1)
+    drawing = workers("processes" if (config.threads or processors()) > 1 else "inline", 1)
+    with Run(config) as run, drawing as pool:
         # drive the grid of radii and speeds
         with run.busy(f"{counted(len(cells), 'run')}, scans and poses"):
             grid_logs = drive_cells(cells, [world] * len(cells), watch=run.watch)

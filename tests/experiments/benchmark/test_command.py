@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from browser import assert_fits
 
-from experiments.benchmark.config import PARTS
+from experiments.common.sweep import STORE
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import tracking_errors
 from trackslip.trajectory.named import load_reference
@@ -82,7 +82,7 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
         assert f"Best: {best['controller']} with {best['compensation']}, {1e3 * best['score']:.1f} mm" in text
     names = {path.stem for path in (result.folder / "figures").glob("*.svg")}
     assert {"leaderboard"} == names == set(re.findall(r'<figure id="(\w+)"', page))
-    assert not (result.folder / PARTS).exists()
+    assert not (result.folder / STORE).exists()
     assert_fits(page)  # last: it skips the test where there is no browser
 
 

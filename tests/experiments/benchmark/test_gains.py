@@ -122,11 +122,17 @@ def test_a_search_resumes_unless_the_controllers_have_changed(trackslip, short, 
     file = Path("found") / TRIALS_FILE
     assert len(file.read_text().splitlines()) == 1 + 12
     file.write_text(file.read_text()[:-20])  # as if it had been killed
-    with monkeypatch.context() as patched, pytest.raises(SystemExit):
-        fleets = []
-        patched.setattr(tune, "drive_fleet", lambda loops, cases: fleets.append(cases) or 1 / 0)
-        main(list(command))
-    assert [len(cases) for cases in fleets] == [1]  # the trial of the last line
+    driven = []
+
+    def interrupted(loops, cases):
+        driven.append(cases)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(tune, "drive_fleet", interrupted)
+        with pytest.raises(SystemExit):
+            main(list(command))
+    assert [len(cases) for cases in driven] == [1]  # of the last trial
     write(across=150.0, works=True)
     good, other = trackslip(*command).summary["gains"]
     assert good["default_error"] == other["default_error"]
