@@ -114,13 +114,14 @@ def network_of(model: Any) -> Network:
 @styled
 def learning_curve(curve: Sequence[dict[str, float]]) -> Figure:
     """Reward over the training's steps and, where courses are crossed, their share; lines are running means."""
-    titles = {"reward": "reward per step", "crossed": "share of courses crossed"}
+    titles = {"reward": ("reward per step", 1.0), "crossed": ("crossed in training [%]", 100.0)}
     names = [name for name in titles if any(name in point for point in curve)]
     figure = Figure(figsize=(4.5 * len(names), 3.0), layout="constrained")
     for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
-        points = np.array([(point["steps"] / 1000, point[name]) for point in curve if name in point])
+        title, factor = titles[name]
+        points = np.array([(point["steps"] / 1000, factor * point[name]) for point in curve if name in point])
         axes.plot(*points.T, ".", color=GREY, ms=3)
         if len(points) >= _SMOOTH:
             axes.plot(*(np.convolve(line, np.ones(_SMOOTH) / _SMOOTH, "valid") for line in points.T), color=BLUE)
-        axes.set(title=titles[name], xlabel="steps of all robots [thousand]")
+        axes.set(title=title, xlabel="steps of all robots [thousand]")
     return figure

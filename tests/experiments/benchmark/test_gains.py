@@ -99,7 +99,7 @@ def test_the_search_finds_the_best_gains_within_the_limit_on_roughness():
     assert 28 < row["arguments"]["stiffness"] <= 30
     assert row["roughness"] <= 2.0
     assert row["default_error"] == pytest.approx(0.01 + np.log(0.7 / 0.9) ** 2 + np.log(10 / 40) ** 2)
-    assert len(generations) == 50
+    assert 1 < len(generations) <= 50
 
 
 def test_rougher_is_worse_than_any_error():
