@@ -89,11 +89,11 @@ def run(config: Config) -> None:
     loops.check([case for pair in pairs for case in _cases(config, *pair)])
     for name in config.controllers:
         tunable(name)
-    generations = config.evaluations // _POPULATION
+    generations, jobs = config.evaluations // _POPULATION, config.threads or processors()
     with (
         Run(config) as run,
         run.progress("generations", generations * len(pairs), "generations") as report,
-        workers("processes", config.threads or processors()) as pool,
+        workers("inline" if jobs == 1 else "processes", jobs) as pool,
     ):
         training = Training(config, loops, pool)
         rows = []

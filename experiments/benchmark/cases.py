@@ -1,8 +1,8 @@
-"""The runs of a benchmark: suites, and what one run is."""
+"""The runs of a benchmark: suites, what one run is, and the plants that differ from those the laws were made on."""
 
 import importlib.util
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,12 @@ import numpy as np
 from experiments.benchmark.config import Config
 from experiments.common.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
 from experiments.common.lookup import reference
+from experiments.simulate.closed_loop import Plant
+from experiments.simulate.world import World
+from sim.drive.drive import Drive
+from sim.ground.ground import Ground
+from sim.path_tracking.randomization import Randomization
+from sim.robot.parameters import RobotParameters
 from sim.seeds import generator
 from trackslip import se2
 from trackslip.kinematics import Array
@@ -20,16 +26,20 @@ FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
 """Axes along which the runs of a benchmark differ: the fields of a BenchmarkCase."""
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
+_GROUNDS = ("stone", "ice", "sticky")
+_CONTROLLERS = [name for name in CONTROLLER_NAMES if name != "mpc" or importlib.util.find_spec("casadi")]
 _UNSEEN = tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS)
 _PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
 _MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
+_NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
+_SPACING = 0.05  # of the points of a path that patches may lie on [s]
 
 
 @dataclass(frozen=True)
 class Suite:
     """The runs of a benchmark."""
 
-    designs: Sequence[Sequence[tuple[Any, ...]]]
+    designs: Sequence[Sequence[Sequence[Any]]]
     """Full factorial designs: the values of each of FACTORS, all combined."""
     plants: str
     """"nominal", the robot that the laws were identified on, or "drawn" around it."""
@@ -43,19 +53,11 @@ SUITES: Mapping[str, Suite] = {
             (("feedforward",), _PAPER, ("paper",), ("stone",), ("zero",), (0, 1, 2, 3, 4)),
             (("linear",), _PAPER, ("paper",), ("stone",), ("paper", "zero"), (0, 1, 2, 3, 4)),
         ],
-        plants="nominal",
-        gains="default",
+        "nominal",
+        "default",
     ),
-    "fair": Suite(
-        [(CONTROLLER_NAMES, _THREE, _UNSEEN, ("stone",), ("random",), tuple(range(8)))],
-        plants="drawn",
-        gains="tuned",
-    ),
-    "full": Suite(
-        [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, ("stone", "ice", "sticky"), ("random",), (0, 1, 2))],
-        plants="drawn",
-        gains="tuned",
-    ),
+    "fair": Suite([(_CONTROLLERS, _THREE, _UNSEEN, ("stone",), ("random",), range(8))], "drawn", "tuned"),
+    "full": Suite([(_CONTROLLERS, _THREE, REFERENCE_NAMES, _GROUNDS, ("random",), range(3))], "drawn", "tuned"),
 }
 """Suites by name."""
 
@@ -111,18 +113,40 @@ class BenchmarkCase:
         return se2.compose(reference(self.reference).pose(0.0), offset)
 
 
-def planned_cases(config: Config) -> tuple[list[BenchmarkCase], list[str]]:
-    """Every run once, and a note on each of a suite's controllers that is left out because its library is missing.
-
-    A controller that is named by an option is not left out; looking it up refuses it.
-    """
+def planned_cases(config: Config) -> list[BenchmarkCase]:
+    """Every run once; a suite has no `mpc` where CasADi is not installed."""
     options = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
     cases: dict[BenchmarkCase, None] = {}
     for design in SUITES[config.suite].designs:
         values = [option or default for option, default in zip(options, design, strict=True)]
         cases |= dict.fromkeys(BenchmarkCase(*combination) for combination in product(*values))
-    if config.controllers or importlib.util.find_spec("casadi"):
-        return list(cases), []
-    others = [case for case in cases if case.controller != "mpc"]
-    notes = ['mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"']
-    return others, notes if len(others) < len(cases) else []
+    return list(cases)
+
+
+def plant_ranges(robot: RobotParameters, drive: Drive) -> Randomization:
+    """The ranges, around a robot and its drive, from which every property is drawn uniformly and on its own.
+
+    Raises InvalidValueError for a robot so near the limits that it could not stand, or be simulated.
+    """
+    nominal, lag, shift = robot.radius_error, drive.lag, 0.1 * robot.half_gauge
+    ranges = Randomization(
+        friction_ratio=(0.8, 1.25),
+        radius_error=(nominal - 0.03, nominal + 0.03),
+        com_x=(-shift, shift),
+        com_y=(-shift, shift),
+        lag=(0.5 * lag, min(2.0 * lag, 1.0)),
+        patches=(0, 2),
+        patch_size=(0.3, 1.0),
+        patch_friction=(0.5, 1.0),
+    )
+    ranges.require_standing(robot)
+    return ranges
+
+
+def draw_plant(world: World, name: str, ground: Ground, seed: int, key: str) -> Plant:
+    """The plant of a run on the reference called `name`, the same for every controller and compensation."""
+    rng, path = generator(seed, f"plant {key}"), reference(name)
+    poses = path.pose(np.arange(0.0, path.duration, _SPACING))
+    robot = replace(world.parameters, radius_error=world.radius_error)
+    setting = plant_ranges(robot, world.drive).setting(rng, robot, world.drive, ground, poses)
+    return Plant(setting, world.config.scanner.noise * float(rng.uniform(*_NOISE)))

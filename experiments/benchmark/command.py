@@ -3,13 +3,13 @@
 import shlex
 import textwrap
 
-from experiments.benchmark.cases import SUITES, BenchmarkCase, planned_cases
+from experiments.benchmark.cases import SUITES, planned_cases
 from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import Gains
-from experiments.benchmark.page import answer, page
+from experiments.benchmark.page import BOARD_LEGEND, answer, board_table, leaderboard, page
 from experiments.benchmark.rows import board, case_row, over_seeds
-from experiments.benchmark.table import BOARD_LEGEND, board_table, leaderboard
+from experiments.common.choices import SHIPPED
 from experiments.common.formats import stages_text
 from experiments.common.manifest import relative
 from experiments.common.plain_json import plain
@@ -26,7 +26,7 @@ def run(config: Config) -> None:
     suite = SUITES[config.suite]
     gains = Gains.load(config.gains or suite.gains)
     loops = ClosedLoops(config, config.plants or suite.plants, gains, timed=(config.seeds or (0,))[0])
-    planned, notes = planned_cases(config)
+    planned = planned_cases(config)
     loops.check(planned)
     cases = loops.identified(planned)
     with resumable(config, {case.id for case in cases}) as (run, store):
@@ -43,7 +43,7 @@ def run(config: Config) -> None:
         grounds = {relative(name): plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
         seeds = sorted({case.seed for case in cases})
         about = run.manifest(**loops.world.about | {"ground": grounds, "seed": seeds})
-        best = answer(entries, notes, _track_command(config, loops, entries[0], cases[0]))
+        best = answer(entries, _track_command(config, gains, entries[0]))
         lines = [f"{failure['run']}: {failure['error']}" for failure in failures]
         with run.watch.stage("report"):
             (run.folder / LEADERBOARD_FILE).write_text(leaderboard(entries, about), encoding="utf-8")
@@ -63,10 +63,10 @@ def run(config: Config) -> None:
     print(f"{config.out / REPORT_FILE}: {counts}")
 
 
-def _track_command(config: Config, loops: ClosedLoops, best: Row, case: BenchmarkCase) -> str:
-    """The command that drives and records the best entry on the first path and ground."""
-    specification = loops.gains.specification(best["controller"], best["compensation"])
-    words = ["trackslip", "track", "--controller", specification, "--compensation", best["compensation"]]
-    words += ["--reference", case.reference, "--ground", case.ground, "--robot", config.robot]
+def _track_command(config: Config, gains: Gains, best: Row) -> str:
+    """The command that drives and records the best entry on the paper's path."""
+    controller = gains.specification(best["controller"], best["compensation"])
+    words = ["trackslip", "track", "--controller", controller, "--compensation", best["compensation"], "--rrd"]
     words += ["--laws", str(config.laws)] if config.laws else []
-    return shlex.join([*map(relative, words), "--rrd"])
+    words += ["--robot", config.robot] if config.robot != SHIPPED else []
+    return shlex.join(map(relative, words))

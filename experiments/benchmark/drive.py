@@ -10,9 +10,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from experiments.benchmark.cases import BenchmarkCase
+from experiments.benchmark.cases import BenchmarkCase, draw_plant
 from experiments.benchmark.gains import Gains
-from experiments.benchmark.plants import draw_plant
 from experiments.common.lookup import compensation, controller, policy_path, reference, user_modules
 from experiments.common.manifest import content, digest
 from experiments.common.results import SUMMARY_FILE

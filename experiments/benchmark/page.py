@@ -1,23 +1,22 @@
-"""The page of a benchmark: the answer, which the terminal shows too, the leaderboard, all rows."""
+"""What a benchmark shows: the answer and the leaderboard, which the terminal shows too, and a page with all rows."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.benchmark.table import all_rows_table, board_table
+from experiments.benchmark.cases import FACTORS
+from experiments.benchmark.rows import ENTRY
+from experiments.common.formats import number
 from experiments.common.manifest import command_line, relative
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.style import law_line, log_ticks, styled
 from experiments.common.sweep import Row
+from experiments.common.table import Table
 
-_METHOD = (
-    "Every controller drives every path on every ground, with each slip compensation. Plants, starts and scanner noise"
-    " are the same for all. The position error is the distance between the robot's true position and the reference at"
-    " the same time. A run keeps the path if this distance never exceeds 0.5 m."
-)
 _BOARD_CAPTION = (
     "Root mean square from 12 s on (for shorter runs, over the whole run), averaged over references and seeds. Lines"
     " span the best to the worst reference. Open symbols mark controllers that lost the path in at least one run."
@@ -27,9 +26,30 @@ _PLACE = ("ground", "controller", "start", "compensation")
 _ROW_HEIGHT = 0.4  # of a controller [in]
 _MOST = 3  # entries that are as good as the best one and named
 _LONGEST = 40  # name in a figure [characters]
+_NUMBERS = {  # header of a column: its name in a row, factor from SI, decimals
+    "kept [%]": ("success", 100.0, 0),
+    "error [mm]": ("score", 1e3, 1),
+    "gain": ("gain", 1.0, 1),
+    "turning [mm]": ("rms_position_arc", 1e3, 1),
+    "heading [deg]": ("rms_heading", math.degrees(1), 2),
+    "across [mm]": ("cross_track", 1e3, 1),
+    "along [mm]": ("along_track", 1e3, 1),
+    "max [mm]": ("max_position", 1e3, 1),
+    "effort [rad²/s]": ("effort", 1.0, 0),
+    "rough [rad/s²]": ("roughness", 1.0, 2),
+    "step [ms]": ("compute_ms_p50", 1.0, 2),
+}
+BOARD_LEGEND = (
+    "Plants, starts and noise are the same for all. Entries of equal rank can't be distinguished from the first of"
+    " them. Kept: runs that stayed within 0.5 m. Error: rms position error from 12 s on, 0.5 m for a run that lost it."
+    " Gain: the error without compensation over this one. Behind: mean of the paired differences from the best entry,"
+    " with a 95 % bootstrap interval. Turning: error while the reference turns. Rough: rms rate of change of the set"
+    " points. Step: median computing time of a control step, compensation included."
+)
+"""What the columns of the leaderboard are."""
 
 
-def answer(entries: Sequence[Row], warnings: Sequence[str], next_command: str) -> Answer:
+def answer(entries: Sequence[Row], next_command: str) -> Answer:
     """The first entry of the leaderboard and its error, its gain over no compensation, and its rivals."""
     best, *others = entries
     error = f"{_millimetres(best['score'])}{_interval(best['score_ci95'], 1e3)}"
@@ -46,11 +66,12 @@ def answer(entries: Sequence[Row], warnings: Sequence[str], next_command: str) -
     elif others:
         behind = f"{_millimetres(others[0]['behind'])}{_interval(others[0]['behind_ci95'], 1e3)}"
         lines.append(f"Next: {_name(others[0], entries)}, {behind} behind.")
+    warnings = []
     losing = sum(entry["success"] < 1 for entry in entries)
     if losing:
-        warnings = [*warnings, f"{losing} of {len(entries)} entries lose the path in some runs"]
+        warnings.append(f"{losing} of {len(entries)} entries lose the path in some runs")
     if best["score_ci95"] is None:
-        warnings = [*warnings, "one seed tells no intervals: ranks are just the order of the errors"]
+        warnings.append("one seed tells no intervals: ranks are just the order of the errors")
     return Answer(heading, lines=lines, warnings=warnings, next=[next_command])
 
 
@@ -67,6 +88,64 @@ def _millimetres(value: float) -> str:
 
 def _interval(ends: Sequence[float] | None, scale: float = 1.0) -> str:
     return "" if ends is None else f" (95 %: {scale * ends[0]:.1f} to {scale * ends[1]:.1f})"
+
+
+def board_table(entries: Sequence[Row]) -> Table:
+    """The leaderboard."""
+    names = ENTRY if len({entry["start"] for entry in entries}) > 1 else ENTRY[:2]
+    before, after = ("kept [%]", "error [mm]", "gain"), ("turning [mm]", "heading [deg]", "rough [rad/s²]", "step [ms]")
+    return Table(
+        "Position errors, means over references, grounds and seeds",
+        ("rank", *names, *before, "behind the best [mm]", *after),
+        [
+            [str(entry["rank"]), *_texts(entry, names), *_cells(entry, before), _behind(entry), *_cells(entry, after)]
+            for entry in entries
+        ],
+        align=f"l{'l' * len(names)}r",
+        note=BOARD_LEGEND,
+    )
+
+
+def all_rows_table(rows: Sequence[Row]) -> Table:
+    """All rows."""
+    names, numbers = FACTORS[:-1], [header for header in _NUMBERS if header != "gain"]
+    return Table(
+        "Means over seeds",
+        (*names, *numbers),
+        [[*_texts(row, names), *_cells(row, numbers)] for row in rows],
+        align="lllllr",
+        note="“across” and “along” are root mean squares relative to the reference's direction; effort is the integral"
+        " of the mean square of both sprockets' set points. summary.json has 95 % intervals and every run.",
+    )
+
+
+def _texts(row: Row, names: Iterable[str]) -> list[str]:
+    return [relative(row[name]) for name in names]
+
+
+def _cells(row: Row, headers: Iterable[str]) -> list[str]:
+    columns = [_NUMBERS[header] for header in headers]
+    return [number(None if row[name] is None else factor * row[name], digits) for name, factor, digits in columns]
+
+
+def _behind(entry: Row) -> str:
+    """The difference from the best entry and its interval."""
+    if entry["behind_ci95"] is None:
+        return number(1e3 * entry["behind"] or None, 1)
+    low, high = (round(1e3 * end, 1) + 0.0 for end in entry["behind_ci95"])  # no minus zero
+    return f"{1e3 * entry['behind']:.1f} ({low:.1f} to {high:.1f})"
+
+
+def leaderboard(entries: Sequence[Row], about: Mapping[str, Any]) -> str:
+    """The leaderboard in Markdown; `about` is the manifest."""
+    git, versions = about["git"] or {}, about["versions"]
+    changed = " with uncommitted changes" if git.get("dirty") else ""
+    installed = ", ".join(f"{name} {version}" for name, version in versions.items() if version)
+    table = board_table(entries)
+    bar = [":--" if side == "l" else "--:" for side in table.sides]
+    lines = [f"| {' | '.join(line)} |" for line in (table.header, bar, *table.texts)]
+    suite = f"Suite `{about['config']['suite']}`, commit {git.get('commit', 'unknown')}{changed}, {installed}."
+    return "\n\n".join(["# Leaderboard", suite, "\n".join(lines), BOARD_LEGEND]) + "\n"
 
 
 def page(
@@ -87,7 +166,6 @@ def page(
             Section("Leaderboard", [plot, board_table(entries)]),
             Section("Failed runs", [Bullets(failures) if failures else None]),
             Section("All rows", [all_rows_table(rows)], folded=True),
-            Section("How it is measured", [_METHOD], folded=True),
         ],
         answer=answer,
     )

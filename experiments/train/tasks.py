@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from experiments.benchmark.plants import plant_ranges
+from experiments.benchmark.cases import plant_ranges
 from experiments.train.config import TRAVERSE, Config
 from sim.network import Network
 from sim.path_tracking.config import Reward

@@ -25,7 +25,7 @@ def test_suites_know_all_names():
 
 @pytest.mark.parametrize(("suite", "runs"), [("paper", 75), ("fair", 1344), ("full", 3024)])
 def test_fleets_are_of_one_reference_and_no_larger_than_worthwhile(suite, runs):
-    cases, _ = planned_cases(Config(suite=suite))
+    cases = planned_cases(Config(suite=suite))
     groups = fleets(cases, 2, ClosedLoops.sizes)
     assert len({case for group in groups for case in group}) == sum(map(len, groups)) == len(cases) == runs
     for group in groups:
