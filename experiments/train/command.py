@@ -1,17 +1,19 @@
 """`trackslip train`: train a policy with PPO from Stable-Baselines3 on the vector environment."""
 
+from dataclasses import replace
+
 from experiments.common.run import Run
 from experiments.train.config import TRAVERSE, Config
 from experiments.train.crossing import crossing_rates, crossing_table
 from experiments.train.tasks import learning_task
-from experiments.train.training import CHECKPOINT, POLICY, learn, learning_curve, model_of, network_of
+from experiments.train.training import POLICY, last_checkpoint, learn, learning_curve, model_of, network_of
 from sim.traverse.policy import CrossingPolicy
 
 
 def run(config: Config) -> None:
     """Train, store the policy, draw its curve, and print the reward before and after."""
     rates = []
-    with Run(config) as run:
+    with Run(replace(config, overwrite=config.overwrite or config.resume)) as run:
         with run.busy("loading PyTorch"):
             task = learning_task(config)
             model = model_of(config, task)
@@ -19,7 +21,7 @@ def run(config: Config) -> None:
         try:
             curve = learn(model, config, run.folder)
         except KeyboardInterrupt:
-            if not (config.out / CHECKPOINT).is_file():
+            if not last_checkpoint(config.out).is_file():
                 raise KeyboardInterrupt("interrupted before the first checkpoint; nothing is stored") from None
             raise KeyboardInterrupt("interrupted; --resume continues from the last checkpoint") from None
         policy = task.policy(network_of(model))

@@ -19,9 +19,16 @@ from sim.network import Network
 from trackslip.errors import InvalidValueError, LogError
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
+UNFINISHED = f".{CHECKPOINT}"
+"""The last checkpoint of an unfinished training, in OUT."""
 _MIN_RATE = 0.05  # final over initial learning rate
 _CHECKPOINT_EVERY = 20  # updates
 _SMOOTH = 7  # points of the curve in a running mean
+
+
+def last_checkpoint(out: Path) -> Path:
+    """The last checkpoint of an unfinished training, or else of a finished one."""
+    return out / UNFINISHED if (out / UNFINISHED).is_file() else out / CHECKPOINT
 
 
 def model_of(config: Config, task: LearningTask) -> Any:
@@ -30,7 +37,7 @@ def model_of(config: Config, task: LearningTask) -> Any:
     from stable_baselines3 import PPO
 
     torch.set_num_threads(1)  # its threads would take processors from the simulation
-    checkpoint, first = config.out / CHECKPOINT, config.learning_rate
+    checkpoint, first = last_checkpoint(config.out), config.learning_rate
     settings: dict[str, Any] = {
         "learning_rate": lambda left: first * (_MIN_RATE + (1 - _MIN_RATE) * left),  # by the share of training left
         "n_steps": config.horizon,
@@ -41,6 +48,7 @@ def model_of(config: Config, task: LearningTask) -> Any:
         "device": "cpu",
     }
     if not config.resume:
+        (config.out / UNFINISHED).unlink(missing_ok=True)
         network = {"net_arch": list(config.network), "activation_fn": torch.nn.Tanh, "log_std_init": task.deviation}
         return PPO("MlpPolicy", task.robots, policy_kwargs=network, **settings)
     if not checkpoint.is_file():
@@ -57,8 +65,8 @@ def model_of(config: Config, task: LearningTask) -> Any:
     return model
 
 
-def learn(model: Any, config: Config, drafts: Path) -> list[dict[str, float]]:
-    """Train until `config.steps`, with checkpoints, which are drafted in the folder `drafts` on the same disk.
+def learn(model: Any, config: Config, folder: Path) -> list[dict[str, float]]:
+    """Train until `config.steps`, with checkpoints in `config.out`, and the last one in the `folder` of results.
 
     Returns for each update, those before the checkpoint included, the steps of all robots so far, and since the one
     before their mean reward [-] and the share of the episodes that crossed their courses, if there are courses.
@@ -90,17 +98,12 @@ def learn(model: Any, config: Config, drafts: Path) -> list[dict[str, float]]:
                 crossed.clear()
                 self.updates += 1
                 if self.updates % _CHECKPOINT_EVERY == 1:  # the first one early
-                    _save(self.model, config.out, drafts)
+                    self.model.save(folder / CHECKPOINT)
+                    os.replace(folder / CHECKPOINT, config.out / UNFINISHED)  # complete or not at all
 
         model.learn(max(config.steps - model.num_timesteps, 0), callback=Recorder(), reset_num_timesteps=False)
-    _save(model, config.out, drafts)
+    model.save(folder / CHECKPOINT)
     return curve
-
-
-def _save(model: Any, folder: Path, drafts: Path) -> None:
-    """Save the checkpoint, complete or not at all."""
-    model.save(drafts / CHECKPOINT)
-    os.replace(drafts / CHECKPOINT, folder / CHECKPOINT)
 
 
 def network_of(model: Any) -> Network:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.cli import main
+from experiments.train.training import UNFINISHED
 from sim.policy import Policy
 from sim.traverse.policy import OPTIONS, CrossingPolicy
 
@@ -57,21 +58,6 @@ def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
     assert len(refusal) < 500
 
 
-def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(trackslip, monkeypatch, capsys):
-    folder = trackslip("train", *sized(TINY), "--steps", "128").folder
-    before = {file.name: file.read_bytes() for file in folder.iterdir()}
-
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("experiments.train.training._save", interrupt)
-    with pytest.raises(SystemExit) as stop:
-        main(["train", *sized(TINY), "--steps", "256", "--resume", "--out", str(folder)])
-    assert stop.value.code == 130
-    assert capsys.readouterr().err.endswith("trackslip: interrupted; --resume continues from the last checkpoint\n")
-    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
-
-
 def test_a_training_interrupted_early_has_a_checkpoint_of_its_first_update_or_says_that_there_is_none(
     trackslip, tmp_path, monkeypatch, capsys
 ):
@@ -80,7 +66,7 @@ def test_a_training_interrupted_early_has_a_checkpoint_of_its_first_update_or_sa
 
     begin = ["train", *sized(TINY), "--steps", "512", "--out", str(tmp_path / "out")]
     with monkeypatch.context() as patched:
-        patched.setattr("experiments.train.training._save", interrupt)
+        patched.setattr("stable_baselines3.PPO.save", interrupt)
         with pytest.raises(SystemExit) as stop:
             main(begin)
     assert stop.value.code == 130
@@ -92,7 +78,9 @@ def test_a_training_interrupted_early_has_a_checkpoint_of_its_first_update_or_sa
         with pytest.raises(SystemExit):
             main(begin)
     assert "--resume continues" in capsys.readouterr().err
+    assert [file.name for file in (tmp_path / "out").iterdir()] == [UNFINISHED]
     assert trackslip(*begin[:-2], "--resume", "--out", str(tmp_path / "out")).summary["steps"] == 512
+    assert not (tmp_path / "out" / UNFINISHED).exists()
 
 
 def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
