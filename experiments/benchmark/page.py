@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from experiments.benchmark.cases import FACTORS
 from experiments.benchmark.rows import ENTRY
-from experiments.common.formats import number
+from experiments.common.formats import MISSING, number
 from experiments.common.manifest import command_line, relative
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.style import law_line, log_ticks, styled
@@ -66,6 +66,8 @@ def answer(entries: Sequence[Row], next_command: str) -> Answer:
     elif others:
         behind = f"{_millimetres(others[0]['behind'])}{_interval(others[0]['behind_ci95'], 1e3)}"
         lines.append(f"Next: {_name(others[0], entries)}, {behind} behind.")
+    if best["success"] == 0:
+        heading, lines = "No entry keeps the path", []
     warnings = []
     losing = sum(entry["success"] < 1 for entry in entries)
     if losing:
@@ -130,10 +132,13 @@ def _cells(row: Row, headers: Iterable[str]) -> list[str]:
 
 def _behind(entry: Row) -> str:
     """The difference from the best entry and its interval."""
+    if entry["behind"] == 0:
+        return MISSING
+    behind = f"{1e3 * entry['behind']:.1f}"
     if entry["behind_ci95"] is None:
-        return number(1e3 * entry["behind"] or None, 1)
+        return behind
     low, high = (round(1e3 * end, 1) + 0.0 for end in entry["behind_ci95"])  # no minus zero
-    return f"{1e3 * entry['behind']:.1f} ({low:.1f} to {high:.1f})"
+    return f"{behind} ({low:.1f} to {high:.1f})"
 
 
 def leaderboard(entries: Sequence[Row], about: Mapping[str, Any]) -> str:

@@ -1,14 +1,11 @@
 """The runs of benchmarks: suites, starts, plants, and independence of their company."""
 
-import re
-
 import numpy as np
 import pytest
 
 from experiments.benchmark.cases import BenchmarkCase, planned_cases
 from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops
-from experiments.cli import main
 from experiments.common.choices import CONTROLLER_NAMES, GROUND_NAMES, REFERENCE_NAMES
 from experiments.common.sweep import fleets
 from sim.ground.named import NAMED_GROUNDS, load_ground
@@ -112,13 +109,3 @@ def test_a_plant_drives_as_its_radius_error_says(tmp_path):
         assert log.metadata["radius_error"] == error
         driven = np.hypot(*(log.truth.pose[-1] - log.truth.pose[0])[:2])
         assert driven == pytest.approx(1 + error, abs=0.006)
-
-
-@pytest.mark.parametrize(
-    ("command", "option"), [("grid", "--grounds"), ("track", "--ground"), ("benchmark", "--grounds")]
-)
-def test_help_lists_all_grounds(command, option, capsys):
-    with pytest.raises(SystemExit):
-        main([command, "--help"])
-    words = "".join(re.sub(r"[│\s]", "", capsys.readouterr().out))
-    assert f"{option}{{{','.join(GROUND_NAMES)}" in words

@@ -35,12 +35,6 @@ class Silent(LinearTimeVarying):
     def twist(self, time, pose, reference):
         pass
 
-class Company(LinearTimeVarying):
-    """Won't drive alone, as when its steps are timed."""
-    def twist(self, time, pose, reference):
-        assert len(pose) > 1
-        return super().twist(time, pose, reference)
-
 class Careless(LinearTimeVarying):
     def twist(self, time, pose, reference):
         twist = super().twist(time, pose, reference)
@@ -107,18 +101,12 @@ def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):
     assert len(read_runs(result.folder / "runs.parquet")) == 2 * 2
 
 
-def test_a_controller_that_cannot_be_timed_has_no_times(trackslip, short, tmp_path):
-    (tmp_path / "odd.py").write_text(MODULE)
-    result = trackslip("benchmark", *short, *ALONE, "--seeds", "0", "1", "--controllers", "odd:Company")
-    (row,) = result.summary["rows"]
-    assert (row["failed"], row["compute_ms_p50"]) == (0, None)
-
-
 def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path):
     (tmp_path / "mine3.py").write_text(MODULE)
     result = trackslip("benchmark", *short, "--suite", "fair", "--controllers", "mine3:Broken", "--seeds", "0")
     assert [row["failed"] for row in result.summary["rows"]] == [1, 1, 1]
     assert not (result.folder / "runs.parquet").exists()
+    assert result.printed.startswith("No entry keeps the path.")
 
 
 def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_path):

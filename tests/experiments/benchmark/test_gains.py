@@ -102,12 +102,6 @@ def test_the_search_finds_the_best_gains_within_the_limit_on_roughness():
     assert 1 < len(generations) <= 50
 
 
-def test_rougher_is_worse_than_any_error():
-    costs = [Trial(error, rough).cost(2.0) for error, rough in ((0.001, 1.9), (0.5, 2.0), (0.001, 2.1), (0.001, 3.0))]
-    assert costs == sorted(costs)
-    assert costs[0] == 0.001
-
-
 def test_a_search_resumes_unless_the_controllers_have_changed(trackslip, short, tmp_path, monkeypatch):
     monkeypatch.setattr(tune, "TRAINING_PATHS", (str(tmp_path / "bend.csv"),))
     command = ("tune", "tuned_classes:Good", "tuned_classes:Other", *QUICK, "--evaluations", "12", "--out", "found")

@@ -5,7 +5,7 @@ import pytest
 
 from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.page import answer
-from experiments.benchmark.rows import board, bootstrap95, over_seeds
+from experiments.benchmark.rows import board, over_seeds
 
 
 def run(controller, rms, success=True, error=None, seed=0, compensation="online"):
@@ -22,13 +22,6 @@ def test_means_and_intervals_are_over_the_seeds_that_ran():
     assert (row["seeds"], row["failed"]) == (3, 1)
     assert row["success"] == pytest.approx(2 / 3)
     assert row["final_position"] is None
-
-
-def test_bootstrap_of_the_mean_covers_as_it_should():
-    rng = np.random.default_rng(0)
-    intervals = [bootstrap95(rng.normal(size=40).tolist()) for _ in range(400)]
-    covered = np.mean([low < 0 < high for low, high in intervals])
-    assert 0.90 < covered < 0.98
 
 
 def test_who_keeps_the_path_stands_above_who_is_near_it():
