@@ -217,7 +217,7 @@ def best_gains(config: Config, controller: str, compensation: str, training: Tra
     if best.failure:
         raise TrackslipError(f"{controller} with {compensation}: no gains drive all training runs: {best.failure}")
     default = trials[0][1]
-    row = {"controller": controller, "compensation": compensation, "arguments": gains}
+    row: Row = {"controller": controller, "compensation": compensation, "arguments": gains}
     row |= {"error": best.error, "roughness": best.roughness}
     return row | {"default_error": default.error, "default_roughness": default.roughness}
 
