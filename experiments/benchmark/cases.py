@@ -1,44 +1,45 @@
-"""The runs of a benchmark: suites, names, ids, starts."""
+"""The runs of a benchmark: suites, what one run is, and the plants that differ from those the laws were made on."""
 
-from __future__ import annotations
-
-import functools
 import importlib.util
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments.benchmark.config import Config
 from experiments.common.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
-from experiments.common.lookup import policy_path, reference, user_modules
-from experiments.common.manifest import content, digest
-from experiments.common.results import SUMMARY_FILE
+from experiments.common.lookup import reference
+from experiments.simulate.closed_loop import Plant
+from experiments.simulate.world import World
+from sim.drive.drive import Drive
+from sim.ground.ground import Ground
+from sim.path_tracking.randomization import Randomization
+from sim.robot.parameters import RobotParameters
 from sim.seeds import generator
 from trackslip import se2
-from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array
-from trackslip.slip.law_file import SHIPPED
-
-if TYPE_CHECKING:
-    from experiments.benchmark.drive import ClosedLoops
-
 
 FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
 """Axes along which the runs of a benchmark differ: the fields of a BenchmarkCase."""
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
+_GROUNDS = ("stone", "ice", "sticky")
+_CONTROLLERS = [name for name in CONTROLLER_NAMES if name != "mpc" or importlib.util.find_spec("casadi")]
 _UNSEEN = tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS)
+_PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
+_MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
+_NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
+_SPACING = 0.05  # of the points of a path that patches may lie on [s]
 
 
 @dataclass(frozen=True)
 class Suite:
     """The runs of a benchmark."""
 
-    designs: Sequence[Sequence[tuple[Any, ...]]]
+    designs: Sequence[Sequence[Sequence[Any]]]
     """Full factorial designs: the values of each of FACTORS, all combined."""
     plants: str
     """"nominal", the robot that the laws were identified on, or "drawn" around it."""
@@ -52,23 +53,13 @@ SUITES: Mapping[str, Suite] = {
             (("feedforward",), _PAPER, ("paper",), ("stone",), ("zero",), (0, 1, 2, 3, 4)),
             (("linear",), _PAPER, ("paper",), ("stone",), ("paper", "zero"), (0, 1, 2, 3, 4)),
         ],
-        plants="nominal",
-        gains="default",
+        "nominal",
+        "default",
     ),
-    "fair": Suite(
-        [(CONTROLLER_NAMES, _THREE, _UNSEEN, ("stone",), ("random",), tuple(range(8)))],
-        plants="drawn",
-        gains="tuned",
-    ),
-    "full": Suite(
-        [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, ("stone", "ice", "sticky"), ("random",), (0, 1, 2))],
-        plants="drawn",
-        gains="tuned",
-    ),
+    "fair": Suite([(_CONTROLLERS, _THREE, _UNSEEN, ("stone",), ("random",), range(8))], "drawn", "tuned"),
+    "full": Suite([(_CONTROLLERS, _THREE, REFERENCE_NAMES, _GROUNDS, ("random",), range(3))], "drawn", "tuned"),
 }
 """Suites by name."""
-_PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
-_MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
 
 
 @dataclass(frozen=True)
@@ -116,41 +107,46 @@ class BenchmarkCase:
             offset = np.array(_PAPER_OFFSET)
         elif self.start == "random":
             rng = generator(self.seed, f"start {self.key}")
-            away, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
-            turn = rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)
-            offset = np.array([*(away * se2.direction(bearing)), turn])
+            distance, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
+            rotation = rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)
+            offset = np.array([*(distance * se2.direction(bearing)), rotation])
         return se2.compose(reference(self.reference).pose(0.0), offset)
 
 
-def cases_of(config: Config) -> tuple[list[BenchmarkCase], list[str]]:
-    """Every run once, and a note on each of a suite's controllers that is left out because its library is missing.
-
-    A controller that is named by an option is not left out; looking it up refuses it.
-    """
-    given = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
-    found: dict[BenchmarkCase, None] = {}
+def planned_cases(config: Config) -> list[BenchmarkCase]:
+    """Every run once; a suite has no `mpc` where CasADi is not installed."""
+    options = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
+    cases: dict[BenchmarkCase, None] = {}
     for design in SUITES[config.suite].designs:
-        chosen = [own or suites for own, suites in zip(given, design, strict=True)]
-        found |= dict.fromkeys(BenchmarkCase(*values) for values in product(*chosen))
-    rest = [case for case in found if case.controller != "mpc"]
-    if len(rest) == len(found) or "mpc" in (config.controllers or ()) or importlib.util.find_spec("casadi") is not None:
-        return list(found), []
-    return rest, ['mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"']
+        values = [option or default for option, default in zip(options, design, strict=True)]
+        cases |= dict.fromkeys(BenchmarkCase(*combination) for combination in product(*values))
+    return list(cases)
 
 
-def identified(cases: Sequence[BenchmarkCase], loops: ClosedLoops) -> list[BenchmarkCase]:
-    """The cases with their ids; a user's controllers must have been imported."""
-    config, world = loops.config, loops.world
-    laws = config.laws or SHIPPED
-    specified = [world.parameters, world.ground, world.radius_error, world.obstacles, world.pull, world.robot.digest]
-    evaluated = [world.drive, config.scanner, config.localization, config.preview, loops.plants]
-    common = digest([specified, evaluated, content(laws / SUMMARY_FILE if laws.is_dir() else laws)])
-    contents = functools.cache(lambda name: content(Path(name)))
-    modules = set(user_modules())
+def plant_ranges(robot: RobotParameters, drive: Drive) -> Randomization:
+    """The ranges, around a robot and its drive, from which every property is drawn uniformly and on its own.
 
-    def files(case: BenchmarkCase) -> dict[str, str]:
-        names = {case.reference, case.ground, str(policy_path(case.controller) or "")}
-        names |= set() if case.controller.partition(":")[0] in CONTROLLERS else modules
-        return {name: found for name in sorted(names) if (found := contents(name)) is not None}
+    Raises InvalidValueError for a robot so near the limits that it could not stand, or be simulated.
+    """
+    nominal, lag, shift = robot.radius_error, drive.lag, 0.1 * robot.half_gauge
+    ranges = Randomization(
+        friction_ratio=(0.8, 1.25),
+        radius_error=(nominal - 0.03, nominal + 0.03),
+        com_x=(-shift, shift),
+        com_y=(-shift, shift),
+        lag=(0.5 * lag, min(2.0 * lag, 1.0)),
+        patches=(0, 2),
+        patch_size=(0.3, 1.0),
+        patch_friction=(0.5, 1.0),
+    )
+    ranges.require_standing(robot)
+    return ranges
 
-    return [replace(case, id=digest([common, case.axes, loops.specification(case), files(case)])) for case in cases]
+
+def draw_plant(world: World, name: str, ground: Ground, seed: int, key: str) -> Plant:
+    """The plant of a run on the reference called `name`, the same for every controller and compensation."""
+    rng, path = generator(seed, f"plant {key}"), reference(name)
+    poses = path.pose(np.arange(0.0, path.duration, _SPACING))
+    robot = replace(world.parameters, radius_error=world.radius_error)
+    setting = plant_ranges(robot, world.drive).setting(rng, robot, world.drive, ground, poses)
+    return Plant(setting, world.config.scanner.noise * float(rng.uniform(*_NOISE)))

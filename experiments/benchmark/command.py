@@ -1,60 +1,72 @@
 """`trackslip benchmark`: compare controllers and slip compensations; drive what isn't driven yet, gather, report."""
 
+import shlex
 import textwrap
 
-from experiments.benchmark.cases import SUITES, cases_of, identified
+from experiments.benchmark.cases import SUITES, planned_cases
 from experiments.benchmark.config import Config
-from experiments.benchmark.drive import ClosedLoops, record_comparisons
+from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import Gains
-from experiments.benchmark.page import page
-from experiments.benchmark.rows import board, case_row, losses, over_seeds
-from experiments.benchmark.submission import submission
-from experiments.benchmark.table import BOARD_LEGEND, board_table, leaderboard
+from experiments.benchmark.page import BOARD_LEGEND, answer, board_table, leaderboard, page
+from experiments.benchmark.rows import board, case_row, over_seeds
+from experiments.common.choices import SHIPPED
 from experiments.common.formats import stages_text
 from experiments.common.manifest import relative
-from experiments.common.plain_json import plain, write_json
-from experiments.common.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE, write_output
-from experiments.common.sweep import drive_missing, resumable
+from experiments.common.plain_json import plain
+from experiments.common.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE
+from experiments.common.sweep import Row, drive_missing, resumable
+from experiments.recorder import record_all
 from sim.stopwatch import Stopwatch
 from trackslip.errors import counted
+from trackslip.logs.logfile import StoredRuns
 
 
 def run(config: Config) -> None:
     """Drive what is missing, gather, store and print."""
     suite = SUITES[config.suite]
     gains = Gains.load(config.gains or suite.gains)
-    loops = ClosedLoops(config, config.plants or suite.plants, gains, (config.seeds or (0,))[0])
-    named, notes = cases_of(config)
-    loops.check(named)
-    cases = identified(named, loops)
+    loops = ClosedLoops(config, config.plants or suite.plants, gains, timed=(config.seeds or (0,))[0])
+    planned = planned_cases(config)
+    loops.check(planned)
+    cases = loops.identified(planned)
     with resumable(config, {case.id for case in cases}) as (run, store):
         with run.watch.stage("driving"):
             drive_missing(cases, store, loops, Stopwatch(), config.jobs)
         with run.watch.stage("gathering"):
             runs = [store.rows[case.id] for case in cases]
-            rows = over_seeds(runs)
-            entries, lost = board(runs), [*losses(rows), *notes]
+            rows, entries = over_seeds(runs), board(runs)
             store.gather(cases, run.folder / RUNS_FILE)
+        failures = [{"run": row["run"], "error": row["error"]} for row in runs if row["error"] is not None]
         if config.rrd:
-            with run.watch.stage("recordings"):
-                record_comparisons(run.folder, cases)
+            first = [row["run"] for row in runs if row["seed"] == runs[0]["seed"] and row["error"] is None]
+            record_all(run.folder, [StoredRuns(run.folder / RUNS_FILE).log(name) for name in first])
         grounds = {relative(name): plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
         seeds = sorted({case.seed for case in cases})
         about = run.manifest(**loops.world.about | {"ground": grounds, "seed": seeds})
-        driven = [case for case, row in zip(cases, runs, strict=True) if row["error"] is None]
+        best = answer(entries, _track_command(config, gains, entries[0]))
+        lines = [f"{failure['run']}: {failure['error']}" for failure in failures]
         with run.watch.stage("report"):
-            (run.folder / LEADERBOARD_FILE).write_text(leaderboard(entries, lost, rows, about), encoding="utf-8")
-            page(run.folder / RUNS_FILE, entries, lost, rows, driven, about).write(run.folder, config.pdf)
-        failures = [{"run": row["run"], "error": row["error"]} for row in runs if row["error"] is not None]
-        summary = {"board": entries, "rows": rows, "cases": [case_row(one) for one in runs], "failures": failures}
+            (run.folder / LEADERBOARD_FILE).write_text(leaderboard(entries, about), encoding="utf-8")
+            page(best, entries, rows, lines, about).write(run.folder, config.pdf)
+        summary = {"board": entries, "rows": rows, "cases": [case_row(row) for row in runs], "failures": failures}
         run.write(summary | {"runs": len(runs), "wall_s": run.wall}, manifest=about)
-        if config.submit is not None:
-            rows_of_board = submission(runs, entries, gains, about)
-            write_output(config.submit, lambda draft: write_json(draft, rows_of_board))
+    print(f"{best.heading}.")
+    for line in [*best.lines, *(f"Warning: {warning}." for warning in best.warnings)]:
+        print(line)
+    print()
     board_table(entries).print()
     print(textwrap.fill(BOARD_LEGEND, 120))
-    for line in [*lost, *(f"failed: {failure['run']}: {failure['error']}" for failure in failures)]:
-        print(line)
+    for line in lines:
+        print(f"failed: {line}")
     print(stages_text(run.watch.stages))
-    told = f"{counted(len(runs), 'run')} in {run.wall:.1f} s; {counted(len(rows), 'row')} in {LEADERBOARD_FILE}"
-    print(f"{config.out / REPORT_FILE}: {told}")
+    counts = f"{counted(len(runs), 'run')} in {run.wall:.1f} s; {counted(len(rows), 'row')}"
+    print(f"{config.out / REPORT_FILE}: {counts}")
+
+
+def _track_command(config: Config, gains: Gains, best: Row) -> str:
+    """The command that drives and records the best entry on the paper's path."""
+    controller = gains.specification(best["controller"], best["compensation"])
+    words = ["trackslip", "track", "--controller", controller, "--compensation", best["compensation"], "--rrd"]
+    words += ["--laws", str(config.laws)] if config.laws else []
+    words += ["--robot", config.robot] if config.robot != SHIPPED else []
+    return shlex.join(map(relative, words))

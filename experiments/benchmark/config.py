@@ -1,11 +1,11 @@
 """The options of `trackslip benchmark`."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from experiments.common.choices import COMPENSATIONS, CONTROLLERS, GROUND_NAMES, REFERENCES, WITHOUT_LAWS
-from experiments.common.options import Distinct, Excludes, Exclusion, Whole, default_is, refuse_changed
+from experiments.common.options import Distinct, Whole, default_is, refuse_changed
 from experiments.simulate.options import MAX_JOBS, ClosedLoopOptions
 
 EXAMPLES = (
@@ -15,21 +15,8 @@ EXAMPLES = (
     ("Eq. 31 with another gain", "trackslip benchmark --controllers linear linear:stiffness=160"),
     ("your own controller, tuned by tune", "trackslip benchmark --controllers my:Controller linear --gains out/tune"),
 )
-
-
-_EQUIPMENT = tuple(option.name for option in fields(ClosedLoopOptions) if option.name not in ("overwrite", "rrd"))
-_OF_SUITES = (
-    "suite",
-    "references",
-    "grounds",
-    "starts",
-    "seeds",
-    "plants",
-    *_EQUIPMENT,
-)  # what fair's numbers depend on
 Start = Literal["zero", "paper", "random"]
 _GROUNDS = f"{{{','.join(GROUND_NAMES)},robot,FILE.toml}} ..."
-_COMPENSATIONS = default_is("the suite's", f"{COMPENSATIONS} ...")
 
 
 @dataclass(frozen=True)
@@ -44,7 +31,9 @@ class Config(ClosedLoopOptions):
     """Runs: Sec. IV of the paper, tuned controllers on drawn plants, or these on all paths and three grounds."""
     controllers: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{CONTROLLERS} ...")] = None
     """Controllers, such as linear or linear:stiffness=160; ppo:FOLDER of train, MODULE:CLASS of your own."""
-    compensations: Annotated[tuple[str, ...] | None, Distinct(), _COMPENSATIONS] = None
+    compensations: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{COMPENSATIONS} ...")] = (
+        None
+    )
     """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
     references: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{REFERENCES} ...")] = None
     """Paths; a .csv file lists waypoints in the columns x, y [m]."""
@@ -58,16 +47,12 @@ class Config(ClosedLoopOptions):
     """Robots: the one that the laws were identified on, or robots, grounds and scanners drawn around it."""
     gains: Annotated[str | None, default_is("the suite's", "{default,tuned,FOLDER}")] = None
     """Gains of the controllers: those of their classes, the tuned ones, or those that tune wrote."""
-    submit: Annotated[Path | None, default_is("none", "FILE.json")] = None
-    """Also write the rows of the suite fair with the scores of all their runs, for others to drive again."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
     """Number of processes, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/benchmark")
     """Folder for the results."""
     pdf: bool = False
     """Also write the figures as PDF."""
-
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (Excludes(_OF_SUITES, "submit"),)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,24 +1,21 @@
 """Driving and measuring a fleet of a benchmark: errors, expense, and the time that a step of one robot takes."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
-from experiments.benchmark.cases import BenchmarkCase
+from experiments.benchmark.cases import BenchmarkCase, draw_plant
 from experiments.benchmark.gains import Gains
-from experiments.benchmark.plants import draw_plant
-from experiments.common.lookup import compensation, controller, reference
-from experiments.common.results import RUNS_FILE
+from experiments.common.lookup import compensation, controller, policy_path, reference, user_modules
+from experiments.common.manifest import content, digest
+from experiments.common.results import SUMMARY_FILE
 from experiments.common.sweep import Row
-from experiments.recorder import record_all
 from experiments.simulate.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
 from experiments.simulate.options import ClosedLoopOptions, Equipment, Simulation
 from experiments.simulate.world import World
@@ -30,12 +27,12 @@ from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import limit_sprocket_speeds
 from trackslip.localization.base import PoseEstimate
-from trackslip.logs.logfile import read_runs
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import expense, tracking_errors
 from trackslip.slip.compensation import Compensation
+from trackslip.slip.law_file import SHIPPED
 
-_STEPS = 200  # number timed, from the start of the run
+_TIMED_STEPS = 200  # from the start of the run
 
 
 @dataclass(frozen=True)
@@ -87,14 +84,14 @@ class ClosedLoops:
 
     def check(self, cases: Sequence[BenchmarkCase]) -> None:
         """Raise TrackslipError for unknown names, gains and plants that aren't allowed, before anything is driven."""
-        look_ups: tuple[tuple[Callable[[str], object], str, Iterable[str]], ...] = (
-            (self.controller, "controller", (case.controller for case in cases)),
-            (self.controller, "controller", map(self.specification, cases)),
-            (self.compensation, "compensation", (case.compensation for case in cases)),
-            (reference, "reference", (case.reference for case in cases)),
-            (self.ground, "ground", (case.ground for case in cases)),
+        look_ups: tuple[tuple[str, Callable[[str], object], Iterable[str]], ...] = (
+            ("controller", self.controller, (case.controller for case in cases)),
+            ("controller", self.controller, map(self.specification, cases)),
+            ("compensation", self.compensation, (case.compensation for case in cases)),
+            ("reference", reference, (case.reference for case in cases)),
+            ("ground", self.ground, (case.ground for case in cases)),
         )
-        for look_up, factor, names in look_ups:
+        for factor, look_up, names in look_ups:
             for name in dict.fromkeys(names):
                 try:
                     look_up(name)
@@ -105,6 +102,19 @@ class ClosedLoops:
             self.plant(cases[0])
         except InvalidValueError as error:
             raise InvalidValueError(f"{error.field} of drawn plants", error.value, error.allowed) from error
+
+    def identified(self, cases: Sequence[BenchmarkCase]) -> list[BenchmarkCase]:
+        """The cases with their ids, for which a user's controllers must have been imported."""
+        config, world = self.config, self.world
+        laws = config.laws or SHIPPED
+        names = {name for case in cases for name in (case.reference, case.ground)}
+        names |= {str(path) for case in cases if (path := policy_path(case.controller))}
+        names |= {str(laws / SUMMARY_FILE if laws.is_dir() else laws), *user_modules()}
+        files = {name: content(Path(name)) for name in sorted(names)}
+        robot = [world.parameters, world.ground, world.radius_error, world.robot.digest, world.drive]
+        room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]
+        common = digest([robot, room, files, self.plants, self.timed])
+        return [replace(case, id=digest([common, case.axes, self.specification(case)])) for case in cases]
 
     def drive(self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
         """Drive cases that share a reference, as one fleet."""
@@ -149,7 +159,7 @@ class ClosedLoops:
         law.reset(log.pose[:1])
         period = float(log.time[1] - log.time[0])
         times = []
-        for k in range(min(_STEPS, len(log.time))):
+        for k in range(min(_TIMED_STEPS, len(log.time))):
             row = slice(k, k + 1)
             estimate = PoseEstimate(log.pose[row].copy(), covariance[row], log.is_valid[row])
             began = time.perf_counter()
@@ -167,18 +177,3 @@ class ClosedLoops:
 def _world(config: Equipment) -> World:
     equipment = (config.robot, config.radius_error, config.drive, config.scanner, config.obstacles, config.pull)
     return World.of(Simulation(*equipment, threads=1))
-
-
-def record_comparisons(folder: Path, cases: Sequence[BenchmarkCase], unfinished: Sequence[RunLog] = ()) -> None:
-    """For each reference, ground and start, compare all controllers and compensations with the first seed.
-
-    Runs that failed are recorded one by one, as far as they went.
-    """
-    logs = {log.run: log for log in read_runs(folder / RUNS_FILE)} if (folder / RUNS_FILE).exists() else {}
-    compared: dict[str, list[RunLog]] = {}
-    for case in cases:
-        if case.seed == cases[0].seed and case.name in logs:
-            name = f"{case.key} {Path(case.ground).stem} {case.start} seed {case.seed}"
-            compared.setdefault(name, []).append(logs[case.name])
-    order = [case.name for case in cases]
-    record_all(folder, sorted(unfinished, key=lambda log: order.index(log.run)), compared)

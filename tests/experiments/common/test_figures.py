@@ -11,7 +11,6 @@ from identifications import GEOMETRY, driven, grid, identified
 from matplotlib.colors import to_rgb
 
 import experiments
-from experiments.benchmark.page import controller_line
 from experiments.common import colours
 from experiments.common.laws import law_looks, shown
 from experiments.common.style import RADII_SHADES, SPEED_SHADES, shade
@@ -94,7 +93,6 @@ def test_a_figures_white_becomes_the_dark_cards_colour():
     [
         *(value for name in ("BLUE", "ORANGE", "GREEN", "RED", "BLACK", "GREY") if (value := vars(colours)[name])),
         *(law.colour for law in law_looks().values()),
-        *(controller_line(k)["color"] for k in range(10)),
         *(shade(shades, share) for shades in (RADII_SHADES, SPEED_SHADES) for share in np.linspace(0, 1, 9)),
     ],
     ids=str,
@@ -106,6 +104,3 @@ def test_lines_and_symbols_stand_out_from_the_page(colour):
 
 def test_laws_differ_without_colour():
     assert len({str(law.dashes) for law in law_looks().values()}) == len(law_looks())
-    looks = [controller_line(k) for k in range(70)]
-    assert len({(look["color"], str(look["linestyle"])) for look in looks}) == 70
-    assert len({str(look["linestyle"]) for look in looks[:7]}) == 7
