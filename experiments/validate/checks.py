@@ -18,7 +18,7 @@ from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
 
 _GENTLE = math.radians(10.0)  # a slope that robots climb and are parked on, if friction holds them on twice as much
-_MARGIN = math.radians(4.0)  # by which a slope must be less steep than the one on which a robot tips over
+_MARGIN = math.radians(10.0)  # robots that are closer to tipping over rock when they begin to slide
 _BALANCE, _SPRINGS, _COULOMB = "quasi-static balance (trackslip.skid_theory)", "rigid robot on springs", "Coulomb's law"
 
 
@@ -55,12 +55,13 @@ class Checks:
         return friction_angle((self.setup.ground.along, self.setup.ground.across), heading)
 
     def tips_over(self, what: str, heading: float, slope: float) -> bool:
-        """True, and noted, if the robot tips over on a slope before `what` happens, heading uphill (0) or across it."""
-        p = self.setup.parameters
-        tips = math.atan2(p.half_gauge - p.com_y if heading else p.contact_length / 2 + p.com_x, p.com_height)
+        """True, and noted, if a slope is too steep for the robot to stand on, heading uphill (0) or across it."""
+        (x, y), p = self.setup.robot().contact_points.T, self.setup.parameters
+        tips = math.atan2(y.max() - p.com_y if heading else p.com_x - x.min(), p.com_height)
         if tips < slope + _MARGIN:
-            angles = f"{math.degrees(tips):.0f}°, and would do so on {math.degrees(slope):.0f}°"
-            self.not_applicable.append(f"{what}: the robot tips over on {angles}")
+            needed, spare, most = (f"{math.degrees(angle):.0f}°" for angle in (slope, _MARGIN, tips))
+            reason = f"too steep for this robot: {needed} and {spare} to spare > {most}, where it tips over"
+            self.not_applicable.append(f"{what}: {reason}")
         return tips < slope + _MARGIN
 
 
