@@ -18,7 +18,7 @@ from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
 
 _GENTLE = math.radians(10.0)  # a slope that robots climb and are parked on, if friction holds them on twice as much
-_MARGIN = math.radians(10.0)  # robots that are closer to tipping over rock when they begin to slide
+_MARGIN = math.radians(9.0)  # robots that are closer to tipping over rock when they begin to slide
 _BALANCE, _SPRINGS, _COULOMB = "quasi-static balance (trackslip.skid_theory)", "rigid robot on springs", "Coulomb's law"
 
 
@@ -109,7 +109,7 @@ def check_sliding(checks: Checks) -> dict[str, Array]:
         limit, what = checks.friction_angle(heading), f"acceleration sliding {way}"
         if checks.tips_over(what, heading, limit):
             continue
-        slopes = limit + np.radians([1.0, 2.0, 4.0])
+        slopes = limit + np.radians([2.0, 3.0, 4.0])
         fleet = setup.fleet(np.tile([0.0, 0.0, heading], (len(slopes), 1)))
         velocity = fleet.batch.bind("cvel")[:, fleet.robot.model.body("chassis").id, 3:5]  # of its mass, live
         for share in np.linspace(0.0, 0.97, 100).tolist():  # tilted slowly until the loads are those of sliding

@@ -2,16 +2,14 @@
 
 import math
 import sys
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from experiments.common.check import Check
-from experiments.common.choices import SHIPPED
-from experiments.common.formats import number, span
+from experiments.common.formats import number, pair, span
 from experiments.common.manifest import command_line
-from experiments.common.page import Answer, Bullets, Page, Plot, Section
+from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
 from experiments.common.table import Table
@@ -25,11 +23,8 @@ from sim.robot.named import load_parameters
 from sim.seeds import generator
 
 _UNITS = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "rad": (math.degrees(1.0), "°"), "m/s^2": (1.0, "m/s²")}
-_METHOD = (
-    "Theory needs no simulator: quasi-static friction under the contacts balances the robot's weight and momentum.",
-    "Each row of the table shows the value that is closest to its bound.",
-    "Open is whether the theory holds on real ground, which also sinks and yields, and for turns faster than these.",
-)
+_CAPTION = "Lines: theory, and Coulomb's law on slopes that don't hold the robot. Symbols: simulated."
+_NOTE = "Each row shows the value that is closest to its bound."
 
 
 def run(config: Config) -> None:
@@ -47,31 +42,20 @@ def run(config: Config) -> None:
             sliding = check_sliding(checks)
         with run.busy("energy"):
             check_energy(checks, generator(config.seed, "energy"))
-        radius, speed, _ = paper_turns(parameters)
-        table = Table("Theory and simulator", ("check", "theory", "measured", "allowed"), list(map(_row, checks.done)))
-        friction = f"friction {ground.along:g} along, {ground.across:g} across, shear {1e3 * ground.shear:g} mm"
-        facts = [
-            ("ground", friction),
-            ("b + D, half the distance of the ICRs", span(1e3 * turns.half_width[1], "mm")),
-            ("slip of the outer and the inner track", " | ".join(span(turns.slip[1, :, side]) for side in (1, 0))),
-        ]
-        options = [f"--robot {config.robot}"] if config.robot != SHIPPED else []
-        options += [f"--ground {config.ground.source}"] if config.ground.source else []
+        rows = list(map(_row, checks.done))
+        table = Table("Theory and simulator", ("check", "theory", "measured", "allowed"), rows, note=_NOTE)
         warnings = [f"Failed: {what}." for what in checks.failed]
         if level != ground:
             warnings.append("Slope, patches and changes of the ground are left out.")
+        friction = f"friction {ground.along:g} along, {ground.across:g} across, shear {1e3 * ground.shear:g} mm"
+        width, slips = span(1e3 * turns.half_width[1], "mm"), [span(turns.slip[1, :, side]) for side in (1, 0)]
+        facts = [("ground", friction), ("b + D, half the distance of the ICRs", width)]
+        facts.append(("slip, outer | inner track", pair(slips)))
         lines = [f"Not applicable: {line}." for line in checks.not_applicable]
-        answer = Answer(checks.verdict, facts, lines, warnings, [" ".join(["trackslip grid", *options])])
-        plots = (
-            Plot("slip", partial(figures.slip, turns, radius, speed), "Turns",
-                 "Lines: theory. Symbols: simulated, by commanded speed."),
-            Plot("sliding", partial(figures.sliding, sliding), "Slopes that don't hold the robot",
-                 "Lines: Coulomb's law. Symbols: simulated."),
-        )  # fmt: skip
-        sections = [
-            Section("Theory beside measured", [table, *plots]),
-            Section("Method", [Bullets(_METHOD)], folded=True),
-        ]
+        answer = Answer(checks.verdict, facts, lines, warnings, [f"trackslip grid --robot {config.robot}"])
+        radius, speed, _ = paper_turns(parameters)
+        plot = Plot("motion", figures.panels(turns, radius, speed, sliding), "Turns and slopes", _CAPTION)
+        sections = [Section("Theory beside measured", [table, plot])]
         manifest = run.manifest(seed=config.seed, robot=parameters, ground=level, model_sha256=setup.robot().digest)
         page = Page(f"{checks.robot}: theory and simulator", command_line("validate"), manifest, sections, (), answer)
         page.write(run.folder, config.pdf)
