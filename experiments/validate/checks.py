@@ -73,10 +73,9 @@ def check_turns(checks: Checks) -> Turns:
     checks.add("slip in turns", turns.slip, 0.002, "1", _BALANCE)
     spins = drive_steadily(setup, np.outer([0.06, 0.12, 0.24], [-1.0, 1.0]) / setup.sprocket_radius)
     checks.add("b + D on the spot", spins.half_width, 0.013 * spins.half_width[0], "m", _BALANCE)
-    uphill = Load(min(_GENTLE, checks.friction_angle(0.0) / 2))
-    checks.add(
-        "slip uphill", drive_steadily(setup, 0.12 / setup.sprocket_radius[None], uphill).slip, 0.001, "1", _BALANCE
-    )
+    belts, uphill = np.array([[0.12, 0.12]]), Load(min(_GENTLE, checks.friction_angle(0.0) / 2))
+    climb = drive_steadily(setup, belts / setup.sprocket_radius, uphill)
+    checks.add("slip uphill", climb.slip, 0.001, "1", _BALANCE)
     return turns
 
 

@@ -47,8 +47,10 @@ def run(config: Config) -> None:
         warnings = [f"Failed: {what}." for what in checks.failed]
         if level != ground:
             warnings.append("Slope, patches and changes of the ground are left out.")
-        friction = f"friction {ground.along:g} along, {ground.across:g} across, shear {1e3 * ground.shear:g} mm"
-        width, slips = span(1e3 * turns.half_width[1], "mm"), [span(turns.slip[1, :, side]) for side in (1, 0)]
+        friction = f"friction {ground.along:g} along, {ground.across:g} across"
+        friction += f", shear {1e3 * ground.shear:g} mm" if ground.shear else ""
+        width = span(1e3 * turns.half_width[1].round(3), "mm")
+        slips = [span(turns.slip[1, :, side]) for side in (1, 0)]
         facts = [("ground", friction), ("b + D, half the distance of the ICRs", width)]
         facts.append(("slip, outer | inner track", pair(slips)))
         lines = [f"Not applicable: {line}." for line in checks.not_applicable]
