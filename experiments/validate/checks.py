@@ -82,11 +82,11 @@ def check_turns(checks: Checks) -> Turns:
 def check_standing(checks: Checks) -> None:
     """Check loads and lean in the paper's turns, and creep of robots parked uphill, obliquely and across a slope."""
     setup, slope = checks.setup, min(_GENTLE, checks.friction_angle(0.0) / 2)
-    loads = measure_loads(setup, paper_turns(setup.parameters)[2])
-    sink = loads.attitude[..., 0].mean(axis=1)
-    checks.add("load of a contact point, over the mean", loads.load, 0.05, "1", _SPRINGS)
+    loads, attitude = measure_loads(setup, paper_turns(setup.parameters)[2])
+    sink = attitude[..., 0].mean(axis=1)
+    checks.add("load of a contact point, over the mean", loads, 0.05, "1", _SPRINGS)
     checks.add("sink on level ground", sink, 0.05 * sink[0], "m", _SPRINGS)
-    checks.add("roll and pitch in turns", loads.attitude[..., 1:], math.radians(0.05), "rad", _SPRINGS)
+    checks.add("roll and pitch in turns", attitude[..., 1:], math.radians(0.05), "rad", _SPRINGS)
     creep = f"creep, parked on {math.degrees(slope):.0f}°"
     if not checks.tips_over(creep, 0.0, slope):
         start = [(0.0, 0.0, heading) for heading in (0.0, np.pi / 4, np.pi / 2)]

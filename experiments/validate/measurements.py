@@ -49,11 +49,6 @@ class Setup:
         p = self.parameters
         return p.sprocket_radius * (1 + p.radius_error + p.radius_split * np.array([-1.0, 1.0]))
 
-    @property
-    def theory(self) -> Contact:
-        """The contact of the robot with the ground."""
-        return self.parameters.contact_theory(self.ground.along, self.ground.across, 100)
-
 
 @dataclass(frozen=True)
 class Turns:
@@ -100,20 +95,15 @@ def drive_steadily(setup: Setup, omega: Array, load: Load | None = None, passes:
     for _ in range(round(0.5 / fleet.period)):  # a mean, because MuJoCo's default contact shakes
         fleet.advance(fleet.period)
         twists.append(fleet.twist())
-    expected = steady_twist(belts, setup.theory, GRAVITY, ground.shear, load)
+    contact = p.contact_theory(ground.along, ground.across, 100)
+    expected = steady_twist(belts, contact, GRAVITY, ground.shear, load)
     return Turns(omega, belts, np.stack([expected, np.mean(twists, axis=0)]), p.geometry)
 
 
-@dataclass(frozen=True)
-class Loads:
-    """Normal forces at K contact points, and the chassis' attitude, in M turns; each by theory and simulated."""
-
-    load: Array  # (2, M, K) over the mean [-]
-    attitude: Array  # (2, M, 3) sink [m], roll and pitch [rad]
-
-
-def measure_loads(setup: Setup, omega: Array) -> Loads:
-    """Measure loads in turns (M, 2) [rad/s]; in theory, weight and momentum press a rigid robot on equal springs."""
+def measure_loads(setup: Setup, omega: Array) -> tuple[Array, Array]:
+    """Loads at K contact points in turns (M, 2) [rad/s] by theory and simulated, over the mean (2, M, K) [-], and the
+    chassis' sink [m], roll and pitch (2, M, 3) [rad]. In theory, a rigid robot presses on equal springs.
+    """
     fleet = setup.fleet(np.zeros((len(omega), 3)), robot=setup.robot(contact_sensors=True))
     fleet.command(omega)
     fleet.advance(2.0)
@@ -126,4 +116,4 @@ def measure_loads(setup: Setup, omega: Array) -> Loads:
     expected = theory.loads(acceleration / GRAVITY) * len(x)
     plane = np.linalg.lstsq(np.column_stack([np.ones(len(x)), -y, x]), SINK * expected.T)[0].T
     load = contacts.load * len(x) / (fleet.robot.mass * GRAVITY)
-    return Loads(np.stack([expected, load]), np.stack([plane, fleet.attitude()]))
+    return np.stack([expected, load]), np.stack([plane, fleet.attitude()])
