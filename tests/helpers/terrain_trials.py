@@ -44,6 +44,7 @@ class Robot:
 
     model: mujoco.MjModel
     tracks: tuple[Any, ...]
+    belts: Any
     track_side: np.ndarray  # (T,) 0 left, 1 right
     qpos: np.ndarray  # (nq,) at the origin, its tracks on z = 0; the first seven are its pose
     control: np.ndarray  # (nu,) that holds the flippers
@@ -81,7 +82,7 @@ def box(
     tracks = add_tracks(spec, "box", terrain=ground, **given)
     model, view = spec.compile(), SideView(np.array(hull), (x, z))
     qpos = np.array([0.0, 0.0, -view.ground, 1.0, 0.0, 0.0, 0.0])
-    return Robot(model, (tracks,), np.arange(2), qpos, np.zeros(0), half_gauge, view)
+    return Robot(model, (tracks,), bind(model, tracks), np.arange(2), qpos, np.zeros(0), half_gauge, view)
 
 
 def rescue(terrain, preset, flippers=UP):
@@ -98,7 +99,9 @@ def rescue(terrain, preset, flippers=UP):
     mujoco.mj_forward(model, data)
     x, _, z = data.subtree_com[model.body_rootid[built.body]] - data.xpos[built.body]
     view = SideView(np.array(robot.hull), (float(x), float(z)))
-    return Robot(model, built.tracks, built.track_side, qpos, control, robot.half_gauge, view)
+    return Robot(
+        model, built.tracks, bind(model, *built.tracks), built.track_side, qpos, control, robot.half_gauge, view
+    )
 
 
 class Trial:
@@ -106,9 +109,8 @@ class Trial:
 
     def __init__(self, robot: Robot, size: int, heading=0.0):
         self.robot, self.size, self.timestep = robot, size, robot.model.opt.timestep
-        belts = bind(robot.model, *robot.tracks)  # before the batch, whose surfaces move only then
-        self.batch = batch.Batch(robot.model, size, nthread=0)
-        self.belts = belts.bind_batch(self.batch)
+        self.batch = batch.Batch(robot.model, size, nthread=1)
+        self.belts = robot.belts.bind_batch(self.batch)
         self.batch.qpos[:] = robot.qpos
         if robot.model.nu:
             self.batch.ctrl[:] = robot.control
