@@ -9,7 +9,7 @@ from typing import Any
 from experiments.common.formats import MISSING, number, percent, significant
 from experiments.common.table import Table
 
-_SHOWN = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (1e3, "mrad")}
+_SHOWN = {"m": (1e3, "mm", 3), "s": (1e3, "ms", 3), "rad": (1e3, "mrad", 3)}  # scale, unit and decimals
 _MOST_COLUMNS = 4  # cases that fit side by side
 _SHARE = 0.2  # largest bound of an error that is printed in per cent, and of a length or speed in millimetres
 
@@ -57,15 +57,15 @@ class Check:
     def __str__(self) -> str:
         low, high = self.ends
         allowed = f"{low:g} to {high:g}" if high < math.inf else f"at least {low:g}"
-        if self.bound == self.tolerance and not isinstance(self.tolerance, tuple):
-            allowed = f"at most {self.tolerance:g}"
+        if not isinstance(self.bound, tuple):
+            allowed = f"at most {self.bound:g}"
         return f"{self.name} {self.measured:.3g}, {allowed}"
 
     def to_json(self) -> dict[str, Any]:
         """An entry of `checks` in a summary.json, where an end that is infinite becomes null."""
         expected = None if isinstance(self.tolerance, tuple) else self.expected
-        shown = {"name": self.name, "value": self.measured, "expected": expected, "bound": self.bound}
-        return {**shown, "unit": self.unit, "holds": self.holds, "source": self.source}
+        entry = {"name": self.name, "value": self.measured, "expected": expected, "bound": self.bound}
+        return {**entry, "unit": self.unit, "holds": self.holds, "source": self.source}
 
 
 def at_least(least: float) -> tuple[float, float]:
@@ -80,10 +80,8 @@ def checks_table(title: str, checks: Sequence[Check]) -> Table:
     if len(cases) > _MOST_COLUMNS or not shared:
         return _listed(title, checks)
     measured = {(check.case, check.what): _value(check) for check in checks}
-    rows = [
-        (what, *(measured.get((case, what), MISSING) for case in cases), _bound(check))
-        for what, check in bounds.items()
-    ]
+    cells = {what: [measured.get((case, what), MISSING) for case in cases] for what in bounds}
+    rows = [(what, *values, _bound(bounds[what])) for what, values in cells.items()]
     return Table(title, ("check", *cases, "bound"), rows)
 
 
@@ -92,12 +90,11 @@ def _listed(title: str, checks: Sequence[Check]) -> Table:
     for case, group in groupby(checks, key=lambda check: check.case):
         rows.append((case, "", "", "", ""))
         for check in group:
-            scale, unit = _SHOWN.get(check.unit, (1.0, ""))
-            digits = 4 if scale == 1 else 3
+            scale, unit, digits = _SHOWN.get(check.unit, (1.0, "", 4))
             ends = check.bound if isinstance(check.bound, tuple) else (check.bound,)
             bound = " to ".join(number(scale * end, digits) for end in ends)
-            holds = "holds" if check.holds else "does not hold"
-            rows.append((f"  {check.what}", number(scale * check.measured, digits), bound, unit, holds))
+            value, holds = number(scale * check.measured, digits), "holds" if check.holds else "does not hold"
+            rows.append((f"  {check.what}", value, bound, unit, holds))
     return Table(title, ("case", "value", "bound", "unit", ""), rows)
 
 
@@ -107,9 +104,9 @@ def _value(check: Check) -> str:
 
 def _bound(check: Check) -> str:
     low, high = (_in_its_unit(check, end) for end in check.ends)
-    if not isinstance(check.bound, tuple):
-        return high
-    return f">= {low}" if math.isinf(check.ends[1]) else f"{low} to {high}"
+    if math.isinf(check.ends[1]):
+        return f">= {low}"
+    return f"{low} to {high}" if isinstance(check.bound, tuple) else high
 
 
 def _in_its_unit(check: Check, value: float) -> str:
