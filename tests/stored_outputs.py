@@ -46,8 +46,6 @@ COMMANDS = {
     "view": "view track --save OUT/run.rrd",
     "sensitivity": "sensitivity --radii 0.5 1.5 --speeds 0.1 0.2 --duration 8 --out OUT",
     "validate": "validate --out OUT",
-    "validate_terrain": "validate --terrain --out OUT",
-    "validate_shear": "validate --shear --out OUT",
     "coverage": "coverage --repeats 100 --run-repeats 20 --grids 4 --out OUT",
     "coverage_drives": "coverage --drives --drive-repeats 4 --out OUT",
 }

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
-from experiments.common.check import Check
-from experiments.common.check_table import checks_table
+from experiments.common.check import Check, checks_table
 from experiments.common.formats import number
 from experiments.common.table import Table
 from experiments.simulate.drives import KnownDrive, driven_by_law, driven_in_mujoco

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.common.check import Check
-from experiments.common.check_table import checks_table
+from experiments.common.check import Check, checks_table
 from experiments.common.formats import number, significant
 from experiments.common.laws import symbol, unit_of
 from experiments.common.table import Table
