@@ -1,41 +1,30 @@
-"""`trackslip plan`: the shortest experiment to identify a slip law from, and trials of it."""
+"""`trackslip plan`: the shortest experiment to identify a slip law from."""
 
 import shlex
-from functools import partial
 
 from experiments.common.results import BAGS_FOLDER, REPORT_FILE
 from experiments.common.run import Run
 from experiments.plan.config import BAG_FILE, PLAN_FILE, Config
 from experiments.plan.page import page, print_plan
 from experiments.plan.planned import plan_to_json, planned, write_plan
-from experiments.studies.plan_trials import try_plan
-from experiments.studies.trials import forget_trials
 from trackslip.planning.plan import expected_of_paper
 from trackslip.ros.messages import has_rosbags
 from trackslip.ros.writer import write_commands
 
 
 def run(config: Config) -> None:
-    """Plan, try, store and print."""
+    """Plan, store and print."""
     bag = config.bag and has_rosbags()
-    with Run(config, partial(forget_trials, config.out)) as run:
+    with Run(config) as run:
         plan = planned(config, run)
         paper = expected_of_paper(plan)
-        summary, logs = plan_to_json(plan, paper), []
-        if config.drive:
-            study, log = try_plan(config, plan, paper, run)
-            trials = study.to_json()
-            summary |= {"trials": trials, "checks": trials["checks"]}
-            logs = [log]
         write_plan(run.folder / PLAN_FILE, plan)
         manifest = run.manifest(seed=config.seed)
-        page(plan, paper, manifest, study.shown if config.drive else ()).write(run.folder, config.pdf)
+        page(plan, paper, manifest, ()).write(run.folder, config.pdf)
         if bag:
             write_commands(run.folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist, config.topic)
-        run.write(summary, logs, manifest=manifest)
+        run.write(plan_to_json(plan, paper), manifest=manifest)
     print_plan(plan, paper)
-    if config.drive:
-        study.print()
     print(f"{config.out / PLAN_FILE}, {REPORT_FILE}: {run.wall:.1f} s")
     if bag:
         place = config.out / BAGS_FOLDER / BAG_FILE

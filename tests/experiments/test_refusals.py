@@ -9,7 +9,7 @@ DRAG = "track --controller feedforward"
 ROBOT = "--half-gauge 0.168 --sprocket-radius 0.06"
 
 OPTIONS = [
-    ("paint", "COMMAND = 'paint': must be one of bag, bench, benchmark, calibrate, "),
+    ("paint", "COMMAND = 'paint': must be one of bag, benchmark, calibrate, "),
     ("--help --help", "--help is given twice"),
     ("grid --out ''", "--out = '': must be non-empty"),
     ("grid --out \udcff", "--out = '\\udcff': must be valid UTF-8"),
@@ -32,9 +32,7 @@ OPTIONS = [
     (f"identify log.csv {ROBOT} --sensor 0 0 5", "sensor = 5.0: must be from -3.14159 to 3.14159 rad, counter-"),
     (f"identify log.csv {ROBOT} --sensor 0 nan 0", "sensor = nan: must be from -100 to 100 m, left of the middle"),
     (f"identify log.csv {ROBOT} --sensor 0 0 0 --estimate-sensor", "estimate_sensor = True: must be left out where"),
-    ("coverage --run-repeats 4 --grids 5", "grids = 5: must be at most run_repeats = 4"),
-    ("coverage --radii 0.6", "radii = (0.6,): must be at least two"),
-    ("sensitivity --duration 1", "duration = 1.0: must be from 4"),
+    ("grid --duration 1", "duration = 1.0: must be from 4"),
     ("deploy --law online", "law = 'online': must be one of none, "),
     ("deploy --controller my-robot", "controller = 'my-robot': must be a name of letters, digits and _"),
     ("deploy --to c --controller other", "controller = 'other': must be left out without --to ros2_control"),
@@ -162,9 +160,9 @@ FILES = [
     ("deploy {}", "laws.json", '{"slip_laws": {"icr"', "not JSON"),
 ]
 REJECTED = [
-    ("", "Expected one of {bag, bench,"),
+    ("", "Expected one of {bag, benchmark,"),
     ("grid --colour red", "Unrecognized options: --colour"),
-    ("coverage --motion arc", "--motion (applied to trackslip coverage)"),
+    ("track --motion arc", "Unrecognized options: --motion"),
     (f"{PLAN} --poses sonar", "invalid choice 'sonar' for argument '--poses'"),
     ("--tyro-print-completion", "Unrecognized options: --tyro-print-completion"),
 ]

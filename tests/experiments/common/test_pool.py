@@ -161,7 +161,6 @@ COMMANDS = {
     "reproduce": (*SMALL, "--threads", "2"),
     "grid": (*SMALL, "--vary", "scanner.noise=0.001,0.002,0.003,0.004", "--jobs", "2"),
     "benchmark": ("--controllers", "linear", "lqr", "--references", "circle", "--seeds", "0", "1", "--jobs", "2"),
-    "coverage": (*SMALL, "--repeats", "20", "--run-repeats", "4", "--grids", "2", "--threads", "2"),
     "track": (),
 }
 KEPT = {benchmark.PARTS, grid.PARTS, trials.FILE}  # in OUT, with which an interrupted command resumes

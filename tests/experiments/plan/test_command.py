@@ -1,4 +1,4 @@
-"""`trackslip plan`: a plan that can be driven and identified from, and a second round."""
+"""`trackslip plan`: what it writes, and a second round."""
 
 from __future__ import annotations
 
@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from trackslip.identification.drive_law import fit_drives
-from trackslip.kinematics import RobotGeometry
-from trackslip.logs.logfile import read_runs
 from trackslip.planning import plan as planning
 
 ROBOT = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
@@ -26,8 +23,8 @@ def few_routes(monkeypatch):
     monkeypatch.setattr(planning, "_FEWEST", 30)
 
 
-def test_it_writes_a_plan_that_can_be_driven_and_identified_from(trackslip):
-    result = trackslip("plan", *SHORT, "--drive", "--topic", "/base/cmd_vel")
+def test_it_writes_a_plan_as_a_table_and_a_bag(trackslip):
+    result = trackslip("plan", *SHORT, "--topic", "/base/cmd_vel")
     with (result.folder / "plan.csv").open(newline="") as stream:
         header, *rows = csv.reader(stream)
     assert header == ["t", "omega_l", "omega_r", "v", "w"]
@@ -47,18 +44,8 @@ def test_it_writes_a_plan_that_can_be_driven_and_identified_from(trackslip):
     )
     assert (result.folder / "figures" / "plan.svg").exists()
     report = (result.folder / "report.html").read_text()
-    assert all(
-        words in report for words in ("A drive to identify slip", "the paper&#39;s 25 runs", "Share: ", "Tried in the")
-    )
+    assert all(words in report for words in ("A drive to identify slip", "the paper&#39;s 25 runs", "Share: "))
     assert "the paper's 25 runs" in result.printed
-    trials = result.summary["trials"]
-    assert trials["failures"] == []
-    assert trials["inside"] == trials["drives"] == 4
-    assert all(check["holds"] for check in result.summary["checks"])
-    (log,) = read_runs(result.folder / "runs.parquet")
-    fit = fit_drives("icr_radius", [log], RobotGeometry(0.168, 0.06))
-    assert abs(fit.values["offset"] - 0.045) < 5 * fit.stderr["offset"]
-    assert np.abs(log.pose[log.valid, :2]).max() < 1.5 + 0.1
 
 
 def test_without_rosbags_a_line_says_that_the_bag_is_left_out(trackslip, monkeypatch):
@@ -92,12 +79,3 @@ def test_a_second_round(trackslip, known):
 def test_a_second_round_with_another_robot(refused):
     line = refused("plan", "--after", "known", "--half-gauge", "0.2")
     assert line == "half_gauge = 0.2: must be that of known, 0.168 m, or left out"
-
-
-@pytest.mark.slow
-def test_a_drive_in_mujoco_stays_inside_and_predicts_others(trackslip):
-    result = trackslip("plan", *SHORT, "--drive", "--motion", "mujoco")
-    trials = result.summary["trials"]
-    assert trials["inside"] == 1
-    assert 0 < trials["ahead"]["plan"][0] < 0.01
-    assert trials["truth"] is None
