@@ -37,7 +37,7 @@ from trackslip.slip.families import FAMILIES
 pytestmark = pytest.mark.slow
 GEOMETRY = RobotGeometry(0.168, 0.06)
 SLAM = SOURCES["slam"]
-PLANNED, PAPER = 400, 40
+PLANNED, PAPER = 400, 100
 """Drives of the plan by the law, and repeats of the paper's 25 runs."""
 MEASUREMENTS = 20
 """Measurements of the same drives in MuJoCo."""

@@ -28,9 +28,9 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.slip.families import FAMILIES
 
 pytestmark = pytest.mark.slow
-REPEATS = 400
+REPEATS = 100
 """Sets of samples drawn from each law."""
-GRIDS = 200
+GRIDS = 100
 """Grids of the paper's runs, from new points of the circles, that are driven and fitted."""
 DURATION = 10.0  # of their runs, shorter than the paper's, to drive many [s]
 DRAWN_LAWS = tuple(name for name, law in FAMILIES.items() if law.names and not law.loaded and not law.fast)
