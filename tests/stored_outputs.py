@@ -45,8 +45,6 @@ COMMANDS = {
     "drive": "drive --duration 20 --pictures 2 --out OUT",
     "view": "view track --save OUT/run.rrd",
     "validate": "validate --out OUT",
-    "validate_terrain": "validate --terrain --out OUT",
-    "validate_shear": "validate --shear --out OUT",
 }
 """What is stored, by name: a command line in which OUT is its own folder, and other names are those of earlier ones."""
 

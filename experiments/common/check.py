@@ -1,8 +1,17 @@
-"""Checks: measured numbers against what theory, or a requirement, expects of them."""
+"""Checks: measured numbers against what theory, or a requirement, expects of them, and their table."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
+
+from experiments.common.formats import MISSING, number, percent, significant
+from experiments.common.table import Table
+
+_SHOWN = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (1e3, "mrad")}
+_MOST_COLUMNS = 4  # cases that fit side by side
+_SHARE = 0.2  # largest bound of an error that is printed in per cent, and of a length or speed in millimetres
 
 
 @dataclass(frozen=True)
@@ -54,17 +63,62 @@ class Check:
 
     def to_json(self) -> dict[str, Any]:
         """An entry of `checks` in a summary.json, where an end that is infinite becomes null."""
-        return {
-            "name": self.name,
-            "value": self.measured,
-            "expected": None if isinstance(self.tolerance, tuple) else self.expected,
-            "bound": self.bound,
-            "unit": self.unit,
-            "holds": self.holds,
-            "source": self.source,
-        }
+        expected = None if isinstance(self.tolerance, tuple) else self.expected
+        shown = {"name": self.name, "value": self.measured, "expected": expected, "bound": self.bound}
+        return {**shown, "unit": self.unit, "holds": self.holds, "source": self.source}
 
 
 def at_least(least: float) -> tuple[float, float]:
     """The range of a value that must not be smaller."""
     return least, math.inf
+
+
+def checks_table(title: str, checks: Sequence[Check]) -> Table:
+    """A row per check; up to four cases that share their bounds are side by side, others one below the other."""
+    cases, bounds = list(dict.fromkeys(check.case for check in checks)), {check.what: check for check in checks}
+    shared = all(check.bound == bounds[check.what].bound for check in checks)
+    if len(cases) > _MOST_COLUMNS or not shared:
+        return _listed(title, checks)
+    measured = {(check.case, check.what): _value(check) for check in checks}
+    rows = [
+        (what, *(measured.get((case, what), MISSING) for case in cases), _bound(check))
+        for what, check in bounds.items()
+    ]
+    return Table(title, ("check", *cases, "bound"), rows)
+
+
+def _listed(title: str, checks: Sequence[Check]) -> Table:
+    rows: list[tuple[str, ...]] = []
+    for case, group in groupby(checks, key=lambda check: check.case):
+        rows.append((case, "", "", "", ""))
+        for check in group:
+            scale, unit = _SHOWN.get(check.unit, (1.0, ""))
+            digits = 4 if scale == 1 else 3
+            ends = check.bound if isinstance(check.bound, tuple) else (check.bound,)
+            bound = " to ".join(number(scale * end, digits) for end in ends)
+            holds = "holds" if check.holds else "does not hold"
+            rows.append((f"  {check.what}", number(scale * check.measured, digits), bound, unit, holds))
+    return Table(title, ("case", "value", "bound", "unit", ""), rows)
+
+
+def _value(check: Check) -> str:
+    return _in_its_unit(check, check.measured) + ("" if check.holds else " !")
+
+
+def _bound(check: Check) -> str:
+    low, high = (_in_its_unit(check, end) for end in check.ends)
+    if not isinstance(check.bound, tuple):
+        return high
+    return f">= {low}" if math.isinf(check.ends[1]) else f"{low} to {high}"
+
+
+def _in_its_unit(check: Check, value: float) -> str:
+    """A value as a reader expects it: errors in per cent, angles in degrees, lengths in millimetres."""
+    most = max(map(abs, check.ends))
+    if check.unit == "1":
+        return percent(value) if 0 < most <= _SHARE else significant(value)
+    if check.unit == "rad":
+        return significant(math.degrees(value), "deg")
+    if check.unit in ("m", "m/s") and most < _SHARE:
+        return significant(1e3 * value, f"m{check.unit}")
+    return significant(value, check.unit)

@@ -1,28 +1,80 @@
-"""`trackslip validate`: compare the simulator with theory."""
+"""`trackslip validate`: compare a robot on its ground with theory."""
 
-from experiments.common.choices import SHIPPED
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from experiments.common.check import Check
+from experiments.common.formats import number, pair, span
 from experiments.common.manifest import command_line
+from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
-from experiments.recorder import record_all
-from experiments.simulate.grid_runs import sample_runs
+from experiments.common.table import Table
+from experiments.validate import figures
+from experiments.validate.checks import Checks, check_energy, check_sliding, check_standing, check_turns
 from experiments.validate.config import Config
-from experiments.validate.robot import robot_suite
-from experiments.validate.shear import shear_suite
-from experiments.validate.terrain.suite import terrain_suite
+from experiments.validate.measurements import Setup, paper_turns
+from sim.ground.ground import Ground
+from sim.ground.named import load_ground
+from sim.robot.named import load_parameters
+from sim.seeds import generator
+
+_UNITS = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "rad": (math.degrees(1.0), "°"), "m/s^2": (1.0, "m/s²")}
+_CAPTION = "Lines: theory, and Coulomb's law on slopes that don't hold the robot. Symbols: simulated."
+_NOTE = "Each row shows the value that is closest to its bound."
 
 
 def run(config: Config) -> None:
-    """Measure robots, tracks on terrain, or ground that shears, and check the results against theory."""
-    suite = terrain_suite if config.terrain else shear_suite if config.shear else robot_suite
+    """Measure, check, store and print; exits with 1 if a check fails."""
+    parameters, ground = load_parameters(config.robot)
+    ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
+    level = Ground(ground.along, ground.across, shear=ground.shear)
+    setup = Setup(parameters, level, config.threads)
+    checks = Checks(Path(config.robot).stem, setup)
     with Run(config) as run:
-        found = suite(config, run)
-        manifest = run.manifest(seed=config.seed, **found.about)
-        with run.busy("report"):
-            found.page(manifest, command_line("validate")).write(run.folder, config.pdf)
-        run.write(found.to_json(), manifest=manifest)
-        if config.rrd:
-            with run.busy("recordings"):
-                record_all(run.folder, sample_runs(config.robot or SHIPPED, config))
-    found.print()
+        with run.busy("turns"):
+            turns = check_turns(checks)
+        with run.busy("loads and slopes"):
+            check_standing(checks)
+            sliding = check_sliding(checks)
+        with run.busy("energy"):
+            check_energy(checks, generator(config.seed, "energy"))
+        rows = list(map(_row, checks.done))
+        table = Table("Theory and simulator", ("check", "theory", "measured", "allowed"), rows, note=_NOTE)
+        warnings = [f"Failed: {what}." for what in checks.failed]
+        if level != ground:
+            warnings.append("Slope, patches and changes of the ground are left out.")
+        friction = f"friction {ground.along:g} along, {ground.across:g} across"
+        friction += f", shear {1e3 * ground.shear:g} mm" if ground.shear else ""
+        width = span(1e3 * turns.half_width[1].round(3), "mm")
+        slips = [span(turns.slip[1, :, side]) for side in (1, 0)]
+        facts = [("ground", friction), ("b + D, half the distance of the ICRs", width)]
+        facts.append(("slip, outer | inner track", pair(slips)))
+        lines = [f"Not applicable: {line}." for line in checks.not_applicable]
+        answer = Answer(checks.verdict, facts, lines, warnings, [f"trackslip grid --robot {config.robot}"])
+        radius, speed, _ = paper_turns(parameters)
+        plot = Plot("motion", figures.panels(turns, radius, speed, sliding), "Turns and slopes", _CAPTION)
+        sections = [Section("Theory beside measured", [table, plot])]
+        manifest = run.manifest(seed=config.seed, robot=parameters, ground=level, model_sha256=setup.robot().digest)
+        page = Page(f"{checks.robot}: theory and simulator", command_line("validate"), manifest, sections, (), answer)
+        page.write(run.folder, config.pdf)
+        stored = {"radius": radius, "speed": speed, "half_width": turns.half_width, "slip": turns.slip}
+        found = {"checks": [check.to_json() for check in checks.done], "not_applicable": checks.not_applicable}
+        run.write({**found, "turns": stored, "sliding": sliding}, manifest=manifest)
+    table.print()
+    print("\n".join([checks.verdict, *(f"not applicable: {line}" for line in checks.not_applicable)]))
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
+    if checks.failed:
+        sys.exit(1)
+
+
+def _row(check: Check) -> tuple[str, ...]:
+    """Theory, measured and tolerance in the unit that suits them, with the digits of the tolerance."""
+    scale, unit = _UNITS.get(check.unit, (1.0, check.unit.removesuffix("1")))
+    values = scale * np.array([check.expected, check.measured, check.ends[1] - check.expected])
+    digits = max(0, 1 - math.floor(math.log10(values[2])))
+    theory, measured, allowed = (number(value, digits, unit) for value in values.round(digits) + 0.0)
+    return check.what, theory, measured + ("" if check.holds else " !"), f"± {allowed}"

@@ -1,4 +1,4 @@
-"""Repeated trials of the slow tests in tests/validation: processes, estimates, shares and checks."""
+"""Repeated trials of the slow tests in tests/validation: processes, estimates and shares."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from scipy.stats import binom, binomtest
 
-from experiments.common.check import Check
-from experiments.common.check_table import checks_table
 from trackslip.errors import TrackslipError
 from trackslip.identification.drive_law import fit_drives
 from trackslip.kinematics import Array, RobotGeometry
@@ -92,11 +90,3 @@ def plausible_shares(low: float, high: float, trials: int) -> tuple[float, float
     """
     ends = binom.ppf([_CHANCE, 1 - _CHANCE], trials, [low, high]) / trials
     return float(ends[0]), float(ends[1])
-
-
-def require(title: str, checks: Sequence[Check]) -> None:
-    """Print the table of checks; all of them must hold."""
-    print()
-    checks_table(title, checks).print()
-    failed = [str(check) for check in checks if not check.holds]
-    assert not failed, "\n".join(failed)

@@ -10,7 +10,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes, require
+from checked import report
+from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes
 
 from experiments.common.check import Check
 from experiments.common.formats import significant
@@ -89,7 +90,7 @@ def test_a_plan_and_the_papers_runs_by_a_law():
         checks.append(Check(case, f"real over predicted error of {name}", over, AGREEMENT))
         over = real["plan"][name] / predicted["paper"][name]
         checks.append(Check(case, f"error of {name} over that predicted for the paper's runs", over, most))
-    require("The plan and the paper's runs", checks)
+    report("The plan and the paper's runs", checks)
 
 
 def test_in_mujoco_the_law_of_a_plan_predicts_like_that_of_the_papers_runs():
@@ -104,7 +105,7 @@ def test_in_mujoco_the_law_of_a_plan_predicts_like_that_of_the_papers_runs():
     trials = [(case, drives, k) for case, drives in (("plan", plans), ("paper", circles)) for k in range(MEASUREMENTS)]
     errors = np.reshape(outcomes(partial(predict, others=others), trials), (2, MEASUREMENTS, 2))
     own, of_paper = np.sqrt(np.mean(errors**2, axis=1))
-    require(
+    report(
         f"Other drives predicted {HORIZON:g} s ahead, {MEASUREMENTS} measurements",
         [
             Check("plan of 60 s", f"{what}, error over that of the paper's runs", float(own[k] / of_paper[k]), 1.2)

@@ -11,9 +11,10 @@ from functools import partial
 
 import numpy as np
 import pytest
+from checked import report
 from scipy.special import ndtri
 from slip_data import coverage
-from trials import LAW, outcomes, plausible_shares, require, share_text
+from trials import LAW, outcomes, plausible_shares, share_text
 
 from experiments.common.check import Check
 from experiments.common.laws import symbol
@@ -60,7 +61,7 @@ def test_samples_drawn_from_each_law():
     print()
     Table(title, ("law", "parameter", "drawn from", "errors known", "errors unknown"), rows, "lr").print()
     bound = plausible_shares(0.94, 0.98, REPEATS)
-    require(
+    report(
         "Shares that intervals of 94 to 98 % can have by chance",
         [
             Check(f"{name}, errors {'known' if known else 'unknown'}", f"coverage of {key}", share, bound)
@@ -81,7 +82,7 @@ def test_grids_driven_again_and_again():
     print()
     Table(title, ("parameter", "noise alone", "95 % interval"), rows).print()
     kinds = (("noise alone", noise, (0.94, 0.96)), ("95 % interval", whole, (0.95, 1.0)))
-    require(
+    report(
         "Coverage of grids",
         [
             Check(kind, f"coverage of {name}", float(shares[k]), plausible_shares(*range_of, GRIDS))

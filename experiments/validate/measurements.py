@@ -1,0 +1,129 @@
+"""A robot on its ground, in the simulator and by theory: steady motion, and loads of its contact points."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.distance import cdist
+
+from sim.contact_forces import read_contacts
+from sim.drive.drive import tireless
+from sim.drive.pull import Pull
+from sim.fleet import Fleet
+from sim.ground.ground import Ground
+from sim.robot.parameters import SINK, RobotParameters
+from sim.robot.robot import Robot, load_robot
+from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sprocket_speeds, track_slip
+from trackslip.paper import COMMANDED_RADII, SPEEDS
+from trackslip.skid_theory import Contact, Load, steady_twist
+
+GRAVITY = 9.81
+"""[m/s^2]"""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A robot, level ground, and the number of threads to simulate them."""
+
+    parameters: RobotParameters
+    ground: Ground
+    threads: int = 0
+
+    def robot(self, contact_sensors: bool = False) -> Robot:
+        """The robot's model."""
+        return load_robot(parameters=self.parameters, contact_sensors=contact_sensors)
+
+    def fleet(self, start: ArrayLike, ground: Ground | Sequence[Ground] | None = None, **options: Any) -> Fleet:
+        """Copies of the robot at poses (N, 3), by default with motors that are strong enough for anything."""
+        options = {"robot": self.robot(), "drive": tireless(), "threads": self.threads, **options}
+        return Fleet(start=start, ground=ground or self.ground, radius_error=self.parameters.radius_error, **options)
+
+    @property
+    def sprocket_radius(self) -> Array:
+        """Effective radii of the sprockets (2,) [m]."""
+        p = self.parameters
+        return p.sprocket_radius * (1 + p.radius_error + p.radius_split * np.array([-1.0, 1.0]))
+
+    @property
+    def theory(self) -> Contact:
+        """The contact of the robot with the ground."""
+        return self.parameters.contact_theory(self.ground.along, self.ground.across, 100)
+
+
+@dataclass(frozen=True)
+class Turns:
+    """M steady turns."""
+
+    omega: Array  # (M, 2) speeds of the sprockets [rad/s]
+    belts: Array  # (M, 2) speeds of the belts [m/s]
+    twists: Array  # (2, M, 3) by theory and simulated [m/s, m/s, rad/s]
+    geometry: RobotGeometry
+
+    @property
+    def half_width(self) -> Array:
+        """b + D, half the distance of the tracks' ICRs, by theory and simulated (2, M) [m]."""
+        return np.asarray((self.belts[:, 1] - self.belts[:, 0]) / (2 * self.twists[..., 2]))
+
+    @property
+    def slip(self) -> Array:
+        """Slips by theory and simulated (2, M, 2) [-]."""
+        return np.stack([track_slip(self.omega, twist[:, [0, 2]], self.geometry) for twist in self.twists])
+
+
+def paper_turns(parameters: RobotParameters) -> tuple[Array, Array, Array]:
+    """Commanded radii [m], scaled with the width, and speeds [m/s] of the paper's turns (25,), and sprocket speeds
+    (25, 2) that would drive them without slip, as far as the drives allow [rad/s]."""
+    radii = np.array(COMMANDED_RADII) * parameters.half_gauge / RobotParameters().half_gauge
+    radius, speed = np.array(list(itertools.product(radii, SPEEDS))).T
+    omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, parameters.geometry)
+    return radius, speed, limit_sprocket_speeds(omega, tireless().top_speed / parameters.sprocket_radius)
+
+
+def drive_steadily(setup: Setup, omega: Array, load: Load | None = None, passes: float = 3.0) -> Turns:
+    """Drive at sprocket speeds (M, 2) [rad/s] until motion is steady, under a load of which uphill is ahead.
+
+    On ground that shears, that is when the slower belt has carried its elements through the contact `passes` times.
+    """
+    load, belts, p, settle = load or Load(), omega * setup.sprocket_radius, setup.parameters, 1.5
+    ground, pull = replace(setup.ground, slope=load.slope), Pull(load.pull * p.mass * GRAVITY, load.hitch_height)
+    if ground.shear:
+        settle = passes * p.contact_length / float(np.abs(belts).min())
+    fleet = setup.fleet(np.zeros((len(omega), 3)), ground, pull=pull)
+    fleet.command(omega)
+    fleet.advance(round(settle / fleet.period) * fleet.period)
+    twists = []
+    for _ in range(round(0.5 / fleet.period)):  # a mean, because MuJoCo's default contact shakes
+        fleet.advance(fleet.period)
+        twists.append(fleet.twist())
+    expected = steady_twist(belts, setup.theory, GRAVITY, ground.shear, load)
+    return Turns(omega, belts, np.stack([expected, np.mean(twists, axis=0)]), p.geometry)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Normal forces at K contact points, and the chassis' attitude, in M turns; each by theory and simulated."""
+
+    load: Array  # (2, M, K) over the mean [-]
+    attitude: Array  # (2, M, 3) sink [m], roll and pitch [rad]
+
+
+def measure_loads(setup: Setup, omega: Array) -> Loads:
+    """Measure loads in turns (M, 2) [rad/s]; in theory, weight and momentum press a rigid robot on equal springs."""
+    fleet = setup.fleet(np.zeros((len(omega), 3)), robot=setup.robot(contact_sensors=True))
+    fleet.command(omega)
+    fleet.advance(2.0)
+    contacts, p = read_contacts(fleet), setup.parameters
+    nearest = cdist(contacts.position.mean(axis=0), fleet.robot.contact_points).argmin(axis=1)
+    x, y = fleet.robot.contact_points[nearest].T  # the model's points in the order of the contacts
+    v, u, w = fleet.twist().T
+    acceleration = np.stack([-w * (u + w * p.com_x), w * (v - w * p.com_y)], axis=-1)
+    theory = Contact(x, y, setup.ground.along, setup.ground.across, p.centre_of_mass)
+    expected = theory.loads(acceleration / GRAVITY) * len(x)
+    plane = np.linalg.lstsq(np.column_stack([np.ones(len(x)), -y, x]), SINK * expected.T)[0].T
+    load = contacts.load * len(x) / (fleet.robot.mass * GRAVITY)
+    return Loads(np.stack([expected, load]), np.stack([plane, fleet.attitude()]))

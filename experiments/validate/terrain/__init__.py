@@ -1,1 +1,0 @@
-"""Tracks on terrain compared with theory, for `trackslip validate --terrain`."""

@@ -1,0 +1,101 @@
+"""Robots on Coulomb ground against theory, over radius, speed, friction, length and centre of mass; energy.
+
+MuJoCo's default contact does the same turns, on the same robot with the same friction.
+"""
+
+import itertools
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from checked import report
+
+from experiments.common.check import Check
+from experiments.common.formats import pair, significant
+from experiments.common.table import Table
+from experiments.validate.measurements import Setup, drive_steadily, measure_loads, paper_turns
+from sim.contact_forces import use_default_contact
+from sim.ground.ground import Ground
+from sim.robot.named import load_parameters
+from sim.robot.parameters import RobotParameters
+from trackslip.errors import InvalidValueError, RobotWarning
+
+RATIOS, LENGTHS = (0.7, 0.9, 0.778 / 0.7, 1.4), (0.75, 1.0, 1.25)
+"""Friction across over along, and contact lengths over the robot's."""
+CENTRES_OF_MASS = ((0.0, 0.0), (0.05, 0.0), (0.0, 0.1), (-0.05, 0.1))
+"""Forward over the contact length, and left over the half gauge."""
+
+
+class DefaultContact(Setup):
+    """With MuJoCo's default contact."""
+
+    def robot(self, contact_sensors=False):
+        robot = super().robot(contact_sensors)
+        use_default_contact(robot.model)
+        return robot
+
+
+def variants(parameters):
+    """The robot with other lengths and centres of mass, without those that would lift part of a track."""
+    for length, (forwards, left) in itertools.product(LENGTHS, CENTRES_OF_MASS):
+        longer = parameters.with_contact_length(length * parameters.contact_length)
+        com_x = parameters.com_x + forwards * longer.contact_length
+        try:
+            yield replace(longer, com_x=com_x, com_y=parameters.com_y + left * parameters.half_gauge)
+        except InvalidValueError:
+            continue
+
+
+def all_turns(kind, parameters):
+    """Half widths (2, M), slips (2, M, 2), lateral speeds (2, M) by theory and simulated, and half gauge."""
+    parts = []
+    for variant, ratio in itertools.product(variants(parameters), RATIOS):
+        turns = drive_steadily(kind(variant, Ground(0.7, 0.7 * ratio)), paper_turns(variant)[2])
+        parts.append((turns.half_width, turns.slip, turns.twists[..., 1]))
+    return [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
+
+
+def worst_and_median(error, unit=""):
+    size = np.abs(error)
+    return pair([significant(float(size.max())), significant(float(np.median(size)))], unit)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["shipped", "larger"])
+def test_turns_and_loads_beside_the_default_contact(name):
+    with warnings.catch_warnings(action="ignore", category=RobotWarning):
+        larger = RobotParameters(half_gauge=0.25, contact_length=0.5)
+        parameters = larger if name == "larger" else load_parameters(name)[0]
+        recipe, default = (all_turns(kind, parameters) for kind in (Setup, DefaultContact))
+        loads = [
+            measure_loads(kind(parameters, Ground()), paper_turns(parameters)[2]) for kind in (Setup, DefaultContact)
+        ]
+    b = parameters.half_gauge
+    rows = [
+        ("b + D", *(worst_and_median(100 * (w[1] / w[0] - 1), "%") for w, _, _ in (recipe, default))),
+        ("D alone", *(worst_and_median(100 * ((w[1] - b) / (w[0] - b) - 1), "%") for w, _, _ in (recipe, default))),
+        ("slip", *(worst_and_median(slip[1] - slip[0]) for _, slip, _ in (recipe, default))),
+        ("lateral speed", *(worst_and_median(1e3 * (u[1] - u[0]), "mm/s") for _, _, u in (recipe, default))),
+        ("load of a contact point", *(worst_and_median(100 * (part.load[1] - part.load[0]), "%") for part in loads)),
+        ("sink", *(significant(1e3 * part.attitude[1, :, 0].mean(), "mm", 3) for part in loads)),
+    ]
+    title = f"{name}: errors in {recipe[0].shape[1]:,} turns, worst | median"
+    Table(title, ("quantity", "recipe", "default contact"), rows).print()
+    error = np.abs(recipe[0][1] / recipe[0][0] - 1)
+    slip, by_default = (np.abs(slips[1] - slips[0]).max() for _, slips, _ in (recipe, default))
+    report(name, [
+        Check(name, "b + D, worst", error.max(), 0.01 if parameters.axles else 0.005),
+        Check(name, "b + D, median", float(np.median(error)), 0.0015),
+        Check(name, "slip, over that of the default contact", slip / by_default, 0.1),
+        Check(name, "load of a contact point", np.abs(loads[0].load[1] - loads[0].load[0]).max(), 0.05),
+    ])  # fmt: skip
+
+
+@pytest.mark.slow
+def test_straight_on_robots_do_not_drift():
+    fleet = Setup(RobotParameters(), Ground()).fleet([(0.0, 0.0, 0.3)])
+    fleet.command(2 * [0.25 / 0.06])
+    fleet.advance(40.0)
+    x, y, _ = fleet.pose()[0]
+    assert abs(y * np.cos(0.3) - x * np.sin(0.3)) < 0.1e-3

@@ -1,0 +1,245 @@
+"""Tracks on terrain against theory and statics: turning, slopes, tipping over, steps, stairs, rough ground.
+
+The box in tests/sim/tracks has more: ground of a box, wide and small belts, motors, belts on moving bodies, batches.
+"""
+
+import numpy as np
+import pytest
+from checked import report
+from terrain_trials import DEPTH, FACE, STAIRS, LevelGround, Trial, box, limit, rescue
+
+from experiments.common.check import Check
+from experiments.common.formats import percent, significant
+from experiments.common.table import Table
+from sim.contact_forces import use_default_contact
+from sim.seeds import generator
+from sim.terrain import Course, Rough, Stairs
+from trackslip.climbing_theory import friction_angle, highest_step, tips_backwards, tips_sideways
+from trackslip.skid_theory import steady_twist
+
+pytestmark = pytest.mark.slow
+PRESETS = ("accurate", "fast")
+ROBOTS = {"box": box, "rescue": rescue}
+CLIMBER = {
+    "hull": ((-0.3, 0.08, 0.08), (0.25, 0.08, 0.08), (0.4, 0.2, 0.06)),
+    "centre_of_mass": (0.05, 0.12),
+}
+"""A box that can climb stairs."""
+SLOW, PIVOT = ((-0.04, 0.04), (0.0, 0.06), (0.04, 0.08), (0.1, 0.12)), ((-0.5, 0.5),)
+"""Belt speeds [m/s]."""
+LONG, SHORT = ((-0.3, 0.08, 0.08), (0.3, 0.08, 0.08)), ((-0.2, 0.07, 0.07), (0.2, 0.07, 0.07))
+RISING = ((-0.25, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06))
+STEPS = (
+    (LONG, (0.0, 0.14), 1.0),
+    (LONG, (0.06, 0.18), 1.0),
+    (SHORT, (0.06, 0.10), 1.0),
+    (RISING, (0.0, 0.15), 0.9),
+    (RISING, (0.0, 0.12), 0.7),
+    (RISING, (0.03, 0.10), 0.65),
+)
+"""Boxes and their friction: tipping over the edge limits the first four, friction the last two."""
+
+
+def of_preset(preset, accurate, fast):
+    return accurate if preset == "accurate" else fast
+
+
+def turning_error(robot, belts, by_default=False):
+    """Errors (2, M) of b + D and of D alone in steady turns, relative to theory."""
+    if by_default:
+        use_default_contact(robot.model)
+    belts = np.array(belts)
+    trial = Trial(robot, len(belts))
+    trial.drive(belts)
+    trial.advance(2.0)
+    turned, before = np.zeros(len(belts)), trial.heading()
+    for _ in range(20):
+        trial.advance(0.1)
+        now = trial.heading()
+        turned += np.mod(now - before + np.pi, 2 * np.pi) - np.pi
+        before = now
+    expected = steady_twist(belts, robot.line_contact(0.7), 9.81)[:, 2]
+    half_width, theory = ((belts[:, 1] - belts[:, 0]) / (2 * rate) for rate in (turned / 2.0, expected))
+    offset, by_theory = half_width - robot.half_gauge, theory - robot.half_gauge
+    return np.stack([half_width / theory, offset / by_theory]) - 1
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_turning(preset):
+    slow, pivot = of_preset(preset, (0.01, 0.03), (0.015, 0.05))
+    checks = []
+    for name, robot in ROBOTS.items():
+        cases = [("slow", robot(LevelGround(), preset), SLOW, slow)]
+        cases.append(("pivot at 0.5 m/s", robot(LevelGround(), preset), PIVOT, pivot))
+        if robot is box and preset == "accurate":
+            shifted = box(LevelGround(), preset, centre_of_mass=(0.075, 0.12))
+            cases.append(("centre of mass off", shifted, SLOW, 0.025))
+        for what, stand, belts, bound in cases:
+            whole, outside = np.abs(turning_error(stand, belts)).max(axis=1)
+            checks.append(Check(name, f"ICRs' half width b + D, {what}", whole, bound))
+            checks.append(Check(name, f"D alone, {what}", outside, bound))
+    report(f"Turning, {preset}", checks)
+
+
+def climbing_limit(robot, friction):
+    def climbs(slopes):
+        trial = Trial(robot, len(slopes))
+        trial.tilt(slopes)
+        trial.drive([0.05, 0.05])
+        trial.advance(4.0)
+        return trial.velocity[:, 0] > 0
+
+    expected = friction_angle(friction)
+    return limit(climbs, expected - np.radians(0.6), expected + np.radians(0.6), 9) - expected
+
+
+def tipping_error(robot, sideways):
+    """Error of the slope on which a parked robot tips over that stands across it, or points uphill [rad]."""
+    view = robot.view
+    expected = tips_sideways(robot.half_gauge, view.height) if sideways else tips_backwards(view)
+
+    def stands(slopes):
+        trial = Trial(robot, len(slopes), np.pi / 2 if sideways else 0.0)
+        trial.drive([0.0, 0.0])
+        stays = np.ones(len(slopes), bool)
+        for time in np.arange(0.0, 8.0, 0.05):  # tilted slowly for 4 s, and watched for as long
+            trial.tilt(slopes * np.sin(np.pi / 2 * min(1.0, time / 4.0)))
+            trial.advance(0.05, stays)
+            stays &= trial.lean() < np.radians(30.0)
+            if not stays.any():
+                break
+        return stays
+
+    return limit(stands, expected - np.radians(4.0), expected + np.radians(4.0), 9) - expected
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_slopes(preset):
+    checks = []
+    for name, robot in ROBOTS.items():
+        error = max(abs(climbing_limit(robot(LevelGround(mu), preset), mu)) for mu in (0.3, 0.5, 0.7, 0.9))
+        checks.append(Check(name, "climbing limit", error, np.radians(of_preset(preset, 0.1, 0.15)), "rad"))
+        parked = Trial(robot(LevelGround(), preset), 4, np.array([0.0, np.pi / 4, np.pi / 2, np.pi]))
+        parked.tilt(np.full(4, np.radians(30.0)))
+        parked.drive([0.0, 0.0])
+        parked.advance(3.0)
+        before = parked.position.copy()
+        parked.advance(5.0)
+        creep = np.linalg.norm(parked.position - before, axis=1).max() / 5.0
+        checks.append(Check(name, "creep on 30 degrees", creep, 0.5e-3, "m/s"))
+        for what, bound in (("sideways", 0.5), ("backwards", 3.0)):  # the contact gives way at the rear
+            error = tipping_error(robot(LevelGround(4.0), preset), what == "sideways")
+            checks.append(Check(name, f"tips over {what}", abs(error), np.radians(bound), "rad"))
+    report(f"Slopes, {preset}", checks)
+
+
+def step_error(robot, friction):
+    """Error of the highest step that a robot climbs at 0.03 m/s at the first attempt [m]."""
+
+    def climbs(heights):
+        trial, count = Trial(robot, len(heights)), len(heights)
+        trial.batch.expand("geom_pos")[:, robot.model.geom("step").id, 2] = heights - DEPTH
+        wheels = robot.view.wheels
+        trial.position[:, 0] = FACE - 0.01 - (wheels[:, 0] + wheels[:, 2]).max()
+        trial.drive([0.03, 0.03])
+        way = FACE - trial.centre_of_mass()[0] + heights.max()
+        over, trying, steepest = np.zeros(count, bool), np.ones(count, bool), np.zeros(count)
+        for _ in range(int(1.5 * way / 0.03 / 0.1)):
+            trial.advance(0.1, trying)
+            over |= trial.centre_of_mass() > FACE + 0.01
+            steepest = np.maximum(steepest, trial.lean())
+            trying &= ~over & (trial.lean() > steepest - np.radians(5.0))  # one that falls back has failed
+            if not trying.any():
+                break
+        return over
+
+    expected = highest_step(robot.view, friction)
+    return limit(climbs, max(1e-3, expected - 0.02), expected + 0.02, 7) - expected
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_steps(preset):
+    checks, bound = [], of_preset(preset, 0.005, 0.006)
+    for k, (hull, centre, friction) in enumerate(STEPS, start=1):
+        error = step_error(box(LevelGround(friction, step=True), preset, hull, centre), friction)
+        checks.append(Check("highest step", f"box {k}", abs(error), bound, "m"))
+    error = step_error(rescue(LevelGround(0.8, step=True), preset), 0.8)
+    checks.append(Check("highest step", "rescue", abs(error), bound, "m"))
+    report(f"Highest step, {preset}", checks)
+
+
+def driven_depths(trial, steps, belts=lambda k: None, goal=np.inf):
+    """Depths (K,) of all tracks that touch in each physics step, and the fastest speed [m], [m/s]."""
+    depths, fastest = [], 0.0
+    for k in range(steps):
+        belts(k)
+        driving = trial.position[:, 0] < goal
+        if not driving.any():
+            break
+        trial.batch.step(ids=driving)
+        reading = trial.belts.read()
+        depths.append(reading.depth[driving][reading.touching[driving]])
+        fastest = max(fastest, float(np.linalg.norm(trial.velocity, axis=1).max()))
+    assert trial.batch.warning[..., 1].sum() == 0
+    return np.concatenate(depths), fastest
+
+
+def on_stairs(name, preset, rise, by_default=False):
+    """Depths (K,) of tracks on ten stairs of 0.15 x 0.28 m at 0.3 m/s, and how many of three robots cross them."""
+    course = Course((Stairs(rise=rise, run=0.28, number=10, width=1.2),), width=4.0, friction=1.0)
+    robot = box(course, preset, **CLIMBER) if name == "box" else rescue(course, preset, STAIRS)
+    if by_default:
+        use_default_contact(robot.model)
+    trial = Trial(robot, 3, np.array([-0.05, 0.0, 0.05]))
+    trial.position[:] += np.array(course.start[:3])
+    trial.drive([0.3, 0.3])
+    depths, _ = driven_depths(trial, round(30.0 / trial.timestep), goal=course.goal)
+    return depths, int((trial.position[:, 0] >= course.goal).sum())
+
+
+def on_rough_ground(name, preset):
+    """Depths (K,) and the fastest speed of six robots that drive at random for a minute on ground of 10 cm."""
+    course, rng = Course((Rough(length=30.0, amplitude=0.1, cell=0.1),), width=30.0), generator(0, f"{name} {preset}")
+    robot = ROBOTS[name](course, preset)
+    trial = Trial(robot, 6, rng.uniform(-np.pi, np.pi, 6))
+    trial.position[:, 0] = 30.0 * (np.arange(6) + 0.5) / 6
+    trial.position[:, 2] += 0.15
+    trial.advance(1.0)
+
+    def belts(k):
+        if k % round(2.0 / trial.timestep) == 0:
+            trial.drive(rng.uniform(-0.3, 0.3, (6, 2)))
+
+    return driven_depths(trial, round(60.0 / trial.timestep), belts)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_stairs_and_rough_ground(preset):
+    typical, largest = of_preset(preset, (0.004, 0.005), (0.006, 0.009))
+    checks = []
+    for name in ROBOTS:
+        up, climbed = on_stairs(name, preset, 0.15)
+        down, descended = on_stairs(name, preset, -0.15)
+        rough, fastest = on_rough_ground(name, preset)
+        checks.append(Check(name, "robots that don't cross the stairs", 6.0 - climbed - descended, 0.0))
+        for where, depths in (("stairs up", up), ("stairs down", down), ("rough ground", rough)):
+            checks.append(Check(name, f"penetration, {where}, 99 %", np.quantile(depths, 0.99), typical, "m"))
+            checks.append(Check(name, f"penetration, {where}, largest", depths.max(), largest, "m"))
+        checks.append(Check(name, "fastest on rough ground", fastest, 1.0, "m/s"))
+    report(f"Stairs and rough ground, {preset}", checks)
+
+
+def test_the_default_contact():
+    """MuJoCo's own contact parameters turn the same robots by a third less, and sink in deeper."""
+    rows = []
+    for name, robot in ROBOTS.items():
+        for what, belts in (("slow", SLOW), ("pivot at 0.5 m/s", PIVOT)):
+            errors = [turning_error(robot(LevelGround(), "accurate"), belts, default)[0] for default in (False, True)]
+            worst = [float(error[np.abs(error).argmax()]) for error in errors]
+            rows.append((f"{name}: half width of the ICRs, {what}", *map(percent, worst)))
+            assert worst[1] > 0.3 > 0.03 > abs(worst[0])
+        for what, rise in (("up", 0.15), ("down", -0.15)):
+            depths = [on_stairs(name, "accurate", rise, default)[0].max() for default in (False, True)]
+            rows.append((f"{name}: largest penetration, stairs {what}", *(significant(1e3 * d, "mm") for d in depths)))
+            assert depths[1] > depths[0]
+    Table("MuJoCo's default contact", ("quantity", "recipe", "default contact"), rows).print()
