@@ -44,10 +44,7 @@ COMMANDS = {
     "plan": "plan --half-gauge 0.168 --sprocket-radius 0.06 --max-speed 0.3 --duration 60 --out OUT",
     "drive": "drive --duration 20 --pictures 2 --out OUT",
     "view": "view track --save OUT/run.rrd",
-    "sensitivity": "sensitivity --radii 0.5 1.5 --speeds 0.1 0.2 --duration 8 --out OUT",
     "validate": "validate --out OUT",
-    "coverage": "coverage --repeats 100 --run-repeats 20 --grids 4 --out OUT",
-    "coverage_drives": "coverage --drives --drive-repeats 4 --out OUT",
 }
 """What is stored, by name: a command line in which OUT is its own folder, and other names are those of earlier ones."""
 
@@ -79,7 +76,7 @@ def store(folder: Path, names: list[str]) -> None:
     if not names:
         helps = folder / "help"
         helps.mkdir(exist_ok=True)
-        for name in sorted({line.split()[0] for line in COMMANDS.values()} | {"train", "bench"}):
+        for name in sorted({line.split()[0] for line in COMMANDS.values()} | {"train"}):
             (helps / f"{name}.txt").write_text(run(name, "--help"), encoding="utf-8")
         (helps / "trackslip.txt").write_text(run("--help"), encoding="utf-8")
 

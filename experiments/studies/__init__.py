@@ -1,1 +1,1 @@
-"""Monte-Carlo studies of estimators and plans: repeated trials whose truth is known, and their statistics."""
+"""Independent trials that are stored as they finish."""

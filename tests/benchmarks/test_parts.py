@@ -1,4 +1,4 @@
-"""Times of single parts of the pipeline; `pytest tests/benchmarks` prints them, and they are not run by default."""
+"""Times of single parts of the pipeline, without bounds."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ from slip_data import grid
 from wandered import GEOMETRY, LAW, wandered
 
 from experiments.simulate.grid_runs import before_scanner
-from sim.env import TraverseVectorEnv
 from sim.fleet import Fleet
 from sim.ground.named import load_ground
 from sim.scanner.feed import ScannerFeed
@@ -17,43 +16,25 @@ from trackslip.localization.plate import PlateLocator
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import steady_parts
 
-pytest.importorskip("pytest_benchmark")
 ROBOTS = 25
 
 
-@pytest.fixture
-def fleet(robot):
-    """Robots that drive on a circle."""
-    return driving(robot)
-
-
 def driving(robot, ground=None):
+    """Robots that drive on a circle."""
     fleet = Fleet(robot, np.tile(before_scanner(robot), (ROBOTS, 1)), ground, threads=1)
     fleet.command([2.0, 3.0])
     fleet.advance(2.0)
     return fleet
 
 
-def test_a_second_of_physics(benchmark, fleet):
-    benchmark(fleet.advance, 1.0)
+@pytest.mark.parametrize("ground", ["stone", "clay"])
+def test_a_second_of_physics(benchmark, robot, ground):
+    """On Coulomb ground, and on ground that shears."""
+    benchmark(driving(robot, load_ground(ground)).advance, 1.0)
 
 
-def test_a_second_of_physics_on_ground_that_shears(benchmark, robot):
-    benchmark(driving(robot, load_ground("clay")).advance, 1.0)
-
-
-def test_a_control_period_of_tracks_on_terrain(benchmark):
-    env = TraverseVectorEnv(ROBOTS, threads=1, action="correction")
-    env.reset(seed=0)
-    benchmark(env.step, np.zeros(env.action_space.shape, np.float32))
-
-
-def test_a_scan_of_each_robot(benchmark, fleet):
-    feed = ScannerFeed(LaserScanner(), fleet)
-    benchmark(lambda: feed.measure(feed.true_ranges()[:, None, :]))
-
-
-def test_localization_of_a_scan_of_each_robot(benchmark, robot, fleet):
+def test_localization_of_a_scan_of_each_robot(benchmark, robot):
+    fleet = driving(robot)
     feed = ScannerFeed(LaserScanner(), fleet)
     scan = feed.scan(feed.measure(feed.true_ranges()[:, None, :])[:, 0])
     benchmark(PlateLocator(robot.plate).locate, scan, fleet.pose())

@@ -3,6 +3,7 @@ import re
 from pathlib import Path
 
 import pytest
+from pages import file
 
 from trackslip.slip.families import FAMILIES
 
@@ -108,3 +109,8 @@ def test_every_example_is_tested_and_short():
     assert {path.stem for path in FOLDER.glob("*.py")} == tested
     for path in FOLDER.glob("*.py"):
         assert len(path.read_text().splitlines()) <= 50, path
+
+
+def test_the_sweep_of_the_scanner_s_errors_is_the_one_in_the_docs():
+    shown = file(FOLDER.parent / "docs" / "scale.md", "sensitivity.toml")
+    assert (FOLDER / "sensitivity.toml").read_text(encoding="utf-8").endswith(shown)

@@ -1,9 +1,13 @@
 """Samples of slip with known laws and errors, for tests."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
+from trackslip.slip.families import FAMILIES
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 RADII = (0.63, 1.27, 1.90, 2.53, 3.16)
@@ -23,3 +27,28 @@ def grid(law, errors=ERRORS, told=True, seed=0, radii=RADII, speeds=SPEEDS):
     covariance = np.tile(errors, (count, 1, 1)) if told and errors is not None else None
     names = [f"R {r:g} v {v:g}" for r, v in zip(radius, speed, strict=True)]
     return SlipSamples.of(omega, twist, GEOMETRY, names, covariance)
+
+
+def coverage(
+    name: str,
+    values: Mapping[str, float],
+    design: SlipSamples,
+    geometry: RobotGeometry,
+    repeats: int,
+    rng: np.random.Generator,
+    known_errors: bool = True,
+) -> dict[str, float]:
+    """Share of the repeats in which the 95 % interval of each parameter of a law contains its value.
+
+    Each repeat draws the twists of a robot that follows the law with `values`, at the sprocket speeds of the design and
+    with its errors of twists. The fits know the covariances of these errors, or estimate the scatter from the samples.
+    """
+    root = np.linalg.cholesky(design.covariance)
+    errors = np.einsum("nij,mnj->mni", root, rng.standard_normal((repeats, len(design), 2)))
+    covariance = design.covariance if known_errors else None
+    covered = dict.fromkeys(values, 0)
+    for twist in FAMILIES[name].build(values, geometry).twist(design.omega, geometry) + errors:
+        samples = SlipSamples.of(design.omega, twist, geometry, design.run, covariance)
+        for key, (low, high) in fit_law(name, samples, geometry, bootstraps=0).interval95.items():
+            covered[key] += low <= values[key] <= high
+    return {key: count / repeats for key, count in covered.items()}

@@ -1,0 +1,53 @@
+"""Ratios of times measured side by side, their bounds, and the table of them at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bare_engine import seconds
+
+pytest.importorskip("pytest_benchmark")
+ROUNDS = 5
+
+
+@pytest.fixture
+def within(benchmark, record_property):
+    """A function that stores a ratio with its bound and fails where the bound is missed."""
+
+    def check(ratio: float, *, least: float | None = None, most: float | None = None) -> None:
+        bound = f"at least {least:g}" if most is None else f"at most {most:g}"
+        benchmark.extra_info.update(ratio=ratio, bound=bound)
+        record_property("ratio", f"{ratio:.2f}, {bound}")
+        assert ratio >= least if most is None else ratio <= most, f"{ratio:.2f} is not {bound}"
+
+    return check
+
+
+@pytest.fixture
+def compare(benchmark, within):
+    """A function that times `bare` and `ours` in turns, ours after `start`, and bounds the median ratio of speeds.
+
+    The machine may be shared, and its clock rate may change: only times measured side by side are compared.
+    """
+
+    def run(ours, bare, least, start=lambda: None):
+        times = []
+
+        def setup():
+            times.append(seconds(bare))
+            start()
+
+        benchmark.pedantic(ours, setup=setup, rounds=ROUNDS, warmup_rounds=1)
+        if not benchmark.disabled:
+            within(float(np.median(np.divide(times[1:], benchmark.stats.stats.data))), least=least)
+
+    return run
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Print the ratio of each test and its bound."""
+    reports = [*terminalreporter.getreports("passed"), *terminalreporter.getreports("failed")]
+    ratios = {report.nodeid: dict(report.user_properties).get("ratio") for report in reports}
+    for name, ratio in ratios.items():
+        if ratio is not None:
+            terminalreporter.write_line(f"{name.rpartition('::test_')[2]:60} {ratio}")

@@ -1,0 +1,222 @@
+"""Speeds over the bare engine, with bounds: `pytest tests/benchmarks/test_ratios.py` prints docs/speed.md's table."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+
+import gymnasium
+import numpy as np
+import pytest
+from bare_engine import SameMotion, bare_copy, seconds
+
+from experiments.common.lookup import locator
+from experiments.simulate.closed_loop import start_pose
+from experiments.simulate.grid_options import GridConfig
+from experiments.simulate.grid_runs import before_scanner, cells_of, drive_grid
+from experiments.simulate.options import IDENTIFIED
+from experiments.simulate.world import World
+from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
+from sim.fleet import SETTLING, Fleet
+from sim.loop import closed_loop
+from sim.path_tracking.config import PERIOD
+from sim.pilot import Pilot
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
+from sim.stopwatch import Stopwatch
+from sim.terrain import Course, Flat
+from trackslip.controllers.named import CONTROLLERS
+from trackslip.kinematics import sprocket_speeds
+from trackslip.slip.compensation import KNOWN_LAWS, FixedLaw
+from trackslip.slip.law_file import load_laws
+from trackslip.trajectory.segmented import circle, paper_reference
+
+SECONDS = 20.0  # simulated time of all robots together in a round, of which slow cases drive a part [s]
+RADIUS, SPEED = 1.25, 0.15  # of the circle that robots drive [m], [m/s]
+UNDER_WAY = 40  # control periods after which all robots of an environment drive
+SCAN = LaserScanner().period
+
+
+def periods(size: int, period: float, part: float = 1.0) -> int:
+    return max(3, math.ceil(part * SECONDS / (size * period)))
+
+
+def on_circle(robot, size: int) -> Fleet:
+    fleet = Fleet(robot, np.tile(before_scanner(robot), (size, 1)), threads=1)
+    fleet.command(load_laws()["icr_radius"].sprocket_speeds([SPEED, SPEED / RADIUS], robot.geometry))
+    fleet.advance(2.0)
+    return fleet
+
+
+def bare_steps(fleet: Fleet, duration: float) -> Callable[[], None]:
+    """The bare engine's steps of so long a motion at constant speeds [s]."""
+    bare, steps = bare_copy(fleet.batch), round(duration / fleet.robot.model.opt.timestep)
+    return lambda: bare.step(nstep=steps)
+
+
+@pytest.mark.parametrize(("size", "least"), [(1, 0.9), (25, 0.9), (256, 0.9)])
+def test_fleet(compare, robot, size, least):
+    fleet, duration = on_circle(robot, size), SCAN * periods(size, SCAN)
+    compare(lambda: fleet.advance(duration), bare_steps(fleet, duration), least)
+
+
+@pytest.mark.parametrize(("size", "least"), [(1, 0.35), (25, 0.7), (256, 0.7)])
+def test_scanner(compare, robot, size, least):
+    """The fleet, and the rays and noise of a scan every 50 ms."""
+    fleet, count = on_circle(robot, size), periods(size, SCAN, 0.5)
+    feed = ScannerFeed(LaserScanner(), fleet)
+
+    def scan():
+        for _ in range(count):
+            fleet.advance(SCAN)
+            feed.measure(feed.true_ranges()[:, None, :])
+
+    compare(scan, bare_steps(fleet, SCAN * count), least)
+
+
+@pytest.mark.parametrize(("size", "least"), [(1, 0.12), (10, 0.4), (25, 0.5), (256, 0.6)])
+def test_closed_loop(compare, robot, size, least):
+    """Robots that localize themselves and follow a circle by the paper's controller."""
+    path = circle(RADIUS, SPEED, SCAN * periods(size, SCAN, 0.1), before_scanner(robot))
+    loop = []
+
+    def start():
+        fleet = Fleet(robot, np.tile(path.pose(0.0), (size, 1)), threads=1)
+        pilot = Pilot(CONTROLLERS["linear"](), range(size), FixedLaw(load_laws()["icr_radius"]))
+        loop[:] = fleet, [pilot], path, ScannerFeed(LaserScanner(), fleet), locator("plate", robot)
+
+    start()
+    motion = SameMotion(loop[0])
+    closed_loop(*loop, progress=motion.note)
+    compare(lambda: closed_loop(*loop), motion.repeat, least, start)
+
+
+def test_the_bare_engine_repeats_the_motion_of_a_closed_loop(robot):
+    path = circle(RADIUS, SPEED, 2.0, before_scanner(robot))
+    fleet = Fleet(robot, path.pose(0.0) + np.array([[0, 0, 0], [0.1, 0, 0.1]]), threads=1)
+    motion = SameMotion(fleet)
+    closed_loop(fleet, [Pilot(CONTROLLERS["linear"](), [0, 1])], path, progress=motion.note)
+    for _ in range(2):
+        motion.repeat()
+        np.testing.assert_allclose(motion.bare.qpos, fleet.batch.qpos, atol=1e-9)
+
+
+@pytest.mark.parametrize(("size", "least"), [(1, 0.4), (25, 0.75), (256, 0.75)])
+def test_path_tracking(compare, size, least):
+    """Robots that follow their references; a single one in the environment of one robot."""
+    references = ("circle", "figure_eight", "slalom", "spiral")
+    options = {"reference": references, "action": "twist", "compensation": "icr_radius"}
+    single = size == 1
+    if single:
+        env = gymnasium.make("sim:trackslip/PathTracking-v0", **options).unwrapped
+    else:
+        env = PathTrackingVectorEnv(size, threads=1, **options)
+    seen = np.empty((size, 0))
+
+    def step(count: int, note=lambda duration: None):
+        nonlocal seen
+        for _ in range(count):
+            twist = seen[:, 3:5] + np.stack([0.5 * seen[:, 0], seen[:, 1] + seen[:, 2]], axis=1)
+            actions = np.clip(twist, -1, 1).astype(np.float32)
+            seen, _, terminated, truncated, _ = env.step(actions[0] if single else actions)
+            if single and (terminated or truncated):
+                seen = env.reset()[0]
+            seen = np.atleast_2d(seen)
+            note(PERIOD)
+
+    def start():
+        nonlocal seen
+        seen = np.atleast_2d(env.reset(seed=0)[0])
+        step(UNDER_WAY)
+
+    start()
+    motion, count = SameMotion(env.task.fleet), periods(size, PERIOD, 0.5)
+    step(count, motion.note)
+    compare(lambda: step(count), motion.repeat, least, start)
+
+
+def traversing(size: int, **options) -> tuple[TraverseVectorEnv, np.ndarray]:
+    """Robots that cross courses, and the action by which the scripted controller alone drives them."""
+    env = TraverseVectorEnv(size, threads=1, action="correction", **options)
+    return env, np.zeros(env.action_space.shape, np.float32)
+
+
+@pytest.mark.parametrize(("size", "least"), [(1, 0.35), (25, 0.75), (256, 0.75)])
+def test_traverse(compare, size, least):
+    """Robots that cross courses; the bare engine has their belts and flippers."""
+    env, still = traversing(size)
+
+    def start():
+        env.reset(seed=0)
+        for _ in range(UNDER_WAY // 2):
+            env.step(still)
+
+    start()
+    world = env.task.world
+    bare, count = bare_copy(world.batch), periods(size, world.period, 0.05)
+    state, surface, motion = bare.state.copy(), bare.expand("geom_surfacevel"), []
+    for _ in range(count):
+        env.step(still)
+        motion.append((world.batch.expand("geom_surfacevel").copy(), world.batch.ctrl.copy()))
+
+    def repeat():
+        bare.state[:] = state
+        for belts, motors in motion:
+            surface[:], bare.ctrl[:] = belts, motors
+            bare.step(nstep=round(world.period / world.tracked.model.opt.timestep))
+
+    compare(lambda: [env.step(still) for _ in range(count)], repeat, least, start)
+
+
+@pytest.mark.parametrize(("course", "least"), [("stairs", 0.33), ("random", 0.5)])
+def test_traverse_over_level_ground(compare, course, least):
+    """Contacts are harder to find on a course than on level ground."""
+    (level, still), (env, _) = (traversing(64, course=ground) for ground in (Course((Flat(6.0),)), course))
+    for one in (level, env):
+        one.reset(seed=0)
+        for _ in range(UNDER_WAY // 2):
+            one.step(still)
+    compare(lambda: [env.step(still) for _ in range(3)], lambda: [level.step(still) for _ in range(3)], least)
+
+
+def grid_physics(world: World, grid: GridConfig) -> float:
+    """Time of the bare engine for the grid's runs [s]."""
+    robot, cells = world.robot, cells_of(grid)
+    fleet = Fleet(robot, np.tile(before_scanner(robot), (len(cells), 1)), threads=grid.threads)
+    twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
+    fleet.command(sprocket_speeds(twist, 0.0, robot.geometry))
+    fleet.advance(2.0)
+    return seconds(bare_steps(fleet, SETTLING + grid.duration))
+
+
+def test_localization_over_its_physics(benchmark, within):
+    """Localization of the paper's 25 runs."""
+    grid, watch = GridConfig(seed=0, threads=1), Stopwatch()
+    world = World.of(grid)
+    benchmark.pedantic(drive_grid, (grid, world), {"watch": watch})
+    within(watch.stages["localization"] / grid_physics(world, grid), most=1.0)
+
+
+def test_reproduce_over_its_physics(benchmark, within, robot, tmp_path):
+    """`trackslip reproduce`, start of Python included, over its physics on as many processors."""
+    threads = min(2, os.cpu_count() or 1)
+    grid, path, laws = GridConfig(threads=threads), paper_reference(), {**KNOWN_LAWS, **load_laws()}
+    runs = [(name, laws[law]) for name in ("feedforward", "linear") for law in (*KNOWN_LAWS, *IDENTIFIED)]
+    fleet = Fleet(robot, [start_pose(name, "paper", path) for name, _ in runs], threads=threads)
+    pilots = [Pilot(CONTROLLERS[name](), [k], FixedLaw(law)) for k, (name, law) in enumerate(runs)]
+    motion, feed = SameMotion(fleet), ScannerFeed(LaserScanner(), fleet)
+    closed_loop(fleet, pilots, path, feed, locator("plate", robot), progress=motion.note)
+    bare = seconds(motion.repeat) + grid_physics(World.of(grid), grid)
+    command = [sys.executable, "-m", "experiments", "reproduce", "--seed", "0", "--threads", str(threads)]
+    command += ["--out", str(tmp_path / "out")]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    whole = [0.0]
+
+    def reproduce():
+        whole[0] = seconds(lambda: subprocess.run(command, check=True, capture_output=True, env=environment))
+
+    benchmark.pedantic(reproduce)
+    within(whole[0] / bare, most=6.0)

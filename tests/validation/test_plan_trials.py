@@ -1,0 +1,168 @@
+"""Planned drives, driven: errors of the law identified from each against those predicted, and the paper's runs beside.
+
+`pytest -m slow tests/validation/test_plan_trials.py -s` prints the tables of docs/shortest_experiment.md, in minutes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import numpy as np
+import pytest
+from checked import report
+from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes
+
+from experiments.common.check import Check
+from experiments.common.formats import significant
+from experiments.common.laws import symbol, unit_of
+from experiments.common.table import Table
+from experiments.simulate.drives import KnownDrive, driven_by_law, driven_in_mujoco
+from experiments.simulate.options import Simulation
+from experiments.simulate.world import World
+from sim.drive.drive import Drive
+from sim.run_recorder import Description
+from sim.seeds import generator
+from sim.wander.commands import Driver, track_commands
+from sim.wander.motion import LawMotion, SlipVariation
+from sim.wander.pose_source import SOURCES
+from trackslip import se2
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.metrics import rms
+from trackslip.planning.information import PoseQuality
+from trackslip.planning.limits import DriveLimits
+from trackslip.planning.maneuvers import RATE
+from trackslip.planning.plan import PAPER_DURATION, DrivePlan, expected_of_paper, paper_runs, plan_drive
+from trackslip.slip.families import FAMILIES
+
+pytestmark = pytest.mark.slow
+GEOMETRY = RobotGeometry(0.168, 0.06)
+SLAM = SOURCES["slam"]
+PLANNED, PAPER = 400, 100
+"""Drives of the plan by the law, and repeats of the paper's 25 runs."""
+MEASUREMENTS = 20
+"""Measurements of the same drives in MuJoCo."""
+PAPER_RATE = 10.0  # of the encoders in the paper's runs, whose speeds are constant [Hz]
+AGREEMENT = (0.8, 1.2)
+"""Real errors over predicted ones."""
+OVER_PAPER = {"offset": 1.0, "radius_error": 1.5}
+"""Largest errors of a plan of 120 s over those predicted for the paper's runs."""
+HORIZON, EVERY = 5.0, 0.5  # of predictions, and between them [s]
+ROUNDING = 1 + 1e-6
+
+
+def planned(duration: float) -> DrivePlan:
+    """The plan of `trackslip plan --half-gauge 0.168 --sprocket-radius 0.06 --duration DURATION`."""
+    poses = PoseQuality(SLAM.rate, SLAM.position_noise, SLAM.heading_noise)
+    return plan_drive(GEOMETRY, DriveLimits(0.3, 0.5, (3.0, 3.0), duration, 0.0), poses, LAW)
+
+
+def test_a_plan_and_the_papers_runs_by_a_law():
+    plan = planned(120.0)
+    driven = outcomes(partial(drive_plan, plan=plan), range(PLANNED))
+    estimates = {"plan": [trial for trial, *_ in driven]}
+    estimates["paper"] = outcomes(partial(drive_paper_runs, plan=plan), range(PAPER))
+    paper = expected_of_paper(plan)
+    assert paper is not None
+    predicted = {"plan": plan.expectation.stderr, "paper": paper.stderr}
+    real = {
+        case: {name: Estimates.of(trials, name).rms_error(value) for name, value in TRUE_LAW.items()}
+        for case, trials in estimates.items()
+    }
+    rows = []
+    for name in TRUE_LAW:
+        factor, unit = unit_of(LAW, name)
+        cells = [significant(factor * errors[case][name], unit, 3) for case in real for errors in (predicted, real)]
+        rows.append((symbol(LAW, name), *cells))
+    header = ("parameter", "plan predicted", "real", "paper's runs predicted", "real")
+    print()
+    Table(f"{PLANNED} drives of the plan, {PAPER} times the paper's runs", header, rows).print()
+    failed = sum(not trial for trials in estimates.values() for trial in trials)
+    case = f"{PLANNED} drives of {plan.limits.duration:g} s"
+    reach, speed = np.max([used for _, *used in driven], axis=0)
+    checks = [
+        Check(case, "fits that failed", float(failed), 0.0),
+        Check(case, "farthest from the middle, of what the area allows", float(reach), ROUNDING),
+        Check(case, "largest speed, of what is allowed", float(speed), ROUNDING),
+    ]
+    for name, most in OVER_PAPER.items():
+        over = real["plan"][name] / predicted["plan"][name]
+        checks.append(Check(case, f"real over predicted error of {name}", over, AGREEMENT))
+        over = real["plan"][name] / predicted["paper"][name]
+        checks.append(Check(case, f"error of {name} over that predicted for the paper's runs", over, most))
+    report("The plan and the paper's runs", checks)
+
+
+def test_in_mujoco_the_law_of_a_plan_predicts_like_that_of_the_papers_runs():
+    plan = planned(60.0)
+    driver = Driver(plan.limits.max_speed, plan.limits.acceleration, plan.knowledge.reach)
+    rows = round(PAPER_DURATION * RATE) + 1
+    plans = mujoco_drives("plan", [plan.speeds])
+    circles = mujoco_drives("circle", [np.tile(speeds, (rows, 1)) for speeds in paper_runs(GEOMETRY)])
+    others = mujoco_drives(
+        "other", [track_commands("random", 60.0, RATE, driver, generator(0, f"plan other {k}")) for k in range(4)]
+    )
+    trials = [(case, drives, k) for case, drives in (("plan", plans), ("paper", circles)) for k in range(MEASUREMENTS)]
+    errors = np.reshape(outcomes(partial(predict, others=others), trials), (2, MEASUREMENTS, 2))
+    own, of_paper = np.sqrt(np.mean(errors**2, axis=1))
+    report(
+        f"Other drives predicted {HORIZON:g} s ahead, {MEASUREMENTS} measurements",
+        [
+            Check("plan of 60 s", f"{what}, error over that of the paper's runs", float(own[k] / of_paper[k]), 1.2)
+            for k, what in enumerate(("position", "heading"))
+        ],
+    )
+
+
+def law_motion(plan: DrivePlan) -> LawMotion:
+    law = FAMILIES[LAW].law(np.array([*TRUE_LAW.values()]), GEOMETRY)
+    return LawMotion(law, GEOMETRY, SlipVariation(*plan.knowledge.slip))
+
+
+def drive_plan(number: int, plan: DrivePlan) -> tuple[dict[str, Estimate], float, float]:
+    """Estimates; reach from the middle of the area and largest speed of a belt, of what is allowed [-]."""
+    rng, counts = generator(0, f"trial {number} of plan"), Drive().encoder_counts
+    readings = np.concatenate([plan.omega[:1], plan.omega[:-1]])  # means since the row before
+    drive = driven_by_law("plan", law_motion(plan), readings, RATE, rng, plan.start, counts)
+    estimates = identified([drive.measured(SLAM, rng)], GEOMETRY)
+    reach = float((np.abs(drive.motion.pose[:, :2]) / (plan.limits.room / 2)).max())
+    resolution = 2 * np.pi / counts * RATE
+    speed = (np.abs(drive.log.omega).max() - resolution) * GEOMETRY.sprocket_radius
+    return estimates, reach, float(speed / plan.limits.max_speed)
+
+
+def drive_paper_runs(number: int, plan: DrivePlan) -> dict[str, Estimate]:
+    rng, counts = generator(0, f"trial {number} of paper"), Drive().encoder_counts
+    rows = round(PAPER_DURATION * PAPER_RATE) + 1
+    drives = [
+        driven_by_law(f"circle {k}", law_motion(plan), np.tile(omega, (rows, 1)), PAPER_RATE, rng, counts=counts)
+        for k, omega in enumerate(np.array(paper_runs(GEOMETRY)) / GEOMETRY.sprocket_radius)
+    ]
+    return identified([drive.measured(SLAM, rng) for drive in drives], GEOMETRY)
+
+
+def mujoco_drives(name: str, speeds: Sequence[Array]) -> list[KnownDrive]:
+    """Drives of the shipped robot on the shipped ground at belt speeds (T, 2) [m/s]."""
+    world = World.of(Simulation(seed=0))
+    about = [Description(f"{name} {k}", world.metadata("truth")) for k in range(len(speeds))]
+    omega = [belts / GEOMETRY.sprocket_radius for belts in speeds]
+    return driven_in_mujoco(world.fleet(np.zeros((len(speeds), 3))), omega, RATE, about, lambda seconds: None)
+
+
+def predict(trial: tuple[str, Sequence[KnownDrive], int], others: Sequence[KnownDrive]) -> tuple[float, float]:
+    """Root mean square errors of position [m] and heading [rad] of other drives, by the law of measured ones."""
+    case, drives, number = trial
+    rng = generator(0, f"trial {number} of {case}")
+    estimates = identified([drive.measured(SLAM, rng) for drive in drives], GEOMETRY)
+    errors = np.concatenate([_ahead(estimates, other) for other in others])
+    return rms(np.hypot(errors[:, 0], errors[:, 1])), rms(se2.wrap_angle(errors[:, 2]))
+
+
+def _ahead(estimates: Mapping[str, Estimate], other: KnownDrive) -> Array:
+    """Errors (n, 3) of the motion over the horizon, in the frame where each prediction begins [m, m, rad]."""
+    law = FAMILIES[LAW].law(np.array([estimates[name].value for name in TRUE_LAW]), GEOMETRY)
+    v, w = law.twist(other.log.omega[1:], GEOMETRY).T
+    path = se2.chain(np.zeros(3), se2.exp(np.column_stack([v, 0 * v, w]) / RATE))
+    begin = np.arange(0, len(path) - round(HORIZON * RATE), round(EVERY * RATE))
+    end, true = begin + round(HORIZON * RATE), other.motion.pose
+    return se2.between(path[begin], path[end]) - se2.between(true[begin], true[end])
