@@ -73,7 +73,7 @@ class RunFailedError(TrackslipError):
     def __init__(self, message: str) -> None:
         super().__init__(message)
         self.logs: list[Any] = []
-        """RunLogs of the fleet until then, with the message as "failure" in the metadata; none for less than two rows."""
+        """RunLogs of the fleet until then, with the message as "failure" in the metadata; none for under two rows."""
 
 
 def require(allowed: object, field: str, value: object, what: str) -> None:

@@ -1,1 +1,0 @@
-"""Independent trials that are stored as they finish."""
