@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -45,8 +44,6 @@ class Table:
     """Text below the table, on the page alone."""
     folded: bool = False
     """Collapse the table on a page until its title is clicked."""
-
-    kind: ClassVar[str] = "table"
 
     def print(self) -> None:
         """Print it on the terminal, in signs that can be searched and copied."""
