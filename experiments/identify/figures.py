@@ -130,7 +130,7 @@ def predicted_paths(found: Identification) -> style.Panels | None:
             path = moved(drive.estimated[rows], turn, drive.estimated[first, :2], drive.measured[first, :2])
             axes.plot(*path[:, :2].T, **style.law_line(name, lw=1.8))
             axes.plot(*path[0, :2], "ok", ms=4, zorder=6)
-        axes.set_aspect("equal", adjustable="datalim")
+        style.plane(axes)
         panels.append(figure)
     return tuple(panels)
 

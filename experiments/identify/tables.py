@@ -152,19 +152,20 @@ def _errors_ahead(
 def gain(found: Identification) -> str:
     """A sentence on the gain of the best law over what the robot has today; empty if it isn't known."""
     if found.method == "drive" and found.drive is not None:
-        ours, theirs = (found.drive.errors.get(name, {}) for name in (found.best, TODAY))
-        ahead = _AHEAD if _AHEAD in ours else min(ours, default=_AHEAD)
-        if ahead not in ours or ahead not in theirs:
+        by_law, by_today = (found.drive.errors.get(name, {}) for name in (found.best, TODAY))
+        ahead = _AHEAD if _AHEAD in by_law else min(by_law, default=_AHEAD)
+        if ahead not in by_law or ahead not in by_today:
             return ""
-        us, them = ours[ahead], theirs[ahead]
+        us, them = by_law[ahead], by_today[ahead]
         parts = [f"position {them.position_median / us.position_median:.2g} times"]
         if us.heading_median and them.heading_median:
             parts.append(f"heading {them.heading_median / us.heading_median:.2g} times")
         return f"{ahead:g} s ahead, it predicts {' and '.join(parts)} better than the robot does today (median)."
-    rates = [found.comparison.validation[name].yaw_rate for name in (found.best, "none")]
-    ours, theirs = (significant(None if rate is None else 1e3 * rate, "mrad/s") for rate in rates)
-    if None in rates:
+    validation = found.comparison.validation
+    rates = [validation[name].yaw_rate for name in (found.best, "none") if name in validation]
+    if len(rates) < 2 or None in rates:
         return ""
+    ours, theirs = (significant(None if rate is None else 1e3 * rate, "mrad/s") for rate in rates)
     return (
         f"At radii that it was not fitted to, it predicts the yaw rate within {ours} (rms), and today's odometry, "
         f"without slip, within {theirs}."
