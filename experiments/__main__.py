@@ -1,83 +1,37 @@
-"""The entry point of `trackslip`: runs the command line and ends an interrupt with one line, whenever it comes."""
+"""The entry point of `trackslip`: Ctrl-C and SIGTERM end it with one line and exit code 130."""
 
-import contextlib
-import io
 import os
 import signal
 import sys
 from types import FrameType
 from typing import NoReturn
 
-_AGAIN = 2.0  # when an interrupt is repeated that a library has swallowed [s]
-
-
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM: a class of its own, as Python ends by a signal after a plain one in the code of a text."""
-
-
-class _Interrupts:
-    """Turns Ctrl-C and SIGTERM into KeyboardInterrupts."""
-
-    def __init__(self) -> None:
-        self.received = False
-        self._numbers = [
-            number
-            for name in ("SIGINT", "SIGTERM", "SIGALRM")
-            if (number := getattr(signal, name, None)) and signal.getsignal(number) is not signal.SIG_IGN
-        ]
-        for number in self._numbers:
-            signal.signal(number, self._interrupt)
-
-    def ignore(self) -> None:
-        """From now on, the process ends by itself, with its own exit code: no signal in any thread can end it."""
-        for number in self._numbers:
-            while signal.getsignal(number) is not signal.SIG_IGN:
-                with contextlib.suppress(Interrupted):  # of a signal that has just come
-                    signal.signal(number, signal.SIG_IGN)
-
-    def _interrupt(self, number: int, frame: FrameType | None) -> NoReturn:
-        self.received = True
-        sys.unraisablehook = lambda _: None  # a callback that is interrupted can't raise, and would print a traceback
-        if hasattr(signal, "SIGALRM"):
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
-        raise Interrupted
-
 
 def main() -> None:
     """Load the command line and run it."""
-    interrupts = _Interrupts()
-    _open_closed_streams()
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # not every terminal knows every character
+    signals: list[int] = []
+
+    def stop(number: int, frame: FrameType | None) -> NoReturn:
+        signals.append(number)
+        raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, stop)
     try:
         from experiments.cli import main as run  # here, as an interrupt may come while modules are imported
 
         run()
-    except Exception:
-        if not interrupts.received:
+    except SystemExit:
+        if not signals:
             raise
-        _interrupted()  # in a half-imported module, an interrupt may surface as any other error
-    except KeyboardInterrupt:
-        _interrupted()
-    finally:
-        interrupts.ignore()
-
-
-def _open_closed_streams() -> None:
-    """Lead standard streams that the shell has closed, as by `>&-`, to nowhere: files would take their numbers."""
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free, which is this one
-        if getattr(sys, name) is None:
-            setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w", encoding="utf-8", closefd=False))
-
-
-def _interrupted() -> NoReturn:
-    print("trackslip: interrupted", file=sys.stderr)
-    sys.exit(130)
+    except BaseException:  # of any type, in a module that was half imported
+        if not signals:
+            raise
+        print("trackslip: interrupted", file=sys.stderr)
+    if signals:
+        sys.stderr.flush()
+        os._exit(130)  # workers that were killed would be waited for
 
 
 if __name__ == "__main__":

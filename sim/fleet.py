@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.bodies import EVERYONE, Bodies, Rows, along_robot
+from sim.drawbar import Drawbar
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast
-from sim.drive.pull import Drawbar, Pull
+from sim.drive.pull import Pull
 from sim.drive.saturation import SpeedSearch
 from sim.fleet_ground import FleetGround, one_each, require_at_rest, require_held
 from sim.ground.ground import Ground

@@ -6,11 +6,7 @@ import sys
 from collections.abc import Callable
 from numbers import Integral, Real
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from trackslip.logs.runlog import RunLog
-
+from typing import Any
 
 _LONG = 200  # characters of a value that are shown
 
@@ -76,8 +72,8 @@ class RunFailedError(TrackslipError):
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
-        self.logs: list[RunLog] = []
-        """Logs of the fleet until then, with the message as "failure" in the metadata; none for less than two rows."""
+        self.logs: list[Any] = []
+        """RunLogs of the fleet until then, with the message as "failure" in the metadata; none for less than two rows."""
 
 
 def require(allowed: object, field: str, value: object, what: str) -> None:

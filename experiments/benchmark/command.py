@@ -3,7 +3,7 @@
 import textwrap
 
 from experiments.benchmark.cases import SUITES, cases_of, identified
-from experiments.benchmark.config import PARTS, Config
+from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops, record_comparisons
 from experiments.benchmark.gains import Gains
 from experiments.benchmark.page import page
@@ -12,7 +12,6 @@ from experiments.benchmark.submission import submission
 from experiments.benchmark.table import BOARD_LEGEND, board_table, leaderboard
 from experiments.common.formats import stages_text
 from experiments.common.manifest import relative
-from experiments.common.parts import StoredParts
 from experiments.common.plain_json import plain, write_json
 from experiments.common.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE, write_output
 from experiments.common.sweep import drive_missing, resumable
@@ -28,19 +27,17 @@ def run(config: Config) -> None:
     named, notes = cases_of(config)
     loops.check(named)
     cases = identified(named, loops)
-    parts = StoredParts(config.out, PARTS)
-    with resumable(config, cases, parts) as run:
-        parts.take_current({case.id for case in cases})
+    with resumable(config, {case.id for case in cases}) as (run, store):
         with run.watch.stage("driving"):
-            unfinished = drive_missing(config, cases, parts, loops, Stopwatch())
+            drive_missing(cases, store, loops, Stopwatch(), config.jobs)
         with run.watch.stage("gathering"):
-            runs = [parts[case.id].row for case in cases]
+            runs = [store.rows[case.id] for case in cases]
             rows = over_seeds(runs)
             entries, lost = board(runs), [*losses(rows), *notes]
-            parts.gather([(case.id, case.name) for case in cases], run.folder / RUNS_FILE)
+            store.gather(cases, run.folder / RUNS_FILE)
         if config.rrd:
             with run.watch.stage("recordings"):
-                record_comparisons(run.folder, cases, unfinished)
+                record_comparisons(run.folder, cases)
         grounds = {relative(name): plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
         seeds = sorted({case.seed for case in cases})
         about = run.manifest(**loops.world.about | {"ground": grounds, "seed": seeds})

@@ -17,8 +17,6 @@ EXAMPLES = (
 )
 
 
-PARTS = ".benchmark-parts"
-"""Folder in OUT with the runs of a benchmark that isn't finished."""
 _EQUIPMENT = tuple(option.name for option in fields(ClosedLoopOptions) if option.name not in ("overwrite", "rrd"))
 _OF_SUITES = (
     "suite",

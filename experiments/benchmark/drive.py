@@ -16,8 +16,8 @@ from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.gains import Gains
 from experiments.benchmark.plants import draw_plant
 from experiments.common.lookup import compensation, controller, reference
-from experiments.common.parts import Row
 from experiments.common.results import RUNS_FILE
+from experiments.common.sweep import Row
 from experiments.recorder import record_all
 from experiments.simulate.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
 from experiments.simulate.options import ClosedLoopOptions, Equipment, Simulation
@@ -169,7 +169,7 @@ def _world(config: Equipment) -> World:
     return World.of(Simulation(*equipment, threads=1))
 
 
-def record_comparisons(folder: Path, cases: Sequence[BenchmarkCase], unfinished: Sequence[RunLog]) -> None:
+def record_comparisons(folder: Path, cases: Sequence[BenchmarkCase], unfinished: Sequence[RunLog] = ()) -> None:
     """For each reference, ground and start, compare all controllers and compensations with the first seed.
 
     Runs that failed are recorded one by one, as far as they went.

@@ -16,8 +16,8 @@ from experiments.common.laws import shown
 from experiments.common.lookup import reference
 from experiments.common.manifest import command_line, relative
 from experiments.common.page import Bullets, Page, Plot, Section, file_name
-from experiments.common.parts import Row
 from experiments.common.style import law_line, legend_below, log_ticks, margin_for, styled, subplots
+from experiments.common.sweep import Row
 from experiments.simulate.tracking_figures import draw_paths
 from trackslip.logs.logfile import StoredRuns
 from trackslip.logs.runlog import RunLog

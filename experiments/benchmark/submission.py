@@ -5,8 +5,8 @@ from typing import Any
 
 from experiments.benchmark.gains import Gains
 from experiments.benchmark.rows import score
-from experiments.common.parts import Row
 from experiments.common.plain_json import plain
+from experiments.common.sweep import Row
 
 _SHOWN = ("rank", "success", "score", "rms_position_arc", "rms_heading", "roughness", "effort")
 

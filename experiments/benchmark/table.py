@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from experiments.common.manifest import relative
-from experiments.common.parts import Row
+from experiments.common.sweep import Row
 from experiments.common.table import Cell, Table
 
 _FOLDED = 40  # rows from which a page shows the table of all only when asked

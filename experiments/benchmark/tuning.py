@@ -64,7 +64,7 @@ class Training:
                 for one in rows
                 for seed in self._config.seeds
             ]
-            part, _, _ = drive_fleet(self._loops, cases)
+            part = drive_fleet(self._loops, cases)
             for row in part.rows:
                 rows[row["controller"]].append(row)
         return [Tried(np.inf, np.inf, refused[one]) if refused[one] else _means(rows[one]) for one in specifications]

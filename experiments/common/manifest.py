@@ -13,18 +13,11 @@ import subprocess
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-import experiments
-import models
-import sim
-import trackslip
 from experiments.common.plain_json import plain
 from trackslip.logs.file_format import FORMAT
 
-_SUFFIXES = (".py", ".xml", ".json", ".obj")
-_STATUS = ["git", "--no-optional-locks", "status", "--porcelain"]  # interrupted, it would leave the index locked
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "casadi")
 
 
@@ -50,11 +43,11 @@ def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict
 @functools.cache
 def versions() -> dict[str, str | None]:
     """Versions of Python and of the packages that results depend on; None for those that aren't installed."""
-    found: dict[str, str | None] = {"python": platform.python_version(), **dict.fromkeys(_PACKAGES)}
+    installed: dict[str, str | None] = {"python": platform.python_version(), **dict.fromkeys(_PACKAGES)}
     for package in _PACKAGES:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            found[package] = importlib.metadata.version(package)
-    return found
+            installed[package] = importlib.metadata.version(package)
+    return installed
 
 
 def command_line(command: str) -> str:
@@ -81,21 +74,6 @@ def _relative_paths(value: Any) -> Any:
     return relative(value) if isinstance(value, str) else value
 
 
-@functools.cache
-def made_by() -> dict[str, Any]:
-    """Digests of the code and of the models, and versions of the libraries."""
-    return {"code": _digest_of(trackslip, sim, experiments), "models": _digest_of(models), "versions": versions()}
-
-
-def _digest_of(*packages: ModuleType) -> str:
-    files = []
-    for package in packages:
-        root = Path(str(package.__path__[0]))
-        found = (file for file in sorted(root.rglob("*")) if file.suffix in _SUFFIXES)
-        files += [(package.__name__, str(file.relative_to(root)), content(file)) for file in found]
-    return digest(files)
-
-
 def digest(value: Any) -> str:
     """A short name for `value`, which JSON must know, by its content."""
     return hashlib.sha256(json.dumps(plain(value), sort_keys=True).encode()).hexdigest()[:32]
@@ -106,13 +84,6 @@ def content(path: Path) -> str | None:
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
 
 
-def changes(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """A text on the difference between two entries of `made_by`."""
-    found = [f"trackslip's {name}" for name in ("code", "models") if before.get(name) != now[name]]
-    old = before.get("versions", {})
-    return found + [f"{name} ({old.get(name)}, now {v})" for name, v in now["versions"].items() if old.get(name) != v]
-
-
 @functools.cache
 def _git_state() -> dict[str, Any] | None:
     """Commit of trackslip's own checkout and whether it was changed; None when installed from a wheel."""
@@ -121,7 +92,8 @@ def _git_state() -> dict[str, Any] | None:
         return None
     git = functools.partial(subprocess.check_output, text=True, cwd=root, stderr=subprocess.DEVNULL)
     try:
-        commit, changed = git(["git", "rev-parse", "HEAD"]).strip(), git(_STATUS)
+        commit = git(["git", "rev-parse", "HEAD"]).strip()
+        changed = git(["git", "--no-optional-locks", "status", "--porcelain"])  # locks would outlive an interrupt
     except (OSError, subprocess.CalledProcessError):
         return None
     return {"commit": commit, "dirty": bool(changed)}

@@ -11,7 +11,6 @@ import tyro
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
 
 
-@dataclasses.dataclass(frozen=True)
 class Bound:
     """Allowed values of an option, as metadata of its type: `speed: Annotated[float, Within(0.1, 2.0, "m/s")] = 0.3`.
 
@@ -42,18 +41,6 @@ class Within(Bound):
 
 
 @dataclasses.dataclass(frozen=True)
-class Positive(Bound):
-    """Finite numbers greater than 0, up to `most`, in `unit`."""
-
-    most: float = float("inf")
-    unit: str = ""
-
-    def _check_number(self, name: str, number: float) -> None:
-        require_positive(name, number)
-        require_at_most(name, number, self.most, self.unit)
-
-
-@dataclasses.dataclass(frozen=True)
 class NonNegative(Bound):
     """Finite numbers from 0, up to `most`, in `unit`."""
 
@@ -62,6 +49,14 @@ class NonNegative(Bound):
 
     def _check_number(self, name: str, number: float) -> None:
         require_non_negative(name, number)
+        require_at_most(name, number, self.most, self.unit)
+
+
+class Positive(NonNegative):
+    """Finite numbers greater than 0, up to `most`, in `unit`."""
+
+    def _check_number(self, name: str, number: float) -> None:
+        require_positive(name, number)
         require_at_most(name, number, self.most, self.unit)
 
 
@@ -74,10 +69,8 @@ class Whole(Bound):
 
     def _check_number(self, name: str, number: int) -> None:
         if number < self.least or (self.most is not None and number > self.most):
-            allowed = (
-                f"an integer >= {self.least}" if self.most is None else f"an integer from {self.least} to {self.most}"
-            )
-            raise InvalidValueError(name, number, allowed)
+            limits = f">= {self.least}" if self.most is None else f"from {self.least} to {self.most}"
+            raise InvalidValueError(name, number, f"an integer {limits}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -165,7 +158,7 @@ class Options:
     exclusions: ClassVar[tuple[Exclusion, ...]] = ()
 
     def __post_init__(self) -> None:
-        for name, bound in bounds_of(self.__class__):
+        for name, bound in bounds_of(type(self)):
             bound.check(name, getattr(self, name))
         for exclusion in exclusions_of(type(self)):
             exclusion.check(self)
@@ -178,25 +171,22 @@ class ResultsOptions(Options):
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = dataclasses.field(
         default=False, metadata={"stored_unless": False}
     )
-    """Replace the results of another command in the folder."""
+    """Replace the results in the folder."""
 
 
-def bounds_of(options: type) -> tuple[tuple[str, Bound], ...]:
+def bounds_of(options: type) -> Iterator[tuple[str, Bound]]:
     """The bounds of a class of options, with the option's name."""
     hints = typing.get_type_hints(options, include_extras=True)
-    names = [field.name for field in dataclasses.fields(options)]
-    return tuple(
-        (name, bound)
-        for name in names
-        for bound in getattr(hints[name], "__metadata__", ())
-        if isinstance(bound, Bound)
-    )
+    for field in dataclasses.fields(options):
+        for bound in getattr(hints[field.name], "__metadata__", ()):
+            if isinstance(bound, Bound):
+                yield field.name, bound
 
 
 def exclusions_of(options: type) -> Iterator[Exclusion]:
     """The exclusions of a class of options and of its bases."""
-    for one in options.__mro__:
-        yield from vars(one).get("exclusions", ())
+    for base in options.__mro__:
+        yield from vars(base).get("exclusions", ())
 
 
 def defaults_of(options: Options) -> dict[str, Any]:

@@ -1,42 +1,36 @@
 """A command's run: its folder of results, progress, times and manifest, and what is kept of runs that fail."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from experiments.common.manifest import make_manifest
 from experiments.common.plain_json import plain, write_json
 from experiments.common.progress import Advance, busy, progress
-from experiments.common.results import MANIFEST_FILE, results_folder, write_results, write_runs
+from experiments.common.results import MANIFEST_FILE, SUMMARY_FILE, results_folder, write_runs
 from sim.stopwatch import Stopwatch
 from trackslip.errors import RunFailedError, TrackslipError
 from trackslip.logs.runlog import RunLog
 
 
 class Run:
-    """A run of the command whose options are `config`, for the block that writes its results.
+    """A run of the command whose options are `config`, as a context in which results are written to `folder`.
 
-    `config.out` gets the results when the block ends, and nothing if it fails. No other command can write there
-    meanwhile. Where driving fails in the block (RunFailedError), `out` gets the logs until then, and a manifest with
-    the reason under "error"; the failure is raised as a TrackslipError.
+    They are moved to `config.out` when the block ends; if it fails, nothing is. Where driving fails in the block
+    (RunFailedError), `config.out` gets the logs until then, and a manifest with the reason under "error"; the failure
+    is raised as a TrackslipError. Raises OutputError as `results_folder` does.
     """
 
-    def __init__(self, config: Any, then: Callable[[], None] = lambda: None) -> None:
-        """`then` is called when the results are in place, before another command can write to the folder.
-
-        Raises OutputError, when the block begins, if the folder can't be written or another command is writing there.
-        """
+    def __init__(self, config: Any) -> None:
         self.config = config
         self.command = type(config).__module__.split(".")[1]
         self.folder = Path(config.out)
-        """Folder to write results to; its files replace those of `config.out` when the block ends."""
         self.watch = Stopwatch()
         """Times of the command's stages."""
         self._began = time.perf_counter()
-        self._results = self._in_folder(then)
+        self._context = self._in_folder()
 
     @property
     def wall(self) -> float:
@@ -76,33 +70,28 @@ class Run:
         if simulated is not None:
             timing["simulated_s"] = simulated
         timing["stages"] = dict(self.watch.stages) or {self.command: self.wall}
-        content = {**plain(summary), "timing": timing}
-        write_results(self.folder, content, self.manifest(**about) if manifest is None else manifest, logs)
+        if logs:
+            write_runs(self.folder, logs)
+        write_json(self.folder / SUMMARY_FILE, {**plain(summary), "timing": timing})
+        write_json(self.folder / MANIFEST_FILE, self.manifest(**about) if manifest is None else manifest)
 
     def __enter__(self) -> "Run":
-        return self._results.__enter__()
+        return self._context.__enter__()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> bool | None:
-        return self._results.__exit__(kind, error, trace)
+    def __exit__(self, *error: Any) -> bool | None:
+        return self._context.__exit__(*error)
 
     @contextmanager
-    def _in_folder(self, then: Callable[[], None]) -> Iterator["Run"]:
+    def _in_folder(self) -> Iterator["Run"]:
         failure: RunFailedError | None = None
-        with results_folder(self.folder, then, None if self.config.overwrite else self.command) as folder:
-            self.folder = folder
+        with results_folder(self.folder, self.config.overwrite) as self.folder:
             try:
                 yield self
             except RunFailedError as error:
                 if not error.logs:
                     raise
                 failure = error
-                self._keep(error)
+                write_runs(self.folder, error.logs)
+                write_json(self.folder / MANIFEST_FILE, {**self.manifest(), "error": str(error)})
         if failure is not None:
             raise TrackslipError(f"{failure}; {self.config.out} contains the runs until then") from failure
-
-    def _keep(self, failure: RunFailedError) -> None:
-        """Write the logs until a failure, and the reason."""
-        write_runs(self.folder, failure.logs)
-        write_json(self.folder / MANIFEST_FILE, {**self.manifest(), "error": str(failure)})

@@ -1,29 +1,39 @@
-"""Resumable sweeps: runs that are missing are driven fleet by fleet, kept as they end, and those that fail isolated."""
+"""Sweeps: runs are driven fleet by fleet on any workers and stored as they end, so that a killed command resumes.
 
-from __future__ import annotations
+A part of the store has the runs of a fleet: their rows as JSON, their logs as Parquet. A run is known by its id, a hash
+of everything its numbers depend on except the code.
+"""
 
 import contextlib
+import io
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import json
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from experiments.common.parts import Row, StoredPart, StoredParts
+from experiments.common.manifest import digest
+from experiments.common.plain_json import plain
 from experiments.common.pool import WorkersFailedError, processors, workers
 from experiments.common.progress import progress
+from experiments.common.results import write_whole
 from experiments.common.run import Run
 from sim.loop import Progress
 from sim.stopwatch import Stopwatch
-from trackslip.errors import OutputError, RunFailedError, TrackslipError, counted
+from trackslip.errors import OutputError, TrackslipError, counted
+from trackslip.logs.logfile import join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
 
-Outcome = RunLog | BaseException
-"""The log of a run, or the error that it failed with."""
-_EACH = 4
-"""Minimum number of fleets per worker, so that all end at about the same time, unless fleets would be too small."""
-_LONG = 2_000.0
-"""Simulated time of a fleet, all robots together, above which it is worth starting a worker for it [s]."""
+STORE = ".runs"
+"""Folder in the folder of results with what an unfinished command has done."""
+_EACH = 4  # fleets per worker at least, so that all end at about the same time, unless fleets would be too small
+_LONG = 2_000.0  # simulated time of a fleet, all robots together, above which another worker is worth its start [s]
 _AT_ONCE = 16_000.0  # longest time that a fleet drives, all robots together, for its logs to fit into memory [s]
+
+Row = dict[str, Any]
+"""What is known of a run, by column: its name `run`, `id`, `error` (None unless it failed), and measurements."""
 
 
 class Planned(Protocol):
@@ -35,7 +45,7 @@ class Planned(Protocol):
 
     @property
     def id(self) -> str:
-        """Hash of everything its numbers depend on, except code, models and libraries."""
+        """Hash of everything its numbers depend on, except the code."""
 
     @property
     def axes(self) -> Mapping[str, Any]:
@@ -68,35 +78,72 @@ class RunKind(Protocol[KindRunT]):
         """Measurements of a run that didn't fail, by column."""
 
 
-Driven = tuple[StoredPart, list[RunLog], dict[str, float]]
-"""Runs that were driven together, what was recorded of others until they failed, and work by stage [s]."""
+class Store:
+    """The rows of finished work by their ids, and the logs that belong to them, in the STORE of a folder of results."""
+
+    def __init__(self, out: Path, ids: Collection[str], anew: bool) -> None:
+        """Find which of the `ids` are there, but those that failed; nothing with `anew`."""
+        self.rows: dict[str, Row] = {}
+        self._folder, self._logs = out / STORE, dict[str, Path]()
+        for file in () if anew else sorted(self._folder.glob("*.json")):
+            with contextlib.suppress(ValueError):  # a disk that was full
+                rows = json.loads(file.read_text(encoding="utf-8"))
+                self._add([row for row in rows if row["id"] in ids and row["error"] is None], file)
+
+    def keep(self, rows: Sequence[Row], logs: bytes | None = None) -> None:
+        """Store rows and a Parquet file of their logs: the logs first, the rows last, each whole or not at all.
+
+        Rows that all failed are known, but not stored: they are driven again.
+        """
+        file = self._folder / f"{digest([row['id'] for row in rows])}.json"
+        if any(row["error"] is None for row in rows):
+            if logs is not None:
+                write_whole(file.with_suffix(".parquet"), lambda draft: draft.write_bytes(logs))
+            write_whole(file, lambda draft: draft.write_text(json.dumps(rows), encoding="utf-8"))
+        self._add(rows, file)
+
+    def gather(self, runs: Iterable[Planned], file: Path) -> None:
+        """Write the logs of runs, in order, to one file; without any log there is no file."""
+        driven = [run for run in runs if self.rows[run.id]["error"] is None]
+        if driven:
+            join_parquet([(self._logs[run.id], self.rows[run.id]["run"], run.name) for run in driven], file)
+
+    def _add(self, rows: Iterable[Row], file: Path) -> None:
+        for row in rows:
+            self.rows[row["id"]], self._logs[row["id"]] = row, file.with_suffix(".parquet")
 
 
-def drive_fleet(
-    kind: RunKind[RunT], runs: Sequence[RunT], recorded: bool = False, report: Progress | None = None
-) -> Driven:
+@dataclass(frozen=True)
+class DrivenFleet:
+    """Runs that were driven together."""
+
+    rows: list[Row]
+    logs: bytes | None
+    """Parquet file of the runs that did not fail, if any."""
+    stages: Mapping[str, float]
+    """Work by stage [s]."""
+
+
+def drive_fleet(kind: RunKind[RunT], runs: Sequence[RunT], report: Progress | None = None) -> DrivenFleet:
     """Drive and measure a fleet; runs that fail are isolated. `report` takes simulated seconds of single robots."""
     watch = Stopwatch()
 
     def drive(some: Sequence[RunT]) -> Sequence[RunLog]:
         return kind.drive(some, watch, report and (lambda seconds: report(seconds * len(some))))
 
-    def row(run: RunT, outcome: Outcome) -> Row:
-        about = {"run": run.name, "id": run.id, **run.axes}
-        if not isinstance(outcome, RunLog):
-            return about | {"error": _reason(outcome)}
-        return about | {"error": None} | kind.measure(run, outcome)
-
     outcomes = _isolating(runs, drive)
     with watch.stage("measuring"):
-        rows = list(map(row, runs, outcomes))
+        rows = [_row(kind, run, outcome) for run, outcome in zip(runs, outcomes, strict=True)]
     with watch.stage("storing"):
-        part = StoredPart.of(rows, [one for one in outcomes if isinstance(one, RunLog)])
-    failed = [one for one in outcomes if isinstance(one, RunFailedError)] if recorded else []
-    return part, [log for one in failed for log in one.logs], watch.stages
+        file, logs = io.BytesIO(), [outcome for outcome in outcomes if isinstance(outcome, RunLog)]
+        if logs:
+            write_parquet(logs, file)
+    return DrivenFleet(plain(rows), file.getvalue() or None, watch.stages)
 
 
-def _isolating(runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[RunLog]]) -> list[Outcome]:
+def _isolating(
+    runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[RunLog]]
+) -> list[RunLog | BaseException]:
     """Drive runs as one fleet; if it fails, drive its halves, until the runs that fail stand alone."""
     try:
         return list(drive(runs))
@@ -107,10 +154,12 @@ def _isolating(runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[
     return _isolating(runs[:middle], drive) + _isolating(runs[middle:], drive)
 
 
-def _reason(error: BaseException) -> str:
-    """The reason why a run failed, on one line."""
-    said = str(error) if isinstance(error, TrackslipError) else f"{type(error).__name__}: {error}"
-    return " ".join(said.split())
+def _row(kind: RunKind[RunT], run: RunT, outcome: RunLog | BaseException) -> Row:
+    about = {"run": run.name, "id": run.id, **run.axes, "error": None}
+    if isinstance(outcome, RunLog):
+        return about | dict(kind.measure(run, outcome))
+    reason = str(outcome) if isinstance(outcome, TrackslipError) else f"{type(outcome).__name__}: {outcome}"
+    return about | {"error": " ".join(reason.split())}
 
 
 def fleets(runs: Sequence[RunT], workers: int, sizes: tuple[int, int]) -> list[tuple[RunT, ...]]:
@@ -120,69 +169,64 @@ def fleets(runs: Sequence[RunT], workers: int, sizes: tuple[int, int]) -> list[t
     alike: dict[str, list[RunT]] = {}
     for run in runs:
         alike.setdefault(run.fleet, []).append(run)
-    found = []
+    split = []
     for same in alike.values():
         duration = same[0].duration
         count = -(-len(same) // min(size, max(1, int(_AT_ONCE / duration))))
         count = max(count, min(workers, int(len(same) * duration / _LONG)))
         ends = [round(len(same) * k / count) for k in range(count + 1)]
-        found += [tuple(same[a:b]) for a, b in itertools.pairwise(ends)]
-    return sorted(found, key=lambda fleet: -len(fleet) * fleet[0].duration)
+        split += [tuple(same[a:b]) for a, b in itertools.pairwise(ends)]
+    return sorted(split, key=lambda fleet: -len(fleet) * fleet[0].duration)
 
 
 def drive_missing(
-    config: Any,
     runs: Sequence[RunT],
-    parts: StoredParts,
+    store: Store,
     kind: RunKind[RunT],
     watch: Stopwatch,
+    jobs: int = 0,
     executor: str = "processes",
-) -> list[RunLog]:
-    """Drive the runs that `parts` lacks, and keep them there.
+) -> None:
+    """Drive the runs that `store` lacks, and keep them there.
 
     Args:
-        config: the options: number of `jobs`, 0 for one per processor, and whether recordings (`rrd`) are made.
         runs: all runs of the sweep.
-        parts: the driven ones.
+        store: the finished ones.
         kind: drives and measures a fleet.
         watch: takes the work of all workers together, by stage.
+        jobs: number of worker processes, 0 for one per processor.
         executor: name of an executor, as in `workers`.
-
-    Returns:
-        What was recorded of runs until they failed, if recordings are made.
     """
-    missing = [run for run in runs if run.id not in parts]
+    missing = [run for run in runs if run.id not in store.rows]
     if not missing:
-        return []
-    unfinished: list[RunLog] = []
+        return
     durations = {run.id: run.duration for run in runs}
-    left = sum(run.duration for run in missing)
-    total = sum(durations.values())
-    jobs = config.jobs or processors()
+    done = sum(durations[id] for id in durations.keys() & store.rows.keys())
+    jobs = jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs, kind.sizes)))
-    with progress(counted(len(runs), "run"), total, done=total - left) as report, workers(executor, jobs) as pool:
-        drive = partial(drive_fleet, kind, recorded=config.rrd, report=report if pool.inline else None)
-        for part, until_failure, stages in pool.each(drive, fleets(missing, pool.count, kind.sizes)):
-            parts.keep(part)
-            report(0.0 if pool.inline else sum(durations[row["id"]] for row in part.rows))
-            unfinished += until_failure
-            watch.add(stages)
-    return unfinished
+    inline = executor == "inline" or (executor == "processes" and jobs == 1)
+    with (
+        progress(counted(len(runs), "run"), sum(durations.values()), done=done) as report,
+        workers("inline" if inline else executor, jobs) as pool,
+    ):
+        drive = partial(drive_fleet, kind, report=report if inline else None)
+        for fleet in pool.each(drive, fleets(missing, pool.count, kind.sizes)):
+            store.keep(fleet.rows, fleet.logs)
+            watch.add(fleet.stages)
+            if not inline:
+                report(sum(durations[row["id"]] for row in fleet.rows))
 
 
 @contextlib.contextmanager
-def resumable(
-    config: Any, runs: Sequence[Planned], parts: StoredParts, again: str = "the same command"
-) -> Iterator[Run]:
-    """The run of a command that sweeps; its parts are deleted when the results are complete.
+def resumable(config: Any, ids: Collection[str], what: str = "runs driven") -> Iterator[tuple[Run, Store]]:
+    """The run of a command that can be stopped, and the store of its work, which goes when the results are complete.
 
-    Of a sweep that is stopped, the message says what was kept, and that the command `again` resumes.
+    If it is stopped, the message says how much was kept, and that the same command resumes.
     """
-    ids = {run.id for run in runs}
-    try:
-        with Run(config, then=lambda: parts.discard(ids)) as run:
-            yield run
-    except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
-        driven, said = len(ids & parts.keys()), str(stop) or "interrupted"
-        kept = f" with {driven} of {len(runs)} runs driven; {again} resumes" if driven else ""
-        raise type(stop)(said + kept) from None
+    with Run(config) as run:
+        store = Store(Path(config.out), ids, config.overwrite)
+        try:
+            yield run, store
+        except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
+            kept = f" with {len(store.rows)} of {len(ids)} {what}; the same command resumes" if store.rows else ""
+            raise type(stop)((str(stop) or "interrupted") + kept) from None

@@ -3,14 +3,14 @@
 from typing import Any
 
 from experiments.common.formats import stages_text
-from experiments.common.parts import StoredParts
-from experiments.common.results import RECORDINGS_FOLDER, RUNS_FILE, TABLE_FILE, bags_text, write_bags
+from experiments.common.plain_json import plain
+from experiments.common.results import RUNS_FILE, TABLE_FILE, bags_text, write_bags
 from experiments.common.sweep import drive_missing, resumable
-from experiments.grid.config import PARTS, Config
+from experiments.grid.config import Config
 from experiments.grid.plan import plan
 from experiments.grid.runs import GridRuns
 from experiments.grid.summary import all_failed, grids_of, in_full, print_sweep, summary_of
-from experiments.grid.table import renamed, write_table
+from experiments.grid.table import write_table
 from experiments.recorder import record_all
 from experiments.simulate.world import World
 from trackslip.errors import TrackslipError, counted
@@ -24,39 +24,30 @@ def run(config: Config) -> None:
         require_rosbags()
     runs = plan(config)
     world = World.of(config)  # before its files can change
-    ids = {one.id for one in runs}
-    parts = StoredParts(config.out, PARTS)
-    with resumable(config, runs, parts, "the same command" + " without --no-resume" * (not config.resume)) as run:
-        if config.resume:
-            parts.take(ids, config.force)
-        else:
-            parts.discard(ids)
-        taken, began, file = len(parts), run.wall, run.folder / RUNS_FILE
-        simulated = sum(one.duration for one in runs if one.id not in parts)
-        unfinished = drive_missing(config, runs, parts, GridRuns(config.threads), run.watch, config.executor)
-        timing = {"driving_s": run.wall - began, "driven": len(runs) - taken, "taken": taken}
-        rows = [renamed(parts[one.id].row, one.name, one.axes) for one in runs]
+    with resumable(config, {case.id for case in runs}) as (run, store):
+        resumed, began, file = len(store.rows), run.wall, run.folder / RUNS_FILE
+        simulated = sum(case.duration for case in runs if case.id not in store.rows)
+        drive_missing(runs, store, GridRuns(config.threads), run.watch, config.jobs, config.executor)
+        timing = {"driving_s": run.wall - began, "driven": len(runs) - resumed, "resumed": resumed}
+        rows = [store.rows[case.id] | {"run": case.name, **plain(case.axes)} for case in runs]
         driven = [row["run"] for row in rows if row["error"] is None]
-        failure: dict[str, Any] = {} if driven else {"error": all_failed(rows)}
-        if failure and not unfinished:
-            raise TrackslipError(failure["error"])
+        if not driven:
+            raise TrackslipError(all_failed(rows))
         with run.watch.stage("gathering"):
-            parts.gather([(one.id, one.name) for one in runs], file)
+            store.gather(runs, file)
             if config.rrd:
-                record_all(run.folder, [*(read_runs(file) if driven else ()), *unfinished])
+                record_all(run.folder, read_runs(file))
             write_table(rows, list(runs[0].axes), run.folder / TABLE_FILE)
-        about: dict[str, Any] = {"timing": timing, "made_by": parts.made_by}
-        if config.bag and driven:
+        about: dict[str, Any] = {"timing": timing}
+        if config.bag:
             with run.watch.stage("bags"), run.progress("bags", len(driven), "bags") as done:
                 about["bags"] = write_bags(run.folder, driven, map(StoredRuns(file).log, driven), done=done)
         grids = grids_of(runs, rows)
         whole = in_full(runs, rows, lambda: map(StoredRuns(file).log, driven), run.watch)
-        run.write(summary_of(grids, whole, rows) | about, simulated=simulated, **world.about, **failure)
-    if failure:
-        raise TrackslipError(f"{failure['error']}; see {config.out / RECORDINGS_FOLDER}")
+        run.write(summary_of(grids, whole, rows) | about, simulated=simulated, **world.about)
     print_sweep(grids, rows, runs[0].duration)
     print(stages_text(run.watch.stages))
     if config.bag:
         print(bags_text(config.out, about["bags"]))
-    already = f", {taken} of them taken from before" if taken else ""
-    print(f"{config.out / RUNS_FILE}: {counted(len(driven), 'run')} in {run.wall:.1f} s{already}")
+    before = f", {resumed} of them before it was stopped" if resumed else ""
+    print(f"{config.out / RUNS_FILE}: {counted(len(driven), 'run')} in {run.wall:.1f} s{before}")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from experiments.common.choices import GROUNDS
-from experiments.common.options import Distinct, Excludes, Exclusion, Needs, Whole, default_is
+from experiments.common.options import Distinct, Exclusion, Needs, Whole, default_is
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.options import MAX_JOBS
 from trackslip.errors import InvalidValueError
@@ -22,15 +22,11 @@ EXAMPLES = (
 )
 
 
-PARTS = ".grid-parts"
-"""Folder in OUT with the runs of a grid that isn't finished."""
-
-
 @dataclass(frozen=True)
 class Config(GridConfig):
     """Drive a grid of runs, radius x speed x any other option, in front of the scanner, and store them.
 
-    An interrupted grid resumes: runs that are already stored in OUT are not driven again.
+    An interrupted grid resumes when it is run again: what it has driven is not driven again.
     """
 
     grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("--ground", f"{GROUNDS} ...")] = None
@@ -47,15 +43,8 @@ class Config(GridConfig):
     """Number of processes, 0 for one per processor."""
     bag: bool = False
     """Also write a ROS 2 bag of each run to OUT/bags."""
-    resume: bool = True
-    """Keep the runs that OUT already has; --no-resume drives all of them again."""
-    force: bool = False
-    """Keep runs of OUT even if code, models or libraries have changed since."""
 
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (
-        Needs(("jobs",), "executor", ("processes",)),
-        Excludes(("force",), "resume", (False,)),
-    )
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("jobs",), "executor", ("processes",)),)
 
     def __post_init__(self) -> None:
         super().__post_init__()

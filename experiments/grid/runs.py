@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from experiments.common.parts import Row
+from experiments.common.sweep import Row
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_runs import drive_cells
 from experiments.simulate.grid_summary import PoseAccuracy

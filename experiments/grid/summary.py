@@ -7,9 +7,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from experiments.common.parts import Row
 from experiments.common.plain_json import plain
 from experiments.common.results import SUMMARY_FILE, TABLE_FILE
+from experiments.common.sweep import Row
 from experiments.common.table import Table
 from experiments.grid.plan import PlannedRun
 from experiments.simulate.grid_summary import (

@@ -7,9 +7,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet
 
-from experiments.common.parts import Row
 from experiments.common.plain_json import plain
 from experiments.common.run_table import COLUMNS
+from experiments.common.sweep import Row
 from experiments.grid.axes import AXES, known
 from trackslip.logs.schema import Column, markdown
 

@@ -1,12 +1,9 @@
 """Folders of results when disks are full, commands collide or versions differ; manifests without local paths."""
 
-import errno
-import fcntl
 import json
 import os
 import resource
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -18,8 +15,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.common.manifest import relative
-from experiments.common.results import file_names, locked, results_folder
-from trackslip.errors import OutputError
+from experiments.common.results import file_names, results_folder
 from trackslip.logs.file_format import FORMAT
 from trackslip.slip.law_file import SHIPPED
 
@@ -68,7 +64,7 @@ def test_a_full_disk_costs_a_line_and_nothing_old(old, refused, size):
     before, limits = contents(old), resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
     try:
-        line = refused(*TRACK, "--seed", "1", "--out", str(old))
+        line = refused(*TRACK, "--seed", "1", "--overwrite", "--out", str(old))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert line == f"out = {str(old)!r}: can't be written (File too large)"
@@ -85,33 +81,11 @@ def test_output_that_nobody_takes(tmp_path, arguments):
     assert message == "trackslip: can't write (No space left on device)\n"
 
 
-@pytest.mark.parametrize("arguments", [TRACK, ("train",), ("benchmark",)])
-def test_two_commands_do_not_share_a_folder(old, refused, arguments):
-    with locked(old):
-        assert refused(*arguments, "--out", str(old)) == f"out = {str(old)!r}: another command is writing there"
-
-
-def test_a_file_system_without_locks_is_used_without(tmp_path, monkeypatch):
-    def unsupported(*_):
-        raise OSError(errno.ENOLCK, "No locks available")
-
-    monkeypatch.setattr("fcntl.flock", unsupported)
-    with locked(tmp_path):
-        (tmp_path / "result").touch()
-    assert [path.name for path in tmp_path.iterdir()] == ["result"]
-
-
-def test_an_interrupt_while_a_folder_is_locked_leaves_nothing(tmp_path, monkeypatch):
-    flock = fcntl.flock
-
-    def interrupted(file, how):
-        flock(file, how)
-        if how & fcntl.LOCK_EX:
-            signal.raise_signal(signal.SIGINT)
-
-    monkeypatch.setattr("fcntl.flock", interrupted)
-    with pytest.raises(KeyboardInterrupt), results_folder(tmp_path / "out"):
-        pass
+def test_two_commands_do_not_share_a_folder(refused, tmp_path):
+    with results_folder(tmp_path / "out", overwrite=False):
+        for line in (TRACK, ("predict",)):
+            line = refused(*line, "--out", "out")
+            assert line == "out = 'out': another command is writing there"
     assert not list(tmp_path.iterdir())
 
 
@@ -126,27 +100,32 @@ def test_only_a_regular_file_is_replaced(refused, tmp_path):
 def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
     before = contents(old)
     process = command("grid", "--out", str(old), "--overwrite")
-    while not list(old.glob(".partial-*")):
+    while not (old / ".draft").exists():
         assert process.poll() is None
         time.sleep(0.005)
-    with pytest.raises(OutputError, match="another command is writing there"), locked(old):
-        pass
     process.kill()
     process.communicate()
-    assert {*before, ".lock"} < {file.name for file in old.iterdir()}
-    with results_folder(old) as folder:
-        assert [file.name for file in old.iterdir() if file.name.startswith(".partial")] == [folder.name]
+    assert {*before, ".lock", ".draft"} <= {file.name for file in old.iterdir()}
+    with results_folder(old, overwrite=True) as folder:
         for name in before:
             (folder / name).write_bytes(before[name])
     assert contents(old) == before
 
 
-def test_results_of_another_command_are_replaced_only_on_request(old, refused):
+def test_results_are_replaced_only_on_request(old, refused):
     before, predict = contents(old), ("predict", "--out", str(old))
-    assert refused(*predict) == f"out = {str(old)!r}: contains results of `track`; --overwrite replaces them"
+    assert refused(*predict) == f"out = {str(old)!r}: contains results; --overwrite replaces them"
     assert contents(old) == before
     main([*predict, "--overwrite"])
     assert json.loads((old / "manifest.json").read_text())["command"] == "predict"
+    assert {file.name for file in old.iterdir()} == {"manifest.json", "summary.json"}
+
+
+def test_files_of_others_are_never_replaced(refused, tmp_path):
+    (tmp_path / "thesis.tex").touch()
+    line = refused("predict", "--out", str(tmp_path), "--overwrite")
+    assert line == f"out = {str(tmp_path)!r}: contains files that are no results; move them away"
+    assert [file.name for file in tmp_path.iterdir()] == ["thesis.tex"]
 
 
 def test_file_names_are_all_different():
