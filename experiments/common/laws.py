@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from experiments.common.colours import BLACK
-from experiments.common.formats import MISSING, number
-from experiments.common.table import Cell
+from experiments.common.table import MISSING, Cell, number
 from trackslip.identification.drive_model import EXTRAS
 from trackslip.identification.drive_prediction import GAINS, TODAY
 from trackslip.slip.families import FAMILIES, Look

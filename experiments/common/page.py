@@ -14,10 +14,9 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments.common.formats import MISSING
 from experiments.common.manifest import relative
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
-from experiments.common.table import Table
+from experiments.common.table import MISSING, Table
 
 Drawing = Figure | Sequence[Figure] | None  # a figure, several that are shown side by side where there is room, or none
 

@@ -1,17 +1,56 @@
-"""Tables, printed on the terminal and shown on a report's page."""
+"""Tables, printed on the terminal and shown on a page, and how numbers are printed."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from experiments.common.formats import MISSING
+from trackslip.kinematics import Array
 
-_WIDEST = 10_000  # of tables, none of which is cut [characters]
-_DENSE = 9  # more columns are set smaller
+MISSING = "–"
+
+
+def number(value: float | None, digits: int, unit: str = "") -> str:
+    """A number with that many decimals and its unit; MISSING for None and for what is not finite."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return f"{value:.{digits}f} {unit}".rstrip().replace("-", "−")
+
+
+def significant(value: float | None, unit: str = "", digits: int = 2) -> str:
+    """A number with that many significant digits, never in exponential notation, and its unit."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    places = 0 if value == 0 else max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:,.{places}f} {unit}".rstrip().replace("-", "−")
+
+
+def percent(share: float | None) -> str:
+    """A share in per cent, with two significant digits."""
+    return significant(None if share is None else 100 * share, "%")
+
+
+def pair(values: Sequence[str], unit: str = "") -> str:
+    """Printed values side by side, with their unit."""
+    return f"{' | '.join(values)} {unit if set(values) != {MISSING} else ''}".rstrip()
+
+
+def span(values: Array, unit: str = "") -> str:
+    """Smallest and largest of some values, or the one value that they all have, with three significant digits."""
+    low, high = float(np.min(values)), float(np.max(values))
+    text = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+    return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
+
+
+def stages_text(stages: Mapping[str, float]) -> str:
+    """Seconds per stage, on one line."""
+    return ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.items())
 
 
 @dataclass(frozen=True)
@@ -47,19 +86,19 @@ class Table:
 
     def print(self) -> None:
         """Print it on the terminal, in signs that can be searched and copied."""
-        table = RichTable(
-            title=escape(self.title),
-            title_justify="left",
-            title_style="bold",
-            box=SIMPLE_HEAD,
-            padding=0,
-            pad_edge=False,
-        )
+        look: Any = {
+            "title_justify": "left",
+            "title_style": "bold",
+            "box": SIMPLE_HEAD,
+            "padding": 0,
+            "pad_edge": False,
+        }
+        table = RichTable(title=escape(self.title), pad_edge=False, **look)
         for name, side in zip(self.header, self.sides, strict=True):
             table.add_column(escape(name), justify="left" if side == "l" else "right", no_wrap=True)
         for row in self.texts:
             table.add_row(*map(escape, row))
-        console = Console(highlight=False, width=_WIDEST)
+        console = Console(highlight=False, width=10_000)
         console.width = console.measure(table).maximum  # a narrower terminal wraps lines
         console.print(table)
 
@@ -76,7 +115,7 @@ class Table:
     @property
     def dense(self) -> bool:
         """True if the table has so many columns that a page sets it smaller."""
-        return len(self.header) > _DENSE
+        return len(self.header) > 9
 
     @property
     def groups(self) -> list[list[list[Cell]]]:

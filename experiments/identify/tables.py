@@ -5,9 +5,8 @@ from math import degrees
 
 import numpy as np
 
-from experiments.common.formats import MISSING, number, pair, significant
 from experiments.common.laws import law_cell, symbol, unit_of, with_error
-from experiments.common.table import Cell, Table
+from experiments.common.table import MISSING, Cell, Table, number, pair, significant
 from trackslip.errors import counted
 from trackslip.identification.comparison import Comparison, DriveComparison, SteadyComparison
 from trackslip.identification.drive_model import EXTRAS

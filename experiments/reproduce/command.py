@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from experiments.common.formats import stages_text
 from experiments.common.manifest import command_line
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
+from experiments.common.table import stages_text
 from experiments.recorder import record_all
 from experiments.reproduce.comparison import comparison_table
 from experiments.reproduce.config import Config

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from math import degrees
 
-from experiments.common.formats import MISSING, number, pair
-from experiments.common.table import Table
+from experiments.common.table import MISSING, Table, number, pair
 from experiments.simulate.grid_summary import GridSummary
 from experiments.simulate.tracking import TrackingResult
 from trackslip.identification.result import Identification

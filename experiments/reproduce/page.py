@@ -6,8 +6,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from experiments.common.formats import number, percent
 from experiments.common.page import Answer, Page, Plot, Section
+from experiments.common.table import number, percent
 from experiments.identify.page import excluded_runs, loud_first, method, notes, steady_slip
 from experiments.identify.tables import value_texts
 from experiments.identify.turns import Turns

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from math import degrees
 from typing import Any
 
-from experiments.common.formats import number
 from experiments.common.plain_json import plain
-from experiments.common.table import Table
+from experiments.common.table import Table, number
 from trackslip.errors import LogError
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TrackingErrors, tracking_errors

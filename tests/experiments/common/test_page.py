@@ -6,11 +6,10 @@ import xml.etree.ElementTree as ET
 
 from matplotlib.figure import Figure
 
-from experiments.common.formats import MISSING, number, percent, significant
 from experiments.common.page import Answer, Bullets, Page, Plot, Section, conditions
 from experiments.common.progress import progress_line
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
-from experiments.common.table import Cell, Table
+from experiments.common.table import MISSING, Cell, Table, number, percent, significant
 
 
 def drawn() -> Figure:
