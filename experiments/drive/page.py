@@ -149,7 +149,7 @@ def slip_over_slope(run: DrivenCourse) -> Figure:
 @styled
 def over_time(run: DrivenCourse) -> Figure:
     """Attitude, flippers, slip, load and penetration over time."""
-    figure, panels = subplots(8.2, 5, down=0.35, sharex=True)
+    figure, panels = subplots(8.2, 5, sharex=True)
     shown, state = thin(len(run.time), 2000), run.state
     sides = [(name, colour) for colour, _, name, _ in _TRACKS]
     flippers = [(name.replace("_", " "), None) for name in run.flippers]
