@@ -26,7 +26,6 @@ class Drawn:
     """A figure as the contents of files."""
 
     name: str
-    """Descriptive, of letters, digits and underscores."""
     svg: str
     """Text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
     pdf: bytes = b""
@@ -69,9 +68,7 @@ class Plot:
     """Or what makes it, when the page is written; a plot of None is left out."""
     heading: str
     caption: str = ""
-    """Text, or Markup."""
-    conditions: str | None = None
-    """In small print below the caption; by default seed, ground and command."""
+    """Text, or Markup; seed, ground and command follow in small print."""
 
 
 def drawn_plot(plot: Plot, pdf: bool = False) -> tuple[Drawn, ...]:
@@ -185,10 +182,7 @@ class Page:
     def html(self, figures: Mapping[str, Sequence[Drawn]] | None = None) -> str:
         """The page alone; `figures` are those of each plot by its name, if they have been drawn already."""
         return _template().render(
-            title=self.title,
-            command=self.command,
-            answer=self.answer,
-            intro=self.intro,
+            vars(self),
             sections=[section for section in self.sections if section],
             figures=self._figures() if figures is None else figures,
             conditions=conditions(self.manifest, self.command),
@@ -199,11 +193,11 @@ class Page:
 @functools.cache
 def _template() -> jinja2.Template:
     """The template of all pages, compiled once."""
-    loader = jinja2.PackageLoader("experiments.common", "")
-    environment = jinja2.Environment(
-        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    loader, undefined = jinja2.PackageLoader("experiments.common", ""), jinja2.StrictUndefined
+    pages = jinja2.Environment(
+        loader=loader, undefined=undefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.get_template("page.html.j2")
+    return pages.get_template("page.html.j2")
 
 
 def conditions(manifest: Mapping[str, Any], command: str) -> str:

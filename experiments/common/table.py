@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -86,14 +85,10 @@ class Table:
 
     def print(self) -> None:
         """Print it on the terminal, in signs that can be searched and copied."""
-        look: Any = {
-            "title_justify": "left",
-            "title_style": "bold",
-            "box": SIMPLE_HEAD,
-            "padding": 0,
-            "pad_edge": False,
-        }
-        table = RichTable(title=escape(self.title), pad_edge=False, **look)
+        table = RichTable(
+            title=escape(self.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=0
+        )
+        table.pad_edge = False
         for name, side in zip(self.header, self.sides, strict=True):
             table.add_column(escape(name), justify="left" if side == "l" else "right", no_wrap=True)
         for row in self.texts:
@@ -105,7 +100,8 @@ class Table:
     @property
     def texts(self) -> list[list[str]]:
         """The rows for the terminal."""
-        return [[_printed(cell) for cell in row] for row in self.rows]
+        cells = [[_cell(value) for value in row] for row in self.rows]
+        return [[(cell.name or cell.text).replace("−", "-").replace(MISSING, "-") for cell in row] for row in cells]
 
     @property
     def sides(self) -> str:
@@ -122,7 +118,7 @@ class Table:
         """The rows for a page, each with those that continue it."""
         groups: list[list[list[Cell]]] = []
         for row in self.rows:
-            cells = [cell if isinstance(cell, Cell) else Cell(MISSING if _unknown(cell) else cell) for cell in row]
+            cells = [_cell(value) for value in row]
             if groups and not cells[0].text:
                 groups[-1].append(cells)
             else:
@@ -130,10 +126,8 @@ class Table:
         return groups
 
 
-def _unknown(text: str) -> bool:
-    return text in ("nan", "+nan")
-
-
-def _printed(cell: str | Cell) -> str:
-    text = cell if isinstance(cell, str) else cell.name or cell.text
-    return "-" if _unknown(text) else text.replace("−", "-").replace(MISSING, "-")
+def _cell(value: str | Cell) -> Cell:
+    """A cell, with MISSING for a number that is not known."""
+    if isinstance(value, Cell):
+        return value
+    return Cell(MISSING if value in ("nan", "+nan") else value)

@@ -7,7 +7,6 @@ import xml.etree.ElementTree as ET
 from matplotlib.figure import Figure
 
 from experiments.common.page import Answer, Bullets, Page, Plot, Section, conditions
-from experiments.common.progress import progress_line
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
 from experiments.common.table import MISSING, Cell, Table, number, percent, significant
 
@@ -94,7 +93,6 @@ def test_numbers_as_printed():
     assert number(-1.256, 2, "mm") == "−1.26 mm"
     assert [significant(value) for value in (0.0, 0.00123, 4.56, 12345.6)] == ["0", "0.0012", "4.6", "12,346"]
     assert percent(0.0123) == "1.2 %"
-    assert progress_line(161.0, 300.0, "s", 100.0, 61.0) == "161/300 s, 1 x real time, 0:02:19 left"
 
 
 def test_how_it_was_made_leaves_out_options_that_were_not_given():
