@@ -158,7 +158,7 @@ def test_the_grid_of_the_readme_is_fitted_without_a_warning(trackslip):
 
 
 @pytest.mark.usefixtures("few_laws")
-def test_alarms_come_first_and_a_user_insists(trackslip, refused, tmp_path):
+def test_alarms_come_first_and_a_user_insists(trackslip, tmp_path):
     drives = [wandered(name="a", duration=20.0), wandered(name="b", duration=20.0, seed=1).between(0, 12)]
     for log in drives:
         written_drive(log, tmp_path / f"{log.run}.csv")
@@ -176,4 +176,3 @@ def test_alarms_come_first_and_a_user_insists(trackslip, refused, tmp_path):
     insisted = trackslip("identify", log, *OF_DRIVES, "--method", "drive", "--accept", "short", "units")
     assert insisted.summary["drive"]["drives"] == ["a", "b"]
     assert not any("left out" in line for line in insisted.summary["alarms"])
-    assert "accept" in refused("identify", log, *OF_DRIVES, "--accept", "short", "short")
