@@ -173,6 +173,7 @@ def test_alarms_come_first_and_a_user_insists(trackslip, tmp_path):
     page = (result.folder / "report.html").read_text(encoding="utf-8")
     assert page.index(f"Alarm: {alarm}") < page.index("Whole drives")
     assert [one["kind"] for one in result.summary["outliers"]] == ["short"]
-    insisted = trackslip("identify", log, *OF_DRIVES, "--method", "drive", "--accept", "short", "units")
+    insist = ("--accept", "short", "units", "--out", str(tmp_path / "insisted"))
+    insisted = trackslip("identify", log, *OF_DRIVES, "--method", "drive", *insist)
     assert insisted.summary["drive"]["drives"] == ["a", "b"]
     assert not any("left out" in line for line in insisted.summary["alarms"])
