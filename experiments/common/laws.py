@@ -1,26 +1,24 @@
-"""Slip laws as reports show them: title, colour, line, formula, and the symbols and units of their parameters."""
+"""Slip laws as reports show them: one name everywhere, colour, line, formula, symbols and units of parameters."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-
-from markupsafe import Markup
+from collections.abc import Sequence
+from dataclasses import replace
 
 from experiments.common.colours import BLACK
-from experiments.common.formats import MISSING, number
-from experiments.common.page import Bullets
-from experiments.common.table import Cell
+from experiments.common.table import MISSING, Cell, number
 from trackslip.identification.drive_model import EXTRAS
-from trackslip.kinematics import RobotGeometry
+from trackslip.identification.drive_prediction import GAINS, TODAY
 from trackslip.slip.families import FAMILIES, Look
 
 _OTHERS = {
-    "published": Look("published law (Eq. 11)", BLACK, "--", FAMILIES["exponential"].look.formula),
+    "published": Look("the paper's Eq. 11", BLACK, "--", FAMILIES["exponential"].look.formula),
     "online": Look("online", "#117733", (0, (5, 1))),
     "online_load": Look("online, with slip under load", "#4B6A1E", (0, (5, 1, 2, 1))),
     "online_cold": Look("online, from nothing", "#999933", (0, (5, 1, 1, 1))),
+    TODAY: Look("dead reckoning as it drives today", "#8B5A2B", (0, (8, 2, 1, 2))),
+    GAINS: Look("factors on speed and yaw rate", "#6A51A3", (0, (3, 3))),
 }
-"""Compensations that are no family of laws."""
-NO_SLIP = "no slip compensation"
+"""Compensations and predictions that are no family of laws."""
 _TRACKS = ("outer", "inner", "left", "right")
 _EXTRA_SYMBOLS = {"sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"}
 _EXTRA_SYMBOLS |= {"gyro_bias": "β", "gyro_scale": "κ", "gyro_clock": "τ gyro"}
@@ -30,13 +28,13 @@ _UNKNOWN_DIGITS = 2
 
 
 def law_looks() -> dict[str, Look]:
-    """The looks of all laws and other compensations, by name."""
+    """The looks of all laws and other compensations, by name; their labels describe them."""
     return {name: law.look for name, law in FAMILIES.items()} | _OTHERS
 
 
 def shown(name: str) -> Look:
-    """The look of a law or compensation; an unknown one has its name as label."""
-    return law_looks().get(name) or Look(name)
+    """The look of a law or compensation, which has the same name in legends, tables and options."""
+    return replace(law_looks().get(name, Look(name)), label=name)
 
 
 def symbol(law: str, parameter: str) -> str:
@@ -47,22 +45,15 @@ def symbol(law: str, parameter: str) -> str:
 
 
 def prediction_title(name: str) -> str:
-    """The title of a law among those compared by prediction, where no law means no compensation."""
-    return NO_SLIP if name == "none" else shown(name).label
+    """The name of a law or model among those compared by prediction."""
+    return shown(name).label
 
 
 def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
-    """A law in a table: its title, name and formula on a page, its name in files and options on the terminal."""
-    law = shown(name)
-    option = (name,) if name != law.label else ()
-    return Cell(law.label, name, (*option, *(law.formula if formula else ())), "best" if best else "")
-
-
-def parameter_bullets(laws: Iterable[str], robot: RobotGeometry) -> Bullets:
-    """The meaning of the parameters of some laws."""
-    meanings = {p.symbol: p.meaning for law in laws for p in FAMILIES[law].parameters.values() if p.meaning}
-    meanings["b"] = f"half the distance between the tracks' centre lines, {robot.half_gauge:g} m, which is not fitted"
-    return Bullets([Markup("<strong>{}</strong>: {}.").format(*meaning) for meaning in meanings.items()])
+    """A law in a table: its name, on a page with what it is and its formula."""
+    look = law_looks().get(name, Look(name))
+    lines = (look.label, *look.formula) if formula else ()
+    return Cell(name, lines=lines, mark="best" if best else "")
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:
@@ -89,9 +80,3 @@ def with_error(value: float, error: float, unit: tuple[float, str], *ends: Seque
         digits = min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(error))))
     intervals = (MISSING if e is None else " to ".join(number(factor * x, digits) for x in e) for e in ends)
     return (f"{number(factor * value, digits)} ± {number(error, digits)} {name}".rstrip(), *intervals)
-
-
-def parameter_rows(law: Cell, parameters: Iterable[Sequence[str | Cell]]) -> Iterator[tuple[str | Cell, ...]]:
-    """Rows of a law's parameters, the first of which names the law."""
-    for k, cells in enumerate(parameters):
-        yield (law if k == 0 else "", *cells)

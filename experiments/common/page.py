@@ -1,54 +1,45 @@
-"""Pages of a report: sections of text, tables and plots, as one HTML file that needs no other."""
-
-from __future__ import annotations
+"""Pages of a report: an answer, then sections of text, tables and plots, as one HTML file that needs no other."""
 
 import functools
 import io
+import itertools
 import re
-import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, Union
 
 import jinja2
 import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments.common.formats import MISSING
 from experiments.common.manifest import relative
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
-from experiments.common.table import Table
+from experiments.common.table import MISSING, Table
 
-_NARROW = 400.0  # width of a figure that shares its line with others [pt]
+Drawing = Figure | Sequence[Figure] | None  # a figure, several that are shown side by side where there is room, or none
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A figure as the text of files, which can be sent from one process to another."""
+    """A figure as the contents of files."""
 
     name: str
-    """Descriptive, of letters, digits and underscores."""
     svg: str
-    """The text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
+    """Text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
     pdf: bytes = b""
     """A PDF file, if one was wanted."""
+    is_narrow: bool = False
+    """True for one panel, which a page does not stretch to its width."""
 
     @property
     def inline(self) -> Markup:
         """An <svg> element whose ids are unique on the page."""
-        text = self.svg[self.svg.index("<svg") :]
-        text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
-        for reference in (' id="', 'xlink:href="#', "url(#"):
-            text = text.replace(reference, f"{reference}{self.name}-")
+        text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", self.svg[self.svg.index("<svg") :], flags=re.DOTALL)
+        text = re.sub(r'( id="|xlink:href="#|url\(#)', rf"\g<1>{self.name}-", text)
         text = re.sub(r"\n\s*", "\n", text)
         return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
-
-    @property
-    def is_narrow(self) -> bool:
-        """True for one panel, which a page does not stretch to its width."""
-        return float(re.findall(r'width="([\d.]+)pt"', self.svg)[0]) < _NARROW
 
     def write(self, folder: Path) -> None:
         """Write folder/NAME.svg and, if there is one, NAME.pdf."""
@@ -60,18 +51,11 @@ class Drawn:
 def drawn(name: str, figure: Figure, pdf: bool = False) -> Drawn:
     """Draw a figure, with `pdf` also as PDF."""
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path", "pdf.fonttype": 42}):
-        svg = _saved(figure, "svg", Date=None).decode()
-        return Drawn(name, svg, _saved(figure, "pdf", CreationDate=None) if pdf else b"")
-
-
-def _saved(figure: Figure, file_format: str, **metadata: None) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format=file_format, metadata=metadata)
-    return buffer.getvalue()
-
-
-Drawing = Figure | Sequence[Figure] | None
-"""A figure, several that are shown side by side where there is room, or none."""
+        svg, pages = io.BytesIO(), io.BytesIO()
+        figure.savefig(svg, format="svg", metadata={"Date": None})
+        if pdf:
+            figure.savefig(pages, format="pdf", metadata={"CreationDate": None})
+    return Drawn(name, svg.getvalue().decode(), pages.getvalue(), is_narrow=figure.get_figwidth() < 6.0)
 
 
 @dataclass(frozen=True)
@@ -81,25 +65,20 @@ class Plot:
     name: str
     """Of the file and of the element on the page; files of several panels are named after their titles, too."""
     figure: Drawing | Callable[[], Drawing]
-    """Or what makes it, when and where the page is written; a plot of None is left out."""
+    """Or what makes it, when the page is written; a plot of None is left out."""
     heading: str
     caption: str = ""
-    """Text, or Markup."""
-    conditions: str | None = None
-    """In small print below the caption; by default seed, ground and command."""
-
-    kind: ClassVar[str] = "plot"
+    """Text, or Markup; seed, ground and command follow in small print."""
 
 
 def drawn_plot(plot: Plot, pdf: bool = False) -> tuple[Drawn, ...]:
     """Draw the figure of a plot, or its panels; nothing if there is no figure."""
-    made = plot.figure() if callable(plot.figure) else plot.figure
-    if made is None:
+    figure = plot.figure() if callable(plot.figure) else plot.figure
+    if figure is None:
         return ()
-    if isinstance(made, Figure):
-        return (drawn(plot.name, made, pdf),)
-    titles = [file_name(panel.axes[0].get_title(loc="left")) for panel in made]
-    return tuple(drawn(f"{plot.name}_{title}", panel, pdf) for title, panel in zip(titles, made, strict=True))
+    if isinstance(figure, Figure):
+        return (drawn(plot.name, figure, pdf),)
+    return tuple(drawn(f"{plot.name}_{file_name(part.axes[0].get_title(loc='left'))}", part, pdf) for part in figure)
 
 
 @dataclass(frozen=True)
@@ -108,16 +87,12 @@ class Note:
 
     text: str
 
-    kind: ClassVar[str] = "note"
-
 
 @dataclass(frozen=True)
 class Bullets:
     """A list."""
 
     items: Sequence[str]
-
-    kind: ClassVar[str] = "bullets"
 
 
 @dataclass(frozen=True)
@@ -127,20 +102,16 @@ class Pictures:
     files: Sequence[str]
     description: str
 
-    kind: ClassVar[str] = "pictures"
-
 
 @dataclass(frozen=True)
 class Section:
     """A heading and what is below it, in order; a section in a section has a smaller heading."""
 
     heading: str
-    blocks: Sequence[Block | None]
+    blocks: Sequence[Union["Block", None]]
     """None is left out, and so is a section of nothing. A str is a paragraph; Markup keeps its tags."""
     folded: bool = False
     """Collapse it until its heading is clicked: methods, and what few readers decide by."""
-
-    kind: ClassVar[str] = "section"
 
     @property
     def anchor(self) -> str:
@@ -152,35 +123,14 @@ class Section:
 
 
 Block = str | Table | Plot | Note | Bullets | Pictures | Section
-Figures = Mapping[str, Sequence[Drawn]]
-"""The figures of each plot, by its name."""
-Draw = Callable[[Callable[[Plot], tuple[Drawn, ...]], Iterable[Plot]], Iterable[tuple[Drawn, ...]]]
 
 
-def draw_plots(
-    blocks: Iterable[Block | None], pdf: bool = False, draw: Draw = map
-) -> Iterator[tuple[str, tuple[Drawn, ...]]]:
-    """Draw all plots among some blocks: their names and figures, with `pdf` also as PDF.
-
-    `draw` calls a function with each plot, in order; that of a process pool begins at once to draw them side by side.
-    """
-    plots = [block for block in all_blocks(blocks) if isinstance(block, Plot)]
-    figures = draw(functools.partial(drawn_plot, pdf=pdf), plots)
-    return zip([plot.name for plot in plots], figures, strict=True)
-
-
-def all_blocks(blocks: Iterable[Block | None]) -> Iterator[Block]:
-    """Everything in some blocks, in order; a section is followed by its blocks."""
+def _all_blocks(blocks: Iterable[Block | None]) -> Iterator[Block]:
     for block in blocks:
         if block:
             yield block
-            if isinstance(block, Section):
-                yield from all_blocks(block.blocks)
-
-
-def warnings(lines: Sequence[str]) -> Section | None:
-    """A section of warnings, if there are any."""
-    return Section("Warnings", [Bullets([f"{line}." for line in lines])]) if lines else None
+        if isinstance(block, Section):
+            yield from _all_blocks(block.blocks)
 
 
 @dataclass(frozen=True)
@@ -212,35 +162,29 @@ class Page:
     """Below the title and the answer."""
     answer: Answer | None = None
 
-    def write(self, folder: Path, pdf: bool = False, figures: Figures | None = None) -> None:
-        """Write the page and each figure as figures/NAME.svg, with `pdf` also as NAME.pdf.
-
-        `figures` are those of all plots if they have been drawn already.
-        """
-        figures = dict(draw_plots((*self.intro, *self.sections), pdf)) if figures is None else figures
-        (folder / REPORT_FILE).write_text(self._html(figures), encoding="utf-8")
-        (folder / FIGURES_FOLDER).mkdir()
-        for several in figures.values():
-            for figure in several:
-                figure.write(folder / FIGURES_FOLDER)
-
-    def html(self) -> str:
-        """The page alone."""
-        return self._html(dict(draw_plots((*self.intro, *self.sections))))
-
     @property
     def blocks(self) -> Iterator[Block]:
         """Everything on the page, in order; a section is followed by its blocks."""
-        return all_blocks((*self.intro, *self.sections))
+        return _all_blocks((*self.intro, *self.sections))
 
-    def _html(self, figures: Figures) -> str:
+    def write(self, folder: Path, pdf: bool = False) -> None:
+        """Write the page and each figure as figures/NAME.svg, with `pdf` also as NAME.pdf."""
+        figures = self._figures(pdf)
+        (folder / REPORT_FILE).write_text(self.html(figures), encoding="utf-8")
+        (folder / FIGURES_FOLDER).mkdir()
+        for figure in itertools.chain(*figures.values()):
+            figure.write(folder / FIGURES_FOLDER)
+
+    def _figures(self, pdf: bool = False) -> dict[str, tuple[Drawn, ...]]:
+        """The figures of each plot, by its name."""
+        return {block.name: drawn_plot(block, pdf) for block in self.blocks if isinstance(block, Plot)}
+
+    def html(self, figures: Mapping[str, Sequence[Drawn]] | None = None) -> str:
+        """The page alone; `figures` are those of each plot by its name, if they have been drawn already."""
         return _template().render(
-            title=self.title,
-            command=relative_command(self.command),
-            answer=self.answer,
-            intro=self.intro,
+            vars(self),
             sections=[section for section in self.sections if section],
-            figures=figures,
+            figures=self._figures() if figures is None else figures,
             conditions=conditions(self.manifest, self.command),
             manifest=[(k, v) for k, v in flatten(self.manifest) if v != MISSING or not k.startswith("config.")],
         )
@@ -249,44 +193,30 @@ class Page:
 @functools.cache
 def _template() -> jinja2.Template:
     """The template of all pages, compiled once."""
-    loader = jinja2.PackageLoader("experiments.common", "")
-    environment = jinja2.Environment(
-        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    loader, undefined = jinja2.PackageLoader("experiments.common", ""), jinja2.StrictUndefined
+    pages = jinja2.Environment(
+        loader=loader, undefined=undefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.get_template("page.html.j2")
-
-
-def relative_command(command: str) -> str:
-    """A command line with all its paths relative to the current folder."""
-    words = shlex.split(command)
-    relatives = list(map(relative, words))
-    return command if relatives == words else shlex.join(relatives)
+    return pages.get_template("page.html.j2")
 
 
 def conditions(manifest: Mapping[str, Any], command: str) -> str:
     """Seed, ground and command on one line, for captions; what the manifest lacks is left out."""
     seed, ground = manifest.get("seed"), manifest.get("ground")
-    seeds = seed if isinstance(seed, list | tuple) else [seed]
-    parts = [
-        "" if seed is None else f"seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
-        _ground(ground) if isinstance(ground, Mapping) else "",
-        relative_command(command),
-    ]
-    return " · ".join(part for part in parts if part)
+    seeds = ", ".join(map(str, seed)) if isinstance(seed, list | tuple) else seed
+    parts = [None if seed is None else f"seed {seeds}", _ground(ground) if isinstance(ground, Mapping) else None]
+    return " · ".join(filter(None, [*parts, command]))
 
 
 def _ground(ground: Mapping[str, Any]) -> str:
-    """One ground, or several by their names."""
+    """Friction, shear and slope of one ground, or the names of several."""
     if "along" not in ground:
-        return "; ".join(f"{relative(name)} {_ground(one)}" for name, one in ground.items() if isinstance(one, Mapping))
+        return f"grounds {', '.join(map(relative, ground))}"
     text = f"ground: friction {ground['along']:g} along, {ground['across']:g} across"
     if ground.get("shear"):
         text += f", shear {1e3 * ground['shear']:g} mm"
     if ground.get("slope"):
         text += f", slope {ground['slope']:.3g} rad, uphill {ground.get('uphill', 0.0):.3g} rad"
-    for key, one in (("patches", "patch"), ("changes", "change")):
-        if count := len(ground.get(key) or ()):
-            text += f", {count} {one if count == 1 else key}"
     return text
 
 
@@ -296,14 +226,10 @@ def file_name(text: str) -> str:
 
 
 def flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted names and printed values of everything in nested mappings; a list of plain values is one value."""
+    """Dotted names and printed values of everything in nested mappings."""
     if isinstance(value, Mapping) and value:
         for key, item in value.items():
             yield from flatten(item, f"{path}.{relative(str(key))}" if path else str(key))
-    elif isinstance(value, list | tuple) and any(isinstance(item, Mapping) for item in value):
-        for index, item in enumerate(value):
-            yield from flatten(item, f"{path}[{index}]")
-    elif isinstance(value, list | tuple):
-        yield path, ", ".join(relative(str(item)) for item in value) or MISSING
     elif path:
-        yield path, MISSING if value is None or value == {} else relative(str(value))
+        items = value if isinstance(value, list | tuple) else [] if value is None or value == {} else [value]
+        yield path, ", ".join(relative(str(item)) for item in items) or MISSING

@@ -1,18 +1,55 @@
-"""Tables, printed on the terminal and shown on a report's page."""
+"""Tables, printed on the terminal and shown on a page, and how numbers are printed."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
+import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from experiments.common.formats import MISSING
+from trackslip.kinematics import Array
 
-_WIDEST = 10_000  # of tables, none of which is cut [characters]
-_DENSE = 9  # more columns are set smaller
+MISSING = "–"
+
+
+def number(value: float | None, digits: int, unit: str = "") -> str:
+    """A number with that many decimals and its unit; MISSING for None and for what is not finite."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return f"{value:.{digits}f} {unit}".rstrip().replace("-", "−")
+
+
+def significant(value: float | None, unit: str = "", digits: int = 2) -> str:
+    """A number with that many significant digits, never in exponential notation, and its unit."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    places = 0 if value == 0 else max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:,.{places}f} {unit}".rstrip().replace("-", "−")
+
+
+def percent(share: float | None) -> str:
+    """A share in per cent, with two significant digits."""
+    return significant(None if share is None else 100 * share, "%")
+
+
+def pair(values: Sequence[str], unit: str = "") -> str:
+    """Printed values side by side, with their unit."""
+    return f"{' | '.join(values)} {unit if set(values) != {MISSING} else ''}".rstrip()
+
+
+def span(values: Array, unit: str = "") -> str:
+    """Smallest and largest of some values, or the one value that they all have, with three significant digits."""
+    low, high = float(np.min(values)), float(np.max(values))
+    text = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+    return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
+
+
+def stages_text(stages: Mapping[str, float]) -> str:
+    """Seconds per stage, on one line."""
+    return ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.items())
 
 
 @dataclass(frozen=True)
@@ -46,30 +83,25 @@ class Table:
     folded: bool = False
     """Collapse the table on a page until its title is clicked."""
 
-    kind: ClassVar[str] = "table"
-
     def print(self) -> None:
         """Print it on the terminal, in signs that can be searched and copied."""
         table = RichTable(
-            title=escape(self.title),
-            title_justify="left",
-            title_style="bold",
-            box=SIMPLE_HEAD,
-            padding=0,
-            pad_edge=False,
+            title=escape(self.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=0
         )
+        table.pad_edge = False
         for name, side in zip(self.header, self.sides, strict=True):
             table.add_column(escape(name), justify="left" if side == "l" else "right", no_wrap=True)
         for row in self.texts:
             table.add_row(*map(escape, row))
-        console = Console(highlight=False, width=_WIDEST)
+        console = Console(highlight=False, width=10_000)
         console.width = console.measure(table).maximum  # a narrower terminal wraps lines
         console.print(table)
 
     @property
     def texts(self) -> list[list[str]]:
         """The rows for the terminal."""
-        return [[_printed(cell) for cell in row] for row in self.rows]
+        cells = [[_cell(value) for value in row] for row in self.rows]
+        return [[(cell.name or cell.text).replace("−", "-").replace(MISSING, "-") for cell in row] for row in cells]
 
     @property
     def sides(self) -> str:
@@ -79,14 +111,14 @@ class Table:
     @property
     def dense(self) -> bool:
         """True if the table has so many columns that a page sets it smaller."""
-        return len(self.header) > _DENSE
+        return len(self.header) > 9
 
     @property
     def groups(self) -> list[list[list[Cell]]]:
         """The rows for a page, each with those that continue it."""
         groups: list[list[list[Cell]]] = []
         for row in self.rows:
-            cells = [cell if isinstance(cell, Cell) else Cell(MISSING if _unknown(cell) else cell) for cell in row]
+            cells = [_cell(value) for value in row]
             if groups and not cells[0].text:
                 groups[-1].append(cells)
             else:
@@ -94,10 +126,8 @@ class Table:
         return groups
 
 
-def _unknown(text: str) -> bool:
-    return text in ("nan", "+nan")
-
-
-def _printed(cell: str | Cell) -> str:
-    text = cell if isinstance(cell, str) else cell.name or cell.text
-    return "-" if _unknown(text) else text.replace("−", "-").replace(MISSING, "-")
+def _cell(value: str | Cell) -> Cell:
+    """A cell, with MISSING for a number that is not known."""
+    if isinstance(value, Cell):
+        return value
+    return Cell(MISSING if value in ("nan", "+nan") else value)

@@ -35,7 +35,7 @@ def run(config: Config) -> None:
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
 
 
-def source_of(config: Config) -> "Source":
+def source_of(config: Config) -> Source:
     """The runs and samples that the options select; raises LogError or InvalidValueError if none can be used."""
     bag, accept = config.bag.choice(), config.accept or ()
     reading = ReadOptions(

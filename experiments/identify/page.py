@@ -1,26 +1,22 @@
-"""The page of an identification, its section on laws identified from steady runs, and what the terminal shows."""
+"""The page of an identification, and what the terminal shows."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from experiments.common.formats import number, pair
-from experiments.common.laws import parameter_bullets
-from experiments.common.page import Block, Page, Plot, Section, warnings
+from experiments.common.laws import symbol
+from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.table import Table
-from experiments.identify import drives, law_figures
-from experiments.identify import steady_figures as figures
-from experiments.identify.load_figure import slip_under_load
-from experiments.identify.localization_figures import error_against_viewing_angle
-from experiments.identify.sightings import sightings
-from experiments.identify.steady_laws import best_text, criteria_table, lack_of_fit_text, law_table, size_text
-from experiments.identify.steady_turns import InnerOuterSamples, repeated
+from experiments.identify import figures, tables
+from experiments.identify.turns import Turns
 from trackslip.doubts import severity
+from trackslip.errors import counted
 from trackslip.identification.result import Identification
-from trackslip.logs.runlog import RunLog
+from trackslip.kinematics import RobotGeometry
 from trackslip.slip.families import FAMILIES
 
 INTRO = Markup(
@@ -30,200 +26,201 @@ INTRO = Markup(
     "Kalantari, <cite>Experimental Slip Estimation for Exact Kinematics Modeling and Control of a Tracked Mobile "
     "Robot</cite>, IROS 2008; its Eq. 11 is the slip law it published."
 )
-_COMPARED = (
+_STEADY = (
     "All laws are fitted to the same runs with the same weights and judged by the motion that sprocket speeds cause. "
     "Akaike's criterion (AICc) weighs the fit against the number of parameters: differences up to 2 mean nothing, "
     "above 10 they rule a law out. Cross-validation predicts runs that were left out of the fit. The best law is the "
     "simplest of those that predict left-out radii, and then left-out runs, as well as any other within one standard "
     "error or a thousandth of the speed."
 )
+_DRIVE = (
+    "Every pose and every encoder reading counts. Estimated together are the trajectory, the law, where the sensor "
+    "sits, the clock offset, and how large all errors are. Each law is fitted to a part of the driving and predicts "
+    "the rest: from every measured pose, the sprocket speeds lead some seconds ahead. Errors include those of the "
+    "measured poses at both ends, which no law can remove: where lines are flat, they are all that is left; where "
+    "lines rise, the law is wrong or slip varies."
+)
+_SLIP = (
+    "A slip law gives the slip of both tracks in a turn of radius R, and so how much faster or slower each sprocket "
+    "has to turn for the robot to go where it should."
+)
 
 
 def page(found: Identification, title: str, command: str, manifest: Mapping[str, Any]) -> Page:
-    """The page of an identification."""
-    sections = [measured_slip(found, found.logs), drives.whole_drives(found), *remarks(found)]
-    alarms = [Markup('<strong class="mark">Alarm</strong> {}').format(line) for line in found.alarms]
-    return Page(title, command, manifest, sections, [*alarms, INTRO])
+    """The page of an identification, made by `command` or in Python, where the manifest has no configuration."""
+    sections = [whole_drives(found), steady_slip(found)]
+    if found.method == "steady":
+        sections.reverse()
+    sections += [method(found), excluded_runs(found), notes(found.warnings)]
+    return Page(title, command, manifest, sections, answer=_answer(found, manifest.get("config", {}).get("out")))
 
 
-def measured_slip(found: Identification, logs: Sequence[RunLog]) -> Section | None:
-    """The section of the steady samples from some runs and of their laws; None if there are none."""
-    if found.steady is None:
+def _answer(found: Identification, out: str | None) -> Answer:
+    """The best law, its parameters, what it gains, and what to do with it, if it is in a folder."""
+    fit, parameters = found.fits()[found.best], FAMILIES[found.best].parameters
+    facts = [("law", FAMILIES[found.best].title)]
+    for name in fit.values:
+        value, interval, *_ = tables.value_texts(fit, name)
+        meaning = parameters[name].meaning
+        facts.append((symbol(found.best, name), f"{value} (95 %: {interval})" + (f", {meaning}" if meaning else "")))
+    why = tables.reason(found)
+    lines = [tables.gain(found), f"Why {found.best}: {why}." if why else ""]
+    if found.best in ("none", "constant"):
+        lines.append("No law of turning describes this driving better.")
+    commands = []
+    if out:
+        folder = shlex.quote(out)
+        target = "ros2_control" if "ros2_control" in FAMILIES[found.best].targets else FAMILIES[found.best].targets[0]
+        commands = [f"trackslip evaluate ANOTHER_LOG --law {folder}", f"trackslip deploy {folder} --to {target}"]
+    return Answer(
+        f"Best law: {found.best}", facts, [line for line in lines if line], loud_first(found.warnings), commands
+    )
+
+
+def loud_first(warnings: Iterable[str]) -> list[str]:
+    """Alarms and doubts among some warnings, without remarks."""
+    loud = {line: severity(line) for line in warnings}
+    alarms = [f"Alarm: {line}" for line, kind in loud.items() if kind == "alarm"]
+    return [*alarms, *(line for line, kind in loud.items() if kind not in ("alarm", "remark"))]
+
+
+def notes(warnings: Iterable[str]) -> Section:
+    """The remarks among some warnings."""
+    remarks = [line for line in warnings if severity(line) == "remark"]
+    return Section("Notes", [Bullets(remarks) if remarks else None])
+
+
+def excluded_runs(found: Identification) -> Section:
+    """Runs that gave no sample, or were left out of the fits."""
+    rows = [(refused.run, refused.reason) for refused in found.outliers]
+    return Section("Excluded runs", [Table("All of them", ("run", "why"), rows, "l") if rows else None], folded=True)
+
+
+def method(found: Identification) -> Section:
+    """What slip, laws and their parameters mean, and how the best law is chosen."""
+    how = [_STEADY if found.steady is not None else None, _DRIVE if found.drive is not None else None]
+    laws = {**(found.steady.laws if found.steady else {}), **(found.drive.laws if found.drive else {})}
+    meaning = parameter_bullets(laws, found.geometry)
+    return Section("Method", [INTRO, *how, "The parameters of the laws are:", meaning], folded=True)
+
+
+def parameter_bullets(laws: Iterable[str], robot: RobotGeometry) -> Bullets:
+    """The meaning of the parameters of some laws."""
+    meanings = {p.symbol: p.meaning for law in laws for p in FAMILIES[law].parameters.values() if p.meaning}
+    meanings["b"] = f"half the distance between the tracks' centre lines, {robot.half_gauge:g} m, which is not fitted"
+    return Bullets([Markup("<strong>{}</strong>: {}.").format(*meaning) for meaning in meanings.items()])
+
+
+def steady_slip(found: Identification) -> Section | None:
+    """The slips of steady stretches and their laws; None if there are none."""
+    comparison = found.steady
+    if comparison is None:
         return None
-    turns = InnerOuterSamples.of(found.samples, found.geometry)
-    driven = _driven(len(found.samples), turns)
-    return Section("Measured slip", [driven, *_measured(found, turns, logs), _laws(found, turns), _comparison(found)])
-
-
-def remarks(found: Identification, more: Sequence[str] = ()) -> tuple[Section | None, Section | None]:
-    """Excluded runs, and warnings, `more` first; alarms are at the top of the page."""
-    rows = [(one.run, one.reason) for one in found.outliers]
-    told = warnings([*more, *(line for line in found.warnings if line not in found.alarms)])
-    return (
-        Section("Excluded runs", [Table("All of them", ("run", "why"), rows, "l", folded=True)]) if rows else None,
-        told,
-    )
-
-
-def print_identification(found: Identification, taken: Sequence[str] = ()) -> None:
-    """Print alarms, what was `taken` from bags, the laws by the chosen method in full, and those by the other one."""
-    for line in (*(f"ALARM: {alarm}" for alarm in found.alarms), *taken):
-        print(line)
-    steady = [] if found.steady is None else [law_table(found), criteria_table(found)]
-    if found.method == "drive" and found.drive is not None:
-        best = found.drive.laws[found.drive.best]
-        drives.law_table(found.drive).print()
-        drives.extra_table(best).print()
-        print("".join(f"{line}\n" for line in drives.held_lines(best)))
-        ahead = (drives.position_table(found.drive), drives.heading_table(found.drive))
-        tables = [*ahead, *steady[:1]]
-    else:
-        tables = [*steady, None if found.drive is None else drives.law_table(found.drive)]
-    for table in tables:
-        if table is not None:
-            table.print()
-    for warning in found.warnings:
-        if (loud := severity(warning)) != "alarm":
-            print(f"{'note' if loud == 'remark' else 'warning'}: {warning}")
-    if reason := _why(found):
-        print(reason)
-    print(f"best: {found.best}, {FAMILIES[found.best].title}")
-
-
-def _why(found: Identification) -> str:
-    """Why the best law is the best, where that isn't obvious; empty if it is."""
-    if found.method == "drive" and found.drive is not None:
-        return found.drive.reason
-    chosen = found.comparison
-    first, best = chosen.ranking[0], chosen.best
-    if first == best:
-        return ""
-    if chosen.criterion.startswith("left-out"):
-        return f"{first} has a smaller AICc than {best}, but does not predict {chosen.criterion} better"
-    return f"{first} has a smaller AICc than {best}, but by so little that the simpler law is preferred"
-
-
-def _driven(runs: int, turns: InnerOuterSamples) -> str:
-    """A paragraph on the measurement of the samples."""
-    where = ""
+    turns = Turns.of(comparison.samples, found.geometry)
+    laws = speeds = None
     if len(turns):
-        ends = (f"{end:.2f}" for values in (turns.radius, turns.speed) for end in (values.min(), values.max()))
-        where = ", at observed radii from {} to {} m and speeds from {} to {} m/s".format(*ends)
-    straight = f" Nearly straight runs ({runs - len(turns)}) count for the laws but have no place on an axis of radii."
-    return (
-        "The robot drives at constant sprocket speeds. Each run gives one mean slip per track from its measured "
-        f"motion: {len(turns)} turn{'s' * (len(turns) != 1)}{where}.{straight if runs > len(turns) else ''}"
-    )
-
-
-def _measured(found: Identification, turns: InnerOuterSamples, logs: Sequence[RunLog]) -> Iterator[Plot]:
-    """Figures of what was measured: of one run, of localization, and of all samples."""
-    if logs:
-        yield Plot(
-            "fig04_pose_and_velocity",
-            partial(figures.pose_and_velocity, figures.typical_run(logs)),
-            "Pose and velocity of one run (the paper's Fig. 4)",
-            "Left: estimated position and heading (points, thinned out). Right: their derivatives after the paper's "
-            "second-order Butterworth filter; they scatter by localization noise amplified by differentiation. Slip is "
-            "computed from all poses of a run together.",
+        laws = Plot(
+            "fig06_slip_laws",
+            partial(figures.fitted_laws, turns, comparison),
+            "Slip laws (the paper's Fig. 6)",
+            "Slip against observed radius with every fitted law and the published one, which is not fitted. Thick: the "
+            f"best law. {_error_bars(turns)}",
         )
-    if (seen := sightings(logs)) is not None:
-        yield Plot(
-            "localization_error",
-            partial(error_against_viewing_angle, seen),
-            "Localization error against viewing angle",
-            "Symbols: rms errors of the poses estimated from scans of an upright plate, against the angle between "
-            "plate and line of sight. Lines: the Cramér-Rao bound, the smallest error that any unbiased method can "
-            "reach from the same scan; it is not meaningful in the grey range. Over all angles beyond, errors are "
-            f"{pair([number(ratio, 2) for ratio in seen.ratio()])} times the bound (along | across | heading).",
+        speeds = Plot(
+            "fig05_slip_over_speed",
+            partial(figures.slip_against_speed, turns),
+            "Slip against speed (the paper's Fig. 5)",
+            "One colour per observed radius: level rows show that slip does not depend on speed.",
         )
-    if len(turns):
-        yield Plot(
-            "fig05_slip_over_speed_and_radius",
-            partial(figures.slip_against_speed_and_radius, turns, found.comparison.laws[found.comparison.best]),
-            "Slip against speed and radius (the paper's Fig. 5)",
-            "Left: one colour per observed radius, with the best law's slip there as a line. Thin dashed lines are "
-            "Eq. 11 at the paper's observed radii (0.62, 1.34, 2.05, 2.68, 3.12 m) on the same colour scale. Right: "
-            "one symbol per speed, with Eq. 11; symbols that coincide show that speed does not matter. "
-            f"{spread(turns)}{_error_bars(turns)}",
-        )
-
-
-def spread(turns: InnerOuterSamples) -> str:
-    """A sentence on how much slip differs between runs of one radius; empty if no runs share a radius."""
-    groups = repeated(turns.radius)
-    apart = [max((np.ptp(turns.slip[group, k]) for group in groups), default=0.0) for k in (0, 1)]
-    told = "At one radius, slip differs between runs by at most {:.4f} (inner track) and {:.4f} (outer track). "
-    return told.format(*apart) if groups else ""
-
-
-def _error_bars(turns: InnerOuterSamples) -> str:
-    if turns.errors is None:
-        return "There are no error bars because the samples came without errors of measurement."
-    slip, radius = (size_text(float(np.median(e))) for e in (turns.errors.slip, 1e3 * turns.errors.radius))
-    return f"Error bars are standard errors of measurement (typically {slip} in slip, {radius} mm in radius)."
-
-
-def _laws(found: Identification, turns: InnerOuterSamples) -> Section:
-    """The subsection of the laws and their parameters."""
-    blocks: list[Block | None] = [
-        "A slip law gives the slip of both tracks in a turn of radius R, and so how much faster or slower each "
-        "sprocket has to turn for the robot to go where it should. Each law was fitted to both tracks of all runs at "
-        "once. The parameters are:",
-        parameter_bullets(found.comparison.laws, found.geometry),
-    ]
-    if len(turns):
-        blocks.append(
-            Plot(
-                "fig06_slip_laws",
-                partial(law_figures.fitted_laws, turns, found.comparison),
-                "Fitted slip laws (the paper's Fig. 6)",
-                "Slip against observed radius with every fitted law and the published one, which is not fitted. Thick: "
-                "the best law, the paper's exponential, fitted and published, and the constant ICR with ε.",
-            )
-        )
-        blocks.append(
-            Plot(
-                "residuals_of_laws",
-                partial(law_figures.residuals, turns, found.comparison),
-                "Residuals of the laws",
-                "Measured slip minus the law's slip in every run, on a scale that is linear near zero and logarithmic "
-                "beyond; lines join the means of runs at one radius. The residuals of a good law stay in the green "
-                "band and show no trend.",
-            )
-        )
-    loaded = found.comparison.laws.get("icr_load")
-    if loaded is not None:
-        blocks.append(
-            Plot(
-                "slip_under_load",
-                partial(slip_under_load, found.samples, loaded, found.geometry),
-                "Slip under load",
-                "One minus the speed ahead over the belts' mean speed, against the traction that slope and pull take "
-                "over the load on the tracks; positive uphill. One colour per commanded curvature; lines: the law.",
-            )
-        )
-    return Section("Laws", [*blocks, law_table(found), lack_of_fit_text(found.comparison)])
-
-
-def _comparison(found: Identification) -> Section:
-    """The subsection that compares the laws."""
-    comparison = found.comparison
-    correlated = law_figures.correlated_laws(comparison)
-    criteria = Plot(
-        "comparison_of_laws",
-        partial(law_figures.criteria, comparison),
-        "Comparison of the laws",
-        "One row per law, the best in bold; further left is better. Left: AICc above the smallest. Others: errors of "
-        "predicting runs left out of the fit; hollow circles are the error of the fit itself.",
-    )
-    correlations = Plot(
-        "correlations_of_parameters",
-        partial(law_figures.correlations, correlated),
-        "Correlation of the parameters",
-        "At +1 or −1 the samples determine only a combination of the two parameters; at 0 each is known independently.",
-    )
+    names = [name for name, fit in comparison.laws.items() if fit.values]
     return Section(
-        "Comparison of the laws",
-        [_COMPARED, best_text(comparison), criteria, criteria_table(found), correlations if correlated else None],
+        "Slip of steady stretches",
+        [
+            f"{_driven(len(comparison.samples), turns)} {_SLIP}",
+            laws,
+            tables.criteria_table(comparison, found.geometry),
+            tables.lack_of_fit_text(comparison),
+            speeds,
+            Section("Parameters of all laws", [tables.parameters_table(comparison, names)], folded=True),
+        ],
     )
+
+
+def _driven(runs: int, turns: Turns) -> str:
+    """A sentence on the samples."""
+    if not len(turns):
+        return f"{counted(runs, 'run')}, all of them nearly straight."
+    ends = (f"{end:.2f}" for values in (turns.radius, turns.speed) for end in (values.min(), values.max()))
+    where = "at observed radii from {} to {} m and speeds from {} to {} m/s".format(*ends)
+    straight = f", and {counted(runs - len(turns), 'nearly straight run')}" if runs > len(turns) else ""
+    return f"{counted(len(turns), 'turn')} {where}{straight}, each with one mean slip per track."
+
+
+def _error_bars(turns: Turns) -> str:
+    if turns.slip_error is None or turns.radius_error is None:
+        return "There are no error bars because the samples came without errors of measurement."
+    slip, radius = np.median(turns.slip_error), np.median(turns.radius_error)
+    return f"Bars are standard errors of measurement, typically {slip:.2g} in slip and {1e3 * radius:.2g} mm in radius."
+
+
+def whole_drives(found: Identification) -> Section | None:
+    """The laws of whole drives; None if they were not evaluated."""
+    drive = found.drive
+    if drive is None:
+        return None
+    fit = drive.laws[drive.best]
+    duration = sum(float(each.time[-1] - each.time[0]) for each in drive.drives)
+    driven = (
+        f"{counted(len(drive.drives), 'drive')}, {duration:.0f} s, {counted(fit.poses, 'pose')}, without "
+        f"{counted(fit.left_out, 'outlying pose')} and {counted(fit.breaks, 'lasting jump')}."
+    )
+    if found.method == "steady":
+        driven += " Most of the driving was steady, so the laws above are the result; these are for comparison."
+    errors = Plot(
+        "drive_prediction_errors",
+        partial(figures.prediction_errors, drive),
+        "Errors of prediction",
+        "Median errors against the time ahead, of driving that the laws were not fitted to. Thick: the best law.",
+    )
+    path = Plot(
+        "drive_path",
+        partial(figures.predicted_paths, found),
+        "Path of the longest drive",
+        "Measured positions, and where the robot should go from the black dots by its sprocket speeds alone: without "
+        "slip, and by the best law.",
+    )
+    predicted = bool(drive.errors.get(drive.best))
+    headings = any(each.has_heading for each in drive.drives)
+    spread = [tables.errors_table(drive, name) for name in ("position", "heading")[: 1 + headings]] if predicted else []
+    names = [name for name in drive.ranking if drive.laws[name].values]
+    return Section(
+        "Whole drives",
+        [
+            driven,
+            *((errors, tables.prediction_table(drive)) if predicted else ()),
+            path,
+            tables.parameters_table(drive, names),
+            *tables.held_lines(drive),
+            Section("Spread of the errors of prediction", spread, folded=True),
+        ],
+    )
+
+
+def print_identification(found: Identification, reading: Sequence[str] = ()) -> None:
+    """Print alarms, what was read from bags, the best law, how laws compare, and doubts."""
+    for line in (*(f"ALARM: {alarm}" for alarm in found.alarms), *reading):
+        print(line)
+    if found.method == "drive" and found.drive is not None:
+        tables.parameters_table(found.drive, [found.best]).print()
+        if found.drive.errors.get(found.best):
+            tables.prediction_table(found.drive).print()
+        print("".join(f"{line}\n" for line in tables.held_lines(found.drive)), end="")
+    else:
+        tables.parameters_table(found.comparison, [found.best]).print()
+        tables.criteria_table(found.comparison, found.geometry).print()
+    for warning in found.warnings:
+        if (kind := severity(warning)) != "alarm":
+            print(f"{'note' if kind == 'remark' else 'warning'}: {warning}")
+    if why := tables.reason(found):
+        print(why)
+    print(f"best: {found.best}, {FAMILIES[found.best].title}")

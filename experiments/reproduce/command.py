@@ -1,9 +1,108 @@
-"""`trackslip reproduce`: the paper from its first run to its last figure."""
+"""`trackslip reproduce`: the paper from its grid to its report.
 
+All runs of the grid are one fleet, and so are the closed loops.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from experiments.common.manifest import command_line
+from experiments.common.results import REPORT_FILE
+from experiments.common.run import Run
+from experiments.common.table import stages_text
+from experiments.recorder import record_all
+from experiments.reproduce.comparison import comparison_table
 from experiments.reproduce.config import Config
-from experiments.reproduce.reproduction import reproduce
+from experiments.reproduce.page import page
+from experiments.reproduce.paper_model import published_runs
+from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
+from experiments.simulate.grid_runs import cells_of, drive_cells
+from experiments.simulate.grid_summary import grid_summary, saturation_warnings, simulated_seconds
+from experiments.simulate.options import IDENTIFIED
+from experiments.simulate.tracking import tracking_results, tracking_table
+from experiments.simulate.world import World
+from trackslip.errors import RunFailedError, counted
+from trackslip.identification.identify import identify_samples
+from trackslip.identification.result import identification_to_json
+from trackslip.identification.samples import usable_samples
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.compensation import KNOWN_LAWS, FixedLaw
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.trajectory.segmented import paper_reference
+
+CONTROLLERS = ("feedforward", "linear")
+"""The paper's, in the order of its runs."""
 
 
 def run(config: Config) -> None:
-    """Drive the grid, identify the laws, verify them in closed loop, store, report and print."""
-    reproduce(config)
+    """Drive the grid, identify the laws, verify them in closed loop, compare with the paper, store, report, print."""
+    world, path = World.of(config), paper_reference()
+    geometry, cells = world.robot.geometry, cells_of(config)
+    with Run(config) as run:
+        with run.busy(f"{counted(len(cells), 'run')}, scans and poses"):
+            grid_logs = drive_cells(cells, [world] * len(cells), watch=run.watch)
+
+        with run.busy("slips and laws"):
+            with run.watch.stage("slips"):
+                sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True)
+            with run.watch.stage("laws"):
+                found = identify_samples(sampling, geometry)
+            names = [cell.name for cell in cells]
+            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, run.watch)
+
+        laws = {**KNOWN_LAWS, **{name: found.comparison.laws[name].law for name in IDENTIFIED}}
+        starts = {name: start_pose(name, "paper", path) for name in CONTROLLERS}
+        loops = [_loop(name, law, start, config.seed) for name, start in starts.items() for law in laws]
+        with run.busy("closed loops"), run.watch.stage("closed loops"):
+            try:
+                loop_logs = drive_closed_loops(loops, world, path, config.localization, lambda law: FixedLaw(laws[law]))
+            except RunFailedError as failure:
+                failure.logs = [*grid_logs, *failure.logs]
+                raise
+        tracking = tracking_results(loop_logs, path)
+
+        logs, warnings = [*grid_logs, *loop_logs], saturation_warnings(grid_logs)
+        manifest, simulated = run.manifest(**world.about), simulated_seconds(logs)
+        with run.busy("report"), run.watch.stage("report"):
+            published = published_runs(starts, geometry)
+            report = page(command_line("reproduce"), manifest, grid, found, tracking, loop_logs, published, warnings)
+            report.write(run.folder, config.pdf)
+        summary: dict[str, Any] = {
+            **identification_to_json(found),
+            "published": _published(),
+            "warnings": [*warnings, *found.warnings],
+            **grid.to_json(),
+            "tracking": [result.to_json() for result in tracking],
+        }
+        run.write(summary, logs, simulated, manifest)
+        if config.rrd:
+            _record(run, logs, loop_logs)
+
+    comparison_table(grid, found, tracking).print()
+    tracking_table(tracking).print()
+    if summary["warnings"]:
+        print(f"{counted(len(summary['warnings']), 'warning')}: see the report")
+    print(f"by stage: {stages_text(run.watch.stages)}")
+    print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s for {simulated:.0f} s of simulated driving")
+
+
+def _loop(controller: str, law: str, start: Any, seed: int) -> ClosedLoopRun:
+    """A run along the paper's path."""
+    name = f"{controller} {law}"
+    return ClosedLoopRun(name, f"track {name}", seed, controller, law, start, metadata={"reference": "paper"})
+
+
+def _published() -> dict[str, dict[str, float]]:
+    """The paper's law, for a summary."""
+    values = asdict(PUBLISHED)
+    return {track: {key: values[f"{key}_{track}"] for key in ("alpha", "beta")} for track in ("outer", "inner")}
+
+
+def _record(run: Run, logs: Sequence[RunLog], loops: Sequence[RunLog]) -> None:
+    """Write recordings of all runs, and of each controller's side by side."""
+    compared: dict[str, list[RunLog]] = {}
+    for log in loops:
+        compared.setdefault(f"{log.metadata['controller']} compared", []).append(log)
+    with run.busy("recordings"):
+        record_all(run.folder, logs, compared)

@@ -1,40 +1,36 @@
 """The table that compares the paper's results with the simulation's."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import degrees
 
-from experiments.common.formats import MISSING, number, pair
-from experiments.common.table import Table
+from experiments.common.table import MISSING, Table, number, pair
 from experiments.simulate.grid_summary import GridSummary
 from experiments.simulate.tracking import TrackingResult
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.exponential import PUBLISHED, Exponential
-from trackslip.slip.icr import ConstantIcr
+from trackslip.identification.result import Identification
+from trackslip.slip.exponential import PUBLISHED
 
-_Row = tuple[str, str, str]
 _NOTE = (
     "In the laws, R is in metres; slips and their errors are dimensionless. A dash means that the paper gives no "
     "value. The last rows are position errors by controller and compensation."
 )
 
 
-def comparison_table(grid: GridSummary, laws: Mapping[str, SlipLaw], tracking: Sequence[TrackingResult]) -> Table:
+def comparison_table(grid: GridSummary, found: Identification, tracking: Sequence[TrackingResult]) -> Table:
     """A row per quantity of the paper's experiments: slip laws, radii, localization, slip errors, tracking errors."""
-    exponential, icr = laws.get("exponential"), laws.get("icr_radius")
-    assert exponential is None or isinstance(exponential, Exponential)
-    assert icr is None or isinstance(icr, ConstantIcr)
+    exponential, icr = (found.comparison.laws[name].values for name in ("exponential", "icr_radius"))
     radii, errors, spread, poses = grid.radius, grid.slip_error, grid.speed_spread, grid.localization
+    radius_error = None if radii.rms_vs_published is None else 100 * radii.rms_vs_published
     rows = [
-        *((f"slip law, {track} track", _formula(PUBLISHED, track), _formula(exponential, track))
+        *((f"slip law, {track} track", _formula(vars(PUBLISHED), track), _formula(exponential, track))
           for track in ("outer", "inner")),
         *((f"radius driven, {commanded:g} m commanded", number(published, 2, "m"), number(observed, 2, "m"))
           for commanded, observed, published in zip(radii.commanded, radii.observed, radii.published, strict=True)),
-        _row("radius error, rms", _percent(radii.rms_vs_published), unit="%", digits=2),
+        _row("radius error, rms", radius_error, unit="%", digits=2),
         _row("slip minus Eq. 11, rms", grid.slip_rms_vs_published),
         _row("  at the simulation's own radii", grid.slip_rms_vs_published_at_simulated_radii),
         _row("spread over speeds, outer | inner", spread.outer, spread.inner, published="almost none"),
-        _row("offset of the ICRs, D", 1e3 * icr.offset if icr else None, unit="mm", digits=2),
-        _row("error of the effective radius", _percent(icr.radius_error) if icr else None, unit="%", digits=2),
+        _row("offset of the ICRs, D", 1e3 * icr["offset"], unit="mm", digits=2),
+        _row("error of the effective radius", 100 * icr["radius_error"], unit="%", digits=2),
         _row("localization, rms x | y", 1e3 * poses.rmse_x, 1e3 * poses.rmse_y, unit="mm", digits=1),
         _row("localization, rms heading", degrees(poses.rmse_heading), unit="deg", digits=2),
         _row("valid poses per second", poses.rate_hz, digits=1, published="at least 10"),
@@ -48,23 +44,19 @@ def comparison_table(grid: GridSummary, laws: Mapping[str, SlipLaw], tracking: S
     return Table("Published | simulated", ("quantity", "published", "simulated"), rows, note=_NOTE)
 
 
-def _row(name: str, *simulated: float | None, unit: str = "", digits: int = 4, published: str = MISSING) -> _Row:
+def _row(
+    name: str, *simulated: float | None, unit: str = "", digits: int = 4, published: str = MISSING
+) -> tuple[str, ...]:
     """A quantity, with its simulated value or pair of values."""
     return name, published, pair([number(value, digits) for value in simulated], unit)
 
 
-def _formula(law: Exponential | None, track: str) -> str:
+def _formula(exponential: dict[str, float], track: str) -> str:
     """The exponential law of the outer or inner track."""
-    if law is None:
-        return MISSING
-    return f"{getattr(law, f'alpha_{track}'):.3g} exp({getattr(law, f'beta_{track}'):.2f} R)"
+    return f"{exponential[f'alpha_{track}']:.3g} exp({exponential[f'beta_{track}']:.2f} R)"
 
 
-def _tracking(name: str, published: str, result: TrackingResult, error: float) -> _Row:
+def _tracking(name: str, published: str, result: TrackingResult, error: float) -> tuple[str, ...]:
     """A position error [m] of a run with one compensation; only the published law's is in the paper, in words."""
     words = published if result.compensation == "published" else MISSING
     return _row(f"{name}, {result.compensation}", 1e3 * error, unit="mm", digits=1, published=words)
-
-
-def _percent(share: float | None) -> float | None:
-    return None if share is None else 100 * share

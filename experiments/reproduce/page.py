@@ -1,4 +1,4 @@
-"""The page of a reproduction of the paper: comparison of results, slip, laws, closed loops."""
+"""The page of a reproduction of the paper: the answer, results compared, closed loops, slip and laws."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -6,103 +6,100 @@ from typing import Any
 
 from markupsafe import Markup
 
-from experiments.common.page import Block, Page, Plot, Section
-from experiments.common.table import Table
-from experiments.identify.page import INTRO, measured_slip, remarks, spread
-from experiments.identify.steady_figures import published_and_simulated
-from experiments.identify.steady_turns import InnerOuterSamples
-from experiments.simulate import tracking_figures as figures
-from experiments.simulate.grid_summary import RadiusSummary
-from experiments.simulate.tracking import TrackingResult
-from experiments.simulate.tracking_table import tracking_table
+from experiments.common.page import Answer, Page, Plot, Section
+from experiments.common.table import number, percent
+from experiments.identify.page import excluded_runs, loud_first, method, notes, steady_slip
+from experiments.identify.tables import value_texts
+from experiments.identify.turns import Turns
+from experiments.reproduce import figures
+from experiments.reproduce.comparison import comparison_table
+from experiments.simulate.grid_summary import GridSummary
+from experiments.simulate.tracking import TrackingResult, tracking_table
 from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
 
 TITLE = "Slip of a tracked robot: the paper and its simulation"
+Published = Mapping[str, Mapping[str, RunLog]]
+"""Controller -> compensation -> its run by the paper's equations."""
 
 
 def page(
     command: str,
     manifest: Mapping[str, Any],
-    grid: Sequence[Block | None],
-    comparison: Table,
-    loops: Section,
+    grid: GridSummary,
     found: Identification,
-    warnings: Sequence[str] = (),
+    results: Sequence[TrackingResult],
+    loops: Sequence[RunLog],
+    published: Published,
+    warnings: Sequence[str],
 ) -> Page:
     """The page of a reproduction.
 
-    Args:
-        command: the command line that made it.
-        manifest: configuration, versions, seed: anything that fits into JSON.
-        grid: the results of the grid, from `grid_results`.
-        comparison: the paper's results and the simulation's.
-        loops: the closed loops, from `closed_loops`.
-        found: the slip laws.
-        warnings: other than those of the identification.
+    `loops` are the closed loops, with `controller` and `compensation` in their metadata, `results` their errors, and
+    `published` the same runs by the paper's equations; `warnings` are those of the grid.
     """
-    published, *measured = grid
-    sections = [
-        Section("Published and simulated", [published, comparison]),
-        Section("Measured slip", measured),
-        loops,
-        *remarks(found, warnings),
-    ]
-    return Page(TITLE, command, manifest, sections, [INTRO])
-
-
-def grid_results(found: Identification, logs: Sequence[RunLog], radius: RadiusSummary) -> list[Block | None]:
-    """The results of the grid compared with the paper's, and the blocks of its slips and laws."""
-    measured = measured_slip(found, logs)
-    return [_published_and_simulated(found, radius), *(measured.blocks if measured else ())]
-
-
-def _published_and_simulated(found: Identification, radius: RadiusSummary) -> Plot | None:
-    turns = InnerOuterSamples.of(found.samples, found.geometry)
-    if not len(turns):
-        return None
-    return Plot(
+    turns = Turns.of(found.samples, found.geometry)
+    beside = Plot(
         "published_and_simulated",
-        partial(published_and_simulated, radius, turns),
+        partial(figures.published_and_simulated, grid.radius, turns),
         "The paper's result and the simulation's",
-        "Left: radius driven when the sprockets run at the speeds that a robot without slip would need. Right: "
-        "slip of each track, by the published law (dashed; crosses at the radii that the paper observed) and in "
-        f"every simulated run. {spread(turns)}",
+        "Left: radius driven when the sprockets run at the speeds that a robot without slip would need. Right: slip of "
+        "each track, by the published law (dashed; crosses at the radii that the paper observed) and in every run.",
     )
+    sections = [
+        Section("Published and simulated", [beside if len(turns) else None, comparison_table(grid, found, results)]),
+        _closed_loops(found, results, loops, published),
+        steady_slip(found),
+        method(found),
+        excluded_runs(found),
+        notes(found.warnings),
+    ]
+    answer = _answer(manifest, grid, found, results, [*warnings, *loud_first(found.warnings)])
+    return Page(TITLE, command, manifest, sections, answer=answer)
 
 
-def closed_loops(
+def _answer(
+    manifest: Mapping[str, Any],
+    grid: GridSummary,
     found: Identification,
     results: Sequence[TrackingResult],
-    logs: Sequence[RunLog],
-    published: Mapping[str, Mapping[str, RunLog]],
-) -> Section:
-    """The runs along the paper's path, with feedforward and with the linear controller.
+    warnings: Sequence[str],
+) -> Answer:
+    """How close the simulation is to the paper, and what compensation gains."""
+    final = {each.compensation: each.errors.final_position for each in results if each.controller == "feedforward"}
+    late = {each.compensation: each.errors.rms_position_after_12s for each in results if each.controller == "linear"}
+    law = found.comparison.laws["icr_radius"]
+    facts = [
+        ("slip, simulated minus published", f"{number(grid.slip_rms_vs_published, 4)} rms, at the paper's radii"),
+        ("radius driven, likewise", f"{percent(grid.radius.rms_vs_published)} rms"),
+        ("law of the simulated slip", f"icr_radius, D = {value_texts(law, 'offset')[0]}"),
+        ("feedforward, end of the path", _compensated(final)),
+        ("linear controller, after 12 s", _compensated(late)),
+    ]
+    gain = f"from {1e3 * final['none']:.0f} mm off the path to {1e3 * final['icr_radius']:.0f} mm"
+    commands = [f"trackslip view {manifest['config']['out']}", "trackslip benchmark"]
+    return Answer(f"Compensated slip takes feedforward {gain}", facts, (), warnings, commands)
 
-    Args:
-        found: the slip laws.
-        results: errors of the true poses.
-        logs: the runs, with `controller` and `compensation` in their metadata.
-        published: controller -> compensation -> the same run by the paper's equations.
-    """
-    feedforward, linear = (figures.runs_of(logs, name) for name in ("feedforward", "linear"))
-    laws = {} if found.steady is None else found.comparison.laws
+
+def _compensated(errors: Mapping[str, float]) -> str:
+    """Errors [m] of runs without compensation, and with it."""
+    names = ("none", "published", "icr_radius")
+    return ", ".join(f"{number(1e3 * errors[name], 1, 'mm')} with {name}" for name in names)
+
+
+def _closed_loops(
+    found: Identification, results: Sequence[TrackingResult], loops: Sequence[RunLog], published: Published
+) -> Section:
+    """The runs along the paper's path, with feedforward and with the linear controller."""
+    feedforward, linear = (figures.runs_of(loops, name) for name in ("feedforward", "linear"))
     return Section(
         "Compensated slip",
         [
             "The robot follows a path of two straight lines and an arc of radius 1.25 m at 0.15 m/s. A slip law "
-            "converts the controller's twist into sprocket speeds; without compensation, slip is assumed to be zero. "
-            "Paths and errors are those of the true pose. Crosses, one per second, are the paper's own equations, "
-            "without noise and delay: the robot slips exactly as in Eq. 11, without compensation and compensated by "
-            "Eq. 11.",
+            "converts the controller's twist into sprocket speeds; none assumes no slip. Paths and errors are those of "
+            "the true pose. Crosses, one per second, are the paper's own equations, without noise and delay: the robot "
+            "slips exactly as in Eq. 11, without compensation and compensated by Eq. 11.",
             tracking_table(results),
-            Plot(
-                "fig07_planned_trajectory",
-                figures.planned_trajectory,
-                "The planned trajectory (the paper's Fig. 7)",
-                "Desired position and heading: 5 s of acceleration, 7 s straight on, the arc (grey) to a heading of "
-                "4π/3, 7 s straight on, 5 s of deceleration.",
-            ),
             Plot(
                 "fig08_feedforward_paths",
                 partial(figures.paths, feedforward, published["feedforward"]),
@@ -110,16 +107,6 @@ def closed_loops(
                 "The robot drives the planned twist without feedback, so that every error of the slip law accumulates. "
                 "Left: paths, with squares at their ends. Right: distance from the desired position at the same time "
                 "(errors below 0.3 mm are drawn at 0.3 mm; grey: the arc).",
-            ),
-            Plot(
-                "fig09_errors_defined",
-                figures.errors_defined,
-                "Definition of the errors (the paper's Fig. 9 and Eq. 18)",
-                Markup(
-                    "The desired pose seen from the robot: its distance ahead (e<sub>x</sub>) and to the left "
-                    "(e<sub>y</sub>), and the difference of heading (e<sub>φ</sub>). The controller uses the estimated "
-                    "pose; figures and tables here evaluate the true one."
-                ),
             ),
             Plot(
                 "fig10_feedback_paths",
@@ -141,7 +128,7 @@ def closed_loops(
             ),
             Plot(
                 "fig12_slip_during_tracking",
-                partial(figures.slip_during_tracking, linear, laws, published["linear"]),
+                partial(figures.slip_during_tracking, linear, found.comparison.laws, published["linear"]),
                 "Slip during tracking (the paper's Fig. 12)",
                 "Dashed: slip of each track that the law predicts at the commanded curvature. Thin: true slip, "
                 "smoothed over 0.5 s, where the sprocket turns faster than 0.3 rad/s. In the arc (grey), the left "

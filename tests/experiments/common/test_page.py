@@ -4,16 +4,11 @@ import math
 import re
 import xml.etree.ElementTree as ET
 
-import pytest
 from matplotlib.figure import Figure
 
-from experiments.common.formats import MISSING, number, percent, significant
-from experiments.common.page import Bullets, Page, Plot, Section, conditions, warnings
-from experiments.common.plain_json import write_json
-from experiments.common.progress import progress_line
-from experiments.common.results import FIGURES_FOLDER, MANIFEST_FILE, REPORT_FILE, results_folder
-from experiments.common.table import Cell, Table
-from trackslip.errors import OutputError
+from experiments.common.page import Answer, Bullets, Page, Plot, Section, conditions
+from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
+from experiments.common.table import MISSING, Cell, Table, number, percent, significant
 
 
 def drawn() -> Figure:
@@ -22,32 +17,16 @@ def drawn() -> Figure:
     return figure
 
 
-def write(out, *names):
-    page = Page("A page", "", {}, [Section("Figures", [Plot(name, drawn(), name) for name in names])])
-    with results_folder(out) as folder:
-        page.write(folder, pdf=True)
-        write_json(folder / MANIFEST_FILE, {})
-
-
 def test_figures_are_files_of_their_own_and_the_same_each_time(tmp_path):
+    page = Page("A page", "", {}, [Section("Figures", [Plot(name, drawn(), name) for name in ("slip", "paths")])])
     for name in ("a", "b"):
-        write(tmp_path / name, "slip", "paths")
+        (tmp_path / name).mkdir()
+        page.write(tmp_path / name, pdf=True)
     one, other = ({f.name: f.read_bytes() for f in (tmp_path / name / FIGURES_FOLDER).iterdir()} for name in ("a", "b"))
     assert sorted(one) == ["paths.pdf", "paths.svg", "slip.pdf", "slip.svg"]
     assert one["slip.svg"] == other["slip.svg"]
     assert ET.fromstring(one["slip.svg"]).tag.endswith("svg")
     assert (tmp_path / "a" / REPORT_FILE).read_bytes() == (tmp_path / "b" / REPORT_FILE).read_bytes()
-
-
-def test_figures_that_are_not_ours_are_never_deleted(tmp_path):
-    mine = tmp_path / FIGURES_FOLDER / "thesis.tex"
-    mine.parent.mkdir()
-    mine.write_text("mine")
-    for _ in range(2):
-        with pytest.raises(OutputError, match="figures there contains files that aren't part of results"):
-            write(tmp_path, "slip")
-        assert mine.read_text() == "mine"
-        write_json(tmp_path / MANIFEST_FILE, {})
 
 
 HOSTILE = "<script>alert('1')</script> & \"name\""
@@ -71,7 +50,8 @@ def test_a_page_is_sections_of_blocks():
     slip = Section("Slip", ["a paragraph", LAWS, None, Bullets(["one", "two"]), plot, Section("Inner", ["x"])])
     text = Page("A page", "trackslip", {"seed": 1}, [slip, Section("Nothing", [None, ""])]).html()
     page = elements(text)
-    assert [heading.text for heading in page.iter("h2")] == ["Slip", "How it was made"]
+    assert [heading.text for heading in page.iter("h2")] == ["Slip"]
+    assert [summary.text for summary in page.iter("summary")] == ["How it was made"]
     assert [heading.text for heading in page.iter("h3")] == ["Inner"]
     assert [item.text for item in page.iter("li")] == ["one", "two"]
     assert " ".join("".join(page.find(".//figcaption").itertext()).split()) == "Slip. As driven. seed 1 · trackslip"
@@ -92,18 +72,19 @@ def test_the_same_table_on_the_terminal(capsys):
 
 def test_names_are_escaped_everywhere():
     blocks = [HOSTILE, LAWS, Bullets([HOSTILE]), Plot("slip", drawn(), HOSTILE, HOSTILE), Section(HOSTILE, [HOSTILE])]
-    text = Page(HOSTILE, "", {HOSTILE: HOSTILE}, [Section(HOSTILE, blocks), warnings([HOSTILE])], [HOSTILE]).html()
+    answer = Answer(HOSTILE, [(HOSTILE, HOSTILE)], [HOSTILE], [HOSTILE], [HOSTILE])
+    text = Page(HOSTILE, "", {HOSTILE: HOSTILE}, [Section(HOSTILE, blocks)], [HOSTILE], answer).html()
     assert "<script" not in text
-    assert text.count("&lt;script&gt;") == 17
+    assert text.count("&lt;script&gt;") == 22
     elements(text)
 
 
 def test_captions_state_seed_ground_and_command():
-    stone = {"along": 0.7, "across": 0.778, "slope": 0.0, "patches": [], "changes": []}
-    tilted = stone | {"slope": 0.1, "uphill": 1.57, "patches": [{}, {}]}
-    line = conditions({"seed": [0, 1], "ground": {"stone": stone, "hill": tilted}}, "trackslip benchmark")
-    assert line.startswith("seeds 0, 1 · stone ground: friction 0.7 along, 0.778 across; hill ground: friction 0.7")
-    assert line.endswith("slope 0.1 rad, uphill 1.57 rad, 2 patches · trackslip benchmark")
+    stone = {"along": 0.7, "across": 0.778, "slope": 0.1, "uphill": 1.57, "shear": 0.01}
+    line = "seed 0 · ground: friction 0.7 along, 0.778 across, shear 10 mm, slope 0.1 rad, uphill 1.57 rad · trackslip"
+    assert conditions({"seed": 0, "ground": stone}, "trackslip") == line
+    grounds = {"stone": stone, "hill": stone}
+    assert conditions({"seed": [0, 1], "ground": grounds}, "") == "seed 0, 1 · grounds stone, hill"
 
 
 def test_numbers_as_printed():
@@ -112,7 +93,6 @@ def test_numbers_as_printed():
     assert number(-1.256, 2, "mm") == "−1.26 mm"
     assert [significant(value) for value in (0.0, 0.00123, 4.56, 12345.6)] == ["0", "0.0012", "4.6", "12,346"]
     assert percent(0.0123) == "1.2 %"
-    assert progress_line(161.0, 300.0, "s", 100.0, 61.0) == "161/300 s, 1 x real time, 0:02:19 left"
 
 
 def test_how_it_was_made_leaves_out_options_that_were_not_given():

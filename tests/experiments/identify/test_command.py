@@ -1,10 +1,8 @@
 """`trackslip identify` on logs of real robots: steady samples, runs, whole drives, and typical mistakes."""
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet
 import pytest
-from wandered import GEOMETRY, LAW, wandered
+from wandered import wandered
 
 from trackslip.identification.identify import identify
 from trackslip.kinematics import RobotGeometry, advance
@@ -92,15 +90,6 @@ def test_wrong_units_are_guessed(refused, tmp_path, factors, guess):
     assert guess in refused("identify", written(runs, tmp_path / "log.csv"), *OF_ROBOT)
 
 
-def test_units_in_a_parquet_file_are_checked(refused, tmp_path):
-    rows = [row for run in rows_of() for row in run]
-    table = pa.table({name: [row[k] for row in rows] for k, name in enumerate(COLUMNS)})
-    fields = [f.with_metadata({"unit": "deg/s"}) if f.name == "omega_l" else f for f in table.schema]
-    pa.parquet.write_table(table.cast(pa.schema(fields)), tmp_path / "log.parquet")
-    line = refused("identify", str(tmp_path / "log.parquet"), *OF_ROBOT)
-    assert "column omega_l: in 'deg/s', must be in rad/s" in line
-
-
 def test_a_gear_that_is_a_little_wrong_is_doubted(tmp_path):
     runs = [[[*row[:2], 1.2 * row[2], 1.2 * row[3], *row[4:]] for row in run] for run in rows_of()]
     found = identify(written(runs, tmp_path / "log.csv"), ROBOT, method="steady")
@@ -144,7 +133,7 @@ def test_a_drive_is_chosen_by_itself(trackslip, refused, tmp_path):
     assert result.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(0.045, abs=0.002)
     held = result.summary["drive"]["laws"][result.summary["best"]]["held"]
     assert f"held: T (lag), {held['lag']}" in result.printed.splitlines()
-    assert "Held-out prediction of heading" in result.printed
+    assert "Held-out prediction, median error of position [m] | heading [deg]" in result.printed
     assert "Whole drives" in (result.folder / "report.html").read_text(encoding="utf-8")
     assert (result.folder / "runs.parquet").is_file()
     assert "steady" in refused("identify", log, *OF_DRIVES, "--method", "steady")
@@ -155,20 +144,8 @@ def test_a_drive_without_headings_and_with_a_sensor_that_is_given(trackslip, tmp
     log = written_drive(wandered(headings=False, duration=24.0), tmp_path / "log.csv", COLUMNS[:-1])
     result = trackslip("identify", log, *OF_DRIVES, "--sensor", "0.0", "-0.001", "0.0")
     assert result.summary["prediction"]["icr_radius"]["2"]["heading_rms"] is None
-    assert "prediction of heading" not in result.printed
     law = result.summary["drive"]["laws"]["icr_radius"]
     assert (law["held"]["sensor_y"], law["extras"]["sensor_y"]) == ("given", -0.001)
-
-
-@pytest.mark.usefixtures("few_laws")
-def test_steady_driving_has_the_drives_laws_beside_it(trackslip, tmp_path):
-    circles = rows_of(LAW, GEOMETRY, [(0.2, 0.2 / radius) for radius in (0.6, -1.0, 1.5, -2.5)], 12.0, 0.002)
-    result = trackslip("identify", written(circles, tmp_path / "log.csv"), *OF_DRIVES)
-    assert result.summary["method"] == "steady"
-    for title in ("Slip laws from 4 steady samples", "Laws compared, the best first", "Slip laws from 4 whole drives"):
-        assert title in result.printed
-    drive = result.summary["drive"]["laws"]["icr_radius"]["values"]["offset"]
-    assert drive == pytest.approx(result.summary["slip_laws"]["icr_radius"]["values"]["offset"], abs=0.003)
 
 
 def test_the_grid_of_the_readme_is_fitted_without_a_warning(trackslip):
@@ -180,19 +157,8 @@ def test_the_grid_of_the_readme_is_fitted_without_a_warning(trackslip):
     assert whole == pytest.approx(steady, abs=2e-4)
 
 
-def test_a_clock_offset_is_not_held_at_a_wrong_kink(trackslip):
-    grid = trackslip(
-        "grid", "--radii", "0.5", "1", "2", "--speeds", "0.1", "0.2", "--duration", "12", "--grounds", "ice"
-    )
-    found = identify(grid.folder).drive
-    fit = found.laws["icr_radius"]
-    assert fit.converged
-    assert abs(fit.extras["clock_offset"]) < 0.06  # one of 0.1 s, at a kink, was held with an error of 7 ms
-    assert found.clock.rise.min() > -1.0
-
-
 @pytest.mark.usefixtures("few_laws")
-def test_alarms_come_first_and_a_user_insists(trackslip, refused, tmp_path):
+def test_alarms_come_first_and_a_user_insists(trackslip, tmp_path):
     drives = [wandered(name="a", duration=20.0), wandered(name="b", duration=20.0, seed=1).between(0, 12)]
     for log in drives:
         written_drive(log, tmp_path / f"{log.run}.csv")
@@ -205,9 +171,9 @@ def test_alarms_come_first_and_a_user_insists(trackslip, refused, tmp_path):
     assert result.summary["alarms"][0] == result.summary["warnings"][0] == alarm
     assert result.printed.count(alarm) == 1
     page = (result.folder / "report.html").read_text(encoding="utf-8")
-    assert page.index(alarm) < page.index("The slip of a track is")
+    assert page.index(f"Alarm: {alarm}") < page.index("Whole drives")
     assert [one["kind"] for one in result.summary["outliers"]] == ["short"]
-    insisted = trackslip("identify", log, *OF_DRIVES, "--method", "drive", "--accept", "short", "units")
+    insist = ("--accept", "short", "units", "--out", str(tmp_path / "insisted"))
+    insisted = trackslip("identify", log, *OF_DRIVES, "--method", "drive", *insist)
     assert insisted.summary["drive"]["drives"] == ["a", "b"]
     assert not any("left out" in line for line in insisted.summary["alarms"])
-    assert "accept" in refused("identify", log, *OF_DRIVES, "--accept", "short", "short")

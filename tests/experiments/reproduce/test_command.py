@@ -58,25 +58,6 @@ def test_localization_and_slip_errors(summary):
         assert summary["slip_error"][track] == summary["slip_error"]["bundle"][track]
 
 
-def test_errors_are_those_of_the_stored_poses(reproduced, summary):
-    runs = grid_of(reproduced.folder)
-    error = np.concatenate([log.pose - log.truth.pose for log in runs])
-    error[:, 2] = np.angle(np.exp(1j * error[:, 2]))
-    found = [summary["localization"][f"rmse_{name}"] for name in ("x", "y", "heading")]
-    np.testing.assert_allclose(found, np.sqrt(np.mean(error**2, axis=0)), rtol=1e-9)
-    assert summary["localization"]["valid_fraction"] == pytest.approx(np.mean([log.is_valid.mean() for log in runs]))
-
-
-def test_whole_circles_with_edge_on_views(reproduced):
-    """Full turns, including edge-on views and bridged gaps."""
-    whole = [log for log in grid_of(reproduced.folder) if np.ptp(log.truth.pose[:, 2]) > 2 * np.pi]
-    assert len(whole) >= 3
-    for log in whole:
-        error = log.pose - log.truth.pose
-        assert np.sqrt(np.mean(error[:, :2] ** 2, axis=0)).max() < 0.004
-        assert np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))) < 0.4
-
-
 def test_compensation_pays(summary):
     rows = {(row["controller"], row["compensation"]): row for row in summary["tracking"]}
     assert len(rows) == 10
@@ -141,8 +122,10 @@ def test_slip_error_over_seeds(tmp_path, options):
 def test_the_report_has_the_papers_figures_and_fits_phone_and_desk(reproduced):
     page = (reproduced.folder / "report.html").read_text()
     names = re.findall(r'<figure id="(\w+)"', page)
-    assert {path.stem for path in (reproduced.folder / "figures").iterdir()} == set(names)
-    assert [int(number) for number in re.findall(r"fig(\d\d)_", " ".join(names))] == [4, 5, 6, 7, 8, 9, 10, 11, 12]
+    assert [int(number) for number in re.findall(r"fig(\d\d)_", " ".join(names))] == [8, 10, 11, 12, 6, 5]
+    files = [path.stem for path in (reproduced.folder / "figures").iterdir()]
+    assert all(sum(file.startswith(f"{name}_") for file in files) == 2 for name in names)
+    assert page.index("from 1412 mm off the path to 11 mm") < page.index("<figure")
     assert_fits(page)  # last: it skips the test where there is no browser
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from experiments.simulate.paper_model import PERIOD, driven
+from experiments.reproduce.paper_model import PERIOD, driven
 from trackslip.kinematics import advance
 from trackslip.metrics import body_errors
 from trackslip.slip.constant import NoSlip

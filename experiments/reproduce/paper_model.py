@@ -1,6 +1,6 @@
 """The paper's robot by the paper's own equations, without a simulator: Eqs. 5-7 and 15, with the slip of Eq. 11.
 
-The paper prints no numbers for its Figs. 4, 8 and 10 to 12, but everything they follow from.
+The paper prints no numbers for its Figs. 8 and 10 to 12, but everything they follow from.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array, RobotGeometry, advance, body_twist, limit_sprocket_speeds, sprocket_speeds
-from trackslip.logs.runlog import RunLog, stored_geometry
+from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import KNOWN_LAWS
 from trackslip.slip.exponential import PUBLISHED
@@ -21,15 +21,6 @@ PERIOD = 0.05
 TOP_SPEED = 0.3
 """Top speed of the paper's robot (Sec. III) [m/s]."""
 _DIRECTIONS = 20001  # of commanded motions, in the table of the robot's response
-
-
-def published_poses(log: RunLog) -> Array:
-    """Poses (T, 3) [m, m, rad] on the circle that a steady run's sprocket speeds give with the slip of Eq. 11."""
-    geometry = stored_geometry(log)
-    assert geometry is not None
-    begin = log.pose[int(np.argmax(log.is_valid))] if log.truth is None else log.truth.pose[0]
-    twist = PUBLISHED.twist(np.median(log.omega, axis=0), geometry)
-    return advance(begin, twist, log.time - log.time[0])
 
 
 def published_runs(starts: Mapping[str, Array], geometry: RobotGeometry) -> dict[str, dict[str, RunLog]]:

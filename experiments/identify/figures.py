@@ -1,0 +1,163 @@
+"""Figures of an identification: slip against speed and radius with the laws, paths of drives, errors of prediction."""
+
+from collections.abc import Iterable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+
+from experiments.common import style
+from experiments.common.colours import GREY
+from experiments.identify.turns import TRACKS, Turns
+from trackslip.identification.comparison import DriveComparison, SteadyComparison
+from trackslip.identification.drive_prediction import HORIZONS
+from trackslip.identification.result import Identification
+from trackslip.kinematics import Array
+from trackslip.odometry.evaluation import trajectory_of
+from trackslip.odometry.identified import identified_law, no_slip
+from trackslip.odometry.trajectory_errors import Trajectory, moved
+from trackslip.slip.exponential import PUBLISHED
+
+_WIDE = 8.0  # ratio of the largest to the smallest radius above which the axis is logarithmic
+_LEAST_RADIUS, _LEAST_SPAN = 1e-3, 0.5  # where curves begin, and the smallest upper end of the axis [m]
+_POLE = 1.0  # slip beyond which a law is near its pole [-]
+_RUN = "#444444"
+_PIECES = 6  # of a drive that are predicted
+_AHEAD = 10.0  # duration of a piece [s]
+_SHADES = ListedColormap([style.shade(style.RADII_SHADES, k / 31) for k in range(32)])
+_BARS: dict[str, Any] = {"fmt": "none", "ecolor": GREY, "lw": 0.8}
+
+
+@style.styled
+def slip_against_speed(turns: Turns) -> style.Panels:
+    """Slip of the inner and the outer track against speed (the paper's Fig. 5); colours: observed radius."""
+    panels = []
+    for track, name in enumerate(TRACKS):
+        figure, axes = style.panel(f"{name.capitalize()} track", "measured speed [m/s]", "slip i [–]")
+        if turns.slip_error is not None:
+            axes.errorbar(turns.speed, turns.slip[:, track], turns.slip_error[:, track], **_BARS)
+        points = axes.scatter(turns.speed, turns.slip[:, track], c=turns.radius, cmap=_SHADES, s=20, zorder=4)
+        axes.set(xlim=(0.0, 1.1 * max(float(turns.speed.max()), 1e-3)), ylim=_limits(turns.slip[:, track]))
+        figure.colorbar(points, label="observed radius R [m]", aspect=30)
+        panels.append(figure)
+    return tuple(panels)
+
+
+@style.styled
+def fitted_laws(turns: Turns, comparison: SteadyComparison) -> style.Panels:
+    """Slip against observed radius with every fitted law and the published one (the paper's Fig. 6)."""
+    laws = {name: comparison.laws[name].law for name in comparison.ranking} | {"published": PUBLISHED}
+    looks = _law_lines(laws, comparison.best)
+    radius, panels = curve_radii(turns), []
+    for track, side in enumerate(TRACKS):
+        figure, axes = style.panel(f"{side.capitalize()} track", "", "slip i [–]", height=4.6)
+        axes.plot(turns.radius, turns.slip[:, track], "o", color=_RUN, ms=4, mew=0, zorder=6, label="runs")
+        if turns.slip_error is not None:
+            axes.errorbar(turns.radius, turns.slip[:, track], turns.slip_error[:, track], turns.radius_error, **_BARS)
+        for name, look in looks.items():
+            for curve in turns.curves(laws[name], radius):
+                slip = curve[:, track]
+                axes.plot(radius, np.where(np.abs(slip) < _POLE, slip, np.nan), **look)
+                look = look | {"label": ""}
+        axes.set_ylim(_limits(turns.slip[:, track]))
+        show_radii(axes, turns)
+        style.legend_below(figure, axes.get_legend_handles_labels()[0], handlelength=3.2)
+        panels.append(figure)
+    return tuple(panels)
+
+
+def _law_lines(names: Iterable[str], best: str) -> dict[str, dict[str, Any]]:
+    """Keywords of the lines of laws by name; the best one's, which is thick and so below the others, first."""
+    looks = {name: style.law_line(name, lw=1.2, label=name) for name in names}
+    return {best: looks[best] | {"lw": 3.0, "label": f"{best} (best)"}} | {n: k for n, k in looks.items() if n != best}
+
+
+def _limits(values: Array) -> tuple[float, float]:
+    """Limits of an axis that shows values (n,) and zero."""
+    low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+    room = 0.15 * (high - low) + 1e-4
+    return low - room, high + room
+
+
+def _is_wide(turns: Turns) -> bool:
+    """True if the radii need a logarithmic axis, which excludes turns on the spot."""
+    return bool(0 < turns.radius.min() < turns.radius.max() / _WIDE)
+
+
+def curve_radii(turns: Turns) -> Array:
+    """Radii (m,) [m] for the curves of laws, reaching a little beyond the runs."""
+    least = max(0.85 * float(turns.radius.min()), _LEAST_RADIUS)
+    most = max(1.08 * float(turns.radius.max()), _LEAST_SPAN)
+    return np.geomspace(least, most, 300) if _is_wide(turns) else np.linspace(least, most, 300)
+
+
+def show_radii(axes: Axes, turns: Turns) -> None:
+    """Set scale, limits, ticks and label: linear from zero, or logarithmic where the radii differ much."""
+    radius = curve_radii(turns)
+    axes.set_xlabel("observed radius R [m]")
+    if _is_wide(turns):
+        axes.set(xscale="log", xlim=(radius[0], radius[-1]))
+        style.log_ticks(axes.xaxis)
+    else:
+        axes.set_xlim(-0.04 * radius[-1], radius[-1])
+
+
+@style.styled
+def predicted_paths(found: Identification) -> style.Panels | None:
+    """Measured positions of the longest drive, and pieces predicted without slip and by the best law.
+
+    None without logs.
+    """
+    assert found.drive is not None
+    names = {drive.name for drive in found.drive.drives}
+    log = max((log for log in found.logs if log.run in names), key=lambda log: np.ptp(log.time), default=None)
+    if log is None:
+        return None
+    measured = log.pose[log.is_valid, :2]
+    best = identified_law(found, found.drive.best)
+    assert best.mounting is not None
+    panels = []
+    for name, law in (("none", no_slip(found.geometry)), (found.drive.best, best)):
+        figure, axes = style.panel(f"{name}, {_AHEAD:g} s ahead", "x [m]", "y [m]", height=4.6)
+        axes.plot(*measured[style.thin(len(measured), 1500)].T, ".", color=GREY, ms=3, mew=0, label="measured")
+        axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())  # whatever is predicted
+        drive = trajectory_of(log, law.odometry(), best.mounting, best.clock_offset or 0.0)
+        for rows in _pieces(drive):
+            first = rows.start
+            turn = float(drive.heading[first] - drive.estimated[first, 2])
+            path = moved(drive.estimated[rows], turn, drive.estimated[first, :2], drive.measured[first, :2])
+            axes.plot(*path[:, :2].T, **style.law_line(name, lw=1.8))
+            axes.plot(*path[0, :2], "ok", ms=4, zorder=6)
+        style.plane(axes)
+        panels.append(figure)
+    return tuple(panels)
+
+
+def _pieces(drive: Trajectory) -> list[slice]:
+    """Rows of a few pieces of a drive, each _AHEAD long and from a pose whose heading is known."""
+    edges = np.searchsorted(drive.time, np.arange(drive.time[0], drive.time[-1] + _AHEAD / 2, _AHEAD))
+    pieces = [slice(a, b) for a, b in pairwise(edges.tolist()) if b > a and np.isfinite(drive.heading[a])]
+    return pieces[:: max(1, len(pieces) // _PIECES)]
+
+
+@style.styled
+def prediction_errors(drive: DriveComparison) -> style.Panels:
+    """Median errors of prediction against the time ahead, by law; of position, and of heading where it was measured."""
+    looks, panels = _law_lines(drive.errors, drive.best), []
+    for quantity, factor, unit in (("position", 1.0, "m"), ("heading", np.degrees(1.0), "°")):
+        figure, axes = style.panel(quantity.capitalize(), "time ahead [s]", f"median error [{unit}]", height=4.4)
+        for name, look in looks.items():
+            errors = [(ahead, getattr(each, f"{quantity}_median")) for ahead, each in drive.errors[name].items()]
+            points = [(ahead, factor * error) for ahead, error in errors if error]
+            if points:
+                axes.plot(*np.transpose(points), marker="o", ms=3.5, **look)
+        if axes.lines:
+            axes.set(xscale="log", yscale="log")
+            axes.set_xticks(HORIZONS, [f"{ahead:g}" for ahead in HORIZONS])
+            axes.set_xticks([], minor=True)
+            style.log_ticks(axes.yaxis)
+            style.legend_below(figure, axes.get_legend_handles_labels()[0], handlelength=3.2)
+            panels.append(figure)
+    return tuple(panels)

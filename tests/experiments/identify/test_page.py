@@ -1,0 +1,162 @@
+"""The page of an identification, its tables and figures, for every kind of data."""
+
+import html
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from figures import assert_readable
+from identifications import GEOMETRY, driven, grid, identified
+
+from experiments.common.laws import law_looks, shown, symbol
+from experiments.common.page import Plot
+from experiments.identify import figures, tables
+from experiments.identify.library import identification_page
+from experiments.identify.page import page, print_identification
+from experiments.identify.turns import Turns
+from trackslip.slip.families import FAMILIES
+
+OF_STEADY = ["fig06_slip_laws", "fig05_slip_over_speed"]
+OF_DRIVES = ["drive_prediction_errors", "drive_path"]
+
+
+def plots(found):
+    return [block.name for block in page(found, "Laws", "", {}).blocks if isinstance(block, Plot)]
+
+
+def text_of(found):
+    """The page's words, without figures and tags."""
+    bare = re.sub(r"<svg.*?</svg>|<style>.*?</style>|<[^>]*>", " ", identification_page(found), flags=re.DOTALL)
+    return html.unescape(" ".join(bare.split()))
+
+
+def floats(text):
+    return [float(number.replace("−", "-")) for number in re.findall(r"−?\d+\.\d+", text)]
+
+
+@pytest.fixture(scope="module")
+def found():
+    return identified(driven(grid()), outliers=[("run 9", "it is 0.3 off")])
+
+
+def test_the_answer_is_the_best_law_with_its_errors_gain_warnings_and_next_commands(found, two_drives):
+    about = {"config": {"out": "out/mine"}}
+    for each, gain in ((found, "today's odometry, without slip, within"), (two_drives, "better than the robot does")):
+        answer = page(each, "Laws", "trackslip identify", about).answer
+        assert answer.heading == f"Best law: {each.best}"
+        fit, ((_, title), (letter, offset), *_) = each.fits()[each.best], answer.facts
+        assert (title, letter) == (FAMILIES[each.best].title, "D")
+        expected = [fit.values["offset"], fit.stderr["offset"], *fit.interval95["offset"]]
+        assert floats(offset) == pytest.approx(1e3 * np.array(expected), rel=0.06)
+        assert gain in answer.lines[0]
+        assert answer.next[-1] == "trackslip deploy out/mine --to ros2_control"
+    assert page(found, "Laws", "", {}).answer.next == []
+
+
+def test_parameters_have_errors_and_intervals(found, two_drives):
+    for comparison in (found.steady, two_drives.drive):
+        names = [name for name, fit in comparison.laws.items() if fit.values]
+        table = tables.parameters_table(comparison, names)
+        assert [row[0].mark for row in table.rows if hasattr(row[0], "mark")].count("best") == 1
+        row = next(k for k, row in enumerate(table.rows) if getattr(row[0], "text", "") == "icr_radius")
+        fit = comparison.laws["icr_radius"]
+        for (_, letter, *cells), name, factor in zip(
+            table.rows[row : row + 2], ("offset", "radius_error"), (1e3, 1e2), strict=True
+        ):
+            expected = [fit.values[name], fit.stderr[name], *fit.interval95[name]]
+            assert letter == symbol("icr_radius", name)
+            assert floats(" ".join(cells[:2])) == pytest.approx(factor * np.array(expected), rel=0.06)
+
+
+def test_laws_are_compared_by_rank(found):
+    table = tables.criteria_table(found.steady, GEOMETRY)
+    assert [row[0].text for row in table.rows] == [*found.steady.ranking, "published"]
+    (row,) = [row for row in table.rows if row[0].mark]
+    assert row[0].text == found.best
+    assert float(row[table.header.index("rms")]) == pytest.approx(found.steady.laws[found.best].rms, abs=1e-5)
+    misses = {row[0].text for row in table.rows[:-1] if row[-1].text == "misses"}
+    assert misses == {name for name, law in found.steady.laws.items() if law.lacks_fit}
+
+
+def test_predictions_are_printed_in_metres_and_degrees(two_drives):
+    drive = two_drives.drive
+    table, heading = tables.prediction_table(drive), tables.errors_table(drive, "heading")
+    assert [row[0].text for row in table.rows] == ["today", "two_gains", *drive.ranking]
+    errors, at = drive.errors["none"][2.0], table.header.index("2 s")
+    position, turn = floats(table.rows[-1][at])
+    assert (position, turn) == pytest.approx((errors.position_median, np.degrees(errors.heading_median)), abs=6e-2)
+    degrees = np.degrees([errors.heading_rms, errors.heading_median, errors.heading_p90])
+    assert floats(heading.rows[-1][at]) == pytest.approx(degrees, abs=6e-2)
+    ratio = re.search(r"heading (\S+) times better than the robot does today", tables.gain(two_drives))[1]
+    today, best = (drive.errors[name][2.0].heading_median for name in ("today", drive.best))
+    assert float(ratio) == pytest.approx(today / best, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    "twists",
+    [
+        grid(side=-1),
+        [*grid(), *grid(side=-1), (0.1, 0.0), (0.2, 0.0)],
+        [(0.0, 0.4), (0.0, -0.4), (0.0, 0.6), *grid()[:4]],
+        [(0.1, 0.1 / radius) for radius in (0.5, 0.7, 1, 1.4, 2, 3, 4, 6, 9, 14)],
+    ],
+    ids=["right turns", "both sides and straight", "on the spot", "scattered radii"],
+)
+def test_all_kinds_of_turns_have_a_page(twists):
+    found = identified(driven(twists), ("icr", "icr_radius"))
+    assert re.findall(r'<figure id="(\w+)"', identification_page(found)) == OF_STEADY
+    turns = Turns.of(found.samples, GEOMETRY)
+    for figure in (*figures.fitted_laws(turns, found.steady), *figures.slip_against_speed(turns)):
+        assert_readable(figure)
+
+
+def test_few_straight_or_single_runs_have_a_page():
+    straight = identified(driven([(0.1, 0.0), (0.2, 0.0), (0.15, 0.0)]), ("none",), best="none")
+    assert plots(straight) == []
+    single = identified(driven([(0.1, 0.08)]), ("icr",), best="icr", determined=False)
+    assert "at observed radii from 1.25 to 1.25 m" in text_of(single)
+    samples = driven([(0.1, 0.1), (0.1, 0.2)], errors=False)
+    few = text_of(identified(samples, ("constant", "icr", "icr_radius"), determined=False))
+    assert "There are no error bars" in few
+    assert "nan" not in few.lower().split()
+
+
+@pytest.mark.parametrize("method", ["steady", "drive"])
+def test_the_section_of_the_chosen_method_is_the_first(found, two_drives, method):
+    both = replace(found, drive=two_drives.drive, method=method, logs=two_drives.logs)
+    assert plots(both) == (OF_STEADY + OF_DRIVES if method == "steady" else OF_DRIVES + OF_STEADY)
+    words = text_of(both)
+    assert "All of them run why run 9 it is 0.3 off" in words
+    assert ("these are for comparison" in words) == (method == "steady")
+
+
+def test_paths_are_predicted_without_slip_and_by_the_best_law(two_drives):
+    without, best = (assert_readable(figure).axes[0] for figure in figures.predicted_paths(two_drives))
+    for axes, name in ((without, "none"), (best, two_drives.best)):
+        assert [line.get_color() for line in axes.lines].count(shown(name).colour) >= 2  # a drive of 25 s
+    assert figures.predicted_paths(replace(two_drives, logs=())) is None
+
+
+@pytest.mark.parametrize("fixture", ["two_drives", "without_headings"])
+def test_errors_of_headings_are_drawn_where_they_were_measured(fixture, request):
+    drive = request.getfixturevalue(fixture).drive
+    panels = [assert_readable(figure).axes[0].get_title(loc="left") for figure in figures.prediction_errors(drive)]
+    assert panels == ["Position", "Heading"][: 1 + (fixture == "two_drives")]
+
+
+def test_every_family_is_shown_with_its_formula_and_symbols():
+    for name, family in FAMILIES.items():
+        assert name in law_looks()
+        assert shown(name).label == name
+        assert shown(name).formula != shown("a law of the user").formula
+        assert all(symbol(name, parameter) != parameter for parameter in family.names)
+
+
+def test_the_terminal_says_in_few_lines_why_a_law_with_a_larger_aicc_is_the_best(found, capsys):
+    aicc = {name: 0.0 if name == "icr" else 1.0 for name in found.steady.aicc}
+    print_identification(replace(found, steady=replace(found.steady, aicc=aicc)))
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 25
+    assert lines[-2] == "icr has a smaller AICc than icr_radius, but does not predict left-out radii better"
+    assert lines[-1].startswith("best: icr_radius")
