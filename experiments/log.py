@@ -11,11 +11,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 import tyro
 
-from experiments.common.formats import MISSING, number
 from experiments.common.log_options import Bag, BagOptions
 from experiments.common.options import Exclusion, Needs, Options, default_is
 from experiments.common.results import RUNS_FILE, write_output
-from experiments.common.table import Table
+from experiments.common.table import MISSING, Table, number
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.logs.logfile import write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, stored_geometry

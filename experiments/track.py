@@ -19,8 +19,7 @@ from experiments.simulate import options
 from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
 from experiments.simulate.grid_runs import before_scanner
 from experiments.simulate.grid_summary import LocalizationErrors, simulated_seconds
-from experiments.simulate.tracking import tracking_results
-from experiments.simulate.tracking_table import tracking_table
+from experiments.simulate.tracking import tracking_results, tracking_table
 from experiments.simulate.world import World
 from sim.drive.drive import Drive
 from trackslip.ros.messages import require_rosbags

@@ -10,11 +10,11 @@ from experiments.benchmark.gains import Gains
 from experiments.benchmark.page import BOARD_LEGEND, answer, board_table, leaderboard, page
 from experiments.benchmark.rows import board, case_row, over_seeds
 from experiments.common.choices import SHIPPED
-from experiments.common.formats import stages_text
 from experiments.common.manifest import relative
 from experiments.common.plain_json import plain
 from experiments.common.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE
 from experiments.common.sweep import Row, drive_missing, resumable
+from experiments.common.table import stages_text
 from experiments.recorder import record_all
 from sim.stopwatch import Stopwatch
 from trackslip.errors import counted

@@ -10,12 +10,11 @@ from matplotlib.figure import Figure
 
 from experiments.benchmark.cases import FACTORS
 from experiments.benchmark.rows import ENTRY
-from experiments.common.formats import MISSING, number
 from experiments.common.manifest import command_line, relative
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.style import law_line, log_ticks, styled
 from experiments.common.sweep import Row
-from experiments.common.table import Table
+from experiments.common.table import MISSING, Table, number
 
 _BOARD_CAPTION = (
     "Root mean square from 12 s on (for shorter runs, over the whole run), averaged over references and seeds. Lines"

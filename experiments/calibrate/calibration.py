@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from experiments.calibrate.config import Config
-from experiments.common.formats import MISSING, number
 from experiments.common.laws import printed_unit, with_error
-from experiments.common.table import Table
+from experiments.common.table import MISSING, Table, number
 from sim.calibration.calibration import Calibration, Estimate, calibrate
 from sim.calibration.candidate import OF_DRIVE, Candidate
 from sim.calibration.targets import Drives, SteadyRows, Target, TurnTable

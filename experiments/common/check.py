@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
-from experiments.common.formats import MISSING, number, percent, significant
-from experiments.common.table import Table
+from experiments.common.table import MISSING, Table, number, percent, significant
 
 _SHOWN = {"m": (1e3, "mm", 3), "s": (1e3, "ms", 3), "rad": (1e3, "mrad", 3)}  # scale, unit and decimals
 _MOST_COLUMNS = 4  # cases that fit side by side

@@ -11,11 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.common.colours import BLUE, GREY, ORANGE
-from experiments.common.formats import number, pair, percent
 from experiments.common.manifest import relative
 from experiments.common.page import Answer, Page, Pictures, Plot, Section
 from experiments.common.style import styled, thin
-from experiments.common.table import Table
+from experiments.common.table import Table, number, pair, percent
 from experiments.drive.course import PERIOD, DrivenCourse
 from experiments.drive.results import slip_by_slope
 from trackslip.kinematics import Array

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from experiments.common.formats import stages_text
 from experiments.common.plain_json import plain
 from experiments.common.results import RUNS_FILE, TABLE_FILE, bags_text, write_bags
 from experiments.common.sweep import drive_missing, resumable
+from experiments.common.table import stages_text
 from experiments.grid.config import Config
 from experiments.grid.plan import plan
 from experiments.grid.runs import GridRuns

@@ -9,12 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from experiments.common.colours import BLUE, GREEN, GREY, ORANGE
-from experiments.common.formats import MISSING, number, percent, significant
 from experiments.common.laws import symbol, unit_of
 from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.style import BAND, plane, styled
-from experiments.common.table import Table
+from experiments.common.table import MISSING, Table, number, percent, significant
 from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan
 

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from experiments.common.formats import number
-from experiments.common.table import Table
+from experiments.common.table import Table, number
 from sim.seeds import generator
 from sim.task import from_options
 from sim.traverse.config import TraverseConfig

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from experiments.common.check import Check
-from experiments.common.formats import number, pair, span
 from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
-from experiments.common.table import Table
+from experiments.common.table import Table, number, pair, span
 from experiments.validate import figures
 from experiments.validate.checks import Checks, check_energy, check_sliding, check_standing, check_turns
 from experiments.validate.config import Config

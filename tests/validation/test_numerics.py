@@ -4,8 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from experiments.common.formats import significant
-from experiments.common.table import Table
+from experiments.common.table import Table, significant
 from experiments.validate.measurements import Setup
 from sim.drive.drive import Drive
 from sim.ground.ground import Ground

@@ -14,9 +14,8 @@ from checked import report
 from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes
 
 from experiments.common.check import Check
-from experiments.common.formats import significant
 from experiments.common.laws import symbol, unit_of
-from experiments.common.table import Table
+from experiments.common.table import Table, significant
 from experiments.simulate.drives import KnownDrive, driven_by_law, driven_in_mujoco
 from experiments.simulate.options import Simulation
 from experiments.simulate.world import World

@@ -12,8 +12,7 @@ import pytest
 from checked import report
 
 from experiments.common.check import Check
-from experiments.common.formats import pair, significant
-from experiments.common.table import Table
+from experiments.common.table import Table, pair, significant
 from experiments.validate.measurements import Setup, drive_steadily, measure_loads, paper_turns
 from sim.contact_forces import use_default_contact
 from sim.ground.ground import Ground

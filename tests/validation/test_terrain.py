@@ -9,8 +9,7 @@ from checked import report
 from terrain_trials import DEPTH, FACE, STAIRS, LevelGround, Trial, box, limit, rescue
 
 from experiments.common.check import Check
-from experiments.common.formats import percent, significant
-from experiments.common.table import Table
+from experiments.common.table import Table, percent, significant
 from sim.contact_forces import use_default_contact
 from sim.seeds import generator
 from sim.terrain import Course, Rough, Stairs
