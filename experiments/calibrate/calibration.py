@@ -175,6 +175,19 @@ def parameter_cells(name: str, one: Estimate | None) -> tuple[str, str]:
     return cells[0], cells[1]
 
 
+def parameter_table(title: str, fit: Calibration, others: Mapping[str, Calibration] = {}) -> Table:
+    """Parameters of a fit, and of those that it is compared with."""
+    rows = [
+        (
+            name,
+            *parameter_cells(name, one),
+            *(parameter_cells(name, other.estimates.get(name))[0] for other in others.values()),
+        )
+        for name, one in fit.estimates.items()
+    ]
+    return Table(title, ("parameter", "fit", "95 %", *others), rows)
+
+
 def print_fits(
     title: str,
     best: Calibration,

@@ -1,0 +1,82 @@
+"""Figures of predictions: the errors of all models, and paths."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from experiments.common import style
+from experiments.common.colours import BLACK, GREEN, GREY, RED
+from experiments.common.laws import prediction_title
+from experiments.evaluate.models import CALIBRATED, GAINS, ROBOT, TODAY
+from experiments.evaluate.prediction import Prediction, best, decisive
+from trackslip.odometry.trajectory_errors import Trajectory, absolute_errors
+
+_LOOKS: dict[str, tuple[str, dict[str, Any]]] = {
+    TODAY: ("no slip, as today", {"color": RED, "linestyle": (0, (12, 1.5))}),
+    GAINS: ("two gains", {"color": GREY, "linestyle": (0, (6, 2))}),
+    ROBOT: ("simulated robot", {"color": GREEN, "linestyle": "--"}),
+    CALIBRATED: ("simulated robot, calibrated", {"color": GREEN, "lw": 2.4}),
+}
+"""Titles and lines of the models that aren't laws."""
+_POINTS = 1500  # poses drawn
+
+
+def title(one: Prediction) -> str:
+    """Name of a model on a page."""
+    name = _LOOKS[one.name][0] if one.name in _LOOKS else prediction_title(one.name)
+    return one.label.replace(one.name, name) if one.name in one.label else f"{name} {one.label}"
+
+
+def _look(one: Prediction) -> dict[str, Any]:
+    return _LOOKS[one.name][1] if one.name in _LOOKS else style.law_line(one.name)
+
+
+@style.styled
+def errors_ahead(found: Sequence[Prediction]) -> Figure:
+    """Median errors at the decisive length, with lines to the errors that 90 % stay below."""
+    figure = Figure(figsize=(9.0, 0.9 + 0.28 * len(found)), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    length, unit = decisive(found)
+    for axis, what, sign, factor in zip(axes, ("position", "heading"), "m°", (1.0, np.degrees(1.0)), strict=True):
+        for k, one in enumerate(found):
+            errors = getattr(one.ahead(length, unit), what)
+            if errors is not None:
+                axis.plot([factor * errors.median, factor * errors.p90], [k, k], color=_look(one)["color"], lw=1.5)
+                axis.plot(factor * errors.median, k, "o", color=_look(one)["color"], ms=6)
+        axis.set(title=what.capitalize(), xlabel=f"error after {length:g} {unit} [{sign}]", xscale="log")
+        style.log_ticks(axis.xaxis)
+    axes[0].set_yticks(range(len(found)), map(title, found))
+    axes[0].invert_yaxis()
+    return figure
+
+
+@style.styled
+def paths(found: Sequence[Prediction]) -> Figure:
+    """A typical drive: paths from its first measured pose on the left, their errors over the way on the right."""
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    drive = typical(found)
+    shown = style.thin(len(drive.time), _POINTS)
+    left.plot(*drive.measured[shown, :2].T, ".", color=BLACK, ms=4, mew=0, label="measured poses")
+    for one in found:
+        path = one.drive(drive.name)
+        left.plot(*path.placed[shown, :2].T, label=title(one), **_look(one))
+        error = np.hypot(*(path.placed - path.measured)[shown, :2].T)
+        right.plot((path.way - path.way[0])[shown], np.where(error > 0, error, np.nan), **_look(one))
+    style.plane(left, adjustable="datalim", title="Paths")
+    right.set(xlabel="distance [m]", ylabel="error of position [m]", yscale="log")
+    right.set_title("Error from the first pose on" if drive.has_heading else "Error, fitted to all positions")
+    style.log_ticks(right.yaxis)
+    figure.legend(handles=left.lines, loc="outside lower center", ncols=3, handlelength=3.2)
+    return figure
+
+
+def typical(found: Sequence[Prediction]) -> Trajectory:
+    """The drive with the median error of the best model, of the half of the drives that go farthest."""
+    drives = best(found).errors.trajectories
+    lengths = np.array([drive.way[-1] - drive.way[0] for drive in drives])
+    far = [drive for drive, length in zip(drives, lengths, strict=True) if length >= np.median(lengths)]
+    errors = [float(np.max(absolute_errors(drive, not drive.has_heading)[0])) for drive in far]
+    return far[int(np.argsort(errors)[len(far) // 2])]

@@ -1,0 +1,172 @@
+"""The errors of models that predict the same log, and what in the log disturbs them."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.common.results import MANIFEST_FILE
+from experiments.evaluate.fits import Spec
+from experiments.evaluate.log import Log
+from experiments.evaluate.models import FIRST, GAINS, TODAY, LawModel, Model
+from trackslip.errors import counted
+from trackslip.logs.runlog import RunLog
+from trackslip.odometry.checks import better_clock_offset, jumps
+from trackslip.odometry.evaluation import OdometryErrors, RelativeErrors, errors_of
+from trackslip.odometry.identified import identified_law
+from trackslip.odometry.trajectory_errors import Trajectory
+from trackslip.odometry.uncertainty import Gyro
+from trackslip.slip.law_file import NO_SLIP
+
+FARTHEST = 10.0
+"""Distance ahead by which models are compared if the drives are long enough [m]."""
+_MANY = 0.005  # share of outlying poses that is told
+_MIN_POSES = 2
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A model's predictions of a log."""
+
+    model: Model
+    """Of the first part of the log; those of the others have the same label."""
+    errors: OdometryErrors
+
+    @property
+    def label(self) -> str:
+        """Label of the model."""
+        return self.model.label
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.model.name
+
+    def ahead(self, length: float, unit: str) -> RelativeErrors | None:
+        """Errors after a distance [m] or a time [s]."""
+        return (self.errors.after_metres if unit == "m" else self.errors.after_seconds).get(length)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Content of a summary.json."""
+        errors = self.errors
+        return {
+            "law": self.name,
+            "sensor": self.model.sensor,
+            "clock_offset": self.model.clock_offset,
+            "aligned": errors.aligned,
+            "from_first": errors.from_first,
+            "after_metres": {f"{length:g}": ahead for length, ahead in errors.after_metres.items()},
+            "after_seconds": {f"{length:g}": ahead for length, ahead in errors.after_seconds.items()},
+        }
+
+    def drive(self, name: str) -> Trajectory:
+        """The trajectories of a drive."""
+        return next(one for one in self.errors.trajectories if one.name == name)
+
+
+def predictions(log: Log, models: Sequence[Sequence[Model]]) -> list[Prediction]:
+    """The predictions by the models of each part; all are of the poses that encoders cover by the clock of every model.
+
+    Raises LogError if there are none.
+    """
+    parts, notes = [], list[str]()
+    for k, of_part in enumerate(models):
+        rows = log.take(log.part == k)
+        logs = [_covered(one, [model.clock_offset for model in of_part]) for one in rows.logs]
+        notes += [one for one in logs if isinstance(one, str)]
+        parts.append(replace(rows, logs=[one for one in logs if isinstance(one, RunLog)]))
+    found = []
+    for same in zip(*models, strict=True):
+        pairs = [(model, part) for model, part in zip(same, parts, strict=True) if part.logs or log.samples is not None]
+        trajectories = [one for model, part in pairs for one in model.trajectories(part)]
+        found.append(Prediction(same[0], errors_of(trajectories, notes)))
+    return found
+
+
+def _covered(log: RunLog, clocks: Sequence[float]) -> RunLog | str:
+    """A log with the poses that encoders cover by each clock, encoder clock minus pose clock [s]; or why it has few."""
+    time = log.time
+    covered = log.is_valid & (time + min(clocks) >= time[0]) & (time + max(clocks) <= time[-1])
+    if covered.sum() >= _MIN_POSES:
+        return replace(log, valid=covered)
+    count = f"{int(covered.sum())} of {counted(int(log.is_valid.sum()), 'measured pose')}"
+    return f"run {log.run!r}: encoders were read at {count}, needs at least {_MIN_POSES}"
+
+
+def of_laws(found: Sequence[Prediction]) -> list[Prediction]:
+    """The predictions by slip laws."""
+    return [one for one in found if isinstance(one.model, LawModel) and one.name not in (TODAY, GAINS, NO_SLIP)]
+
+
+def decisive(found: Sequence[Prediction]) -> tuple[float, str]:
+    """The distance or time ahead by which models are compared, and its unit; all have it."""
+    if all(FARTHEST in one.errors.after_metres for one in found):
+        return FARTHEST, "m"
+    times = set.intersection(*(set(one.errors.after_seconds) for one in found))
+    return max(times, default=FIRST), "s"
+
+
+def best(found: Sequence[Prediction]) -> Prediction:
+    """The prediction with the smallest median error of the position at the decisive length."""
+    length = decisive(found)
+
+    def error(one: Prediction) -> float:
+        ahead = one.ahead(*length)
+        return float("inf") if ahead is None or ahead.position is None else ahead.position.median
+
+    return min(found, key=error)
+
+
+def with_gyro(found: Sequence[Prediction], log: Log, specs: Sequence[Spec]) -> list[Prediction]:
+    """The best law once more with the log's gyro; nothing without one."""
+    laws = [one for one in found if isinstance(one.model, LawModel)]
+    if not laws or all(one.gyro is None for one in log.logs):
+        return []
+    model = best(laws).model
+    assert isinstance(model, LawModel)
+    known = [identified_law(file, model.name).gyro for file, name in specs if file and name in (None, model.name)]
+    law = replace(model.law, gyro=next(filter(None, known), Gyro()))
+    return predictions(log, [[replace(model, label=f"{model.label} with gyro", law=law)]])
+
+
+def doubts(found: Sequence[Prediction], log: Log) -> list[str]:
+    """Lines about a clock that fits clearly better, else about poses that jump."""
+    model = next((one for one in found if one.name not in (NO_SLIP, TODAY)), found[0]).model
+    if isinstance(model, LawModel) and log.parts == 1 and log.logs:
+        better = better_clock_offset(log.logs, model.odometry, model.sensor, model.clock_offset)
+        if better is not None:
+            clocks = f"{clock_words(better)}, not {clock_words(model.clock_offset)}"
+            return [f"the encoders' clock seems to be {clocks}: try --clock-offset {round(better, 3) + 0.0:.3f}"]
+    lines = []
+    for drive in best(found).errors.trajectories if log.logs else ():
+        outlying, lasting = jumps(drive)
+        what = [counted(outlying, "outlying pose")] if outlying > _MANY * len(drive.time) else []
+        what += [f"{counted(lasting, 'lasting jump')} of the poses"] if lasting else []
+        if what:
+            lines.append(f"run {drive.name!r}: {' and '.join(what)} count in all errors; medians tell more of the law")
+    return lines
+
+
+def clock_words(offset: float) -> str:
+    """Where the encoders' clock is for an offset, encoder clock minus pose clock [s]."""
+    milliseconds = round(1e3 * offset)
+    return f"{abs(milliseconds)} ms {'behind' if milliseconds < 0 else 'ahead of'} the poses'"
+
+
+def identified_from(log: Path, specs: Sequence[Spec]) -> list[str]:
+    """Warnings about laws that were identified from this very log."""
+    lines = dict[str, None]()
+    for path, _ in specs:
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            about = json.loads((path / MANIFEST_FILE).read_text(encoding="utf-8")) if path is not None else {}
+            if about["command"] == "identify" and os.path.realpath(about["config"]["path"]) == os.path.realpath(log):
+                lines[f"{path}: identified from this log; on other driving its laws' errors may be larger"] = None
+    return list(lines)
