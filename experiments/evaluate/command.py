@@ -10,11 +10,11 @@ from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
 from experiments.evaluate.config import Config
 from experiments.evaluate.data_set import load_data_set
-from experiments.evaluate.fits import calibrated, known_geometry, law_specs, models_of
 from experiments.evaluate.log import read_log
+from experiments.evaluate.models import calibrated, known_geometry, law_specs, models_of
 from experiments.evaluate.page import Report
-from experiments.evaluate.paths import record_paths, write_trajectories
-from experiments.evaluate.prediction import Prediction, doubts, identified_from, predictions, with_gyro
+from experiments.evaluate.paths import write_paths
+from experiments.evaluate.prediction import doubts, identified_from, predictions
 from trackslip.identification.source import origin
 
 
@@ -35,7 +35,6 @@ def run(config: Config) -> None:
         step(1.0)
         with run.watch.stage("predictions"):
             found = predictions(log, models)
-            found += with_gyro(found, log, specs) if config.folds is None else []
         step(1.0)
         notes = [*log.notes, *(found[0].errors.notes if log.logs else ()), *identified_from(config.path, specs)]
         notes += doubts(found, log)
@@ -53,10 +52,8 @@ def run(config: Config) -> None:
             "warnings": notes,
         }
         run.write(summary, manifest=manifest)
-        if config.tum and log.logs:
-            write_trajectories(found, run.folder)
-        if config.rrd and log.logs:
-            record_paths(found, log, run.folder)
+        if log.logs:
+            write_paths(found, log, run.folder, config.tum, config.rrd)
         report.page(manifest, command_line("evaluate")).write(run.folder, config.pdf)
         step(1.0)
     report.print()

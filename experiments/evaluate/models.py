@@ -2,28 +2,51 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
+from experiments.common.manifest import relative
+from experiments.evaluate.config import Config
 from experiments.evaluate.log import Log
+from sim.calibration.calibration import Calibration, calibrate
 from sim.calibration.candidate import Candidate
-from sim.calibration.targets import SteadyRows
+from sim.calibration.targets import Drives, SteadyRows
+from sim.ground.named import load_ground
 from sim.log_replay import Inputs, Replayer
+from sim.robot.named import load_parameters
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.identification.drive_law import REFERENCE, fit_drives
+from trackslip.identification.drives import drives_of
+from trackslip.identification.fitted import fit_law
+from trackslip.identification.plausibility import least_squares_gains
 from trackslip.identification.samples import SlipSamples
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import estimated_trajectory, trajectory_of
-from trackslip.odometry.identified import LawInUse
+from trackslip.odometry.identified import LawInUse, identified_law, no_slip
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.trajectory_errors import Trajectory
+from trackslip.odometry.uncertainty import Gyro
 from trackslip.se2 import Mounting
+from trackslip.slip.families import FAMILIES, drive_laws
+from trackslip.slip.law_file import NO_SLIP
 
 TODAY, GAINS, ROBOT, CALIBRATED = "today", "two_gains", "robot", "calibrated"
 """Names of models that aren't laws."""
 FIRST = 1.0
 """Shortest time ahead; steady driving is compared after it [s]."""
+_DRIVE_LAWS = (REFERENCE, "turn_loss", "turn_loss_sides", "centrifugal")
+_STEADY_LAWS = ("icr", "turn_loss_sides", "icr_sides")
+"""Laws that folds fit by default; on the shipped logs, others were never best."""
+_EXTRAS = ("sensor_x", "sensor_y", "sensor_yaw", "drift", "clock_offset", "lag")
+
+Spec = tuple[Path | None, str | None]
+"""A file with laws and the name of one, by default its best; without a file, none or the name of a law to fit."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +102,9 @@ class RobotModel(Model):
             rows = SteadyRows(log.samples, log.geometry, threads=self.threads)
             return _steady(log.samples, rows.predicted(self.candidate)[:2].T)
         motion = Replayer(log.logs, self.inputs).run(self.candidate.robot, self.candidate.ground, self.threads)
-        return [
-            estimated_trajectory(one, partial(motion.sensor_at, k, self.sensor), log.geometry, self.clock_offset)
-            for k, one in enumerate(log.logs)
-        ]
+        places = [partial(motion.sensor_at, k, self.sensor) for k in range(len(log.logs))]
+        pairs = zip(log.logs, places, strict=True)
+        return [estimated_trajectory(one, place, log.geometry, self.clock_offset) for one, place in pairs]
 
 
 def _lagging(log: RunLog, lag: float) -> Array:
@@ -96,17 +118,143 @@ def _lagging(log: RunLog, lag: float) -> Array:
 
 
 def _steady(samples: SlipSamples, twist: Array) -> list[Trajectory]:
-    """Measured motion within FIRST of steady driving, and that by predicted twists (n, 2); a trajectory a sample."""
-    ends = [_driven(one) for one in (samples.twist, twist)]
-    measured, predicted = (np.stack([np.zeros_like(end), end], axis=1) for end in ends)
-    time, way = np.array([0.0, FIRST]), np.zeros(2)
-    return [
-        Trajectory(run, time, way, measured[k], predicted[k], measured[k, :, 2]) for k, run in enumerate(samples.run)
-    ]
+    """Motion within FIRST of steady driving, measured and by predicted twists (n, 2); a trajectory a sample."""
+    (v, w), time = np.moveaxis([samples.twist, twist], -1, 0), np.array([0.0, FIRST])
+    chord, turn = v * FIRST * np.sinc(w * FIRST / (2 * np.pi)), w * FIRST
+    ends = np.stack([chord * np.cos(turn / 2), chord * np.sin(turn / 2), turn], axis=-1)  # (2, n, 3)
+    poses = np.stack([np.zeros_like(ends), ends], axis=2)
+    rows = zip(samples.run, *poses, strict=True)
+    return [Trajectory(run, time, np.zeros(2), seen, expected, seen[:, 2]) for run, seen, expected in rows]
 
 
-def _driven(twist: Array) -> Array:
-    """Poses (n, 3) after FIRST at constant twists (n, 2), from the origin."""
-    v, turn = twist[:, 0], FIRST * twist[:, 1]
-    chord = FIRST * v * np.sinc(turn / (2 * np.pi))
-    return np.column_stack([chord * np.cos(turn / 2), chord * np.sin(turn / 2), turn])
+def law_specs(config: Config) -> list[Spec]:
+    """The laws that the options name; raises InvalidValueError for others."""
+    specs: list[Spec] = []
+    for text in config.law or (() if config.folds else (NO_SLIP,)):
+        file, _, name = text.rpartition(":")
+        if text == NO_SLIP or (config.folds and text in FAMILIES):
+            specs.append((None, text))
+        elif os.path.exists(text):  # unlike Path.exists, also False for names that are too long
+            specs.append((Path(text), None))
+        elif file and os.path.exists(file):
+            specs.append((Path(file), name))
+        else:
+            fitted = ", or the name of a law that --folds fits"
+            raise InvalidValueError("law", text, f"{NO_SLIP}, a folder or file with laws, either with :NAME{fitted}")
+    return specs
+
+
+def known_geometry(config: Config, specs: Sequence[Spec]) -> RobotGeometry | None:
+    """The size of the robot that the laws were identified for, else of the simulated one."""
+    laws = [identified_law(file, name) for file, name in specs if file is not None]
+    if laws:
+        return laws[0].geometry
+    return load_parameters(config.robot[0])[0].geometry if config.robot else None
+
+
+def models_of(config: Config, specs: Sequence[Spec], log: Log, part: int, fit: Calibration | None) -> list[Model]:
+    """The models that predict a part of the log; robots have the first law's clock unless it is given or fitted."""
+    sensor, clock = Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset or 0.0
+    others, models = log.take(log.part != part), list[Model]()
+    if config.folds:
+        baselines = {TODAY: no_slip(log.geometry), GAINS: _gains(others)}
+        models = [LawModel(name, name, sensor, clock, law) for name, law in baselines.items()]
+        specs = specs or [(None, name) for name in (_DRIVE_LAWS if log.samples is None else _STEADY_LAWS)]
+    laws = _laws(config, specs, others, any(one.gyro is not None for one in log.logs) and not config.folds)
+    models += laws
+    for k, base in enumerate(bases(config)):
+        candidate = replace(base, clock=laws[0].clock_offset if config.clock_offset is None else clock)
+        models.append(_robot(Path(config.robot[k]).stem if k else ROBOT, candidate, config))
+        if fit is not None and k == 0:
+            models.append(_robot(CALIBRATED, fit.folds[part], config))
+    return models
+
+
+def _robot(label: str, one: Candidate, config: Config) -> RobotModel:
+    name = CALIBRATED if label == CALIBRATED else ROBOT
+    return RobotModel(label, name, one.sensor, one.clock, one, config.inputs, config.threads)
+
+
+def _laws(config: Config, specs: Sequence[Spec], others: Log, gyro: bool) -> list[LawModel]:
+    """Laws from files, and those without a file fitted to the other parts; with a gyro, the first one once more.
+
+    Unless given, sensor and clock are as identified with each law, for laws shift and turn them differently; laws that
+    come without have those of the first law that has them.
+    """
+    fits = _fits([name for file, name in specs if file is None and name and name != NO_SLIP], others)
+    laws = list[tuple[LawInUse, float]]()
+    for file, name in specs:
+        if file is not None:
+            laws.append((identified_law(file, name, others.geometry), 0.0))
+        else:
+            laws.append(fits.get(name or "", (no_slip(others.geometry), 0.0)))
+    known = next((law for law, _ in laws if law.mounting is not None), no_slip(others.geometry))
+    names, models = [law.name for law, _ in laws], list[LawModel]()
+    for (law, lag), (file, _) in zip(laws, specs, strict=True):
+        own = known if law.mounting is None else law
+        sensor = Mounting(*config.sensor) if config.sensor else own.mounting or Mounting()
+        clock = (own.clock_offset or 0.0) if config.clock_offset is None else config.clock_offset
+        shared = file is not None and names.count(law.name) > 1
+        label = f"{relative(str(file))}:{law.name}" if shared else law.name
+        models.append(LawModel(label, law.name, sensor, clock, replace(law, gyro=None), lag))
+    if gyro:
+        first = next((k for k, name in enumerate(names) if name != NO_SLIP), 0)
+        law = replace(laws[first][0], gyro=laws[first][0].gyro or Gyro())
+        models.append(replace(models[first], label=f"{models[first].label} with gyro", law=law))
+    return models
+
+
+def _fits(names: Sequence[str], others: Log) -> dict[str, tuple[LawInUse, float]]:
+    """Laws fitted to other parts of a log, with their lags [s]."""
+    geometry, fits = others.geometry, dict[str, tuple[LawInUse, float]]()
+    reference = fit_drives(REFERENCE, others.logs, geometry) if names and others.logs else None
+    for name in names:
+        if others.samples is not None:
+            law = fit_law(name, others.samples, geometry, bootstraps=0, vague=True).law
+            fits[name] = LawInUse(name, law, geometry), 0.0
+            continue
+        if name not in drive_laws():
+            raise InvalidValueError("law", name, f"for drives, one of {', '.join(drive_laws())}")
+        fit = fit_drives(name, others.logs, geometry, reference=reference)
+        x, y, yaw, drift, clock, lag = (fit.extras[key] for key in _EXTRAS)
+        fits[name] = LawInUse(name, fit.law, geometry, None, None, drift, Mounting(x, y, yaw), clock), lag
+    return fits
+
+
+def _gains(others: Log) -> LawInUse:
+    """Factors on speed and yaw rate by least squares, as the law (1 + ε) and (1 + ε) b / (b + D)."""
+    geometry = others.geometry
+    if others.samples is not None:
+        plain = body_twist(others.samples.omega, 0.0, geometry)
+        speed, turn = np.sum(plain * others.samples.twist, axis=0) / np.sum(plain**2, axis=0)
+    else:
+        speed, turn = least_squares_gains(drives_of(others.logs)[0], geometry)
+    if not (np.isfinite(speed) and turn > 0):
+        raise LogError(f"{others.name}: its other parts don't drive and turn enough to fit two gains")
+    values = {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
+    return LawInUse(GAINS, FAMILIES[REFERENCE].build(values, geometry), geometry)
+
+
+def bases(config: Config) -> list[Candidate]:
+    """The robots that the options state, on their ground."""
+    candidates = []
+    for source in config.robot:
+        robot, ground = load_parameters(source)
+        ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
+        sensor = Mounting(*(config.sensor or (0.0, 0.0, 0.0)))
+        candidates.append(Candidate(robot, ground, sensor, config.clock_offset or 0.0))
+    return candidates
+
+
+def calibrated(config: Config, log: Log) -> Calibration | None:
+    """The first robot fitted to the log, and to all but each part; None if nothing is to be fitted."""
+    if not config.free:
+        return None
+    target: Drives | SteadyRows
+    if log.samples is None:
+        target = Drives(log.logs, log.geometry, config.inputs, config.threads)
+        part = log.part[target.log]
+    else:
+        target = SteadyRows(log.samples, log.geometry, threads=config.threads)
+        part = log.part[target.layout.cluster]
+    return calibrate(target, bases(config)[0], config.free, part)

@@ -16,7 +16,7 @@ from experiments.evaluate import figures
 from experiments.evaluate.config import Config
 from experiments.evaluate.log import Log
 from experiments.evaluate.models import TODAY
-from experiments.evaluate.prediction import FARTHEST, Prediction, best, clock_words, decisive
+from experiments.evaluate.prediction import FARTHEST, Prediction, best, decisive
 from sim.calibration.calibration import Calibration
 from trackslip.errors import counted
 from trackslip.odometry.evaluation import LENGTHS, PoseErrors
@@ -65,7 +65,7 @@ class Report:
             None if self.log.samples is not None else Section("A path", [self._path()]),
             Section("Bounds", [self._bounds]),
             Section("The calibrated robot", [self._parameters]),
-            Section("How errors are measured", [_METHOD, self._sensing], folded=True),
+            Section("How errors are measured", [_METHOD], folded=True),
         ]
         return Page(self.title, command, manifest, sections, [self._intro], self._answer)
 
@@ -110,16 +110,6 @@ class Report:
                 better.append(f"{what} {significant(theirs.median / ours.median)} times better")
         line = f"{chosen.label}, after {length:g} {unit}, compared with no slip compensation: {', '.join(better)}"
         return line if better else ""
-
-    @property
-    def _sensing(self) -> Table:
-        """Sensor and clock of each model; of a log in parts, those of the first part."""
-        rows = []
-        for one in self.found:
-            place = one.model.sensor
-            cells = (number(place.x, 3), number(place.y, 3), number(degrees(place.yaw), 2))
-            rows.append((Cell(figures.title(one), one.label), *cells, clock_words(one.model.clock_offset)))
-        return Table("The poses' sensor", ("model", "ahead [m]", "left [m]", "turned [°]", "encoders' clock"), rows)
 
     def _path(self) -> Plot:
         drive = figures.typical(self.found)

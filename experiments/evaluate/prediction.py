@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from experiments.common.results import MANIFEST_FILE
-from experiments.evaluate.fits import Spec
 from experiments.evaluate.log import Log
-from experiments.evaluate.models import FIRST, GAINS, TODAY, LawModel, Model
+from experiments.evaluate.models import FIRST, GAINS, TODAY, LawModel, Model, Spec
 from trackslip.errors import counted
+from trackslip.logs.file_format import known_manifest
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.checks import better_clock_offset, jumps
 from trackslip.odometry.evaluation import OdometryErrors, RelativeErrors, errors_of
-from trackslip.odometry.identified import identified_law
 from trackslip.odometry.trajectory_errors import Trajectory
-from trackslip.odometry.uncertainty import Gyro
 from trackslip.slip.law_file import NO_SLIP
 
 FARTHEST = 10.0
@@ -125,26 +117,14 @@ def best(found: Sequence[Prediction]) -> Prediction:
     return min(found, key=error)
 
 
-def with_gyro(found: Sequence[Prediction], log: Log, specs: Sequence[Spec]) -> list[Prediction]:
-    """The best law once more with the log's gyro; nothing without one."""
-    laws = [one for one in found if isinstance(one.model, LawModel)]
-    if not laws or all(one.gyro is None for one in log.logs):
-        return []
-    model = best(laws).model
-    assert isinstance(model, LawModel)
-    known = [identified_law(file, model.name).gyro for file, name in specs if file and name in (None, model.name)]
-    law = replace(model.law, gyro=next(filter(None, known), Gyro()))
-    return predictions(log, [[replace(model, label=f"{model.label} with gyro", law=law)]])
-
-
 def doubts(found: Sequence[Prediction], log: Log) -> list[str]:
     """Lines about a clock that fits clearly better, else about poses that jump."""
     model = next((one for one in found if one.name not in (NO_SLIP, TODAY)), found[0]).model
     if isinstance(model, LawModel) and log.parts == 1 and log.logs:
         better = better_clock_offset(log.logs, model.odometry, model.sensor, model.clock_offset)
         if better is not None:
-            clocks = f"{clock_words(better)}, not {clock_words(model.clock_offset)}"
-            return [f"the encoders' clock seems to be {clocks}: try --clock-offset {round(better, 3) + 0.0:.3f}"]
+            clocks = f"{better:z.3f} s ahead of the poses', not {model.clock_offset:z.3f} s"
+            return [f"the encoders' clock seems to be {clocks}: try --clock-offset={better:z.3f}"]
     lines = []
     for drive in best(found).errors.trajectories if log.logs else ():
         outlying, lasting = jumps(drive)
@@ -155,18 +135,11 @@ def doubts(found: Sequence[Prediction], log: Log) -> list[str]:
     return lines
 
 
-def clock_words(offset: float) -> str:
-    """Where the encoders' clock is for an offset, encoder clock minus pose clock [s]."""
-    milliseconds = round(1e3 * offset)
-    return f"{abs(milliseconds)} ms {'behind' if milliseconds < 0 else 'ahead of'} the poses'"
-
-
 def identified_from(log: Path, specs: Sequence[Spec]) -> list[str]:
     """Warnings about laws that were identified from this very log."""
-    lines = dict[str, None]()
-    for path, _ in specs:
-        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-            about = json.loads((path / MANIFEST_FILE).read_text(encoding="utf-8")) if path is not None else {}
-            if about["command"] == "identify" and os.path.realpath(about["config"]["path"]) == os.path.realpath(log):
-                lines[f"{path}: identified from this log; on other driving its laws' errors may be larger"] = None
-    return list(lines)
+    lines = []
+    for folder in dict.fromkeys(file for file, _ in specs if file is not None and file.is_dir()):
+        about = known_manifest(folder)
+        if about.get("command") == "identify" and Path(about["config"]["path"]).resolve() == log.resolve():
+            lines.append(f"{folder}: identified from this log; on other driving its laws' errors may be larger")
+    return lines
