@@ -89,6 +89,8 @@ class Config(Repeatable):
     """Also record the calibrated robot turning at the paper's radii, for the rerun viewer, in OUT/recordings."""
     out: Path = Path("out/calibrate")
     """Folder for the results, including robot.toml and ground.toml."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Excludes(("folds", "test"), "hold_out"),

@@ -11,6 +11,7 @@ import numpy as np
 
 from experiments.common.run_table import chosen
 from experiments.evaluate.config import Config
+from trackslip.doubts import in_few_lines
 from trackslip.errors import InvalidValueError, LogError, counted
 from trackslip.identification.drives import counts_few_ticks, drives_of, interval_means
 from trackslip.identification.samples import SlipSamples
@@ -48,21 +49,23 @@ class Log:
 def read_log(config: Config, known: RobotGeometry | None) -> Log:
     """The log that the options name, of a robot of the `known` size if neither log nor options state one."""
     source = _source(config, known)
-    notes, logs, samples = [*source.notes, *map(str, source.refused)], list(source.logs), None
+    logs, samples = list(source.logs), None
+    notes: list[str] = [*source.notes, *(one.doubt for one in source.refused)]
     keys: list[Any] = [log.run for log in logs]
     if not logs:
         samples = source.sampling.samples
-        notes, keys = [*map(str, source.sampling.refused)], list(samples.run)
+        notes, keys = [one.doubt for one in source.sampling.refused], list(samples.run)
     elif config.folds:
         if len(logs) < config.folds:
             logs = [part for log in logs for part in log.cut((log.time[-1] - log.time[0]) / config.folds)]
         prepared, refused = drives_of(logs)
         usable = {drive.name for drive in prepared}
         logs = [_read_once(log) for log in logs if log.run in usable]
-        notes += map(str, refused)
+        notes += [one.doubt for one in refused]
         keys = [log.run if log.command is None else tuple(log.command.mean(axis=0).round(3)) for log in logs]
     part = parts(keys, config.folds or 1, source.name)
-    return Log(source.name, source.geometry, logs, samples, part, notes, source.taken)
+    few = in_few_lines(notes, len(keys) + len(notes))
+    return Log(source.name, source.geometry, logs, samples, part, few, source.taken)
 
 
 def _source(config: Config, known: RobotGeometry | None) -> Source:

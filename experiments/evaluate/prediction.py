@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from experiments.evaluate.log import Log
 from experiments.evaluate.models import FIRST, GAINS, TODAY, LawModel, Model, Spec
 from trackslip.errors import counted
@@ -21,6 +23,7 @@ FARTHEST = 10.0
 """Distance ahead by which models are compared if the drives are long enough [m]."""
 _MANY = 0.005  # share of outlying poses that is told
 _MIN_POSES = 2
+_MARGIN = 1e-3  # so that times ascend [s]
 
 
 @dataclass(frozen=True)
@@ -65,14 +68,16 @@ class Prediction:
 
 
 def predictions(log: Log, models: Sequence[Sequence[Model]]) -> list[Prediction]:
-    """The predictions by the models of each part; all are of the poses that encoders cover by the clock of every model.
+    """The predictions by the models of each part, which are of the same poses.
 
-    Raises LogError if there are none.
+    Without folds, these are the poses that encoders cover by the clock of every model; with folds, which windows may be
+    short for, encoders go on at their last speeds. Raises LogError if there are none.
     """
     parts, notes = [], list[str]()
     for k, of_part in enumerate(models):
         rows = log.take(log.part == k)
-        logs = [_covered(one, [model.clock_offset for model in of_part]) for one in rows.logs]
+        clocks = [model.clock_offset for model in of_part]
+        logs = [_covered(one, clocks) if log.parts == 1 else _continued(one, clocks) for one in rows.logs]
         notes += [one for one in logs if isinstance(one, str)]
         parts.append(replace(rows, logs=[one for one in logs if isinstance(one, RunLog)]))
     found = []
@@ -91,6 +96,18 @@ def _covered(log: RunLog, clocks: Sequence[float]) -> RunLog | str:
         return replace(log, valid=covered)
     count = f"{int(covered.sum())} of {counted(int(log.is_valid.sum()), 'measured pose')}"
     return f"run {log.run!r}: encoders were read at {count}, needs at least {_MIN_POSES}"
+
+
+def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
+    """A log whose encoders go on at their first and last speeds until they cover all poses by each clock."""
+    count = len(log.time)
+    rows = np.clip(np.arange(-1, count + 1), 0, count - 1)
+    time = log.time[rows]
+    time[[0, -1]] += min(-_MARGIN, *clocks), max(_MARGIN, *clocks)
+    valid = log.is_valid[rows]
+    valid[[0, -1]] = False
+    command = None if log.command is None else log.command[rows]
+    return RunLog(log.run, time, log.omega[rows], log.pose[rows], command, valid=valid, metadata=log.metadata)
 
 
 def of_laws(found: Sequence[Prediction]) -> list[Prediction]:
@@ -118,15 +135,17 @@ def best(found: Sequence[Prediction]) -> Prediction:
 
 
 def doubts(found: Sequence[Prediction], log: Log) -> list[str]:
-    """Lines about a clock that fits clearly better, else about poses that jump."""
-    model = next((one for one in found if one.name not in (NO_SLIP, TODAY)), found[0]).model
-    if isinstance(model, LawModel) and log.parts == 1 and log.logs:
+    """Lines about a clock that fits clearly better, else about poses that jump; none for a log in parts."""
+    model = next((one for one in found if one.name != NO_SLIP), found[0]).model
+    if log.parts > 1 or not log.logs:
+        return []
+    if isinstance(model, LawModel):
         better = better_clock_offset(log.logs, model.odometry, model.sensor, model.clock_offset)
         if better is not None:
             clocks = f"{better:z.3f} s ahead of the poses', not {model.clock_offset:z.3f} s"
             return [f"the encoders' clock seems to be {clocks}: try --clock-offset={better:z.3f}"]
     lines = []
-    for drive in best(found).errors.trajectories if log.logs else ():
+    for drive in best(found).errors.trajectories:
         outlying, lasting = jumps(drive)
         what = [counted(outlying, "outlying pose")] if outlying > _MANY * len(drive.time) else []
         what += [f"{counted(lasting, 'lasting jump')} of the poses"] if lasting else []
