@@ -18,10 +18,7 @@ from sim.calibration.candidate import OF_DRIVE, Candidate
 from sim.calibration.targets import Drives, SteadyRows, Target, TurnTable
 from trackslip.errors import InvalidValueError, LogError, counted
 from trackslip.identification.source import ReadOptions, Source, read_source
-from trackslip.logs.logfile import read_table
-from trackslip.logs.table import read_columns
 
-TABLE_COLUMNS = ("radius", "speed", "observed_radius", "slip_outer", "slip_inner")
 _METRICS = {
     "v": ("v, rms", 1e3, 1, "mm/s"),
     "w": ("w, rms", 1e3, 1, "mrad/s"),
@@ -51,10 +48,6 @@ def read_target(name: str, config: Config, base: Candidate) -> Target:
     if name == "published":
         return TurnTable.published(config.threads)
     path, geometry = Path(name), base.geometry
-    if path.suffix.lower() in (".csv", ".parquet"):
-        table = read_table(path)
-        if set(TABLE_COLUMNS) & set(table.column_names):
-            return _turn_table(read_columns(table, TABLE_COLUMNS, name), name, config.threads)
     reading = ReadOptions(gear=config.gear, bag=config.bag.choice())
     try:
         source = read_source(path, reading)
@@ -74,17 +67,6 @@ def _steady(source: Source) -> bool:
         return source.sampling.steady_share >= _MIN_STEADY
     except LogError:
         return False
-
-
-def _turn_table(columns: Any, name: str, threads: int) -> TurnTable:
-    for label, column in zip(TABLE_COLUMNS, columns.T, strict=True):
-        wrong, allowed = (column >= 1, "< 1") if label.startswith("slip") else (column <= 0, "> 0")
-        if np.any(wrong):
-            row = int(np.argmax(wrong))
-            raise LogError(f"{name}: row {row + 1}, column {label}: {column[row]:g} must be {allowed}")
-    radius, speed, observed, outer, inner = columns.T
-    slip = np.stack([inner, outer], axis=-1)
-    return TurnTable(radius, speed, observed, slip, 3 * len(columns), threads=threads)
 
 
 def fold_labels(target: Target, hold_out: float | None, folds: int | None) -> np.ndarray | None:
