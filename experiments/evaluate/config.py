@@ -22,7 +22,6 @@ EXAMPLES = (
     ("a data set with its bounds", "trackslip evaluate examples/logs/ice.toml"),
 )  # fmt: skip
 MAX_FOLDS = 10
-_MAX_OFFSET = 3600.0  # [s]
 _SIZE = default_is("the log's, the laws' or the robot's", "FLOAT")
 
 
@@ -36,17 +35,9 @@ class Config(ResultsOptions):
 
     path: tyro.conf.Positional[Path]
     """A .csv or .parquet log, a ROS bag, the folder of a drive, a grid or bags, or a .toml file of a data set."""
-    law: Annotated[
-        tuple[str, ...],
-        tyro.conf.UseAppendAction,
-        tyro.conf.arg(metavar="LAW", help_behavior_hint="(default: none; may be repeated)"),
-    ] = ()
+    law: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "LAW")] = ()
     """none, an identification's folder (its best law), a file of laws, either with :NAME, or a name to fit by folds."""
-    robot: Annotated[
-        tuple[str, ...],
-        tyro.conf.UseAppendAction,
-        tyro.conf.arg(metavar="ROBOT", help_behavior_hint="(default: none; may be repeated)"),
-    ] = ()
+    robot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "ROBOT")] = ()
     """A robot to simulate: a name, or a file as written by calibrate."""
     ground: GroundOptions = field(default_factory=GroundOptions)
     """The ground of the simulated robots, and properties that differ from the named one's."""
@@ -64,13 +55,9 @@ class Config(ResultsOptions):
     """Radius of the sprockets [m]."""
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
-    sensor: Annotated[
-        tuple[float, float, float] | None, default_is("as identified; of robots the middle", "X Y YAW")
-    ] = None
+    sensor: Annotated[tuple[float, float, float] | None, default_is("as identified, or the middle", "X Y YAW")] = None
     """Place of the poses' sensor, ahead and to the left of the turning centre, and its heading there [m, m, rad]."""
-    clock_offset: Annotated[
-        float | None, Within(-_MAX_OFFSET, _MAX_OFFSET, "s"), default_is("as identified", "FLOAT")
-    ] = None
+    clock_offset: Annotated[float | None, Within(-3600.0, 3600.0, "s"), default_is("as identified", "FLOAT")] = None
     """Encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""

@@ -75,8 +75,7 @@ def paths(found: Sequence[Prediction]) -> Figure:
 
 def typical(found: Sequence[Prediction]) -> Trajectory:
     """The drive with the median error of the best model, of the half of the drives that go farthest."""
-    drives = best(found).errors.trajectories
-    lengths = np.array([drive.way[-1] - drive.way[0] for drive in drives])
-    far = [drive for drive, length in zip(drives, lengths, strict=True) if length >= np.median(lengths)]
+    drives = sorted(best(found).errors.trajectories, key=lambda drive: drive.way[0] - drive.way[-1])
+    far = drives[: len(drives) // 2 + 1]
     errors = [float(np.max(absolute_errors(drive, not drive.has_heading)[0])) for drive in far]
     return far[int(np.argsort(errors)[len(far) // 2])]

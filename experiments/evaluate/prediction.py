@@ -30,41 +30,30 @@ _MARGIN = 1e-3  # so that times ascend [s]
 class Prediction:
     """A model's predictions of a log."""
 
+    label: str
+    name: str
     model: Model
-    """Of the first part of the log; those of the others have the same label."""
+    """Of the first part of the log; those of the others have the same label and name."""
     errors: OdometryErrors
-
-    @property
-    def label(self) -> str:
-        """Label of the model."""
-        return self.model.label
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-        return self.model.name
 
     def ahead(self, length: float, unit: str) -> RelativeErrors | None:
         """Errors after a distance [m] or a time [s]."""
         return (self.errors.after_metres if unit == "m" else self.errors.after_seconds).get(length)
 
+    def drive(self, name: str) -> Trajectory:
+        """Measured and predicted poses of a drive."""
+        return next(one for one in self.errors.trajectories if one.name == name)
+
     @property
     def summary(self) -> dict[str, Any]:
         """Content of a summary.json."""
-        errors = self.errors
-        return {
-            "law": self.name,
-            "sensor": self.model.sensor,
-            "clock_offset": self.model.clock_offset,
-            "aligned": errors.aligned,
-            "from_first": errors.from_first,
-            "after_metres": {f"{length:g}": ahead for length, ahead in errors.after_metres.items()},
-            "after_seconds": {f"{length:g}": ahead for length, ahead in errors.after_seconds.items()},
+        errors, model = self.errors, self.model
+        about = {"law": self.name, "sensor": model.sensor, "clock_offset": model.clock_offset}
+        relative = {
+            name: {f"{length:g}": ahead for length, ahead in getattr(errors, name).items()}
+            for name in ("after_metres", "after_seconds")
         }
-
-    def drive(self, name: str) -> Trajectory:
-        """The trajectories of a drive."""
-        return next(one for one in self.errors.trajectories if one.name == name)
+        return about | {"aligned": errors.aligned, "from_first": errors.from_first} | relative
 
 
 def predictions(log: Log, models: Sequence[Sequence[Model]]) -> list[Prediction]:
@@ -84,7 +73,7 @@ def predictions(log: Log, models: Sequence[Sequence[Model]]) -> list[Prediction]
     for same in zip(*models, strict=True):
         pairs = [(model, part) for model, part in zip(same, parts, strict=True) if part.logs or log.samples is not None]
         trajectories = [one for model, part in pairs for one in model.trajectories(part)]
-        found.append(Prediction(same[0], errors_of(trajectories, notes)))
+        found.append(Prediction(same[0].label, same[0].name, same[0], errors_of(trajectories, notes)))
     return found
 
 
@@ -100,11 +89,9 @@ def _covered(log: RunLog, clocks: Sequence[float]) -> RunLog | str:
 
 def _continued(log: RunLog, clocks: Sequence[float]) -> RunLog:
     """A log whose encoders go on at their first and last speeds until they cover all poses by each clock."""
-    count = len(log.time)
-    rows = np.clip(np.arange(-1, count + 1), 0, count - 1)
-    time = log.time[rows]
+    rows = np.clip(np.arange(-1, len(log.time) + 1), 0, len(log.time) - 1)
+    time, valid = log.time[rows], log.is_valid[rows]
     time[[0, -1]] += min(-_MARGIN, *clocks), max(_MARGIN, *clocks)
-    valid = log.is_valid[rows]
     valid[[0, -1]] = False
     command = None if log.command is None else log.command[rows]
     return RunLog(log.run, time, log.omega[rows], log.pose[rows], command, valid=valid, metadata=log.metadata)
@@ -125,10 +112,9 @@ def decisive(found: Sequence[Prediction]) -> tuple[float, str]:
 
 def best(found: Sequence[Prediction]) -> Prediction:
     """The prediction with the smallest median error of the position at the decisive length."""
-    length = decisive(found)
 
     def error(one: Prediction) -> float:
-        ahead = one.ahead(*length)
+        ahead = one.ahead(*decisive(found))
         return float("inf") if ahead is None or ahead.position is None else ahead.position.median
 
     return min(found, key=error)
@@ -136,9 +122,9 @@ def best(found: Sequence[Prediction]) -> Prediction:
 
 def doubts(found: Sequence[Prediction], log: Log) -> list[str]:
     """Lines about a clock that fits clearly better, else about poses that jump; none for a log in parts."""
-    model = next((one for one in found if one.name != NO_SLIP), found[0]).model
     if log.parts > 1 or not log.logs:
         return []
+    model = next((one for one in found if one.name != NO_SLIP), found[0]).model
     if isinstance(model, LawModel):
         better = better_clock_offset(log.logs, model.odometry, model.sensor, model.clock_offset)
         if better is not None:

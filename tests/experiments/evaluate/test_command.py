@@ -86,7 +86,8 @@ def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip
     (model,) = given.summary["models"].values()
     assert model["sensor"] == {"x": 0.1, "y": -0.2, "yaw": 0.3}
     assert model["clock_offset"] == 0.05
-    assert "try --clock-offset=0.000" in given.printed
+    late = trackslip("evaluate", log, "--law", f"{files / 'true.json'}", "--clock-offset", "0.2")
+    assert "0.000 s ahead of the poses', not 0.200 s: try --clock-offset=0.000" in late.printed
 
 
 def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
