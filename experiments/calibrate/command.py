@@ -14,8 +14,6 @@ from experiments.calibrate.page import gain, page
 from experiments.common.manifest import command_line
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
-from experiments.recorder import record_all
-from experiments.simulate.grid_runs import sample_runs
 from sim.calibration.calibration import calibrate, random_starts
 from sim.calibration.candidate import Candidate
 from sim.calibration.targets import Drives, TurnTable
@@ -56,9 +54,6 @@ def run(config: Config) -> None:
         if place != Mounting() or clock:
             use += f" --sensor {place.x:.3g} {place.y:.3g} {place.yaw:.3g} --clock-offset={clock:.3g}"
         page(fit, base, target, test, use, manifest, command_line("calibrate")).write(run.folder, config.pdf)
-        if config.rrd:
-            with run.busy("recordings"):
-                record_all(run.folder, sample_runs(str(run.folder / ROBOT), config))
     parameter_table(f"Calibrated to {config.target}", fit).print()
     error_table(fit, test).print()
     for line in (*remarks(fit, test), gain(fit, test)):

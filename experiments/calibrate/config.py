@@ -67,8 +67,6 @@ class Config(Repeatable):
     """Another log to predict, for which only the clock is fitted."""
     starts: Annotated[int | None, Whole(0, MAX_STARTS), default_is("5 for published, else 0", "INT")] = None
     """Number of random starts in addition to the robot's own values."""
-    rrd: bool = False
-    """Also record the calibrated robot turning at the paper's radii, for the rerun viewer, in OUT/recordings."""
     out: Path = Path("out/calibrate")
     """Folder for the results, including robot.toml and ground.toml."""
     pdf: bool = False

@@ -11,7 +11,7 @@ from experiments.common.run import Run
 from experiments.evaluate.config import Config
 from experiments.evaluate.data_set import load_data_set
 from experiments.evaluate.log import read_log
-from experiments.evaluate.models import calibrated, known_geometry, law_specs, models_of
+from experiments.evaluate.models import known_geometry, law_specs, models_of, robots_of
 from experiments.evaluate.page import Report
 from experiments.evaluate.paths import write_paths
 from experiments.evaluate.prediction import doubts, identified_from, predictions
@@ -30,8 +30,8 @@ def run(config: Config) -> None:
         for line in log.taken:
             print(line)
         with run.watch.stage("fits"):
-            fit = calibrated(config, log)
-            models = [models_of(config, specs, log, part, fit) for part in range(log.parts)]
+            robots, fit = robots_of(config, log)
+            models = [models_of(config, specs, log, part, robots) for part in range(log.parts)]
         step(1.0)
         with run.watch.stage("predictions"):
             found = predictions(log, models)
@@ -41,7 +41,7 @@ def run(config: Config) -> None:
         checks = data.checks(found) if data else []
         title = data.title if data else f"Predictions of “{config.path.resolve().name}”"
         source = f" From {data.source}; {data.licence}." if data else ""
-        report = Report(config, log, found, notes, checks, fit, title, source)
+        report = Report(title, source, log, found, checks, fit, notes)
         manifest = run.manifest(**origin(log.logs), **({"data_set": plain(data)} if data else {}))
         summary = {
             "geometry": asdict(log.geometry),

@@ -34,6 +34,8 @@ class Log:
     """What was left out, and why."""
     taken: Sequence[str]
     """Topics taken from a bag."""
+    driven: Sequence[RunLog] = ()
+    """The same drives as they are replayed, if encoders of `logs` go on at their ends."""
 
     @property
     def parts(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -47,6 +47,8 @@ _EXTRAS = ("sensor_x", "sensor_y", "sensor_yaw", "drift", "clock_offset", "lag")
 
 Spec = tuple[Path | None, str | None]
 """A file with laws and the name of one, by default its best; without a file, none or the name of a law to fit."""
+Robots = Mapping[str, Sequence[Candidate]]
+"""Robots by their labels, one for each part of the log."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,9 @@ class RobotModel(Model):
         if log.samples is not None:
             rows = SteadyRows(log.samples, log.geometry, threads=self.threads)
             return _steady(log.samples, rows.predicted(self.candidate)[:2].T)
-        motion = Replayer(log.logs, self.inputs).run(self.candidate.robot, self.candidate.ground, self.threads)
+        motion = Replayer(log.driven or log.logs, self.inputs).run(
+            self.candidate.robot, self.candidate.ground, self.threads
+        )
         places = [partial(motion.sensor_at, k, self.sensor) for k in range(len(log.logs))]
         pairs = zip(log.logs, places, strict=True)
         return [estimated_trajectory(one, place, log.geometry, self.clock_offset) for one, place in pairs]
@@ -152,8 +156,8 @@ def known_geometry(config: Config, specs: Sequence[Spec]) -> RobotGeometry | Non
     return load_parameters(config.robot[0])[0].geometry if config.robot else None
 
 
-def models_of(config: Config, specs: Sequence[Spec], log: Log, part: int, fit: Calibration | None) -> list[Model]:
-    """The models that predict a part of the log; robots have the first law's clock unless it is given or fitted."""
+def models_of(config: Config, specs: Sequence[Spec], log: Log, part: int, robots: Robots) -> list[Model]:
+    """The models that predict a part of the log: today's odometry and two gains with folds, laws, robots."""
     sensor, clock = Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset or 0.0
     others, models = log.take(log.part != part), list[Model]()
     if config.folds:
@@ -162,17 +166,42 @@ def models_of(config: Config, specs: Sequence[Spec], log: Log, part: int, fit: C
         specs = specs or [(None, name) for name in (_DRIVE_LAWS if log.samples is None else _STEADY_LAWS)]
     laws = _laws(config, specs, others, any(one.gyro is not None for one in log.logs) and not config.folds)
     models += laws
-    for k, base in enumerate(bases(config)):
-        candidate = replace(base, clock=laws[0].clock_offset if config.clock_offset is None else clock)
-        models.append(_robot(Path(config.robot[k]).stem if k else ROBOT, candidate, config))
-        if fit is not None and k == 0:
-            models.append(_robot(CALIBRATED, fit.folds[part], config))
+    for label, candidates in robots.items():
+        one, name = candidates[part], CALIBRATED if label == CALIBRATED else ROBOT
+        if not config.folds and config.clock_offset is None:
+            one = replace(one, clock=laws[0].clock_offset)
+        models.append(RobotModel(label, name, one.sensor, one.clock, one, config.inputs, config.threads))
     return models
 
 
-def _robot(label: str, one: Candidate, config: Config) -> RobotModel:
-    name = CALIBRATED if label == CALIBRATED else ROBOT
-    return RobotModel(label, name, one.sensor, one.clock, one, config.inputs, config.threads)
+def robots_of(config: Config, log: Log) -> tuple[Robots, Calibration | None]:
+    """The robots that the options state for each part, and the fit of the first one's free parameters.
+
+    Poses are stamped late, and so the clock is always fitted to the other parts, unless it is given.
+    """
+    robots, fit = dict[str, Sequence[Candidate]](), None
+    for k, source in enumerate(config.robot):
+        robot, ground = load_parameters(source)
+        ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
+        sensor = Mounting(*(config.sensor or (0.0, 0.0, 0.0)))
+        base = Candidate(robot, ground, sensor, config.clock_offset or 0.0)
+        label = Path(source).stem if k else ROBOT
+        robots[label] = [base] * log.parts
+        if config.folds and config.clock_offset is None and log.logs:
+            robots[label] = _calibrated(config, log, base, ("clock",)).folds
+        if k == 0 and config.free:
+            fit = _calibrated(config, log, base, config.free)
+            robots[CALIBRATED] = fit.folds
+    return robots, fit
+
+
+def _calibrated(config: Config, log: Log, base: Candidate, free: Sequence[str]) -> Calibration:
+    """A robot fitted to the log, and to all but each part."""
+    if log.samples is None:
+        drives = Drives(log.logs, log.geometry, config.inputs, config.threads)
+        return calibrate(drives, base, free, log.part[drives.log])
+    rows = SteadyRows(log.samples, log.geometry, threads=config.threads)
+    return calibrate(rows, base, free, log.part[rows.layout.cluster])
 
 
 def _laws(config: Config, specs: Sequence[Spec], others: Log, gyro: bool) -> list[LawModel]:
@@ -233,28 +262,3 @@ def _gains(others: Log) -> LawInUse:
         raise LogError(f"{others.name}: its other parts don't drive and turn enough to fit two gains")
     values = {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
     return LawInUse(GAINS, FAMILIES[REFERENCE].build(values, geometry), geometry)
-
-
-def bases(config: Config) -> list[Candidate]:
-    """The robots that the options state, on their ground."""
-    candidates = []
-    for source in config.robot:
-        robot, ground = load_parameters(source)
-        ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
-        sensor = Mounting(*(config.sensor or (0.0, 0.0, 0.0)))
-        candidates.append(Candidate(robot, ground, sensor, config.clock_offset or 0.0))
-    return candidates
-
-
-def calibrated(config: Config, log: Log) -> Calibration | None:
-    """The first robot fitted to the log, and to all but each part; None if nothing is to be fitted."""
-    if not config.free:
-        return None
-    target: Drives | SteadyRows
-    if log.samples is None:
-        target = Drives(log.logs, log.geometry, config.inputs, config.threads)
-        part = log.part[target.log]
-    else:
-        target = SteadyRows(log.samples, log.geometry, threads=config.threads)
-        part = log.part[target.layout.cluster]
-    return calibrate(target, bases(config)[0], config.free, part)

@@ -9,11 +9,10 @@ from typing import Any
 from experiments.calibrate.calibration import parameter_table
 from experiments.common.check import Check
 from experiments.common.check_table import checks_table
-from experiments.common.formats import MISSING, number, percent, significant
+from experiments.common.formats import number, percent, significant
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.table import Cell, Table
 from experiments.evaluate import figures
-from experiments.evaluate.config import Config
 from experiments.evaluate.log import Log
 from experiments.evaluate.models import TODAY
 from experiments.evaluate.prediction import FARTHEST, Prediction, best, decisive
@@ -27,7 +26,8 @@ _METHOD = (
     "All models predict the same pairs of measured poses: the motion from every pose to the one nearest to the given "
     "time or distance ahead, as Kümmerle et al. (2009) and KITTI do. Errors contain the noise of both poses. Without "
     "headings, each motion starts with the heading at which the prediction fits the positions of the last 10 s. Per "
-    "metre is the sum of the errors over that of the distances, which are the encoders', without slip."
+    "metre is the sum of the errors over that of the distances, which are the encoders', without slip. A log in folds "
+    "is predicted in parts, each by what was fitted to the others."
 )
 
 
@@ -35,18 +35,18 @@ _METHOD = (
 class Report:
     """What the terminal and the page show."""
 
-    config: Config
-    log: Log
-    found: Sequence[Prediction]
-    notes: Sequence[str]
-    checks: Sequence[Check]
-    fit: Calibration | None
     title: str
     origin: str
+    """Where the log is from."""
+    log: Log
+    found: Sequence[Prediction]
+    checks: Sequence[Check]
+    fit: Calibration | None
+    notes: Sequence[str]
 
     def print(self) -> None:
         """Print the tables, warnings, the gain and how many bounds hold."""
-        for table in filter(None, (self._bounds, self._errors, self._parameters)):
+        for table in self._tables.values():
             table.print()
         for line in (*(f"warning: {note}" for note in self.notes), self._gain, self._verdict):
             if line:
@@ -54,49 +54,52 @@ class Report:
 
     def page(self, manifest: Mapping[str, Any], command: str) -> Page:
         """The page."""
-        dots = Plot(
-            "errors_ahead",
-            partial(figures.errors_ahead, self.found),
-            "Errors of all models",
-            "Dots: medians. Lines: to the errors that 90 % stay below.",
-        )
+        dots = "Dots: medians. Lines: to the errors that 90 % stay below."
+        plot = Plot("errors_ahead", partial(figures.errors_ahead, self.found), "Errors of all models", dots)
+        tables = [Section(heading, [table]) for heading, table in self._tables.items() if heading != "Errors"]
         sections = [
-            Section("Errors", [dots, self._errors]),
-            None if self.log.samples is not None else Section("A path", [self._path()]),
-            Section("Bounds", [self._bounds]),
-            Section("The calibrated robot", [self._parameters]),
+            Section("Errors", [plot, self._tables["Errors"]]),
+            Section("A path", [self._path()]) if self.log.logs else None,
+            *tables,
             Section("How errors are measured", [_METHOD], folded=True),
         ]
-        return Page(self.title, command, manifest, sections, [self._intro], self._answer)
+        drives = self.found[0].errors.drives
+        way, duration = sum(drive.way for drive in drives), sum(drive.duration for drive in drives)
+        driven = f"{counted(len(drives), 'drive')}: {way:.0f} m by the encoders in {duration:.0f} s"
+        if not self.log.logs:
+            driven = f"{counted(len(drives), 'row')} of steady driving, as if driven for 1 s"
+        intro = f"Motion is predicted from the encoders of {driven}.{self.origin}"
+        return Page(self.title, command, manifest, sections, [intro], self._answer)
+
+    @property
+    def _tables(self) -> dict[str, Table]:
+        tables = {"Bounds": checks_table("Bounds, 1 s ahead", self.checks)} if self.checks else {}
+        tables["Errors"] = self._errors
+        if self.fit is not None:
+            tables["The calibrated robot"] = parameter_table("Parameters of the calibrated robot", self.fit)
+        return tables
 
     @property
     def _errors(self) -> Table:
         """Errors of all models by time and distance ahead."""
-        chosen, rows = best(self.found), list[tuple[str | Cell, ...]]()
+        rows = list[tuple[str | Cell, ...]]()
         for length, unit in (*((at, "s") for at in LENGTHS), (FARTHEST, "m")):
-            ahead = f"{length:g} {unit}"
-            for one in self.found:
-                if (errors := one.ahead(length, unit)) is None:
-                    continue
-                marked = one is chosen and (length, unit) == decisive(self.found)
-                name = Cell(figures.title(one), one.label, mark="best" if marked else "")
-                ways = percent(errors.position_per_way), significant(degrees(errors.heading_per_way), "°")
-                rows.append((ahead, name, f"{errors.count:,}", *_cells(errors), ", ".join(ways) if unit == "m" else ""))
-                ahead = ""
+            chosen = best(self.found) if (length, unit) == decisive(self.found) else None
+            known = [(one, errors) for one in self.found if (errors := one.ahead(length, unit)) is not None]
+            for k, (one, errors) in enumerate(known):
+                name = Cell(figures.title(one), one.label, mark="best" if one is chosen else "")
+                per_metre = ""
+                if unit == "m":
+                    turn = significant(degrees(errors.heading_per_way), "°")
+                    per_metre = f"{percent(errors.position_per_way)}, {turn}"
+                ahead = "" if k else f"{length:g} {unit}"
+                rows.append((ahead, name, f"{errors.count:,}", *_cells(errors), per_metre))
         return Table("Errors: median, 90 % and rms", _HEADER, rows, "llr")
-
-    @property
-    def _bounds(self) -> Table | None:
-        return checks_table("Bounds, 1 s ahead", self.checks) if self.checks else None
 
     @property
     def _verdict(self) -> str:
         held = sum(check.holds for check in self.checks)
         return f"{held} of {counted(len(self.checks), 'check')} passed" if self.checks else ""
-
-    @property
-    def _parameters(self) -> Table | None:
-        return parameter_table("Parameters of the calibrated robot", self.fit) if self.fit else None
 
     @property
     def _gain(self) -> str:
@@ -119,24 +122,14 @@ class Report:
         return Plot("paths", partial(figures.paths, self.found), f"Paths of {drive.name}", caption)
 
     @property
-    def _intro(self) -> str:
-        drives, folds = self.found[0].errors.drives, self.config.folds
-        way, duration = sum(drive.way for drive in drives), sum(drive.duration for drive in drives)
-        text = f"{counted(len(drives), 'drive')}: {way:.0f} m by the encoders in {duration:.0f} s"
-        if self.log.samples is not None:
-            text = f"{counted(len(drives), 'row')} of steady driving, as if driven for 1 s"
-        fitted = f" Each of {folds} parts is predicted by what was fitted to the others." if folds else ""
-        return f"Motion is predicted from the encoders of {text}.{fitted}{self.origin}"
-
-    @property
     def _answer(self) -> Answer:
         chosen, (length, unit) = best(self.found), decisive(self.found)
-        cells = _cells(chosen.ahead(length, unit))
-        facts = [("position, median and 90 %", f"{cells[0]} and {cells[1]} m")]
-        facts += [("heading, median and 90 %", f"{cells[3]} and {cells[4]}°")] if cells[3] != MISSING else []
+        position, far, _, heading, turned, _ = _cells(chosen.ahead(length, unit))
+        facts = [("position, median and 90 %", f"{position} and {far} m")]
+        facts += [("heading, median and 90 %", f"{heading}° and {turned}°")]
         facts += [("bounds", self._verdict)] if self.checks else []
-        heading = f"Best after {length:g} {unit}: {figures.title(chosen)}, {cells[0]} m off"
-        return Answer(heading, facts, [f"{self._gain}."] if self._gain else [], self.notes)
+        title = f"Best after {length:g} {unit}: {figures.title(chosen)}, {position} m off"
+        return Answer(title, facts, [f"{self._gain}."] if self._gain else [], self.notes)
 
 
 def _cells(errors: PoseErrors | None) -> list[str]:

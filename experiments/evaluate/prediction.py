@@ -15,7 +15,7 @@ from trackslip.errors import counted
 from trackslip.logs.file_format import known_manifest
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.checks import better_clock_offset, jumps
-from trackslip.odometry.evaluation import OdometryErrors, RelativeErrors, errors_of
+from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, RelativeErrors, errors_of
 from trackslip.odometry.trajectory_errors import Trajectory
 from trackslip.slip.law_file import NO_SLIP
 
@@ -23,6 +23,7 @@ FARTHEST = 10.0
 """Distance ahead by which models are compared if the drives are long enough [m]."""
 _MANY = 0.005  # share of outlying poses that is told
 _MIN_POSES = 2
+_MIN_PAIRS = 10  # from which a median and a 90 % quantile can be told
 _MARGIN = 1e-3  # so that times ascend [s]
 
 
@@ -37,8 +38,9 @@ class Prediction:
     errors: OdometryErrors
 
     def ahead(self, length: float, unit: str) -> RelativeErrors | None:
-        """Errors after a distance [m] or a time [s]."""
-        return (self.errors.after_metres if unit == "m" else self.errors.after_seconds).get(length)
+        """Errors after a distance [m] or a time [s]; None if there are few pairs."""
+        errors = (self.errors.after_metres if unit == "m" else self.errors.after_seconds).get(length)
+        return errors if errors is not None and errors.count >= _MIN_PAIRS else None
 
     def drive(self, name: str) -> Trajectory:
         """Measured and predicted poses of a drive."""
@@ -66,7 +68,10 @@ def predictions(log: Log, models: Sequence[Sequence[Model]]) -> list[Prediction]
     for k, of_part in enumerate(models):
         rows = log.take(log.part == k)
         clocks = [model.clock_offset for model in of_part]
-        logs = [_covered(one, clocks) if log.parts == 1 else _continued(one, clocks) for one in rows.logs]
+        if log.parts > 1:
+            parts.append(replace(rows, logs=[_continued(one, clocks) for one in rows.logs], driven=rows.logs))
+            continue
+        logs = [_covered(one, clocks) for one in rows.logs]
         notes += [one for one in logs if isinstance(one, str)]
         parts.append(replace(rows, logs=[one for one in logs if isinstance(one, RunLog)]))
     found = []
@@ -104,10 +109,10 @@ def of_laws(found: Sequence[Prediction]) -> list[Prediction]:
 
 def decisive(found: Sequence[Prediction]) -> tuple[float, str]:
     """The distance or time ahead by which models are compared, and its unit; all have it."""
-    if all(FARTHEST in one.errors.after_metres for one in found):
-        return FARTHEST, "m"
-    times = set.intersection(*(set(one.errors.after_seconds) for one in found))
-    return max(times, default=FIRST), "s"
+    for length, unit in ((FARTHEST, "m"), *((at, "s") for at in reversed(LENGTHS))):
+        if all(one.ahead(length, unit) for one in found):
+            return length, unit
+    return FIRST, "s"
 
 
 def best(found: Sequence[Prediction]) -> Prediction:
