@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from experiments.calibrate.config import Parameter
 from experiments.common.check import Check
@@ -67,7 +67,7 @@ class DataSet:
 
     def options(self, config: Config) -> Config:
         """The options with what the data set states; raises InvalidValueError for those that are given besides."""
-        stated = {"law": self.law, "robot": self.robot, "ground": GroundOptions(self.ground), "folds": self.folds}
+        stated: dict[str, Any] = {"law": self.law, "robot": self.robot, "ground": GroundOptions(self.ground), "folds": self.folds}
         stated |= {"sensor": self.sensor or None, "free": self.free or None}
         for name in stated:
             why = "with a data set, which states it"

@@ -20,7 +20,7 @@ from sim.ground.named import load_ground
 from sim.log_replay import Inputs, Replayer
 from sim.robot.named import load_parameters
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.drive_law import REFERENCE, fit_drives
+from trackslip.identification.drive_law import REFERENCE, DriveFit, fit_drives
 from trackslip.identification.drives import drives_of
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.plausibility import least_squares_gains
@@ -45,8 +45,8 @@ _STEADY_LAWS = ("icr", "turn_loss_sides", "icr_sides")
 """Laws that folds fit by default; on the shipped logs, others were never best."""
 _EXTRAS = ("sensor_x", "sensor_y", "sensor_yaw", "drift", "clock_offset", "lag")
 
-Spec = tuple[Path | None, str | None]
-"""A file with laws and the name of one, by default its best; without a file, none or the name of a law to fit."""
+Spec = tuple[Path | None, str]
+"""A file with laws and the name of one, "" for its best; without a file, none or the name of a law to fit."""
 Robots = Mapping[str, Sequence[Candidate]]
 """Robots by their labels, one for each part of the log."""
 
@@ -123,7 +123,7 @@ def _lagging(log: RunLog, lag: float) -> Array:
 
 def _steady(samples: SlipSamples, twist: Array) -> list[Trajectory]:
     """Motion within FIRST of steady driving, measured and by predicted twists (n, 2); a trajectory a sample."""
-    (v, w), time = np.moveaxis([samples.twist, twist], -1, 0), np.array([0.0, FIRST])
+    (v, w), time = np.moveaxis(np.stack([samples.twist, twist]), -1, 0), np.array([0.0, FIRST])
     chord, turn = v * FIRST * np.sinc(w * FIRST / (2 * np.pi)), w * FIRST
     ends = np.stack([chord * np.cos(turn / 2), chord * np.sin(turn / 2), turn], axis=-1)  # (2, n, 3)
     poses = np.stack([np.zeros_like(ends), ends], axis=2)
@@ -139,7 +139,7 @@ def law_specs(config: Config) -> list[Spec]:
         if text == NO_SLIP or (config.folds and text in FAMILIES):
             specs.append((None, text))
         elif os.path.exists(text):  # unlike Path.exists, also False for names that are too long
-            specs.append((Path(text), None))
+            specs.append((Path(text), ""))
         elif file and os.path.exists(file):
             specs.append((Path(file), name))
         else:
@@ -150,7 +150,7 @@ def law_specs(config: Config) -> list[Spec]:
 
 def known_geometry(config: Config, specs: Sequence[Spec]) -> RobotGeometry | None:
     """The size of the robot that the laws were identified for, else of the simulated one."""
-    laws = [identified_law(file, name) for file, name in specs if file is not None]
+    laws = [identified_law(file, name or None) for file, name in specs if file is not None]
     if laws:
         return laws[0].geometry
     return load_parameters(config.robot[0])[0].geometry if config.robot else None
@@ -210,14 +210,17 @@ def _laws(config: Config, specs: Sequence[Spec], others: Log, gyro: bool) -> lis
     Unless given, sensor and clock are as identified with each law, for laws shift and turn them differently; laws that
     come without have those of the first law that has them.
     """
-    fits = _fits([name for file, name in specs if file is None and name and name != NO_SLIP], others)
-    laws = list[tuple[LawInUse, float]]()
+    geometry, laws = others.geometry, list[tuple[LawInUse, float]]()
+    to_fit = [name for file, name in specs if file is None and name != NO_SLIP]
+    reference = fit_drives(REFERENCE, others.logs, geometry) if to_fit and others.logs else None
     for file, name in specs:
         if file is not None:
-            laws.append((identified_law(file, name, others.geometry), 0.0))
+            laws.append((identified_law(file, name or None, geometry), 0.0))
+        elif name in to_fit:
+            laws.append(_fitted(name, others, reference))
         else:
-            laws.append(fits.get(name or "", (no_slip(others.geometry), 0.0)))
-    known = next((law for law, _ in laws if law.mounting is not None), no_slip(others.geometry))
+            laws.append((no_slip(geometry), 0.0))
+    known = next((law for law, _ in laws if law.mounting is not None), laws[0][0])
     names, models = [law.name for law, _ in laws], list[LawModel]()
     for (law, lag), (file, _) in zip(laws, specs, strict=True):
         own = known if law.mounting is None else law
@@ -233,21 +236,16 @@ def _laws(config: Config, specs: Sequence[Spec], others: Log, gyro: bool) -> lis
     return models
 
 
-def _fits(names: Sequence[str], others: Log) -> dict[str, tuple[LawInUse, float]]:
-    """Laws fitted to other parts of a log, with their lags [s]."""
-    geometry, fits = others.geometry, dict[str, tuple[LawInUse, float]]()
-    reference = fit_drives(REFERENCE, others.logs, geometry) if names and others.logs else None
-    for name in names:
-        if others.samples is not None:
-            law = fit_law(name, others.samples, geometry, bootstraps=0, vague=True).law
-            fits[name] = LawInUse(name, law, geometry), 0.0
-            continue
-        if name not in drive_laws():
-            raise InvalidValueError("law", name, f"for drives, one of {', '.join(drive_laws())}")
-        fit = fit_drives(name, others.logs, geometry, reference=reference)
-        x, y, yaw, drift, clock, lag = (fit.extras[key] for key in _EXTRAS)
-        fits[name] = LawInUse(name, fit.law, geometry, None, None, drift, Mounting(x, y, yaw), clock), lag
-    return fits
+def _fitted(name: str, others: Log, reference: DriveFit | None) -> tuple[LawInUse, float]:
+    """A law fitted to other parts of a log, and the lag of the motion behind the belts [s]."""
+    geometry = others.geometry
+    if others.samples is not None:
+        return LawInUse(name, fit_law(name, others.samples, geometry, bootstraps=0, vague=True).law, geometry), 0.0
+    if name not in drive_laws():
+        raise InvalidValueError("law", name, f"for drives, one of {', '.join(drive_laws())}")
+    fit = fit_drives(name, others.logs, geometry, reference=reference)
+    x, y, yaw, drift, clock, lag = (fit.extras[key] for key in _EXTRAS)
+    return LawInUse(name, fit.law, geometry, drift=drift, mounting=Mounting(x, y, yaw), clock_offset=clock), lag
 
 
 def _gains(others: Log) -> LawInUse:
