@@ -67,7 +67,12 @@ class DataSet:
 
     def options(self, config: Config) -> Config:
         """The options with what the data set states; raises InvalidValueError for those that are given besides."""
-        stated: dict[str, Any] = {"law": self.law, "robot": self.robot, "ground": GroundOptions(self.ground), "folds": self.folds}
+        stated: dict[str, Any] = {
+            "law": self.law,
+            "robot": self.robot,
+            "ground": GroundOptions(self.ground),
+            "folds": self.folds,
+        }
         stated |= {"sensor": self.sensor or None, "free": self.free or None}
         for name in stated:
             why = "with a data set, which states it"

@@ -186,11 +186,10 @@ def robots_of(config: Config, log: Log) -> tuple[Robots, Calibration | None]:
         sensor = Mounting(*(config.sensor or (0.0, 0.0, 0.0)))
         base = Candidate(robot, ground, sensor, config.clock_offset or 0.0)
         label = Path(source).stem if k else ROBOT
-        robots[label] = [base] * log.parts
-        if config.folds and config.clock_offset is None and log.logs:
-            robots[label] = _calibrated(config, log, base, ("clock",)).folds
+        clock = ("clock",) if config.folds and config.clock_offset is None and log.logs else ()
+        robots[label] = _calibrated(config, log, base, clock).folds if clock else [base] * log.parts
         if k == 0 and config.free:
-            fit = _calibrated(config, log, base, config.free)
+            fit = _calibrated(config, log, base, tuple(dict.fromkeys((*config.free, *clock))))
             robots[CALIBRATED] = fit.folds
     return robots, fit
 
