@@ -223,8 +223,11 @@ def _laws(config: Config, specs: Sequence[Spec], others: Log, gyro: bool) -> lis
     names, models = [law.name for law, _ in laws], list[LawModel]()
     for (law, lag), (file, _) in zip(laws, specs, strict=True):
         own = known if law.mounting is None else law
-        sensor = Mounting(*config.sensor) if config.sensor else own.mounting or Mounting()
-        clock = (own.clock_offset or 0.0) if config.clock_offset is None else config.clock_offset
+        sensor, clock = own.mounting or Mounting(), own.clock_offset or 0.0
+        if config.sensor and not config.folds:  # laws that are fitted have their own turning centre and clock
+            sensor = Mounting(*config.sensor)
+        if config.clock_offset is not None and not config.folds:
+            clock = config.clock_offset
         shared = file is not None and names.count(law.name) > 1
         label = f"{relative(str(file))}:{law.name}" if shared else law.name
         models.append(LawModel(label, law.name, sensor, clock, replace(law, gyro=None), lag))
