@@ -22,7 +22,8 @@ _METHOD = (
     "are those of independent parts of the target; a parameter that it doesn't tell is held at its initial value."
 )
 _LOOKS = ("before", ORANGE, "^"), ("calibrated", BLUE, "o")
-_WINDOWS = 6  # drawn
+_WINDOWS = 4  # drawn
+_WIDTH = 4.6  # of a panel, about a phone's [in]
 
 
 def page(
@@ -59,21 +60,22 @@ def gain(fit: Calibration, test: Test | None) -> str:
 
 
 @style.styled
-def drawn(target: Target, candidates: Mapping[str, Candidate]) -> Figure:
+def drawn(target: Target, candidates: Mapping[str, Candidate]) -> style.Panels:
     """Paths in windows of drives; of other targets, numbers over numbers."""
     if isinstance(target, Drives):
         return _paths(target, candidates)
-    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
-    axes = figure.subplots(1, 2)
-    for label, colour, marker in _LOOKS:
-        for axis, (name, measured, simulated) in zip(axes, _numbers(target, candidates[label]), strict=True):
-            look = {"ls": "none", "marker": marker, "ms": 3.5, "mfc": "none", "color": colour}
-            axis.plot(measured, simulated, label=label, **look)
-            axis.set(title=name, xlabel="measured", ylabel="simulated")
-    for axis in axes:
+    figures, numbers = [], {label: _numbers(target, candidates[label]) for label, _, _ in _LOOKS}
+    for k in range(2):
+        figure = Figure(figsize=(_WIDTH, 4.2), layout="constrained")
+        axis = figure.subplots()
+        for label, colour, marker in _LOOKS:
+            name, measured, simulated = numbers[label][k]
+            axis.plot(measured, simulated, marker, label=label, ms=3.5, mfc="none", color=colour)
+        axis.set(title=name, xlabel="measured", ylabel="simulated")
         axis.axline((axis.get_xlim()[0],) * 2, slope=1, **style.THEORY)
-    figure.legend(handles=axes[0].lines[:2], loc="outside lower center", ncols=2)
-    return figure
+        figure.legend(handles=axis.lines[:2], loc="outside lower center", ncols=2)
+        figures.append(figure)
+    return tuple(figures)
 
 
 def _numbers(target: Target, candidate: Candidate) -> Sequence[tuple[str, Array, Array]]:
@@ -87,17 +89,17 @@ def _numbers(target: Target, candidate: Candidate) -> Sequence[tuple[str, Array,
     return list(zip(names, target.slip.T, slip.T, strict=True))
 
 
-def _paths(target: Drives, candidates: Mapping[str, Candidate]) -> Figure:
-    figure = Figure(figsize=(9.0, 6.4), layout="constrained")
-    chosen = np.linspace(0, len(target.windows) - 1, min(_WINDOWS, len(target.windows))).astype(int)
-    for axis, k in zip(figure.subplots(2, 3).flat, chosen, strict=False):
-        log = target.windows[k]
+def _paths(target: Drives, candidates: Mapping[str, Candidate]) -> style.Panels:
+    figures, looks = [], [(label, colour, candidates[label]) for label, colour, _ in _LOOKS]
+    for k in np.linspace(0, len(target.windows) - 1, min(_WINDOWS, len(target.windows))).astype(int):
+        figure = Figure(figsize=(_WIDTH, 3.4), layout="constrained")
+        axis, log = figure.subplots(), target.windows[k]
         seen = log.has_heading
         axis.plot(*log.pose[seen, :2].T, ".", color=BLACK, ms=4, label="measured")
-        for label, colour, _ in _LOOKS if seen.any() else ():
-            one = candidates[label]
+        for label, colour, one in looks if seen.any() else ():
             path = target.motion(one).sensor_at(k, one.sensor, log.time[seen] + one.clock)
             axis.plot(*from_pose(path, log.pose[seen])[:, :2].T, color=colour, label=label)
-        style.plane(axis, adjustable="datalim", title=log.run)
-    figure.legend(handles=figure.axes[0].lines, loc="outside lower center", ncols=3)
-    return figure
+        style.plane(axis, adjustable="datalim", title=f"Window {k + 1}: {log.run}")
+        figure.legend(handles=axis.lines, loc="outside lower center", ncols=3)
+        figures.append(figure)
+    return tuple(figures)

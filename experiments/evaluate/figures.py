@@ -21,6 +21,7 @@ _LOOKS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """Titles and lines of the models that aren't laws."""
 _POINTS = 1500  # poses drawn
+_WIDTH = 4.6  # of a panel, about a phone's [in]
 
 
 def title(one: Prediction) -> str:
@@ -34,29 +35,31 @@ def _look(one: Prediction) -> dict[str, Any]:
 
 
 @style.styled
-def errors_ahead(found: Sequence[Prediction]) -> Figure:
+def errors_ahead(found: Sequence[Prediction]) -> style.Panels:
     """Median errors at the decisive length, with lines to the errors that 90 % stay below."""
-    figure = Figure(figsize=(9.0, 0.9 + 0.28 * len(found)), layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
     length, unit = decisive(found)
-    for axis, what, sign, factor in zip(axes, ("position", "heading"), "m°", (1.0, np.degrees(1.0)), strict=True):
+    figures = []
+    for what, sign, factor in (("position", "m", 1.0), ("heading", "°", np.degrees(1.0))):
+        figure = Figure(figsize=(_WIDTH, 0.9 + 0.28 * len(found)), layout="constrained")
+        axis = figure.subplots()
         for k, one in enumerate(found):
-            errors = getattr(one.ahead(length, unit), what)
+            errors = getattr(one.ahead(length, unit), what, None)
             if errors is not None:
                 axis.plot([factor * errors.median, factor * errors.p90], [k, k], color=_look(one)["color"], lw=1.5)
                 axis.plot(factor * errors.median, k, "o", color=_look(one)["color"], ms=6)
         axis.set(title=what.capitalize(), xlabel=f"error after {length:g} {unit} [{sign}]", xscale="log")
         style.log_ticks(axis.xaxis)
-    axes[0].set_yticks(range(len(found)), map(title, found))
-    axes[0].invert_yaxis()
-    return figure
+        axis.set_yticks(range(len(found)), map(title, found))
+        axis.set_ylim(len(found) - 0.5, -0.5)
+        figures.append(figure)
+    return tuple(figures)
 
 
 @style.styled
-def paths(found: Sequence[Prediction]) -> Figure:
-    """A typical drive: paths from its first measured pose on the left, their errors over the way on the right."""
-    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
-    left, right = figure.subplots(1, 2)
+def paths(found: Sequence[Prediction]) -> style.Panels:
+    """A typical drive: paths from its first measured pose, and their errors over the way."""
+    figures = [Figure(figsize=(_WIDTH, 4.6), layout="constrained") for _ in range(2)]
+    left, right = (figure.subplots() for figure in figures)
     drive = typical(found)
     shown = style.thin(len(drive.time), _POINTS)
     left.plot(*drive.measured[shown, :2].T, ".", color=BLACK, ms=4, mew=0, label="measured poses")
@@ -64,13 +67,15 @@ def paths(found: Sequence[Prediction]) -> Figure:
         path = one.drive(drive.name)
         left.plot(*path.placed[shown, :2].T, label=title(one), **_look(one))
         error = np.hypot(*(path.placed - path.measured)[shown, :2].T)
-        right.plot((path.way - path.way[0])[shown], np.where(error > 0, error, np.nan), **_look(one))
+        way = (path.way - path.way[0])[shown]
+        right.plot(way, np.where(error > 0, error, np.nan), label=title(one), **_look(one))
     style.plane(left, adjustable="datalim", title="Paths")
     right.set(xlabel="distance [m]", ylabel="error of position [m]", yscale="log")
     right.set_title("Error from the first pose on" if drive.has_heading else "Error, fitted to all positions")
     style.log_ticks(right.yaxis)
-    figure.legend(handles=left.lines, loc="outside lower center", ncols=3, handlelength=3.2)
-    return figure
+    for figure, axis in zip(figures, (left, right), strict=True):
+        figure.legend(handles=axis.lines, loc="outside lower center", ncols=2, handlelength=3.2)
+    return tuple(figures)
 
 
 def typical(found: Sequence[Prediction]) -> Trajectory:
