@@ -38,7 +38,10 @@ def page(
     """The page; `use` are the options by which commands take the robot, `made` is the command line."""
     errors, parameters = error_table(fit, test), parameter_table("Parameters", fit)
     facts = [(name, f"{value} ({interval})") for name, value, interval in parameters.texts]
-    answer = Answer(gain(fit, test), facts, warnings=remarks(fit, test), next=[f"trackslip evaluate LOG {use}"])
+    line = gain(fit, test)
+    answer = Answer(
+        f"{line[0].upper()}{line[1:]}", facts, warnings=remarks(fit, test), next=[f"trackslip evaluate LOG {use}"]
+    )
     plot = Plot(
         "measured_and_simulated",
         partial(drawn, target, {"before": base, "calibrated": fit.candidate}),

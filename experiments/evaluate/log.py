@@ -45,7 +45,8 @@ class Log:
     def take(self, rows: np.ndarray) -> Log:
         """The drives or samples `rows` (n,) bool."""
         logs = [log for log, wanted in zip(self.logs, rows, strict=False) if wanted]
-        return replace(self, logs=logs, samples=self.samples and self.samples.take(rows), part=self.part[rows])
+        samples = None if self.samples is None else self.samples.take(rows)
+        return replace(self, logs=logs, samples=samples, part=self.part[rows])
 
 
 def read_log(config: Config, known: RobotGeometry | None) -> Log:

@@ -44,7 +44,7 @@ def test_published_numbers(trackslip, centred):
     assert found["radius_rms"] <= 0.046
     assert found["slip_rms"] < centred["slip_rms"] <= 0.0072
     page = (result.folder / "report.html").read_text()
-    assert "slip, rms: 0.0063 (calibrated), 0.0071 before" in page
+    assert "Slip, rms: 0.0063 (calibrated), 0.0071 before" in page
     assert "friction_ratio" in page
     parameters, _ = load_parameters(result.folder / "robot.toml")
     assert parameters.com_y == found["parameters"]["com_y"]["value"]
@@ -90,7 +90,7 @@ def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
     out = found.summary["held_out"]
     assert out["calibrated"]["heading_5s_median"] < 0.6 * out["before"]["heading_5s_median"], out
     assert "held out, before" in found.printed
-    assert "position after 5 s, median: " in (found.folder / "report.html").read_text()
+    assert "Position after 5 s, median: " in (found.folder / "report.html").read_text()
     ground = load_ground(str(found.folder / "ground.toml"))
     assert ground.across / ground.along == pytest.approx(parameters["friction_ratio"]["value"])
     assert load_parameters(found.folder / "robot.toml") == (
