@@ -36,7 +36,8 @@ def run(config: Config) -> None:
         with run.watch.stage("predictions"):
             found = predictions(log, models)
         step(1.0)
-        notes = [*log.notes, *(found[0].errors.notes if log.logs else ()), *identified_from(config.path, specs)]
+        lengths = found[0].errors.notes if log.logs and not config.folds else ()  # windows are short
+        notes = [*log.notes, *lengths, *identified_from(config.path, specs)]
         notes += doubts(found, log)
         checks = data.checks(found) if data else []
         title = data.title if data else f"Predictions of “{config.path.resolve().name}”"
