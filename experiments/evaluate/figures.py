@@ -79,8 +79,17 @@ def paths(found: Sequence[Prediction]) -> style.Panels:
 
 
 def typical(found: Sequence[Prediction]) -> Trajectory:
-    """The drive with the median error of the best model, of the half of the drives that go farthest."""
-    drives = sorted(best(found).errors.trajectories, key=lambda drive: drive.way[0] - drive.way[-1])
-    far = drives[: len(drives) // 2 + 1]
-    errors = [float(np.max(absolute_errors(drive, not drive.has_heading)[0])) for drive in far]
-    return far[int(np.argsort(errors)[len(far) // 2])]
+    """The drive with the median error of the best model, of those of the half that goes farthest that turn most."""
+    drives = list(best(found).errors.trajectories)
+    for size in (_way, _turn):
+        drives = sorted(drives, key=size)[len(drives) // 2 :]
+    errors = [float(np.max(absolute_errors(drive, not drive.has_heading)[0])) for drive in drives]
+    return drives[int(np.argsort(errors)[len(drives) // 2])]
+
+
+def _way(drive: Trajectory) -> float:
+    return float(drive.way[-1] - drive.way[0])
+
+
+def _turn(drive: Trajectory) -> float:
+    return float(np.ptp(drive.estimated[:, 2]))
