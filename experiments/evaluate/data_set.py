@@ -28,7 +28,7 @@ class Bound:
     """The largest error that a model may have 1 s ahead, in SI units, or with `over` its ratio to another model's."""
 
     row: str
-    """today, two_gains, laws (the best), robot, calibrated, or the name of another robot's file."""
+    """today, two_gains, laws (the best), robot, calibrated, or robot_2 and so on for further robots."""
     quantity: str
     most: float
     over: str = ""
@@ -58,7 +58,7 @@ class DataSet:
         require(self.log.exists(), "log", self.log, "a file beside the data set")
         require_whole("folds", self.folds, 2, MAX_FOLDS)
         require(len(self.sensor) in (0, 3), "sensor", self.sensor, "x, y and yaw")
-        known = {ROBOT, CALIBRATED, TODAY, GAINS, LAWS, *(Path(robot).stem for robot in self.robot[1:])}
+        known = {ROBOT, CALIBRATED, TODAY, GAINS, LAWS, *(f"{ROBOT}_{k + 1}" for k in range(1, len(self.robot)))}
         for bound in self.bounds:
             for row in filter(None, (bound.row, bound.over)):
                 require(row in known, "bounds", row, f"one of {', '.join(sorted(known))}")

@@ -185,7 +185,7 @@ def robots_of(config: Config, log: Log) -> tuple[Robots, Calibration | None]:
         ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
         sensor = Mounting(*(config.sensor or (0.0, 0.0, 0.0)))
         base = Candidate(robot, ground, sensor, config.clock_offset or 0.0)
-        label = Path(source).stem if k else ROBOT
+        label = f"{ROBOT}_{k + 1}" if k else ROBOT
         clock = ("clock",) if config.folds and config.clock_offset is None and log.logs else ()
         robots[label] = _calibrated(config, log, base, clock).folds if clock else [base] * log.parts
         if k == 0 and config.free:

@@ -142,7 +142,7 @@ def test_commands_drive_the_robot_through_its_drive(wander, tmp_path):
     slow.write_text("radius_error = 0.0066\n[drive]\nlag = 0.3\ndelay = 0.2\n")
     options = ("--robot", str(slow), "--robot", "shipped", "--inputs", "commands")
     models = ran(tmp_path / "out", "evaluate", str(wander), *options).summary["models"]
-    slow, shipped = (models[name]["after_seconds"]["1"]["position"]["rms"] for name in ("robot", "shipped"))
+    slow, shipped = (models[name]["after_seconds"]["1"]["position"]["rms"] for name in ("robot", "robot_2"))
     assert slow > 1.2 * shipped
 
 
