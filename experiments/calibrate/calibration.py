@@ -1,9 +1,9 @@
-"""Calibration of the simulated robot: its targets, and its fits as results and as tables."""
+"""Calibration of the simulated robot: its targets, and its fits as tables and as results."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,7 @@ from sim.calibration.candidate import OF_DRIVE, Candidate
 from sim.calibration.targets import Drives, SteadyRows, Target, TurnTable
 from trackslip.errors import InvalidValueError, LogError, counted
 from trackslip.identification.source import ReadOptions, Source, read_source
-from trackslip.logs.logfile import read_table
-from trackslip.logs.table import read_columns
 
-TABLE_COLUMNS = ("radius", "speed", "observed_radius", "slip_outer", "slip_inner")
 _METRICS = {
     "v": ("v, rms", 1e3, 1, "mm/s"),
     "w": ("w, rms", 1e3, 1, "mrad/s"),
@@ -35,15 +32,21 @@ _MIN_STEADY = 0.5  # share of the driving that is steady, of simulated runs comp
 _STATISTICS = {"median": "median", "p90": "90 %"}
 
 
+@dataclass(frozen=True)
+class Test:
+    """Errors on another log, where only a free clock is fitted."""
+
+    before: dict[str, float]
+    calibrated: dict[str, float]
+    clock_offset: float
+    """Encoder clock minus pose clock there [s]."""
+
+
 def read_target(name: str, config: Config, base: Candidate) -> Target:
     """The published target, or that in a file, the base's geometry being used for a log without; raises LogError."""
     if name == "published":
         return TurnTable.published(config.threads)
     path, geometry = Path(name), base.geometry
-    if path.suffix.lower() in (".csv", ".parquet"):
-        table = read_table(path)
-        if set(TABLE_COLUMNS) & set(table.column_names):
-            return _turn_table(read_columns(table, TABLE_COLUMNS, name), name, config.threads)
     reading = ReadOptions(gear=config.gear, bag=config.bag.choice())
     try:
         source = read_source(path, reading)
@@ -65,17 +68,6 @@ def _steady(source: Source) -> bool:
         return False
 
 
-def _turn_table(columns: Any, name: str, threads: int) -> TurnTable:
-    for label, column in zip(TABLE_COLUMNS, columns.T, strict=True):
-        wrong, allowed = (column >= 1, "< 1") if label.startswith("slip") else (column <= 0, "> 0")
-        if np.any(wrong):
-            row = int(np.argmax(wrong))
-            raise LogError(f"{name}: row {row + 1}, column {label}: {column[row]:g} must be {allowed}")
-    radius, speed, observed, outer, inner = columns.T
-    slip = np.stack([inner, outer], axis=-1)
-    return TurnTable(radius, speed, observed, slip, 3 * len(columns), threads=threads)
-
-
 def fold_labels(target: Target, hold_out: float | None, folds: int | None) -> np.ndarray | None:
     """Labels (n,) of the folds of a target's errors, parts in the order of the log; None without."""
     layout = target.layout
@@ -92,131 +84,66 @@ def fold_labels(target: Target, hold_out: float | None, folds: int | None) -> np
     return (place * folds).astype(int)
 
 
-def variants(target: Target, base: Candidate, best: Calibration) -> dict[str, Calibration]:
-    """Fits to compare with the best one, by title: with a centred mass, and by theory to the slips alone."""
-    if isinstance(target, Drives):
-        return {}
-    found, free = {}, list(best.estimates)
-    rest = [name for name in free if name != "com_y"]
-    if 0 < len(rest) < len(free):
-        found["com_y = 0"] = calibrate(target, base.with_values({"com_y": 0.0}), rest)
-    theory: TurnTable | SteadyRows
-    if isinstance(target, TurnTable):
-        theory = replace(target, theory=True)
-        lowest = calibrate(replace(theory, radius_scale=np.inf), best.candidate, free)
-    else:
-        assert isinstance(target, SteadyRows)
-        theory = replace(target, theory=True)
-        lowest = calibrate(theory, best.candidate, free)
-    metrics = theory.metrics(theory.errors(lowest.candidate))
-    return found | {
-        "theory, slips alone" if isinstance(target, TurnTable) else "theory": replace(lowest, metrics=metrics)
-    }
-
-
-def tested(config: Config, base: Candidate, best: Calibration) -> tuple[dict[str, float], dict[str, float], float]:
-    """Errors on the log `config.test` of the base and of the best candidate, each with its own clock if it is free.
-
-    The third is the clock of the best candidate there [s].
-    """
+def tested(config: Config, base: Candidate, fit: Calibration) -> Test | None:
+    """Errors of the base and of the fit on the log `config.test`, each with its own clock if that is free."""
+    if config.test is None:
+        return None
     target = read_target(str(config.test), config, base)
-    clock = best.estimates.get("clock")
-    errors, clocks = list[dict[str, float]](), list[float]()
-    for one in (base, best.candidate):
-        fitted = calibrate(target, one, ("clock",)).candidate if clock and isinstance(target, Drives) else one
-        errors.append(target.metrics(target.errors(fitted)))
-        clocks.append(fitted.clock)
-    return errors[0], errors[1], clocks[-1]
-
-
-def summary_of(
-    best: Calibration,
-    others: Mapping[str, Calibration],
-    test: tuple[dict[str, float], dict[str, float], float] | None,
-) -> dict[str, Any]:
-    """A calibration as a summary."""
-    place = best.candidate.sensor
-    found = fit_summary(best) | {
-        "sensor": {"x": place.x, "y": place.y, "yaw": place.yaw, "clock_offset": best.candidate.clock},
-        "before": best.before,
-        "variants": {title: fit_summary(fit) for title, fit in others.items()},
-        "starts": [{"cost": cost, "values": {n: end.value(n) for n in best.estimates}} for end, cost in best.ends],
-    }
-    if best.held_out is not None:
-        found["held_out"] = {"before": best.held_out_before, "calibrated": best.held_out}
-    if test:
-        found["test"] = {"before": test[0], "calibrated": test[1], "clock_offset": test[2]}
-    return found
+    candidates = [base, fit.candidate]
+    if "clock" in fit.estimates and isinstance(target, Drives):
+        candidates = [calibrate(target, candidate, ("clock",)).candidate for candidate in candidates]
+    before, after = (target.metrics(target.errors(candidate)) for candidate in candidates)
+    return Test(before, after, candidates[1].clock)
 
 
 def fit_summary(fit: Calibration) -> dict[str, Any]:
     """A fit as an entry of a summary: parameters, their errors, what is left, and the values of the folds."""
     parameters = {name: {**vars(one), "identifiable": not one.held} for name, one in fit.estimates.items()}
     folds = [{name: fold.value(name) for name in fit.estimates} for fold in fit.folds]
-    return {"parameters": parameters, "correlation": fit.correlation, **fit.metrics} | (
-        {"folds": folds} if folds else {}
-    )
+    summary = {"parameters": parameters, "correlation": fit.correlation, **fit.metrics}
+    return summary | ({"folds": folds} if folds else {})
 
 
-def printed(name: str, unit: str) -> tuple[float, str]:
-    """Factor from SI and unit in which a parameter is printed."""
-    return (1e2, "%") if name.startswith("radius") else printed_unit(unit)
+def summary_of(fit: Calibration, test: Test | None) -> dict[str, Any]:
+    """A calibration as a summary."""
+    place = fit.candidate.sensor
+    summary = fit_summary(fit) | {
+        "sensor": {"x": place.x, "y": place.y, "yaw": place.yaw, "clock_offset": fit.candidate.clock},
+        "before": fit.before,
+        "starts": [{"cost": cost, "values": {n: end.value(n) for n in fit.estimates}} for end, cost in fit.ends],
+    }
+    if fit.held_out is not None:
+        summary["held_out"] = {"before": fit.held_out_before, "calibrated": fit.held_out}
+    if test is not None:
+        summary["test"] = vars(test)
+    return summary
 
 
-def parameter_cells(name: str, one: Estimate | None) -> tuple[str, str]:
-    """A parameter with its standard error, and its interval."""
-    if one is None:
-        return MISSING, MISSING
-    unit = printed(name, one.unit)
+def parameter_table(title: str, fit: Calibration) -> Table:
+    """Parameters with standard errors and intervals."""
+    rows = [(name, *_parameter_cells(name, one)) for name, one in fit.estimates.items()]
+    return Table(title, ("parameter", "fit", "95 %"), rows)
+
+
+def _parameter_cells(name: str, one: Estimate) -> tuple[str, str]:
+    factor, unit = (1e2, "%") if name.startswith("radius") else printed_unit(one.unit)
     if one.held:
-        return f"{unit[0] * one.value:.4g} {unit[1]} (held)".replace("  ", " "), MISSING
-    cells = with_error(one.value, one.stderr, unit, (one.low, one.high))
-    return cells[0], cells[1]
+        return f"{factor * one.value:.4g} {unit}".rstrip() + " (held)", MISSING
+    value, interval = with_error(one.value, one.stderr, (factor, unit), (one.low, one.high))
+    return value, interval
 
 
-def print_fits(
-    title: str,
-    best: Calibration,
-    others: Mapping[str, Calibration],
-    test: tuple[dict[str, float], dict[str, float], float] | None,
-) -> None:
-    """Print parameters and errors of a fit, and of those that it is compared with."""
-    rows = [
-        (
-            name,
-            *parameter_cells(name, one),
-            *(parameter_cells(name, fit.estimates.get(name))[0] for fit in others.values()),
-        )
-        for name, one in best.estimates.items()
-    ]
-    if others:
-        rows += [
-            (label, value, "", *others_of)
-            for label, value, *others_of in _metric_rows([best.metrics, *(fit.metrics for fit in others.values())])
-        ]
-    Table(title, ("parameter", "fit", "95 %", *others), rows).print()
-    for name, one in best.estimates.items():
-        if one.held:
-            print(f"{name} is held: {one.held}")
-    columns = {"before": best.before, "calibrated": best.metrics}
-    if best.held_out is not None and best.held_out_before is not None:
-        columns |= {"held out, before": best.held_out_before, "held out": best.held_out}
-    if test:
-        columns |= {"test, before": test[0], "test": test[1]}
-    if not others or len(columns) > 2:
-        Table("Simulated minus measured", ("error", *columns), _metric_rows(list(columns.values()))).print()
-    if test and test[2] != best.candidate.clock:
-        print(f"the test log is predicted with --clock-offset={test[2]:.3g}")
-    if len(best.ends) > 1:
-        known = {name: one.stderr for name, one in best.estimates.items() if not one.held}
-        ends = [[end.value(name) for name in known] for end, _ in best.ends]
-        apart = np.abs(np.subtract(ends, ends[0])) / list(known.values())
-        number_of = counted(len(ends), "start")
-        print(f"{number_of} end within {apart.max(initial=0.0):.1g} standard errors of each other")
+def error_table(fit: Calibration, test: Test | None) -> Table:
+    """Errors before and after the fit, of the target, of what was held out and of another log."""
+    columns = {"before": fit.before, "calibrated": fit.metrics}
+    if fit.held_out is not None and fit.held_out_before is not None:
+        columns |= {"held out, before": fit.held_out_before, "held out": fit.held_out}
+    if test is not None:
+        columns |= {"test, before": test.before, "test": test.calibrated}
+    return Table("Simulated minus measured", ("error", *columns), _metric_rows(list(columns.values())))
 
 
-def _metric_rows(metrics: list[dict[str, float]]) -> list[tuple[str, ...]]:
-    """Rows of a table of errors, which are its columns."""
+def _metric_rows(metrics: Sequence[dict[str, float]]) -> list[tuple[str, ...]]:
     rows = []
     for name in metrics[0]:
         kind, _, rest = name.partition("_")
@@ -229,3 +156,17 @@ def _metric_rows(metrics: list[dict[str, float]]) -> list[tuple[str, ...]]:
         values = (None if name not in one else factor * one[name] for one in metrics)
         rows.append((label, *(number(value, digits, unit) for value in values)))
     return rows
+
+
+def remarks(fit: Calibration, test: Test | None) -> list[str]:
+    """Lines on parameters that are held, the clock of another log, and starts that end elsewhere."""
+    lines = [f"{name} is held: {one.held}" for name, one in fit.estimates.items() if one.held]
+    if test is not None and test.clock_offset != fit.candidate.clock:
+        lines.append(f"the test log is predicted with --clock-offset={test.clock_offset:.3g}")
+    if len(fit.ends) > 1:
+        known = {name: one.stderr for name, one in fit.estimates.items() if not one.held}
+        ends = [[end.value(name) for name in known] for end, _ in fit.ends]
+        apart = np.abs(np.subtract(ends, ends[0])) / list(known.values())
+        starts = counted(len(ends), "start")
+        lines.append(f"{starts} end within {apart.max(initial=0.0):.1g} standard errors of each other")
+    return lines

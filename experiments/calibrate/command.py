@@ -1,11 +1,19 @@
 """`trackslip calibrate`: the simulated robot fitted to published slips, or to the log of a robot."""
 
-from experiments.calibrate.calibration import fold_labels, print_fits, read_target, summary_of, tested, variants
+from experiments.calibrate.calibration import (
+    error_table,
+    fold_labels,
+    parameter_table,
+    read_target,
+    remarks,
+    summary_of,
+    tested,
+)
 from experiments.calibrate.config import GROUND, OF_DRIVES, OF_TURNS, ROBOT, Config
+from experiments.calibrate.page import gain, page
 from experiments.common.manifest import command_line
+from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
-from experiments.recorder import record_all
-from experiments.simulate.grid_runs import sample_runs
 from sim.calibration.calibration import calibrate, random_starts
 from sim.calibration.candidate import Candidate
 from sim.calibration.targets import Drives, TurnTable
@@ -17,36 +25,37 @@ from trackslip.se2 import Mounting
 
 
 def run(config: Config) -> None:
-    """Fit, store and print."""
+    """Fit, store, report and print."""
     with Run(config) as run:
         robot, ground = load_parameters(config.robot)
         ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
         base = Candidate(robot, ground, Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset)
         target = read_target(config.target, config, base)
         free = config.free or (OF_DRIVES if isinstance(target, Drives) else OF_TURNS)
-        count = config.starts if config.starts is not None else 5 * isinstance(target, TurnTable)
+        count = config.starts
+        if count is None:
+            count = 5 if isinstance(target, TurnTable) else 0
         folds = fold_labels(target, config.hold_out, config.folds)
-        with run.progress(
-            f"calibration to {config.target}", 3 + count + (0 if folds is None else int(folds.max()) + 1), "fits"
-        ) as report:
+        fits = 2 + count + (0 if folds is None else int(folds.max()) + 1)
+        with run.progress(f"calibration to {config.target}", fits, "fits") as report:
             further = random_starts(free, count, generator(config.seed, "calibrate"))
-            best = calibrate(target, base, free, folds, further, report)
-            others = variants(target, base, best)
+            fit = calibrate(target, base, free, folds, further, report)
+            test = tested(config, base, fit)
             report(1)
-            again = tested(config, base, best) if config.test else None
-            report(1)
-        fitted, comment = best.candidate, f"made by: {command_line('calibrate')}"
-        for name, text in (
-            (ROBOT, robot_file_text(fitted.robot, fitted.ground, comment)),
-            (GROUND, ground_file_text(fitted.ground, comment)),
-        ):
+        fitted, comment = fit.candidate, f"made by: {command_line('calibrate')}"
+        texts = {ROBOT: robot_file_text(fitted.robot, fitted.ground, comment)}
+        texts[GROUND] = ground_file_text(fitted.ground, comment)
+        for name, text in texts.items():
             (run.folder / name).write_text(text, encoding="utf-8")
-        run.write(summary_of(best, others, again), seed=config.seed)
-        if config.rrd:
-            with run.busy("recordings"):
-                record_all(run.folder, sample_runs(str(run.folder / ROBOT), config))
-    print_fits(f"Calibrated to {config.target}", best, others, again)
-    place, clock = fitted.sensor, fitted.clock
-    sensing = f" --sensor {place.x:.3g} {place.y:.3g} {place.yaw:.3g} --clock-offset={clock:.3g}"
-    known = f"--robot {config.out / ROBOT} --ground {config.out / GROUND}"
-    print(f"{config.out}: {run.wall:.1f} s; use {known}{sensing if fitted.sensor != Mounting() or clock else ''}")
+        manifest = run.manifest(seed=config.seed)
+        run.write(summary_of(fit, test), manifest=manifest)
+        place, clock = fitted.sensor, fitted.clock
+        use = f"--robot {config.out / ROBOT} --ground {config.out / GROUND}"
+        if place != Mounting() or clock:
+            use += f" --sensor {place.x:.3g} {place.y:.3g} {place.yaw:.3g} --clock-offset={clock:.3g}"
+        page(fit, base, target, test, use, manifest, command_line("calibrate")).write(run.folder, config.pdf)
+    parameter_table(f"Calibrated to {config.target}", fit).print()
+    error_table(fit, test).print()
+    for line in (*remarks(fit, test), gain(fit, test)):
+        print(line)
+    print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s; use {use}")

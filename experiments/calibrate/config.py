@@ -12,31 +12,14 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import GEARS
 
 Parameter = Literal[
-    "half_gauge",
-    "contact_length",
-    "radius_error",
-    "radius_left",
-    "radius_right",
-    "friction",
-    "friction_ratio",
-    "shear",
-    "com_x",
-    "com_y",
-    "com_height",
-    "yaw_inertia",
-    "sensor_x",
-    "sensor_y",
-    "sensor_yaw",
-    "clock",
-    "lag",
-    "delay",
-    "droop",
-]
-
+    "half_gauge", "contact_length", "radius_error", "radius_left", "radius_right", "friction", "friction_ratio",
+    "shear", "com_x", "com_y", "com_height", "yaw_inertia", "sensor_x", "sensor_y", "sensor_yaw", "clock",
+    "lag", "delay", "droop",
+]  # fmt: skip
 
 OF_TURNS: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
 OF_DRIVES: tuple[Parameter, ...] = ("friction", "friction_ratio", "radius_error", "sensor_x", "clock")
-"""Parameters to fit by default: to tables and steady samples, and to drives."""
+"""Parameters to fit by default: to steady turns, and to drives."""
 MAX_STARTS = 100
 ROBOT, GROUND = "robot.toml", "ground.toml"
 EXAMPLES = (
@@ -50,12 +33,11 @@ EXAMPLES = (
 class Config(Repeatable):
     """Fit parameters of the simulated robot, its ground, drive and sensor to published slips or to a log.
 
-    A log is one that identify reads: drives or windows with poses, or steady samples. A table of turns has the columns
-    radius and speed (commanded, to the left), observed_radius, slip_outer, slip_inner.
+    A log is one that identify reads: drives or windows with poses, or steady samples.
     """
 
     target: Annotated[str, default_is("published", "published|FILE")] = "published"
-    """Data: the paper's Eq. 11 and Fig. 5 (published), a log, a ROS bag or a folder, or a .csv table of turns."""
+    """Data: the paper's Eq. 11 and Fig. 5 (published), a log, a ROS bag or a folder."""
     free: Annotated[
         tuple[Parameter, ...] | None,
         Distinct("parameter"),
@@ -82,12 +64,12 @@ class Config(Repeatable):
     """Number of parts of the log, each of which is predicted by a fit to the others."""
     test: Annotated[Path | None, default_is("none", "LOG")] = None
     """Another log to predict, for which only the clock is fitted."""
-    starts: Annotated[int | None, Whole(0, MAX_STARTS), default_is("5 for a table of turns, else 0", "INT")] = None
+    starts: Annotated[int | None, Whole(0, MAX_STARTS), default_is("5 for published, else 0", "INT")] = None
     """Number of random starts in addition to the robot's own values."""
-    rrd: bool = False
-    """Also record the calibrated robot turning at the paper's radii, for the rerun viewer, in OUT/recordings."""
     out: Path = Path("out/calibrate")
     """Folder for the results, including robot.toml and ground.toml."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
         Excludes(("folds", "test"), "hold_out"),

@@ -2,62 +2,79 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar, Literal
 
 import tyro
 
+from experiments.calibrate.config import Parameter
 from experiments.common.log_options import Bag, BagOptions, check_sensor
-from experiments.common.options import Distinct, Positive, ResultsOptions, Within, default_is
+from experiments.common.options import Distinct, Exclusion, Needs, Positive, ResultsOptions, Whole, Within, default_is
+from experiments.simulate.options import MAX_THREADS, GroundOptions
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import GEARS
 
 EXAMPLES = (
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
-    ("on a robot's log", "trackslip evaluate log.csv --law out/mine --law none"),
     ("of two laws, on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),
-)
-
-
-_LOGS = default_is("the log's, or the laws'", "FLOAT")
-_LAWS = "as identified with the laws"
-_MAX_OFFSET = 3600.0  # [s]
+    ("laws and a robot, each fitted to the other half of the log",
+     "trackslip evaluate log.csv --robot my_robot.toml --ground asphalt --folds 2 --free friction_ratio shear clock"),
+    ("a data set with its bounds", "trackslip evaluate examples/logs/ice.toml"),
+)  # fmt: skip
+MAX_FOLDS = 10
+_SIZE = default_is("the log's, the laws' or the robot's", "FLOAT")
 
 
 @dataclass(frozen=True)
 class Config(ResultsOptions):
-    """Measure the errors of odometry with slip laws on a log: absolute ones, and relative ones per metre and second.
+    """Measure how well slip laws and simulated robots predict a log from its encoders, beside driving without either.
 
-    The log is one that identify reads; it should not be the one that the laws were identified from.
+    The log is one that identify reads; laws should not have been identified from it, unless --folds fits them to its
+    other parts. A data set is a .toml file that states log, models and bounds; a bound that is missed ends with 1.
     """
 
     path: tyro.conf.Positional[Path]
-    """Folder of a stored drive or grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or their folder)."""
-    law: Annotated[
-        tuple[str, ...],
-        tyro.conf.UseAppendAction,
-        tyro.conf.arg(metavar="LAW", help_behavior_hint="(default: none; may be repeated)"),
-    ] = ()
-    """A law for odometry: none, an identification's folder (its best law), a file of laws, or either with :NAME."""
+    """A .csv or .parquet log, a ROS bag, the folder of a drive, a grid or bags, or a .toml file of a data set."""
+    law: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "LAW")] = ()
+    """none, an identification's folder (its best law), a file of laws, either with :NAME, or a name to fit by folds."""
+    robot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "ROBOT")] = ()
+    """A robot to simulate: a name, or a file as written by calibrate."""
+    ground: GroundOptions = field(default_factory=GroundOptions)
+    """The ground of the simulated robots, and properties that differ from the named one's."""
+    inputs: Literal["encoders", "commands"] = "encoders"
+    """What drives them: measured sprocket speeds, or the logged commands through the robot's drive."""
+    folds: Annotated[int | None, Whole(2, MAX_FOLDS), default_is("nothing is fitted", "INT")] = None
+    """Number of parts of the log, each of which is predicted by laws, gains and robots fitted to the others."""
+    free: Annotated[tuple[Parameter, ...] | None, Distinct("parameter"), default_is("none", "NAME ...")] = None
+    """Parameters of the first robot to fit to the other parts, as by calibrate."""
     where: Annotated[tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")] = None
     """Runs of a sweep to use: ground=ice friction_ratio=1.2."""
-    half_gauge: Annotated[float | None, Positive(100.0, "m"), _LOGS] = None
+    half_gauge: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
     """Half the distance between the tracks [m]."""
-    sprocket_radius: Annotated[float | None, Positive(100.0, "m"), _LOGS] = None
+    sprocket_radius: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
     """Radius of the sprockets [m]."""
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
-    sensor: Annotated[tuple[float, float, float] | None, default_is(_LAWS, "X Y YAW")] = None
+    sensor: Annotated[tuple[float, float, float] | None, default_is("as identified, or the middle", "X Y YAW")] = None
     """Place of the poses' sensor, ahead and to the left of the turning centre, and its heading there [m, m, rad]."""
-    clock_offset: Annotated[float | None, Within(-_MAX_OFFSET, _MAX_OFFSET, "s"), default_is(_LAWS, "FLOAT")] = None
+    clock_offset: Annotated[float | None, Within(-3600.0, 3600.0, "s"), default_is("as identified", "FLOAT")] = None
     """Encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
+    threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
+    """Number of worker threads, 0 for one per processor; the results don't depend on it."""
     tum: bool = True
-    """Write measured and estimated trajectories to OUT/trajectories, in the TUM format that evo reads."""
+    """Write measured and predicted paths of up to 20 drives to OUT/trajectories, in the TUM format that evo reads."""
+    rrd: bool = False
+    """Record the same paths side by side for the rerun viewer, in OUT/recordings."""
     out: Path = Path("out/evaluate")
     """Folder for the results."""
     pdf: bool = False
     """Also write the figures as PDF."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Needs(("ground", "inputs", "free"), "robot"),
+        Needs(("free",), "folds"),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -45,6 +45,11 @@ OPTIONS = [
     ("grid --obstacles forest", "obstacles = 'forest': must be one of posts"),
     (f"{DRAG} --ground clay --pull 300", "not to drag the robot backwards from rest"),
     (f"{DRAG} --pull 160 --pull.height 0.6", "tips over"),
+    # logs of real robots
+    ("evaluate gone.toml", "gone.toml: No such file"),
+    ("evaluate log.csv --free friction", "free = ('friction',): must be left out without --robot"),
+    ("evaluate log.csv --robot husky --free friction", "free = ('friction',): must be left out without --folds"),
+    ("evaluate log.csv --law icr", "law = 'icr': must be none, a folder or file with laws"),
     # predictions from theory
     ("predict --slope 0.9", "less than the friction limit"),
     ("predict --friction 0.5", "friction = 0.5: must be left out without --slope and --pull"),
@@ -127,14 +132,17 @@ FILES = [
     (f"identify {ROBOT} {{}}", "log.csv", TRACE.replace(",", ";"), "must be separated by commas"),
     (f"identify {ROBOT} {{}} --plate 0.6x0.04", "log.csv", TRACE, "is no bag"),
     (f"identify {ROBOT} {{}} --encoders /a", "log.csv", TRACE, "encoders = '/a': must be left out: "),
-    (
-        "calibrate --target {}",
-        "table.csv",
-        "radius,speed,observed_radius,slip_outer,slip_inner\n0.5,0.1,0.6,1.5,-0.1",
-        "row 1, column slip_outer: 1.5 must be < 1",
-    ),
     ("calibrate --target {} --folds 7", "samples.csv", "omega_l,omega_r,v,w\n2,3,0.15,0.1\n3,2,0.15,-0.1", "folds = 7"),
+    (
+        "evaluate {} --robot shipped --inputs commands",
+        "log.csv",
+        TRACE,
+        "needs omega_cmd_l and omega_cmd_r in every row",
+    ),
+    ("evaluate {} --robot shipped", "log.csv", TRACE.replace(",2,3,", ",200,300,"), "belts as fast as 18 m/s"),
     ("track --laws {}", "laws.json", "[" * 100_000, "laws.json"),
+    ("evaluate {}", "mine.toml", 'title = "mine"\nlog = "gone.csv"', "mine.toml: source is missing"),
+    ("evaluate {}", "mine.toml", "folds = 2.5", "mine.toml: folds = 2.5: must be a whole number"),
     ("deploy {}", "laws.json", '{"slip_laws": {"icr"', "not JSON"),
 ]
 

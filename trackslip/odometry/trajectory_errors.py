@@ -57,6 +57,8 @@ class Statistics:
     rms: float
     mean: float
     median: float
+    p90: float
+    """Error that 90 % of them stay below."""
     largest: float
 
     @classmethod
@@ -64,7 +66,8 @@ class Statistics:
         """Statistics of errors (n,) >= 0; None if there are none."""
         if not len(errors):
             return None
-        return cls(rms(errors), float(errors.mean()), float(np.median(errors)), float(errors.max()))
+        mean, p90 = float(errors.mean()), float(np.quantile(errors, 0.9))
+        return cls(rms(errors), mean, float(np.median(errors)), p90, float(errors.max()))
 
 
 @dataclass(frozen=True)
