@@ -44,11 +44,6 @@ def symbol(law: str, parameter: str) -> str:
     return f"{letter} {track if track in _TRACKS and parameter in parameters else ''}".strip() or parameter
 
 
-def prediction_title(name: str) -> str:
-    """The name of a law or model among those compared by prediction."""
-    return shown(name).label
-
-
 def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
     """A law in a table: its name, on a page with what it is and its formula."""
     look = law_looks().get(name, Look(name))

@@ -82,13 +82,6 @@ def drawn_plot(plot: Plot, pdf: bool = False) -> tuple[Drawn, ...]:
 
 
 @dataclass(frozen=True)
-class Note:
-    """A paragraph of less weight."""
-
-    text: str
-
-
-@dataclass(frozen=True)
 class Bullets:
     """A list."""
 
@@ -122,7 +115,7 @@ class Section:
         return any(self.blocks)
 
 
-Block = str | Table | Plot | Note | Bullets | Pictures | Section
+Block = str | Table | Plot | Bullets | Pictures | Section
 
 
 def _all_blocks(blocks: Iterable[Block | None]) -> Iterator[Block]:

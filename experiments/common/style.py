@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import matplotlib
-import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -13,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from experiments.common.colours import BLACK, BLUE, GREY, ORANGE, RED, SHADE
+from experiments.common.colours import BLACK, BLUE, GREY, ORANGE, SHADE
 from experiments.common.laws import shown
 
 INNER, OUTER = ORANGE, BLUE  # tracks
@@ -36,8 +35,6 @@ STYLE: dict[Any, Any] = {
 RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)  # colour maps, and the share dark enough to be seen
 _EDGES = [withStroke(linewidth=5.2, foreground=GREY)]
 DESIRED: dict[str, Any] = {"color": "#e3e3e3", "lw": 3.6, "solid_capstyle": "round", "path_effects": _EDGES}  # a road
-RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}  # the model's contacts in the figures of a validation
-DEFAULT: dict[str, Any] = {"color": RED, "marker": "^"}  # MuJoCo's default contact
 THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 
 Panels = tuple[Figure, ...]  # parts of a figure, drawn separately so that they stack on a narrow page
@@ -66,12 +63,6 @@ def legend_below(figure: Figure, handles: Sequence[Artist], ncols: int = 3, **lo
 def thin(rows: int, most: int = 500) -> slice:
     """Every n-th of `rows` rows, so that about `most` remain: by default, as many as can be told apart on a line."""
     return slice(None, None, max(1, rows // most))
-
-
-def make_room(axes: Axes, share: float = 0.15) -> None:
-    """Raise the top of the axes by a share of their height to make room for a legend."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(top=high + share * (high - low))
 
 
 def shade(map_and_top: tuple[str, float], share: float) -> tuple[float, float, float, float]:
@@ -106,20 +97,6 @@ def log_ticks(axis: Axis) -> None:
     axis.set_major_locator(LogLocator(subs=range(1, 10) if high < 3 * low else (1.0, 2.0, 5.0), numticks=7))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
-
-
-def errors_ahead(panels: Sequence[tuple[str, str, Lines]], ahead: Sequence[float], xlabel: str) -> Figure:
-    """Errors against how far ahead they are; a panel for each title and label, with lines of points (n, 2)."""
-    figure, axes = subplots(3.9, 1, len(panels), squeeze=False)
-    for axis, (title, ylabel, lines) in zip(axes[0], panels, strict=True):
-        for points, look in lines:
-            if len(points):
-                axis.plot(*np.transpose(points), marker="o", ms=3.5, **look)
-        axis.set(title=title, xlabel=xlabel, ylabel=ylabel, xscale="log", yscale="log")
-        axis.set_xticks(ahead, [f"{at:g}" for at in ahead])
-        axis.set_xticks([], minor=True)
-        log_ticks(axis.yaxis)
-    return figure
 
 
 def plane(axes: Axes, **more: Any) -> None:

@@ -80,8 +80,6 @@ class Table:
     """A letter per column, l or r; the last one counts for all that follow."""
     note: str = ""
     """Text below the table, on the page alone."""
-    folded: bool = False
-    """Collapse the table on a page until its title is clicked."""
 
     def print(self) -> None:
         """Print it on the terminal, in signs that can be searched and copied."""

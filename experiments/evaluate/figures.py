@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from experiments.common import style
 from experiments.common.colours import BLACK, GREEN, GREY, RED
-from experiments.common.laws import prediction_title
+from experiments.common.laws import shown
 from experiments.evaluate.models import CALIBRATED, GAINS, ROBOT, TODAY
 from experiments.evaluate.prediction import Prediction, best, decisive
 from trackslip.odometry.trajectory_errors import Trajectory, absolute_errors
@@ -26,7 +26,7 @@ _WIDTH = 4.6  # of a panel, about a phone's [in]
 
 def title(one: Prediction) -> str:
     """Name of a model on a page."""
-    name = _LOOKS[one.name][0] if one.name in _LOOKS else prediction_title(one.name)
+    name = _LOOKS[one.name][0] if one.name in _LOOKS else shown(one.name).label
     return one.label.replace(one.name, name) if one.name in one.label else f"{name} {one.label}"
 
 

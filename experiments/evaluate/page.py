@@ -7,8 +7,7 @@ from math import degrees
 from typing import Any
 
 from experiments.calibrate.calibration import parameter_table
-from experiments.common.check import Check
-from experiments.common.check_table import checks_table
+from experiments.common.check import Check, checks_table
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.table import Cell, Table, number, percent, significant
 from experiments.evaluate import figures
