@@ -87,11 +87,9 @@ def page(
     pictures: Sequence[str],
 ) -> Page:
     """The page of a drive; `pictures` are files in its folder."""
-    profile = Plot(
-        "drive_profile", _profile(run), "Path of the chassis", "The ground along the middle of the course.", ""
-    )
-    slip = Plot("drive_slip_over_slope", _slip_over_slope(run), "Slip against slope", _SLIP_CAPTION, "")
-    time = Plot("drive", _over_time(run), "Over time", "Slip and load of the chassis' tracks.", "")
+    profile = Plot("drive_profile", _profile(run), "Path of the chassis", "The ground along the middle of the course.")
+    slip = Plot("drive_slip_over_slope", _slip_over_slope(run), "Slip against slope", _SLIP_CAPTION)
+    time = Plot("drive", _over_time(run), "Over time", "Slip and load of the chassis' tracks.")
     return Page(
         title=f"{run.robot.name} on {manifest['config']['course']}",
         command=command,

@@ -25,7 +25,7 @@ def page(plan: DrivePlan, paper: Expectation | None, manifest: Mapping[str, Any]
     """The page of a plan; `steps` are the command lines to run next."""
     heading = f"{plan.limits.duration:g} s of driving will tell {_errors_text(plan, plan.expectation)}"
     answer = Answer(heading, _facts(plan, paper), next=steps)
-    figure = Plot("plan", partial(_draw_plan, plan), "Path and speeds", "The path if the law is as expected.", "")
+    figure = Plot("plan", partial(_draw_plan, plan), "Path and speeds", "The path if the law is as expected.")
     sections = [Section("Drive", [figure]), Section("Expected errors", [_expected(plan, paper)])]
     return Page("A drive to identify slip", command_line("plan"), manifest, sections, answer=answer)
 
