@@ -108,7 +108,7 @@ def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
 def test_another_log_is_predicted_with_a_clock_of_its_own(driven, tmp_path):
     """Poses of the second log are stamped 0.1 s later."""
     late = tmp_path / "late.csv"
-    main(["export", str(driven / "out"), "--csv", "--out", str(late)])
+    main(["log", str(driven / "out"), "--out", str(late)])
     table = list(csv.reader(late.read_text().splitlines()))
     run, *columns = (table[0].index(name) for name in ("run", "x", "y", "phi", "valid"))
     for k in range(len(table) - 1, 6, -1):
