@@ -19,7 +19,7 @@ _EYE, _TARGET = [-1.4, -1.2, 1.3], [0.0, 0.0, 0.2]  # of the viewer's camera, re
 _LEGEND = 1.25  # width of a plot over that of its data: the legend stands beside the data
 _ASPECT = 1.9  # width over height of the plan
 _BACKGROUND = (30, 32, 36)
-_COMMON, _MARGIN = (5.0, 95.0), 0.25  # percentiles of values within the range of an axis, and margin around them [-]
+_COMMON, _MARGIN = (1.0, 99.0), 0.1  # percentiles of values within the range of an axis, and margin around them [-]
 
 
 @dataclass(frozen=True)

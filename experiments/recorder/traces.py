@@ -17,7 +17,7 @@ from trackslip.trajectory.segmented import circle
 
 _MIN_SPROCKET_SPEED = 0.3  # below it a slip is a quotient of noise [rad/s]
 _DEGREE = 4  # of the polynomials that smooth poses, after Savitzky and Golay
-_WINDOW = 2.0  # that a polynomial is fitted to [s]
+_WINDOW = 3.0  # that a polynomial is fitted to [s]
 
 
 class Traces:
