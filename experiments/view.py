@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar
 import tyro
 
 from experiments.common.options import Excludes, Exclusion, Options, default_is
-from experiments.common.results import file_names, write_output
+from experiments.common.results import DRIVE_RECORDING, RECORDINGS_FOLDER, file_names, write_output
 from experiments.recorder import record, title, viewer
 from trackslip.errors import InvalidValueError
 from trackslip.ros.choice import AUTOMATIC, BagChoice
@@ -33,9 +33,9 @@ class Config(Options):
     run: Annotated[
         tuple[str, ...],
         tyro.conf.UseAppendAction,
-        tyro.conf.arg(metavar="ID", help_behavior_hint="(default: the first; may be repeated)"),
+        tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: the first; may be repeated)"),
     ] = ()
-    """Name of a run or, in a grid's folder, its id or the beginning of its id; repeat the option to compare runs."""
+    """Name of a run; repeat the option to compare runs."""
     web: bool = False
     """Show them in the browser, until interrupted."""
     save: Annotated[Path | None, default_is("none", "FILE")] = None
@@ -53,8 +53,8 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Read, choose, show."""
-    recording = viewer.drive_recording(config.path)
-    if recording is not None:
+    recording = config.path / RECORDINGS_FOLDER / DRIVE_RECORDING
+    if recording.is_file():  # it shows the course, which the log doesn't hold
         if config.run:
             raise InvalidValueError("run", config.run, f"left out: {config.path} has one run, with its recording")
         if config.save is None:
@@ -68,13 +68,12 @@ def run(config: Config) -> None:
         print(f"warning: {line}")
     chosen = viewer.choose(read.runs, config.run, config.path)
     if not config.run and len(read.runs) > 1:
-        print(f"{len(read.runs)} runs; showing {chosen[0].run!r}. --run ID chooses one; repeat it to compare")
-    laws = config.path if config.path.is_dir() else None
+        print(f"{len(read.runs)} runs; showing {chosen[0].run!r}. --run NAME chooses one; repeat it to compare")
     if config.save is not None:
-        record(config.save, chosen, laws)
+        record(config.save, chosen)
         print(f"{config.save}: {title(chosen)}; to open it: rerun {shlex.quote(str(config.save))}")
         return
     with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
         file = Path(folder) / file_names([title(chosen)], ".rrd")[0]
-        record(file, chosen, laws)
+        record(file, chosen)
         viewer.show(file, config.web)

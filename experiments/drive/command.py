@@ -34,7 +34,7 @@ def run(config: Config) -> None:
         run.write({"drive": result}, simulated=result["duration"], manifest=manifest)
         write_course_run(drive, about, run.folder / RUNS_FILE)
         with run.busy("recording"):
-            record_course_drive(run.folder / RECORDINGS_FOLDER / DRIVE_RECORDING, drive, looks, about)
+            record_course_drive(run.folder / RECORDINGS_FOLDER / DRIVE_RECORDING, drive, looks)
         with run.busy("pictures"):
             files = write_pictures(run.folder / PICTURES_FOLDER, drive, looks, config.pictures)
         pictures = [f"{PICTURES_FOLDER}/{file.name}" for file in files]

@@ -1,8 +1,6 @@
 """A drive over a course in a recording: terrain, the robot with its belts and wheels, contacts with forces, plots."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -33,12 +31,12 @@ PANELS = (
 """Plots over time."""
 
 
-def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel, about: Mapping[str, Any]) -> None:
+def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel) -> None:
     """Record a drive over a course; `looks` is the model with its looks. Raises OutputError as `record` does."""
 
     def send(recording: Recording) -> None:
         rows = np.arange(0, len(run.time), _EVERY)
-        time, position, duration = run.time[rows], run.state.position, float(run.time[-1])
+        time, position = run.time[rows], run.state.position
         _send_terrain(recording, looks.model, position[:, :2])
         recording.poses(CAMERA, time, position[rows])
         tracks = [(name, body, look) for name, (body, look) in zip(run.tracks, track_looks(looks), strict=True)]
@@ -46,9 +44,7 @@ def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel, abou
         _send_contacts(recording, run, looks, rows)
         recording.line(f"{RUN}/path/driven", position[rows] + [0, 0, 0.02], BLUE, 0.008)
         recording.series(RUN, run.time, _series(run))
-        recording.properties(RUN, about)
-        steepest = float(run.time[np.argmax(np.abs(run.state.pitch))])
-        send_layout(recording, [RUN], PANELS, position[:, :2], steepest, duration)
+        send_layout(recording, [RUN], PANELS, position[:, :2])
 
     write_recording(file, f"{run.robot.name}: {run.outcome}", send)
 

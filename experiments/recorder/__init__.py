@@ -14,15 +14,12 @@ def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequ
         record(folder / RECORDINGS_FOLDER / name, group)
 
 
-def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> None:
-    """Record a run, or several for comparison, as a .rrd file, complete or not at all.
-
-    `laws` is a file or folder with the law that is shown where it has any. Raises OutputError if it can't be written.
-    """
+def record(file: Path, logs: Sequence[RunLog]) -> None:
+    """Record a run, or several for comparison, as a .rrd file; raises OutputError if it can't be written."""
     from experiments.recorder.run import send_runs
     from experiments.recorder.stream import write_recording
 
-    write_recording(file, title(logs), lambda recording: send_runs(recording, logs, laws))
+    write_recording(file, title(logs), lambda recording: send_runs(recording, logs))
 
 
 def title(logs: Sequence[RunLog]) -> str:

@@ -1,7 +1,7 @@
 """The field of a robot run as its log describes it: ground, scanner and obstacles, of which only people move."""
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -22,42 +22,35 @@ _TALL = 1.0  # height of posts, walls and people [m]
 
 
 def send_field(recording: Recording, traces: Traces, model: mujoco.MjModel, within: Array) -> None:
-    """Send the ground around the points `within` (n, 2), and the scanner and obstacles that a run's log describes."""
+    """Send the ground around the points `within` (n, 2), and the scanner and obstacles of a run."""
     send_paving(recording, within)
-    if (mount := traces.mount) is not None:
+    if traces.log.scans is not None:
+        mount = traces.log.scans.scan.mount
         place, turn = [*mount[:2], model.body("lrf").pos[2]], rr.Quaternion(xyzw=about_vertical(mount[2:])[0])
         recording.still(f"{FIELD}/scanner", rr.Transform3D(translation=place, quaternion=turn))
         send_geoms(recording, f"{FIELD}/scanner", model, model.body("lrf").id)
     metadata = traces.log.metadata
     with contextlib.suppress(*MALFORMED):
-        _send_ground(recording, metadata["ground"], within.min(axis=0) - _FAR, within.max(axis=0) + _FAR)
+        patches = metadata["ground"].get("patches") or ()
+        _send_patches(recording, patches, within.min(axis=0) - _FAR, within.max(axis=0) + _FAR)
     with contextlib.suppress(*MALFORMED):
         _send_obstacles(recording, metadata["obstacles"], traces)
 
 
-def _send_ground(recording: Recording, ground: Mapping[str, Any], low: Array, high: Array) -> None:
-    """Send patches with other friction as far as they lie between `low` and `high` (2,), and the uphill direction."""
-    patches = ground.get("patches") or ()
-    edges = np.array([[patch["x"], patch["y"]] for patch in patches], float).reshape(-1, 2, 2)
-    ends = np.stack([low, high], axis=-1)
-    edges = np.clip(np.where(np.isnan(edges), ends, edges), low[:, None], high[:, None])  # JSON has no infinity
-    shown = np.flatnonzero((edges[..., 0] < edges[..., 1]).all(axis=1))
-    if len(shown):
-        flat = rr.Boxes3D(
-            centers=at_height(edges[shown].mean(axis=-1), _PATCH),
-            half_sizes=at_height(np.ptp(edges[shown], axis=-1) / 2, _PATCH),
-            colors=[rgb(_PATCH_COLOUR)],
-            fill_mode="solid",
-            labels=[f"friction {patches[k]['along']:g} along, {patches[k]['across']:g} across" for k in shown],
-        )
-        recording.still(f"{FIELD}/patches", flat)
-    slope, heading = (float(ground.get(key) or 0.0) for key in ("slope", "uphill"))
-    if slope:
-        uphill, corner = [np.cos(heading), np.sin(heading), 0.0], [*(low + _FAR - 1.0), 0.02]
-        arrow = rr.Arrows3D(
-            vectors=[uphill], origins=[corner], labels=[f"uphill, {slope:.3g} rad"], **paint(_PATCH_COLOUR, 0.02)
-        )
-        recording.still(f"{FIELD}/uphill", arrow)
+def _send_patches(recording: Recording, patches: Sequence[Mapping[str, Any]], low: Array, high: Array) -> None:
+    """Send patches with other friction as far as they lie between `low` and `high` (2,)."""
+    for k, patch in enumerate(patches):
+        edges = np.array([patch["x"], patch["y"]], float)
+        begin, end = np.fmax(edges[:, 0], low), np.fmin(edges[:, 1], high)  # NaN where a patch has no end
+        if (begin < end).all():
+            flat = rr.Boxes3D(
+                centers=[[*(begin + end) / 2, _PATCH]],
+                half_sizes=[[*(end - begin) / 2, _PATCH]],
+                colors=[rgb(_PATCH_COLOUR)],
+                fill_mode="solid",
+                labels=[f"friction {patch['along']:g} along, {patch['across']:g} across"],
+            )
+            recording.still(f"{FIELD}/patches/{k}", flat)
 
 
 def _send_obstacles(recording: Recording, obstacles: Mapping[str, Any], traces: Traces) -> None:

@@ -77,23 +77,18 @@ def send_paving(recording: Recording, within: Array, height: float = 0.0) -> Non
 
 
 def _send_track(recording: Recording, entity: str, time: Array, pieces: Pieces) -> None:
-    """Send the boxes and cylinders of a track, those that never move only once."""
+    """Send the boxes and cylinders of a track, once if it is at rest."""
     turn = Rotation.from_matrix(pieces.rotation.reshape(-1, 3, 3)).as_quat().reshape(*pieces.angle.shape, 4)
-    moves = np.ptp(pieces.position, axis=0).max(axis=-1) + np.ptp(pieces.angle, axis=0) > 0
     colours = np.rint(255 * pieces.rgba).astype(np.uint8)
     for kind, name in ((BOX, "boxes"), (CYLINDER, "wheels")):
-        for moving, prefix in ((False, ""), (True, "moving_")):
-            mine = (pieces.kind == kind) & (moves == moving)
-            if not mine.any():
-                continue
-            place, turned = pieces.position[:, mine], turn[:, mine]
-            solid = _solid(kind, pieces.size[mine], place[0], turned[0], colours[mine])
-            if moving:
-                counts = np.full(len(time), mine.sum())
-                columns = {"centers": place.reshape(-1, 3), "quaternions": turned.reshape(-1, 4)}
-                recording.shapes(f"{entity}/{prefix}{name}", time, counts, solid, **columns)
-            else:
-                recording.still(f"{entity}/{prefix}{name}", solid)
+        mine = pieces.kind == kind
+        place, turned = pieces.position[:, mine], turn[:, mine]
+        solid = _solid(kind, pieces.size[mine], place[0], turned[0], colours[mine])
+        if len(place) == 1:
+            recording.still(f"{entity}/{name}", solid)
+        else:
+            columns = {"centers": place.reshape(-1, 3), "quaternions": turned.reshape(-1, 4)}
+            recording.shapes(f"{entity}/{name}", time, np.full(len(time), mine.sum()), solid, **columns)
 
 
 def _solid(kind: int, size: Array, place: Array, turn: Array, colours: np.ndarray) -> Any:
@@ -102,11 +97,8 @@ def _solid(kind: int, size: Array, place: Array, turn: Array, colours: np.ndarra
     geom = mujoco.mjtGeom
     if kind == geom.mjGEOM_BOX:
         return rr.Boxes3D(half_sizes=size, centers=place, **style)
-    if kind == geom.mjGEOM_CYLINDER:
+    if kind in (geom.mjGEOM_CYLINDER, geom.mjGEOM_CAPSULE):  # whose round ends are left out
         return rr.Cylinders3D(radii=size[:, 0], lengths=2 * size[:, 1], centers=place, **style)
-    if kind == geom.mjGEOM_CAPSULE:  # of rerun's, the origin is the middle of one end
-        begin = place - Rotation.from_quat(turn).apply(size[:, 1:2] * [0.0, 0.0, 1.0])
-        return rr.Capsules3D(radii=size[:, 0], lengths=2 * size[:, 1], translations=begin, **style)
     half = np.repeat(size[:, :1], 3, axis=1) if kind == geom.mjGEOM_SPHERE else size
     return rr.Ellipsoids3D(half_sizes=half, centers=place, **style)
 

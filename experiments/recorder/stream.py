@@ -1,6 +1,6 @@
 """Recordings: shapes that stay, rows over time, and lines of plots, written to a file for the rerun viewer."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,8 @@ class Recording:
         self.stream = stream
         self.plotted: dict[str, Array] = {}
         """Values after the transient of the lines of plots, by entity."""
+        self.duration = 0.0
+        """Of the lines of plots [s]."""
 
     def still(self, entity: str, archetype: Any) -> None:
         """Add what is there all the time."""
@@ -74,11 +76,7 @@ class Recording:
             columns = rr.Scalars.columns(scalars=lines.values.ravel())
             self.rows(entity, time, columns.partition(np.full(len(time), count)))
             self.plotted[entity] = lines.values[late]
-
-    def properties(self, name: str, metadata: Mapping[str, Any]) -> None:
-        """Add a run's metadata as text."""
-        texts: dict[str, Any] = {key: str(value) for key, value in metadata.items()}
-        self.stream.send_property(name, rr.AnyValues(**texts))
+        self.duration = max(self.duration, float(time[-1]))
 
 
 def write_recording(file: Path, title: str, send: Callable[[Recording], None]) -> None:
