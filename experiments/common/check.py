@@ -3,13 +3,10 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Any
 
-from experiments.common.table import MISSING, Table, number, percent, significant
+from experiments.common.table import Table, percent, significant
 
-_SHOWN = {"m": (1e3, "mm", 3), "s": (1e3, "ms", 3), "rad": (1e3, "mrad", 3)}  # scale, unit and decimals
-_MOST_COLUMNS = 4  # cases that fit side by side
 _SHARE = 0.2  # largest bound of an error that is printed in per cent, and of a length or speed in millimetres
 
 
@@ -67,38 +64,13 @@ class Check:
         return {**entry, "unit": self.unit, "holds": self.holds, "source": self.source}
 
 
-def at_least(least: float) -> tuple[float, float]:
-    """The range of a value that must not be smaller."""
-    return least, math.inf
-
-
 def checks_table(title: str, checks: Sequence[Check]) -> Table:
-    """A row per check; up to four cases that share their bounds are side by side, others one below the other."""
-    cases, bounds = list(dict.fromkeys(check.case for check in checks)), {check.what: check for check in checks}
-    shared = all(check.bound == bounds[check.what].bound for check in checks)
-    if len(cases) > _MOST_COLUMNS or not shared:
-        return _listed(title, checks)
-    measured = {(check.case, check.what): _value(check) for check in checks}
-    cells = {what: [measured.get((case, what), MISSING) for case in cases] for what in bounds}
-    rows = [(what, *values, _bound(bounds[what])) for what, values in cells.items()]
-    return Table(title, ("check", *cases, "bound"), rows)
-
-
-def _listed(title: str, checks: Sequence[Check]) -> Table:
-    rows: list[tuple[str, ...]] = []
-    for case, group in groupby(checks, key=lambda check: check.case):
-        rows.append((case, "", "", "", ""))
-        for check in group:
-            scale, unit, digits = _SHOWN.get(check.unit, (1.0, "", 4))
-            ends = check.bound if isinstance(check.bound, tuple) else (check.bound,)
-            bound = " to ".join(number(scale * end, digits) for end in ends)
-            value, holds = number(scale * check.measured, digits), "holds" if check.holds else "does not hold"
-            rows.append((f"  {check.what}", value, bound, unit, holds))
-    return Table(title, ("case", "value", "bound", "unit", ""), rows)
-
-
-def _value(check: Check) -> str:
-    return _in_its_unit(check, check.measured) + ("" if check.holds else " !")
+    """A row per check."""
+    cells = [(check.what, _in_its_unit(check, check.measured), _bound(check)) for check in checks]
+    verdicts = ["holds" if check.holds else "does not hold" for check in checks]
+    cases = [check.case if k == 0 or check.case != checks[k - 1].case else "" for k, check in enumerate(checks)]
+    rows = [(case, *texts, verdict) for case, texts, verdict in zip(cases, cells, verdicts, strict=True)]
+    return Table(title, ("case", "check", "value", "bound", ""), rows, "llrrl")
 
 
 def _bound(check: Check) -> str:
