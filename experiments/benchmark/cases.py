@@ -1,21 +1,18 @@
 """The runs of a benchmark: suites, what one run is, and the plants that differ from those the laws were made on."""
 
 import importlib.util
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from experiments.benchmark.config import Config
 from experiments.common.choices import CONTROLLER_NAMES, REFERENCE_NAMES, TRAINING_PATHS
 from experiments.common.lookup import reference
-from experiments.simulate.closed_loop import Plant
-from experiments.simulate.world import World
 from sim.drive.drive import Drive
-from sim.ground.ground import Ground
 from sim.path_tracking.randomization import Randomization
 from sim.robot.parameters import RobotParameters
 from sim.seeds import generator
@@ -31,33 +28,24 @@ _CONTROLLERS = [name for name in CONTROLLER_NAMES if name != "mpc" or importlib.
 _UNSEEN = tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS)
 _PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
 _MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
-_NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
-_SPACING = 0.05  # of the points of a path that patches may lie on [s]
 
 
-@dataclass(frozen=True)
-class Suite:
-    """The runs of a benchmark."""
+class Suite(NamedTuple):
+    """Full factorial designs of the values of FACTORS, and what `--plants` and `--gains` are by default."""
 
-    designs: Sequence[Sequence[Sequence[Any]]]
-    """Full factorial designs: the values of each of FACTORS, all combined."""
     plants: str
-    """"nominal", the robot that the laws were identified on, or "drawn" around it."""
     gains: str
-    """"default" or "tuned", see `Gains.load`."""
+    designs: Sequence[Sequence[Sequence[Any]]]
 
 
-SUITES: Mapping[str, Suite] = {
-    "paper": Suite(
-        [
-            (("feedforward",), _PAPER, ("paper",), ("stone",), ("zero",), (0, 1, 2, 3, 4)),
-            (("linear",), _PAPER, ("paper",), ("stone",), ("paper", "zero"), (0, 1, 2, 3, 4)),
-        ],
-        "nominal",
-        "default",
-    ),
-    "fair": Suite([(_CONTROLLERS, _THREE, _UNSEEN, ("stone",), ("random",), range(8))], "drawn", "tuned"),
-    "full": Suite([(_CONTROLLERS, _THREE, REFERENCE_NAMES, _GROUNDS, ("random",), range(3))], "drawn", "tuned"),
+_SECTION_4 = [
+    (("feedforward",), _PAPER, ("paper",), ("stone",), ("zero",), range(5)),
+    (("linear",), _PAPER, ("paper",), ("stone",), ("paper", "zero"), range(5)),
+]
+SUITES = {
+    "paper": Suite("nominal", "default", _SECTION_4),
+    "fair": Suite("drawn", "tuned", [(_CONTROLLERS, _THREE, _UNSEEN, ("stone",), ("random",), range(8))]),
+    "full": Suite("drawn", "tuned", [(_CONTROLLERS, _THREE, REFERENCE_NAMES, _GROUNDS, ("random",), range(3))]),
 }
 """Suites by name."""
 
@@ -108,8 +96,7 @@ class BenchmarkCase:
         elif self.start == "random":
             rng = generator(self.seed, f"start {self.key}")
             distance, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
-            rotation = rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)
-            offset = np.array([*(distance * se2.direction(bearing)), rotation])
+            offset = np.array([*(distance * se2.direction(bearing)), rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)])
         return se2.compose(reference(self.reference).pose(0.0), offset)
 
 
@@ -141,12 +128,3 @@ def plant_ranges(robot: RobotParameters, drive: Drive) -> Randomization:
     )
     ranges.require_standing(robot)
     return ranges
-
-
-def draw_plant(world: World, name: str, ground: Ground, seed: int, key: str) -> Plant:
-    """The plant of a run on the reference called `name`, the same for every controller and compensation."""
-    rng, path = generator(seed, f"plant {key}"), reference(name)
-    poses = path.pose(np.arange(0.0, path.duration, _SPACING))
-    robot = replace(world.parameters, radius_error=world.radius_error)
-    setting = plant_ranges(robot, world.drive).setting(rng, robot, world.drive, ground, poses)
-    return Plant(setting, world.config.scanner.noise * float(rng.uniform(*_NOISE)))

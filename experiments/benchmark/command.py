@@ -7,49 +7,42 @@ from experiments.benchmark.cases import SUITES, planned_cases
 from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import Gains
-from experiments.benchmark.page import BOARD_LEGEND, answer, board_table, leaderboard, page
-from experiments.benchmark.rows import board, case_row, over_seeds
+from experiments.benchmark.page import BOARD_LEGEND, answer, board_table, page
+from experiments.benchmark.rows import board, over_seeds, score
 from experiments.common.choices import SHIPPED
 from experiments.common.manifest import relative
 from experiments.common.plain_json import plain
-from experiments.common.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE
+from experiments.common.results import REPORT_FILE, RUNS_FILE
 from experiments.common.sweep import Row, drive_missing, resumable
 from experiments.common.table import stages_text
-from experiments.recorder import record_all
 from sim.stopwatch import Stopwatch
 from trackslip.errors import counted
-from trackslip.logs.logfile import StoredRuns
 
 
 def run(config: Config) -> None:
     """Drive what is missing, gather, store and print."""
     suite = SUITES[config.suite]
     gains = Gains.load(config.gains or suite.gains)
-    loops = ClosedLoops(config, config.plants or suite.plants, gains, timed=(config.seeds or (0,))[0])
+    loops = ClosedLoops(config, config.plants or suite.plants, gains)
     planned = planned_cases(config)
     loops.check(planned)
     cases = loops.identified(planned)
     with resumable(config, {case.id for case in cases}) as (run, store):
         with run.watch.stage("driving"):
             drive_missing(cases, store, loops, Stopwatch(), config.jobs)
-        with run.watch.stage("gathering"):
-            runs = [store.rows[case.id] for case in cases]
-            rows, entries = over_seeds(runs), board(runs)
-            store.gather(cases, run.folder / RUNS_FILE)
+        store.gather(cases, run.folder / RUNS_FILE)
+        runs = [store.rows[case.id] for case in cases]
+        rows, entries = over_seeds(runs), board(runs)
         failures = [{"run": row["run"], "error": row["error"]} for row in runs if row["error"] is not None]
-        if config.rrd:
-            first = [row["run"] for row in runs if row["seed"] == runs[0]["seed"] and row["error"] is None]
-            record_all(run.folder, [StoredRuns(run.folder / RUNS_FILE).log(name) for name in first])
         grounds = {relative(name): plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
-        seeds = sorted({case.seed for case in cases})
-        about = run.manifest(**loops.world.about | {"ground": grounds, "seed": seeds})
+        about = run.manifest(**loops.world.about | {"ground": grounds, "seed": sorted({case.seed for case in cases})})
         best = answer(entries, _track_command(config, gains, entries[0]))
         lines = [f"{failure['run']}: {failure['error']}" for failure in failures]
         with run.watch.stage("report"):
-            (run.folder / LEADERBOARD_FILE).write_text(leaderboard(entries, about), encoding="utf-8")
             page(best, entries, rows, lines, about).write(run.folder, config.pdf)
-        summary = {"board": entries, "rows": rows, "cases": [case_row(row) for row in runs], "failures": failures}
-        run.write(summary | {"runs": len(runs), "wall_s": run.wall}, manifest=about)
+        scored = [row | {"score": score(row)} for row in runs]
+        summary = {"board": entries, "rows": rows, "cases": scored, "failures": failures, "runs": len(runs)}
+        run.write(summary, manifest=about)
     print(f"{best.heading}.")
     for line in [*best.lines, *(f"Warning: {warning}." for warning in best.warnings)]:
         print(line)
@@ -59,8 +52,7 @@ def run(config: Config) -> None:
     for line in lines:
         print(f"failed: {line}")
     print(stages_text(run.watch.stages))
-    counts = f"{counted(len(runs), 'run')} in {run.wall:.1f} s; {counted(len(rows), 'row')}"
-    print(f"{config.out / REPORT_FILE}: {counts}")
+    print(f"{config.out / REPORT_FILE}: {counted(len(runs), 'run')} in {run.wall:.1f} s")
 
 
 def _track_command(config: Config, gains: Gains, best: Row) -> str:

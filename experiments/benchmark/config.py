@@ -4,15 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from experiments.common.choices import COMPENSATIONS, CONTROLLERS, GROUND_NAMES, REFERENCES, WITHOUT_LAWS
-from experiments.common.options import Distinct, Whole, default_is, refuse_changed
+from experiments.common.choices import COMPENSATIONS, CONTROLLERS, GROUND_NAMES, REFERENCES
+from experiments.common.options import Distinct, Whole, default_is
 from experiments.simulate.options import MAX_JOBS, ClosedLoopOptions
 
 EXAMPLES = (
     ("every controller, tuned, on drawn plants", "trackslip benchmark"),
     ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
     ("two controllers on ice", "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1"),
-    ("Eq. 31 with another gain", "trackslip benchmark --controllers linear linear:stiffness=160"),
     ("your own controller, tuned by tune", "trackslip benchmark --controllers my:Controller linear --gains out/tune"),
 )
 Start = Literal["zero", "paper", "random"]
@@ -53,8 +52,3 @@ class Config(ClosedLoopOptions):
     """Folder for the results."""
     pdf: bool = False
     """Also write the figures as PDF."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.compensations and set(self.compensations) <= set(WITHOUT_LAWS):
-            refuse_changed("laws", self.laws, None, f"with --compensations {' '.join(self.compensations)}")

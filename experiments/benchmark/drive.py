@@ -1,8 +1,6 @@
-"""Driving and measuring a fleet of a benchmark: errors, expense, and the time that a step of one robot takes."""
+"""Driving and measuring the cases of a benchmark, fleet by fleet."""
 
-import contextlib
 import functools
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from experiments.benchmark.cases import BenchmarkCase, draw_plant
+from experiments.benchmark.cases import FACTORS, BenchmarkCase, plant_ranges
 from experiments.benchmark.gains import Gains
 from experiments.common.lookup import compensation, controller, policy_path, reference, user_modules
 from experiments.common.manifest import content, digest
@@ -22,17 +20,17 @@ from experiments.simulate.world import World
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
 from sim.loop import Progress
+from sim.seeds import generator
 from sim.stopwatch import Stopwatch
-from trackslip.controllers.base import Controller, SensesSprockets
+from trackslip.controllers.base import Controller
 from trackslip.errors import InvalidValueError
-from trackslip.kinematics import limit_sprocket_speeds
-from trackslip.localization.base import PoseEstimate
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import expense, tracking_errors
 from trackslip.slip.compensation import Compensation
 from trackslip.slip.law_file import SHIPPED
 
-_TIMED_STEPS = 200  # from the start of the run
+_NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
+_SPACING = 0.05  # of the points of a path that patches may lie on [s]
 
 
 @dataclass(frozen=True)
@@ -44,8 +42,6 @@ class ClosedLoops:
     """"nominal", the robot that the laws were identified on, or "drawn" around it."""
     gains: Gains = field(default_factory=Gains)
     """Gains of the controllers."""
-    timed: int | None = None
-    """Seed of the runs whose control steps are timed."""
     sizes: ClassVar[tuple[int, int]] = (32, 32)
     """Larger fleets hardly gain speed, and smaller ones are shared better between processes."""
 
@@ -54,20 +50,15 @@ class ClosedLoops:
         """Robot, scanner and drives; raises TrackslipError for a file or name that does not exist."""
         return _world(self.config)
 
-    @property
-    def top_speed(self) -> float:
-        """Top speed of the sprockets [rad/s]."""
-        return self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
-
-    def specification(self, case: BenchmarkCase) -> str:
-        """The controller of a case with its tuned arguments."""
-        return self.gains.specification(case.controller, case.compensation)
-
     def plant(self, case: BenchmarkCase) -> Plant | None:
-        """The plant of a case; None for the nominal one."""
+        """The plant of a case, the same for all controllers and compensations; None for the nominal one."""
         if self.plants == "nominal":
             return None
-        return draw_plant(self.world, case.reference, self.ground(case.ground), case.seed, case.key)
+        world, path, rng = self.world, reference(case.reference), generator(case.seed, f"plant {case.key}")
+        robot = replace(world.parameters, radius_error=world.radius_error)
+        poses = path.pose(np.arange(0.0, path.duration, _SPACING))
+        setting = plant_ranges(robot, world.drive).setting(rng, robot, world.drive, self.ground(case.ground), poses)
+        return Plant(setting, world.config.scanner.noise * float(rng.uniform(*_NOISE)))
 
     def ground(self, name: str) -> Ground:
         """A ground by name or from a file; `robot` is the ground in the robot's file."""
@@ -84,20 +75,21 @@ class ClosedLoops:
 
     def check(self, cases: Sequence[BenchmarkCase]) -> None:
         """Raise TrackslipError for unknown names, gains and plants that aren't allowed, before anything is driven."""
-        look_ups: tuple[tuple[str, Callable[[str], object], Iterable[str]], ...] = (
-            ("controller", self.controller, (case.controller for case in cases)),
-            ("controller", self.controller, map(self.specification, cases)),
-            ("compensation", self.compensation, (case.compensation for case in cases)),
-            ("reference", reference, (case.reference for case in cases)),
-            ("ground", self.ground, (case.ground for case in cases)),
+        controllers = [case.controller for case in cases]
+        controllers += [self.gains.specification(case.controller, case.compensation) for case in cases]
+        look_ups: tuple[tuple[Callable[[str], object], Iterable[str]], ...] = (
+            (self.controller, controllers),
+            (self.compensation, (case.compensation for case in cases)),
+            (reference, (case.reference for case in cases)),
+            (self.ground, (case.ground for case in cases)),
         )
-        for factor, look_up, names in look_ups:
-            for name in dict.fromkeys(names):
-                try:
+        try:
+            for look_up, names in look_ups:
+                for name in dict.fromkeys(names):
                     look_up(name)
-                except InvalidValueError as error:
-                    option = f"{factor}s" if error.field == factor else error.field
-                    raise InvalidValueError(option, error.value, error.allowed) from error
+        except InvalidValueError as error:
+            option = f"{error.field}s" if error.field in FACTORS else error.field
+            raise InvalidValueError(option, error.value, error.allowed) from error
         try:
             self.plant(cases[0])
         except InvalidValueError as error:
@@ -113,8 +105,9 @@ class ClosedLoops:
         files = {name: content(Path(name)) for name in sorted(names)}
         robot = [world.parameters, world.ground, world.radius_error, world.robot.digest, world.drive]
         room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]
-        common = digest([robot, room, files, self.plants, self.timed])
-        return [replace(case, id=digest([common, case.axes, self.specification(case)])) for case in cases]
+        common = digest([robot, room, files, self.plants])
+        gains = [self.gains.specification(case.controller, case.compensation) for case in cases]
+        return [replace(case, id=digest([common, case.axes, own])) for case, own in zip(cases, gains, strict=True)]
 
     def drive(self, runs: Sequence[BenchmarkCase], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
         """Drive cases that share a reference, as one fleet."""
@@ -123,7 +116,7 @@ class ClosedLoops:
                 name=case.name,
                 key=f"benchmark {case.key}",
                 seed=case.seed,
-                controller=self.specification(case),
+                controller=self.gains.specification(case.controller, case.compensation),
                 compensation=case.compensation,
                 start=case.start_pose(),
                 ground=None if self.plants == "drawn" else self.ground(case.ground),
@@ -139,38 +132,14 @@ class ClosedLoops:
         )
 
     def measure(self, run: BenchmarkCase, log: RunLog) -> Row:
-        """Errors, expense and, for the seed `timed`, times of steps."""
+        """Errors and expense of a run."""
         assert log.truth is not None
         errors = tracking_errors(log.time, log.truth.pose, reference(run.reference))
-        row = vars(errors) | vars(expense(log, self.top_speed)) | {"valid_fraction": float(log.is_valid.mean())}
+        top_speed = self.world.drive.top_speed / self.world.robot.geometry.sprocket_radius
+        row = vars(errors) | vars(expense(log, top_speed)) | {"valid_fraction": float(log.is_valid.mean())}
         if log.icr is not None:
             row["icr_offset"], row["icr_radius_error"] = map(float, log.icr[-1])
-        if run.seed == self.timed:
-            with contextlib.suppress(Exception, SystemExit):  # a user's controller may fail on a single robot
-                row["compute_ms"] = np.round(1e3 * np.array(self._step_times(run, log)), 4)
         return row
-
-    def _step_times(self, case: BenchmarkCase, log: RunLog) -> list[float]:
-        """Times [s] from pose to set points, at the poses of a run, measured with a separate controller."""
-        pilot, law = self.controller(self.specification(case)), self.compensation(case.compensation)
-        path, geometry, top_speed = reference(case.reference), self.world.robot.geometry, self.top_speed
-        covariance = np.zeros((len(log.time), 3, 3)) if log.covariance is None else log.covariance
-        pilot.reset()
-        law.reset(log.pose[:1])
-        period = float(log.time[1] - log.time[0])
-        times = []
-        for k in range(min(_TIMED_STEPS, len(log.time))):
-            row = slice(k, k + 1)
-            estimate = PoseEstimate(log.pose[row].copy(), covariance[row], log.is_valid[row])
-            began = time.perf_counter()
-            if k > 0:
-                law.observe(log.omega[row], period, estimate)
-            if isinstance(pilot, SensesSprockets):
-                pilot.sense(log.omega[row])
-            twist = pilot.twist(float(log.time[k]), estimate.pose, path)
-            limit_sprocket_speeds(law.law().sprocket_speeds(twist, geometry), top_speed)
-            times.append(time.perf_counter() - began)
-        return times[1:]  # the first call prepares what the others use
 
 
 @functools.lru_cache(maxsize=1)

@@ -4,15 +4,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from experiments.common.manifest import relative
 from trackslip.errors import InvalidValueError
 
 GAINS_FILE = "gains.json"
-"""Name of the file in a folder of results."""
-SHIPPED = Path(__file__).with_name(GAINS_FILE)
-"""Gains of trackslip's controllers."""
+"""Of a folder of results, and of trackslip's controllers beside this module."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,7 @@ class Gains:
         """
         if source == "default":
             return cls()
-        path = SHIPPED if source == "tuned" else Path(source)
+        path = Path(__file__).parent if source == "tuned" else Path(source)
         try:
             rows = json.loads((path / GAINS_FILE if path.is_dir() else path).read_text(encoding="utf-8"))["gains"]
             gains = {(row["controller"], row["compensation"]): row["arguments"] for row in rows}
@@ -50,8 +48,7 @@ class Gains:
         return specified(controller, self.arguments.get((controller, compensation), fallback))
 
 
-def specified(controller: str, arguments: Mapping[str, Any]) -> str:
+def specified(controller: str, arguments: Mapping[str, float]) -> str:
     """A controller with constructor arguments, as `lookup.controller` takes it."""
-    if not arguments:
-        return controller
-    return f"{controller}:{','.join(f'{name}={value!r}' for name, value in arguments.items())}"
+    listed = ",".join(f"{name}={value!r}" for name, value in arguments.items())
+    return f"{controller}:{listed}" if listed else controller

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterable, Sequence
+from operator import itemgetter
 
 import numpy as np
 
@@ -18,11 +19,11 @@ MEASURES = (
 )
 """Errors and expense of a run, as in `trackslip.metrics`; the share of the scans that gave a pose [-]; and what online
 compensation found in the end: the longitudinal offset of the ICRs [m] and the error of the sprocket radius [-]."""
-WITH_INTERVAL = ("rms_position", "rms_position_after_12s", "rms_position_arc", "rms_heading")
-"""Measures whose means have 95 % bootstrap intervals."""
+SETTING = FACTORS[:-1]
+"""What a row is: all but the seed."""
 ENTRY = ("controller", "compensation", "start")
 """What an entry of the leaderboard is."""
-_SETTING = FACTORS[:-1]  # all but the seed
+_PLACE = itemgetter("reference", "seed", "ground")  # what runs that are compared have in common
 _RESAMPLES = 2000
 
 
@@ -37,20 +38,9 @@ def score(run: Row) -> float:
     return run["rms_position"] if settled is None else settled
 
 
-def case_row(run: Row) -> Row:
-    """A run without its name, id and times."""
-    measured = {name: run[name] for name in (*FACTORS, "error", *MEASURES, "success") if name in run}
-    return measured | {"score": score(run)}
-
-
 def over_seeds(runs: Sequence[Row]) -> list[Row]:
-    """One row for the runs that differ only in their seeds, in order."""
-    rows = []
-    for group in _groups(runs, _SETTING):
-        driven = [run for run in group if run["error"] is None]
-        row = _summary(group, _SETTING) | {"seeds": len(group), "failed": len(group) - len(driven)}
-        rows.append(row | {f"{name}_ci95": bootstrap95(_values(driven, name)) for name in WITH_INTERVAL})
-    return rows
+    """A row for the runs that differ only in their seeds, in order."""
+    return [_means(group, SETTING) for group in _groups(runs, SETTING)]
 
 
 def board(runs: Sequence[Row]) -> list[Row]:
@@ -64,9 +54,10 @@ def board(runs: Sequence[Row]) -> list[Row]:
     be distinguished.
     """
     groups = sorted(_groups(runs, ENTRY), key=lambda group: np.mean([score(run) for run in group]))
-    scores = np.array([[score(run) for run in sorted(group, key=_place)] for group in groups])  # (E, P)
-    samples = _resampled(scores, [_place(run)[:2] for run in sorted(groups[0], key=_place)])  # (E, B)
-    entries = [_summary(group, ENTRY) for group in groups]
+    scores = np.array([[score(run) for run in sorted(group, key=_PLACE)] for group in groups])  # (E, P)
+    paths, seeds = (len({run[name] for run in runs}) for name in ("reference", "seed"))
+    samples = _resampled(scores.reshape(len(groups), paths, seeds, -1).mean(axis=-1))  # (E, B)
+    entries = [_means(group, ENTRY) for group in groups]
     uncompensated = {
         (entry["controller"], entry["start"]): k for k, entry in enumerate(entries) if entry["compensation"] == "none"
     }
@@ -75,7 +66,7 @@ def board(runs: Sequence[Row]) -> list[Row]:
         ahead = _interval95(samples[k] - samples[leader])
         if ahead is None or ahead[0] > 0:
             leader = k
-        entry |= {"rank": leader + 1, "pairs": scores.shape[1], "score_ci95": _interval95(samples[k])}
+        entry |= {"rank": leader + 1, "score_ci95": _interval95(samples[k])}
         entry["behind"] = (scores[k] - scores[0]).mean()
         entry["behind_ci95"] = None if k == 0 else _interval95(samples[k] - samples[0])
         base = uncompensated.get((entry["controller"], entry["start"]), k)
@@ -84,38 +75,18 @@ def board(runs: Sequence[Row]) -> list[Row]:
     return entries
 
 
-def _place(run: Row) -> tuple[str, int, str]:
-    """What runs that are compared have in common."""
-    return run["reference"], run["seed"], run["ground"]
-
-
-def _resampled(scores: Array, seeds: Sequence[tuple[str, int]]) -> Array:
-    """Means (E, B) of bootstrap samples of scores (E, P), by path and seed (P); B = 0 for a single seed."""
-    rng = generator(0, "bootstrap over plants")
-    paths: dict[str, dict[int, list[int]]] = {}
-    for k, (path, seed) in enumerate(seeds):
-        paths.setdefault(path, {}).setdefault(seed, []).append(k)
-    drawn = []
-    for by_seed in paths.values():
-        columns = np.array(list(by_seed.values()))  # (seeds, grounds)
-        count = len(columns) - 1
-        if count == 0:
-            return np.empty((len(scores), 0))
-        drawn.append(columns[rng.integers(len(columns), size=(_RESAMPLES, count))].reshape(_RESAMPLES, -1))
-    return np.array([row[np.concatenate(drawn, axis=1)].mean(axis=1) for row in scores])
+def _resampled(scores: Array) -> Array:
+    """Means (E, B) of bootstrap samples of scores by path and seed (E, R, S); B = 0 for a single seed."""
+    entries, paths, seeds = scores.shape
+    if seeds == 1:
+        return np.empty((entries, 0))
+    drawn = generator(0, "bootstrap over plants").integers(seeds, size=(paths, _RESAMPLES, seeds - 1))
+    return np.mean([scores[:, path, drawn[path]].mean(axis=-1) for path in range(paths)], axis=0)
 
 
 def _interval95(samples: Array) -> list[float] | None:
     """The ends between which 95 % of samples (B,) are; None without samples."""
     return np.percentile(samples, [2.5, 97.5]).tolist() if samples.size else None
-
-
-def bootstrap95(values: Sequence[float]) -> list[float] | None:
-    """Percentile bootstrap interval of the mean over seeds; None for fewer than two values."""
-    if len(values) < 2:
-        return None
-    drawn = generator(0, "bootstrap over seeds").integers(len(values), size=(_RESAMPLES, len(values) - 1))
-    return _interval95(np.array(values)[drawn].mean(axis=1))
 
 
 def _groups(rows: Iterable[Row], names: Sequence[str]) -> list[list[Row]]:
@@ -126,20 +97,16 @@ def _groups(rows: Iterable[Row], names: Sequence[str]) -> list[list[Row]]:
     return list(groups.values())
 
 
-def _summary(group: Sequence[Row], names: Sequence[str]) -> Row:
-    """The columns `names` that runs share, means of all measures, and times of steps.
+def _means(group: Sequence[Row], names: Sequence[str]) -> Row:
+    """The columns `names` that runs share, counts, and means of all measures, None where no run has them.
 
     `success` is the share of the runs that stayed within 0.5 m of where they should be; a failed one did not.
     """
     driven = [run for run in group if run["error"] is None]
-    times = [time for run in driven for time in run.get("compute_ms", ())]
     row: Row = {name: group[0][name] for name in names}
-    row |= {name: float(np.mean(_values(driven, name))) if _values(driven, name) else None for name in MEASURES}
-    row |= {f"compute_ms_p{q}": float(np.percentile(times, q)) if times else None for q in (50, 99)}
+    for name in MEASURES:
+        values = [run[name] for run in driven if run.get(name) is not None]
+        row[name] = float(np.mean(values)) if values else None
+    row |= {"seeds": len({run["seed"] for run in group}), "failed": len(group) - len(driven)}
     row["score"] = float(np.mean([score(run) for run in group]))
     return row | {"success": sum(run["success"] for run in driven) / len(group)}
-
-
-def _values(rows: Iterable[Row], name: str) -> list[float]:
-    """The values of a column, without those that are None."""
-    return [row[name] for row in rows if row.get(name) is not None]

@@ -21,7 +21,6 @@ SUMMARY_FILE = "summary.json"
 RUNS_FILE = "runs.parquet"
 MANIFEST_FILE = MANIFEST
 REPORT_FILE = "report.html"
-LEADERBOARD_FILE = "leaderboard.md"
 TABLE_FILE = "table.parquet"
 FIGURES_FOLDER = "figures"
 RECORDINGS_FOLDER = "recordings"

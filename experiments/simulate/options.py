@@ -164,8 +164,6 @@ class Equipment(ResultsOptions):
     """Objects that the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file."""
     pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
     """Load that the robot tows."""
-    rrd: bool = False
-    """Also write recordings for the rerun viewer to OUT/recordings."""
 
     def check(self, drive: Drive) -> None:
         """Raise InvalidValueError for options that the robot's drive does not allow."""
@@ -193,6 +191,8 @@ class Simulation(Repeatable, Equipment):
 
     ground: GroundOptions = field(default_factory=GroundOptions)
     """The ground, and properties that differ from the named one's."""
+    rrd: bool = False
+    """Also write recordings for the rerun viewer to OUT/recordings."""
 
 
 def require_speed(name: str, speed: float, top_speed: float) -> None:

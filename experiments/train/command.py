@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from experiments.common.run import Run
-from experiments.train.config import TRAVERSE, Config
+from experiments.train.config import Config
 from experiments.train.crossing import crossing_rates, crossing_table
 from experiments.train.tasks import learning_task
 from experiments.train.training import POLICY, last_checkpoint, learn, learning_curve, model_of, network_of
@@ -17,23 +17,20 @@ def run(config: Config) -> None:
         with run.busy("loading PyTorch"):
             task = learning_task(config)
             model = model_of(config, task)
-        before = model.num_timesteps
         try:
             curve = learn(model, config, run.folder)
         except KeyboardInterrupt:
-            if not last_checkpoint(config.out).is_file():
-                raise KeyboardInterrupt("interrupted before the first checkpoint; nothing is stored") from None
-            raise KeyboardInterrupt("interrupted; --resume continues from the last checkpoint") from None
+            stored = last_checkpoint(config.out).is_file()
+            what = "--resume continues from the last update" if stored else "no update is complete, nothing is stored"
+            raise KeyboardInterrupt(f"interrupted; {what}") from None
         policy = task.policy(network_of(model))
         policy.save(run.folder / POLICY)
         if isinstance(policy, CrossingPolicy):
             rates = crossing_rates(policy, config.difficulty, config.trials, config.seed, config.threads)
-        summary = {"steps": model.num_timesteps, "steps_per_s": (model.num_timesteps - before) / run.wall}
-        run.write(summary | {"curve": curve, "rates": rates}, seed=config.seed)
+        run.write({"steps": model.num_timesteps, "curve": curve, "rates": rates}, seed=config.seed)
         learning_curve(curve).savefig(run.folder / "curve.png", dpi=160)
-    most = "" if config.env == TRAVERSE else ", at most 1"
     for point in (curve[0], curve[-1]):
-        print(f"{point['steps']:>10,} steps: mean reward per step {point['reward']:.3f}{most}")
+        print(f"{point['steps']:>10,} steps: mean reward per step {point['reward']:.3f}")
     if rates:
         crossing_table(f"Unseen courses, {config.trials} in each row", rates).print()
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {run.wall:.0f} s")

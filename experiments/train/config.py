@@ -7,28 +7,17 @@ from typing import Annotated, ClassVar, Literal
 import tyro
 
 from experiments.common.choices import COMPENSATIONS, FTR_NAMES, GROUNDS, REFERENCES, ROBOTS, TRAINING_PATHS
-from experiments.common.options import (
-    Distinct,
-    Excludes,
-    Exclusion,
-    Needs,
-    Positive,
-    ResultsOptions,
-    Whole,
-    default_is,
-)
+from experiments.common.options import Distinct, Excludes, Exclusion, Needs, Positive, ResultsOptions, Whole, default_is
 from experiments.simulate.options import MAX_THREADS
-from trackslip.errors import InvalidValueError
+from trackslip.errors import require
 
 EXAMPLES = (
     ("two million steps", "trackslip train"),
     ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
-    ("to cross courses", "trackslip train --env traverse --out out/traverse"),
-    ("to cross rails and stairs", "trackslip train --env traverse --courses rails stairs_up --difficulty 0.2 0.6"),
+    ("to cross courses", "trackslip train --env traverse --courses rails stairs_up --difficulty 0.2 0.6"),
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
 )
 TRAVERSE = "traverse"
-_MAX_SEED = 2**32 - 1  # the largest that PyTorch and NumPy's legacy generators accept
 
 
 @dataclass(frozen=True)
@@ -75,7 +64,7 @@ class Config(ResultsOptions):
     """Number of passes over the collected data in each update."""
     discount: Annotated[float, Positive(1.0)] = 0.97
     """Discount of the reward per control period [-]."""
-    seed: Annotated[int, Whole(0, _MAX_SEED)] = 0
+    seed: Annotated[int, Whole(0, 2**32 - 1)] = 0  # the largest of NumPy's legacy generators
     """Seed of all random numbers."""
     threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
     """Number of the simulator's worker threads, 0 for one per processor."""
@@ -91,8 +80,8 @@ class Config(ResultsOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.robots * self.horizon % self.batch:
-            raise InvalidValueError("batch", self.batch, f"a factor of robots * horizon = {self.robots * self.horizon}")
+        rows = self.robots * self.horizon
+        require(rows % self.batch == 0, "batch", self.batch, f"a factor of robots * horizon = {rows}")
         for course in self.courses:
-            if course not in (allowed := ("random", *FTR_NAMES)):
-                raise InvalidValueError("courses", course, f"some of {', '.join(allowed)}")
+            allowed = ("random", *FTR_NAMES)
+            require(course in allowed, "courses", course, f"some of {', '.join(allowed)}")

@@ -12,14 +12,11 @@ from sim.policy import Policy
 from sim.robot.named import SHIPPED, load_parameters
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS, CrossingPolicy
-from trackslip.errors import TrackslipError
 
 _START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)  # ranges [m], [rad]
 _REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=30.0, position_scale=0.02, heading_scale=0.2)
-_HARD = ("step up", "stairs up", "beams")
-"""Kinds of obstacles that the scripted controller does not always cross, which training draws."""
-_LIMITS = Limits(time=20.0, stuck_time=3.0)
-"""Of training, which should not spend its time on robots that are stuck."""
+_HARD = ("step up", "stairs up", "beams")  # obstacles that the scripted controller does not always cross
+_LIMITS = Limits(time=20.0, stuck_time=3.0)  # training should not spend its time on robots that are stuck
 
 
 @dataclass(frozen=True)
@@ -36,17 +33,13 @@ class LearningTask:
 
 def learning_task(config: Config) -> LearningTask:
     """The environment `config.env`; raises TrackslipError without Stable-Baselines3."""
-    try:
-        import stable_baselines3  # noqa: F401
-    except ImportError as error:
-        raise TrackslipError('train needs Stable-Baselines3: pip install "trackslip[rl]"') from error
-    return _traverse(config) if config.env == TRAVERSE else _path_tracking(config)
+    from sim.sb3 import Corrections, PathTrackingVecEnv, TraverseVecEnv  # late: PyTorch takes seconds
 
-
-def _path_tracking(config: Config) -> LearningTask:
-    """Corrections of the reference's twist on drawn plants, in trackslip/PathTracking-v0."""
-    from sim.sb3 import Corrections, PathTrackingVecEnv
-
+    if config.env == TRAVERSE:
+        options = {**OPTIONS, "robot": config.robot or "rescue", "course": list(config.courses)}
+        courses = {"difficulty": config.difficulty, "kinds": _HARD, "obstacles": 1, "limits": _LIMITS}
+        crossing = TraverseVecEnv(config.robots, config.threads, **options, **courses)
+        return LearningTask(crossing, lambda network: CrossingPolicy(network, options), -1.0)
     parameters, _ = load_parameters(config.robot or SHIPPED)
     plants = plant_ranges(parameters, parameters.drive)
     robots = PathTrackingVecEnv(
@@ -64,13 +57,3 @@ def _path_tracking(config: Config) -> LearningTask:
     )
     corrected = Corrections(robots, config.authority)
     return LearningTask(corrected, lambda network: Policy(network, config.authority, {"action": "twist"}), -1.2)
-
-
-def _traverse(config: Config) -> LearningTask:
-    """Corrections of the scripted controller, in trackslip/Traverse-v0."""
-    from sim.sb3 import TraverseVecEnv
-
-    options = {**OPTIONS, "robot": config.robot or "rescue", "course": list(config.courses)}
-    courses = {"difficulty": config.difficulty, "kinds": _HARD, "obstacles": 1, "limits": _LIMITS}
-    robots = TraverseVecEnv(config.robots, config.threads, **options, **courses)
-    return LearningTask(robots, lambda network: CrossingPolicy(network, options), -1.0)

@@ -5,16 +5,19 @@ import pytest
 from slip_data import grid
 from wandered import GEOMETRY, LAW, wandered
 
+from experiments.common.lookup import controller
 from experiments.simulate.grid_runs import before_scanner
 from sim.fleet import Fleet
 from sim.ground.named import load_ground
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
+from trackslip.controllers.named import CONTROLLERS
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.drive_law import fit_drives, prepare
 from trackslip.localization.plate import PlateLocator
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import steady_parts
+from trackslip.trajectory.named import load_reference
 
 ROBOTS = 25
 
@@ -38,6 +41,23 @@ def test_localization_of_a_scan_of_each_robot(benchmark, robot):
     feed = ScannerFeed(LaserScanner(), fleet)
     scan = feed.scan(feed.measure(feed.true_ranges()[:, None, :])[:, 0])
     benchmark(PlateLocator(robot.plate).locate, scan, fleet.pose())
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_hundred_steps_of_a_controller(benchmark, name):
+    """A hundred steps of a single robot, 5 cm beside a circle."""
+    if name == "mpc":
+        pytest.importorskip("casadi")
+    pilot, path = controller(name, GEOMETRY, 0.3, 0.05), load_reference("circle")
+    times = 0.05 * np.arange(100)
+    poses = path.pose(times) + np.array([0.05, 0.0, 0.0])
+
+    def drive():
+        pilot.reset()
+        for time, pose in zip(times, poses, strict=True):
+            pilot.twist(time, pose[None], path)
+
+    benchmark(drive)
 
 
 def test_laws_of_25_steady_runs(benchmark):
