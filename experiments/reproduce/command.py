@@ -15,7 +15,6 @@ from experiments.recorder import record_all
 from experiments.reproduce.comparison import comparison_table
 from experiments.reproduce.config import Config
 from experiments.reproduce.page import page
-from experiments.reproduce.paper_model import published_runs
 from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
 from experiments.simulate.grid_runs import cells_of, drive_cells
 from experiments.simulate.grid_summary import grid_summary, saturation_warnings, simulated_seconds
@@ -65,8 +64,7 @@ def run(config: Config) -> None:
         logs, warnings = [*grid_logs, *loop_logs], saturation_warnings(grid_logs)
         manifest, simulated = run.manifest(**world.about), simulated_seconds(logs)
         with run.busy("report"), run.watch.stage("report"):
-            published = published_runs(starts, geometry)
-            report = page(command_line("reproduce"), manifest, grid, found, tracking, loop_logs, published, warnings)
+            report = page(command_line("reproduce"), manifest, grid, found, tracking, loop_logs, warnings)
             report.write(run.folder, config.pdf)
         summary: dict[str, Any] = {
             **identification_to_json(found),

@@ -24,12 +24,10 @@ _MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which measured slip is noise [
 _SMOOTH = 0.5  # window of the moving average over the true slip [s]
 _SLIP_RANGE = (-0.15, 0.10)  # of the paper's Fig. 12
 _CLOSEST = 3e-4  # distances below this are zero crossings [m]
-_EVERY = 20  # steps between crosses of a run by the paper's equations: 1 s
 _PAPER: dict[str, Any] = {"color": BLACK, "marker": "x", "ms": 7, "mew": 1.6, "ls": "none"}
 _EQ_11: dict[str, Any] = {"color": BLACK, "ls": "--", "lw": 1.2}
 _LAW: dict[str, Any] = {"lw": 2.2, "ls": (0, (3, 1.2))}
 _TRUE: dict[str, Any] = {"lw": 0.8}
-_CROSS: dict[str, Any] = {"ls": "none", "marker": "x", "ms": 4.5}
 
 
 @style.styled
@@ -71,14 +69,14 @@ def _arc() -> tuple[float, float]:
 
 
 @style.styled
-def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> style.Panels:
-    """Figs. 8 and 10: paths with each compensation, and distances over time; crosses: `published`, by equations."""
+def paths(runs: Mapping[str, RunLog]) -> style.Panels:
+    """Figs. 8 and 10: paths with each compensation, and distances over time."""
     reference = paper_reference()
     left, ground = style.panel("Path", "x [m]", "y [m]", height=4.6)
     title, distance_label = "Position error (log scale)", "distance from the desired position [mm]"
     right, distance = style.panel(title, "time [s]", distance_label, height=4.6)
     ground.plot(*reference.pose(np.linspace(0, reference.duration, 600))[:, :2].T, label="desired", **style.DESIRED)
-    for log, rows, look in _lines(runs, published):
+    for log, rows, look in _lines(runs):
         pose, time = _true(log)[rows], log.time[rows]
         norm = np.hypot(*body_errors(pose, reference.pose(time))[:, :2].T)
         ground.plot(*pose[:, :2].T, **look)
@@ -95,25 +93,21 @@ def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> style.
     return left, right
 
 
-def _lines(
-    runs: Mapping[str, RunLog], published: Mapping[str, RunLog]
-) -> Iterator[tuple[RunLog, slice, dict[str, Any]]]:
-    """Runs with the rows to draw and keywords: lines, then crosses once a second for the paper's equations."""
+def _lines(runs: Mapping[str, RunLog]) -> Iterator[tuple[RunLog, slice, dict[str, Any]]]:
+    """Runs with the rows to draw and the looks of their lines."""
     for name, log in runs.items():
         yield log, style.thin(len(log.time)), style.law_line(name, lw=1.2, label=name)
-    for name, log in published.items():
-        look = {"color": style.law_line(name)["color"], "marker": "+" if name == "published" else "x"}
-        yield log, slice(None, None, _EVERY), _CROSS | look | {"ms": 5.5, "label": f"{name}, by equations"}
 
 
 def _true(log: RunLog) -> Array:
-    """True poses (T, 3) [m, m, rad]; the paper's equations have no other."""
-    return log.pose if log.truth is None else log.truth.pose
+    """True poses (T, 3) [m, m, rad]."""
+    assert log.truth is not None
+    return log.truth.pose
 
 
 @style.styled
-def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> style.Panels:
-    """Fig. 11: body-frame position errors and their norm, right from 12 s on; crosses: `published`, by equations."""
+def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> style.Panels:
+    """Fig. 11: body-frame position errors and their norm, right from 12 s on."""
     reference = paper_reference()
     runs = {name: runs[name] for name in ("none", "published", "icr_radius")}
     panels = []
@@ -122,7 +116,7 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str
         (TRANSIENT, 1e3, "mm", f"From {TRANSIENT:g} s on"),
     ):
         figure, axes = style.subplots(5.6, 3, width=4.6, sharex=True)
-        for log, rows, look in _lines(runs, published):
+        for log, rows, look in _lines(runs):
             late = np.flatnonzero(log.time >= begin)[rows]
             error = factor * body_errors(_true(log), reference.pose(log.time))[late, :2]
             for axis, values in zip(axes, (*error.T, np.hypot(*error.T)), strict=True):
@@ -139,13 +133,8 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str
 
 
 @style.styled
-def slip_during_tracking(
-    runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFit], published: Mapping[str, RunLog]
-) -> style.Panels:
-    """Fig. 12: the slip that the law predicted at each step, and the true one, of two compensations.
-
-    Crosses stand for the paper's equations where `published` has them.
-    """
+def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, SteadyFit]) -> style.Panels:
+    """Fig. 12: the slip that the law predicted at each step, and the true one, of two compensations."""
     known: dict[str, SlipLaw] = {"published": PUBLISHED, "icr_radius": laws["icr_radius"].law}
     panels = []
     for name, law in known.items():
@@ -157,10 +146,6 @@ def slip_during_tracking(
         for side, track, colour in (("right", 1, ORANGE), ("left", 0, BLUE)):
             axes.plot(log.time[rows], by_law[rows, track], color=colour, label=f"{side} track, by the law", **_LAW)
             axes.plot(log.time[rows], true[rows, track], color=colour, label=f"{side} track, true", **_TRUE)
-            if name in published:
-                crosses = _slip_by(law, published[name])[::_EVERY, track]
-                time, label = published[name].time[::_EVERY], f"{side} track, by equations"
-                axes.plot(time, crosses, color=colour, label=label, **_CROSS)
         axes.set(ylim=_SLIP_RANGE, xlim=(0, paper_reference().duration))
         style.legend_below(figure, axes.get_legend_handles_labels()[0], ncols=2)
         panels.append(figure)

@@ -19,8 +19,6 @@ from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
 
 TITLE = "Slip of a tracked robot: the paper and its simulation"
-Published = Mapping[str, Mapping[str, RunLog]]
-"""Controller -> compensation -> its run by the paper's equations."""
 
 
 def page(
@@ -30,13 +28,12 @@ def page(
     found: Identification,
     results: Sequence[TrackingResult],
     loops: Sequence[RunLog],
-    published: Published,
     warnings: Sequence[str],
 ) -> Page:
     """The page of a reproduction.
 
-    `loops` are the closed loops, with `controller` and `compensation` in their metadata, `results` their errors, and
-    `published` the same runs by the paper's equations; `warnings` are those of the grid.
+    `loops` are the closed loops, with `controller` and `compensation` in their metadata, and `results` their errors;
+    `warnings` are those of the grid.
     """
     turns = Turns.of(found.samples, found.geometry)
     beside = Plot(
@@ -48,7 +45,7 @@ def page(
     )
     sections = [
         Section("Published and simulated", [beside if len(turns) else None, comparison_table(grid, found, results)]),
-        _closed_loops(found, results, loops, published),
+        _closed_loops(found, results, loops),
         steady_slip(found),
         method(found),
         excluded_runs(found),
@@ -87,9 +84,7 @@ def _compensated(errors: Mapping[str, float]) -> str:
     return ", ".join(f"{number(1e3 * errors[name], 1, 'mm')} with {name}" for name in names)
 
 
-def _closed_loops(
-    found: Identification, results: Sequence[TrackingResult], loops: Sequence[RunLog], published: Published
-) -> Section:
+def _closed_loops(found: Identification, results: Sequence[TrackingResult], loops: Sequence[RunLog]) -> Section:
     """The runs along the paper's path, with feedforward and with the linear controller."""
     feedforward, linear = (figures.runs_of(loops, name) for name in ("feedforward", "linear"))
     return Section(
@@ -97,12 +92,11 @@ def _closed_loops(
         [
             "The robot follows a path of two straight lines and an arc of radius 1.25 m at 0.15 m/s. A slip law "
             "converts the controller's twist into sprocket speeds; none assumes no slip. Paths and errors are those of "
-            "the true pose. Crosses, one per second, are the paper's own equations, without noise and delay: the robot "
-            "slips exactly as in Eq. 11, without compensation and compensated by Eq. 11.",
+            "the true pose.",
             tracking_table(results),
             Plot(
                 "fig08_feedforward_paths",
-                partial(figures.paths, feedforward, published["feedforward"]),
+                partial(figures.paths, feedforward),
                 "Feedforward only (the paper's Fig. 8)",
                 "The robot drives the planned twist without feedback, so that every error of the slip law accumulates. "
                 "Left: paths, with squares at their ends. Right: distance from the desired position at the same time "
@@ -110,14 +104,14 @@ def _closed_loops(
             ),
             Plot(
                 "fig10_feedback_paths",
-                partial(figures.paths, linear, published["linear"]),
+                partial(figures.paths, linear),
                 "Linear feedback controller (the paper's Fig. 10)",
                 "The same with feedback of the estimated pose, from a start beside the path. Feedback corrects part "
                 "of what the slip law misses, so the paths differ less than without it.",
             ),
             Plot(
                 "fig11_feedback_errors",
-                partial(figures.tracking_errors_over_time, linear, published["linear"]),
+                partial(figures.tracking_errors_over_time, linear),
                 "Errors with feedback (the paper's Fig. 11)",
                 Markup(
                     "Position error in the robot's frame, forward (e<sub>x</sub>) and to the left (e<sub>y</sub>), and "
@@ -128,7 +122,7 @@ def _closed_loops(
             ),
             Plot(
                 "fig12_slip_during_tracking",
-                partial(figures.slip_during_tracking, linear, found.comparison.laws, published["linear"]),
+                partial(figures.slip_during_tracking, linear, found.comparison.laws),
                 "Slip during tracking (the paper's Fig. 12)",
                 "Dashed: slip of each track that the law predicts at the commanded curvature. Thin: true slip, "
                 "smoothed over 0.5 s, where the sprocket turns faster than 0.3 rad/s. In the arc (grey), the left "

@@ -12,7 +12,6 @@ from experiments.simulate.grid_options import GridConfig
 from sim.stopwatch import Stopwatch
 from trackslip.identification.samples import SlipSamples, samples_by_method, true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
-from trackslip.localization.bound import beside_bound
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 from trackslip.motion.methods import MOTION_METHODS, best_method
@@ -107,14 +106,6 @@ class LocalizationErrors:
 
 
 @dataclass(frozen=True)
-class GridLocalization(LocalizationErrors):
-    """Accuracy of localization in a grid."""
-
-    ratio_to_bound: Mapping[str, float] | None
-    """Root mean square errors of x, y and heading over their Cramér-Rao bound [-]; None for runs without scans."""
-
-
-@dataclass(frozen=True)
 class GridSummary(GridSlips):
     """The numbers of a grid."""
 
@@ -124,7 +115,7 @@ class GridSummary(GridSlips):
     """The same at the radii driven here [-]."""
     speed_spread: OuterInner[float]
     """Largest difference of true slip between the speeds of one radius [-]; NaN where a run gave no sample."""
-    localization: GridLocalization
+    localization: LocalizationErrors
     slip_error_by_method: Mapping[str, OuterInner[ErrorStatistics] | None]
     """Errors of slip with every motion method; None for a method that suits no run."""
 
@@ -152,11 +143,9 @@ def grid_summary(
     row = {name: names.index(name) for name in samples.run}
     slip[[*row.values()]], observed[[*row.values()]] = samples.slip, samples.radius
     poses: list[Array] = []
-    bounds: list[tuple[Array, Array] | None] = []
     by_method: dict[str, list[Array]] = {name: [] for name in MOTION_METHODS}
     for log in logs:
         poses.append(_pose_errors(log))
-        bounds.append(_squares_and_bounds(log))
         if log.run in row:
             run = row[log.run]
             with watch.stage("errors of all methods"):
@@ -174,7 +163,7 @@ def grid_summary(
         slip_rms_vs_published=rms(slip[in_paper] - PUBLISHED(1 / published[in_paper])) if in_paper.any() else None,
         slip_rms_vs_published_at_simulated_radii=rms(samples.slip - PUBLISHED(samples.curvature)),
         speed_spread=OuterInner.of(spread, lambda of_radius: float(of_radius.max())),
-        localization=GridLocalization(**_root_mean(poses), ratio_to_bound=_ratio_to_bound(bounds)),
+        localization=LocalizationErrors(**_root_mean(poses)),
         slip_error_by_method={
             name: OuterInner.of(np.array(errors), ErrorStatistics.of) if errors else None
             for name, errors in by_method.items()
@@ -208,29 +197,6 @@ def _root_mean(runs: Sequence[Array]) -> dict[str, float]:
     x, y, heading, valid, rate = np.mean(runs, axis=0).tolist()
     roots = {"rmse_x": math.sqrt(x), "rmse_y": math.sqrt(y), "rmse_heading": math.sqrt(heading)}
     return roots | {"valid_fraction": valid, "rate_hz": rate}
-
-
-def _squares_and_bounds(log: RunLog) -> tuple[Array, Array] | None:
-    """Sums of the squared errors of measured x, y and heading, and of their bounds (3,); None without scans or noise.
-
-    Views close to edge-on are left out. The scanner sees the plate: its true place on the leaning robot counts.
-    """
-    scans, truth = log.scans, log.truth
-    if scans is None or scans.scan.noise == 0 or truth is None or truth.lean is None:
-        return None
-    phi, valid = truth.pose[:, 2], log.is_valid
-    left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
-    plate = truth.pose + truth.lean[:, None] * left
-    error, bound = beside_bound(log.pose[valid], plate[valid], scans.plate, scans.scan)
-    return np.sum(error**2, axis=0), np.einsum("sii->i", bound)
-
-
-def _ratio_to_bound(runs: Sequence[tuple[Array, Array] | None]) -> dict[str, float] | None:
-    known = [run for run in runs if run is not None]
-    if len(known) < len(runs):
-        return None
-    squares, bounds = np.sum(known, axis=0)
-    return dict(zip(("x", "y", "heading"), np.sqrt(squares / bounds).tolist(), strict=True))
 
 
 def simulated_seconds(logs: Sequence[RunLog]) -> float:
