@@ -92,7 +92,7 @@ OPTIONS = [
     ("wander --source.ahead 1e308", "ahead = 1e+308: must be from -1e+06 to 1e+06"),
     ("wander --source.jumps 1 --source.jump-size 1e308", "jump_size = 1e+308: must be from 0 to 1e+06"),
     # learning and benchmarks
-    ("train --env maze", "env = 'maze': must be one of path_tracking, traverse"),
+    ("train --env maze", "invalid choice 'maze' for argument '--env'"),
     ("train --batch 1000", "batch = 1000: must be a factor of robots * horizon = 8192"),
     (
         "track --controller linear:g=160",
