@@ -132,7 +132,7 @@ def board_figure(entries: Sequence[Row]) -> Figure:
     lines = list(dict.fromkeys((entry["controller"], entry["start"]) for entry in entries))
     compensations = sorted({entry["compensation"] for entry in entries})
     looks = {name: law_line(name, marker=marker) for name, marker in zip(compensations, cycle(_MARKERS), strict=False)}
-    figure = Figure(figsize=(7.0, 1.6 + 0.4 * len(lines)), layout="constrained")
+    figure = Figure(figsize=(8.0, 1.6 + 0.4 * len(lines)), layout="constrained")
     axes = figure.subplots()
     for entry in entries:
         look, error = looks[entry["compensation"]], 1e3 * entry["score"]

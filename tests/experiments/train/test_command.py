@@ -81,10 +81,8 @@ def test_a_training_interrupted_early_has_a_checkpoint_of_its_first_update_or_sa
 def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
     sizes = ("--robots", "2", "--horizon", "8", "--batch", "16", "--epochs", "1", "--network", "8", "--steps", "16")
     found = trackslip("train", "--env", "traverse", *sizes, "--trials", "1", "--difficulty", "0", "0")
-    assert [point["steps"] for point in found.summary["curve"]] == [16]
     rates = found.summary["rates"]
     assert [(row["controller"], row["courses"]) for row in rates] == [("scripted", 1), ("policy", 1)]
-    assert "95 % interval" in found.printed
     assert (found.folder / "curve.png").is_file()
     policy = CrossingPolicy.load(found.folder)
     assert policy.options == {**OPTIONS, "robot": "rescue", "course": ["random"]}
