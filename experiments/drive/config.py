@@ -1,5 +1,6 @@
 """The options of `trackslip drive`."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -9,24 +10,18 @@ import tyro
 from experiments.common.choices import FTR_NAMES
 from experiments.common.options import Excludes, Exclusion, Positive, ResultsOptions, Whole, Within, default_is
 from experiments.simulate.options import MAX_DURATION, RobotSource
-from trackslip.errors import InvalidValueError, require_positive
+from trackslip.errors import require, require_positive
 
 EXAMPLES = (
     ("the rescue robot on stairs, flippers by reflex", "trackslip drive"),
     ("slowly over a step, with pictures", "trackslip drive --course step10 --speed 0.1 --pictures 8"),
-    ("your own robot and course, as a video", "trackslip drive --robot r.toml --course c.toml --video drive.mp4"),
+    ("your own robot and course", "trackslip drive --robot r.toml --course c.toml"),
     ("over a rail as in FTR-Bench, scaled to the robot", "trackslip drive --course rails --difficulty 0.8"),
     ("by the keyboard", "trackslip drive --course arena --teleop"),
 )
 
-
-MAX_PICTURES = 100
-_MAX_SPEED, _MAX_TURN = 2.0, 5.0  # [m/s], [rad/s]
-_MAX_ANGLE = 6.3  # of a flipper [rad]
-_MAX_FRICTION = 5.0
-FLIPPERS = ("up", "down", "reflex")
-UP, DOWN = 1.2, 0.0
-"""Angles of flippers that are up, and that lie along the tracks, positive is up [rad]."""
+FLIPPERS = {"up": (1.2, 1.2), "down": (0.0, 0.0), "reflex": None}
+"""Angles of front and rear flippers by their name: up, along the tracks, or as the ground asks [rad]."""
 
 
 @dataclass(frozen=True)
@@ -39,17 +34,17 @@ class Config(ResultsOptions):
     """Course: flat, ramp20, step10, stairs, cross_beams, pallets, rough, gap, side_slope, arena, FTR-Bench's, FILE."""
     difficulty: Annotated[float, Within(0.0, 1.0)] = 0.5
     """Difficulty of a course of FTR-Bench, from the smallest published sizes to the largest [-]."""
-    speed: Annotated[float, Within(-_MAX_SPEED, _MAX_SPEED, "m/s")] = 0.3
+    speed: Annotated[float, Within(-2.0, 2.0, "m/s")] = 0.3
     """Speed of the belts, negative to drive backwards [m/s]."""
-    turn: Annotated[float, Within(-_MAX_TURN, _MAX_TURN, "rad/s")] = 0.0
+    turn: Annotated[float, Within(-5.0, 5.0, "rad/s")] = 0.0
     """Commanded yaw rate, positive to the left; the robot turns less, as its tracks slip [rad/s]."""
     path: Annotated[Path | None, default_is("straight on", "FILE.csv")] = None
     """Waypoints x, y to follow by the true pose, in the course's frame [m]."""
-    flippers: Annotated[str, tyro.conf.arg(metavar="{up,down,reflex,ANGLES}")] = "reflex"
-    """Flippers: up, down (along the tracks), by reflex, or angles: one, FRONT,REAR, or one each, tips up [rad]."""
+    flippers: Annotated[str, tyro.conf.arg(metavar="{up,down,reflex}|FRONT,REAR")] = "reflex"
+    """Flippers: up, down (along the tracks), by reflex, or angles of the front and rear ones, tips up [rad]."""
     preset: Literal["accurate", "fast"] = "accurate"
     """Contact of the tracks: steps of 2 ms, or of 4 ms."""
-    friction: Annotated[float | None, Positive(_MAX_FRICTION), default_is("the course's", "FLOAT")] = None
+    friction: Annotated[float | None, Positive(5.0), default_is("the course's", "FLOAT")] = None
     """Friction coefficient between tracks and course [-]."""
     duration: Annotated[float, Positive(MAX_DURATION, "s")] = 60.0
     """Longest run [s]."""
@@ -57,9 +52,7 @@ class Config(ResultsOptions):
     """Seed of the course's random parts."""
     teleop: bool = False
     """Drive it yourself, in MuJoCo's viewer with the arrow keys; needs a display."""
-    video: Annotated[Path | None, default_is("none", "FILE.mp4")] = None
-    """Also write a video; needs pip install "trackslip[video]"."""
-    pictures: Annotated[int, Whole(0, MAX_PICTURES)] = 0
+    pictures: Annotated[int, Whole(0, 1000)] = 0
     """Number of pictures to write to OUT/pictures, evenly over the run."""
     out: Path = Path("out/drive")
     """Folder for the results."""
@@ -68,23 +61,20 @@ class Config(ResultsOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.video is not None and self.video.suffix.lower() != ".mp4":
-            raise InvalidValueError("video", str(self.video), "a file that ends in .mp4")
-        self.flipper_angles()
-        if self.course not in FTR_NAMES and self.difficulty != Config.difficulty:
-            raise InvalidValueError("difficulty", self.difficulty, "left out without a course of FTR-Bench")
+        has_difficulty = self.course in FTR_NAMES or self.difficulty == Config.difficulty
+        require(has_difficulty, "difficulty", self.difficulty, "left out without a course of FTR-Bench")
         if self.path is not None:
             require_positive("speed", self.speed)
+        self.flipper_angles()
 
-    def flipper_angles(self) -> tuple[float, ...] | None:
-        """Angles of the flippers, one for all of them or more; None by reflex [rad]."""
+    def flipper_angles(self) -> tuple[float, float] | None:
+        """Angles of front and rear flippers, tips up; None by reflex [rad]."""
         if self.flippers in FLIPPERS:
-            return {"up": (UP,), "down": (DOWN,)}.get(self.flippers)
-        allowed = f"{', '.join(FLIPPERS)}, or angles up to {_MAX_ANGLE:g} rad, separated by commas"
+            return FLIPPERS[self.flippers]
         try:
-            angles = tuple(float(part) for part in self.flippers.split(","))
+            front, rear = map(float, self.flippers.split(","))
         except ValueError:
-            raise InvalidValueError("flippers", self.flippers, allowed) from None
-        if not all(abs(angle) <= _MAX_ANGLE for angle in angles):
-            raise InvalidValueError("flippers", self.flippers, allowed)
-        return angles
+            front = rear = math.nan
+        is_allowed = abs(front) <= math.tau and abs(rear) <= math.tau
+        require(is_allowed, "flippers", self.flippers, "up, down, reflex, or angles FRONT,REAR within a turn [rad]")
+        return front, rear

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from experiments.common.colours import BLUE, GREEN, GREY, VERMILLION
+from experiments.common.colours import BLUE, GREEN, VERMILLION
 from experiments.drive.course import DrivenCourse
 from experiments.recorder.model import drawn, send_geoms, send_paving, send_robot
 from experiments.recorder.plots import LEFT, RIGHT, Panel, send_layout
@@ -20,17 +20,6 @@ from sim.traverse.contact import ContactPoints
 _EVERY = 2  # one row in so many is drawn
 _NEWTON = 0.002  # length of a force arrow [m/N]
 _COLOURS = (LEFT, RIGHT, "#009E73", "#F0E442", "#CC79A7", "#D55E00", "#8d6bd1", "#bbbbbb")
-_SLIP, _ATTITUDE = "Slip and forces", "Attitude and flippers"
-PANELS = (
-    Panel("Slip [-]", ("slip/tracks",), 1.6, _SLIP, has_outliers=True),
-    Panel("Load [N]", ("contact/load",), tab=_SLIP),
-    Panel("Traction [N]", ("contact/traction",), tab=_SLIP),
-    Panel("Penetration [mm]", ("contact/depth",), tab=_SLIP),
-    Panel("Attitude and slope [deg]", ("attitude/chassis",), tab=_ATTITUDE),
-    Panel("Flippers [deg]", ("attitude/flippers",), tab=_ATTITUDE),
-    Panel("Belts [m/s]", ("belts/mean",), tab=_ATTITUDE),
-)
-"""Plots over time."""
 
 
 def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel, about: Mapping[str, Any]) -> None:
@@ -45,10 +34,10 @@ def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel, abou
         send_robot(recording, RUN, looks.model, time, run.state.qpos[rows], tracks, run.travel[rows])
         _send_contacts(recording, run, looks, rows)
         recording.line(f"{RUN}/path/driven", position[rows] + [0, 0, 0.02], BLUE, 0.008)
-        recording.series(RUN, run.time, _series(run))
+        panels = _send_plots(recording, run)
         recording.properties(RUN, about)
         steepest = float(run.time[np.argmax(np.abs(run.state.pitch))])
-        send_layout(recording, [RUN], PANELS, position[:, :2], steepest, duration)
+        send_layout(recording, [RUN], panels, position[:, :2], steepest, duration)
 
     write_recording(file, f"{run.robot.name}: {run.outcome}", send)
 
@@ -65,7 +54,7 @@ def _send_terrain(recording: Recording, model: mujoco.MjModel, path: np.ndarray)
 def _send_contacts(recording: Recording, run: DrivenCourse, looks: TrackedModel, rows: np.ndarray) -> None:
     """Send where the robot touches the ground, and the forces there."""
     contacts, state = ContactPoints(looks), run.state
-    moments = [contacts.at(state.qpos[k], state.qvel[k], run.belt[k], run.flipper_command[k]) for k in rows]
+    moments = [contacts.at(state.qpos[k], state.qvel[k], run.contact.belt[k], run.command.flippers[k]) for k in rows]
     points, forces = (np.concatenate(parts) for parts in zip(*moments, strict=True))
     counts, time = np.array([len(points) for points, _ in moments]), run.time[rows]
     dot, arrow = rr.Points3D.from_fields(**paint(VERMILLION, 0.008)), rr.Arrows3D.from_fields(**paint(GREEN, 0.004))
@@ -73,16 +62,19 @@ def _send_contacts(recording: Recording, run: DrivenCourse, looks: TrackedModel,
     recording.shapes(f"{RUN}/contacts/forces", time, counts, arrow, origins=points, vectors=_NEWTON * forces)
 
 
-def _series(run: DrivenCourse) -> list[Series]:
-    """Everything that is plotted."""
-    tracks, flippers = ([name.replace("_", " ") for name in names] for names in (run.tracks, run.flippers))
-    series = [
-        Series("slip/tracks", run.slip, tracks, _COLOURS),
-        Series("contact/load", run.load, tracks, _COLOURS),
-        Series("contact/traction", run.traction, tracks, _COLOURS),
-        Series("belts/mean", run.belt, tracks, _COLOURS),
-        Series("contact/depth", 1e3 * run.depth.max(axis=1, keepdims=True), ["largest"], [GREY]),
-        Series("attitude/chassis", np.degrees(run.attitude), ["pitch", "roll", "slope of the ground"], _COLOURS),
-        Series("attitude/flippers", np.degrees(run.state.flippers), flippers, _COLOURS),
-    ]
-    return [lines for lines in series if lines.names]
+def _send_plots(recording: Recording, run: DrivenCourse) -> list[Panel]:
+    """Send the lines of the plots over time; returns the panels."""
+    contact, forces, attitude = run.contact, "Slip and forces", "Attitude and flippers"
+    plots = (
+        ("Slip [-]", "slip/tracks", contact.slip, run.tracks, forces),
+        ("Load [N]", "contact/load", contact.load, run.tracks, forces),
+        ("Traction [N]", "contact/traction", contact.traction, run.tracks, forces),
+        ("Penetration [mm]", "contact/depth", 1e3 * contact.depth, run.tracks, forces),
+        ("Attitude and slope [deg]", "attitude/chassis", run.attitude, ("pitch", "roll", "slope"), attitude),
+        ("Flippers [deg]", "attitude/flippers", np.degrees(run.state.flippers), run.flippers, attitude),
+        ("Belts [m/s]", "belts/mean", contact.belt, run.tracks, attitude),
+    )
+    for _, entity, values, names, _ in plots:
+        legend = [name.replace("_", " ") for name in names]
+        recording.series(RUN, run.time, [Series(entity, values, legend, _COLOURS)] if legend else [])
+    return [Panel(title, (entity,), tab=tab, has_outliers="slip" in entity) for title, entity, *_, tab in plots]

@@ -1,8 +1,6 @@
 """Results of a drive over a course: outcome, slip of each track, penetration and energy; and its rows as a table."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,28 +10,19 @@ import pyarrow.parquet
 
 from experiments.common.plain_json import plain
 from experiments.drive.course import DrivenCourse
+from sim.traverse.contact import TrackContact
 from trackslip.kinematics import Array
 from trackslip.logs.logfile import packing
-from trackslip.logs.schema import COLUMNS, PURE, Column
+from trackslip.logs.schema import PURE, with_units
 from trackslip.logs.table import file_metadata
 
 _NAME = "drive"  # of the run
-_LOG = ("t", "omega_l", "omega_r", "x", "y", "phi")
-_TRACK = {
-    "belt": ("m/s", "mean belt speed since the previous row"),
-    "slip": (PURE, "1 - speed over ground / belt speed; null where the track doesn't touch or stands"),
-    "traction": ("N", "mean force of the ground along the belt"),
-    "load": ("N", "mean normal force"),
-    "depth": ("m", "largest penetration since the previous row"),
-    "work": ("J", "work of the belt against the ground since the previous row"),
-}
 
 
 def drive_summary(run: DrivenCourse) -> dict[str, Any]:
     """Summary of a drive: outcome, lengths [m], angles [rad], penetration [m], energy [J], and each track."""
-    state, moving = run.state, run.depth[1:]
-    position = state.position
-    deepest = moving.max(axis=1) if len(moving) else np.zeros(1)
+    state, contact, position = run.state, run.contact, run.state.position
+    deepest = contact.depth.max(axis=1)[1:] if len(run.time) > 1 else np.zeros(1)
     return {
         "outcome": run.outcome,
         "duration": round(float(run.time[-1]), 9),  # simulated time [s]
@@ -44,76 +33,65 @@ def drive_summary(run: DrivenCourse) -> dict[str, Any]:
         "max_roll": float(np.abs(state.roll).max()),
         "max_penetration": float(deepest.max()),
         "penetration_p99": float(np.percentile(deepest, 99)),  # of the largest penetration in each row
-        "energy": float(run.work.sum()),  # work of all belts against the ground
-        "tracks": [_track_summary(run, k) for k in range(len(run.tracks))],
+        "energy": float(contact.work.sum()),  # work of all belts against the ground
+        "tracks": [_track_summary(name, contact, k) for k, name in enumerate(run.tracks)],
     }
 
 
-def _track_summary(run: DrivenCourse, k: int) -> dict[str, Any]:
+def _track_summary(name: str, contact: TrackContact, k: int) -> dict[str, Any]:
     """Slip [-], share of the time in touch, penetration [m] and work [J] of a track; no slip where it never touched."""
-    slip, known = run.slip[:, k], np.isfinite(run.slip[:, k])
-    belt = np.abs(run.belt[known, k])
+    known = np.isfinite(contact.slip[:, k])
+    slip, belt = contact.slip[known, k], np.abs(contact.belt[known, k])
     return {
-        "name": run.tracks[k],
-        "slip": float(np.average(slip[known], weights=belt)) if belt.sum() > 0 else None,
-        "slip_p95": float(np.percentile(np.abs(slip[known]), 95)) if known.any() else None,
-        "touching": float(run.touching[1:, k].mean()) if len(run.time) > 1 else 0.0,
-        "max_penetration": float(run.depth[:, k].max()),
-        "work": float(run.work[:, k].sum()),
+        "name": name,
+        "slip": float(np.average(slip, weights=belt)) if belt.sum() > 0 else None,
+        "slip_p95": float(np.percentile(np.abs(slip), 95)) if known.any() else None,
+        "touching": float(contact.touching[1:, k].mean()) if len(contact.touching) > 1 else 0.0,
+        "max_penetration": float(contact.depth[:, k].max()),
+        "work": float(contact.work[:, k].sum()),
     }
-
-
-def slip_by_slope(slope: Array, slip: Array, width: float) -> tuple[Array, Array]:
-    """Middles (B,) of bins of slope of some width, and median and quartiles (B, 3) of the slip in them.
-
-    Bins with fewer than five values are left out.
-    """
-    known = np.isfinite(slip)
-    which = np.round(slope[known] / width).astype(int)
-    bins = [b for b in np.unique(which) if np.sum(which == b) >= 5]
-    quartiles = [np.percentile(slip[known][which == b], (25, 50, 75)) for b in bins]
-    return np.array(bins, float) * width, np.array(quartiles).reshape(-1, 3)[:, [1, 0, 2]]
 
 
 def write_course_run(run: DrivenCourse, about: Mapping[str, Any], file: Path) -> None:
     """Write a drive as a table with units, and `about` as its metadata. What is not defined is null, never NaN."""
-    columns = list(_columns(run, about["geometry"]["sprocket_radius"]))
-    # NaN stands for what is not defined, and nothing else: the states of a run that broke down are the last finite ones
-    arrays = [pa.array(np.ascontiguousarray(values), from_pandas=True) for _, values in columns]
-    fields = [pa.field("run", pa.string())]
-    fields += [pa.field(c.name, array.type, metadata=c.metadata) for (c, _), array in zip(columns, arrays, strict=True)]
-    schema = pa.schema(fields, metadata=file_metadata(fields, {_NAME: plain(about)}))
-    table = pa.Table.from_arrays([pa.array([_NAME] * len(run.time)), *arrays], schema=schema)
-    pa.parquet.write_table(table, file, row_group_size=len(run.time), **packing(schema))
+    columns, fields = [pa.array([_NAME] * len(run.time))], [pa.field("run", pa.string())]
+    for begin, ends, unit, text, values in _columns(run, about["geometry"]["sprocket_radius"]):
+        for end, column in zip(ends, values.T, strict=True):
+            columns.append(pa.array(np.ascontiguousarray(column), from_pandas=True))
+            fields.append(pa.field(begin + end, pa.float64(), metadata={"unit": unit, "description": text}))
+    table = with_units(pa.Table.from_arrays(columns, schema=pa.schema(fields)))
+    table = table.replace_schema_metadata(file_metadata(table.schema, {_NAME: plain(about)}))
+    pa.parquet.write_table(table, file, row_group_size=len(run.time), **packing(table.schema))
 
 
-def _columns(run: DrivenCourse, radius: float) -> Iterator[tuple[Column, Array]]:
-    """Each column with its values (R,)."""
-    state = run.state
-    position, heading = state.position, np.unwrap(state.heading)
-    omega = run.belt[:, :2] / radius
-    for name, values in zip(_LOG, (run.time, *omega.T, *position.T[:2], heading), strict=True):
-        yield COLUMNS[name], values
-    for names, unit, what, columns in (
-        (("z",), "m", "height of the chassis' frame", position[:, 2:]),
-        (("q_w", "q_x", "q_y", "q_z"), PURE, "attitude of the chassis, a unit quaternion", state.quaternion),
-        (("roll",), "rad", "angle by which the chassis leans to its right", state.roll[:, None]),
-        (("pitch",), "rad", "angle by which the chassis points upwards", state.pitch[:, None]),
-        (("v_x", "v_y", "v_z"), "m/s", "velocity of the chassis' frame in the world", state.velocity),
-        (("w_x", "w_y", "w_z"), "rad/s", "angular velocity in the chassis' frame", state.rate),
+def _columns(run: DrivenCourse, radius: float) -> list[tuple[str, Sequence[str], str, str, Array]]:
+    """Columns in groups: how their names begin, n ends, unit, text (none for those of every log), and values (R, n)."""
+    state, contact = run.state, run.contact
+    return [
+        ("", ["t"], "s", "", run.time[:, None]),
+        ("omega_", "lr", "rad/s", "", contact.belt[:, :2] / radius),
+        ("", "xy", "m", "", state.position[:, :2]),
+        ("", ["phi"], "rad", "", np.unwrap(state.heading)[:, None]),
+        ("", "z", "m", "height of the chassis' frame", state.position[:, 2:]),
+        ("q_", "wxyz", PURE, "attitude of the chassis, a unit quaternion", state.quaternion),
+        ("", ["roll"], "rad", "angle by which the chassis leans to its right", state.roll[:, None]),
+        ("", ["pitch"], "rad", "angle by which the chassis points upwards", state.pitch[:, None]),
+        ("v_", "xyz", "m/s", "velocity of the chassis' frame in the world", state.velocity),
+        ("w_", "xyz", "rad/s", "angular velocity in the chassis' frame", state.rate),
+        ("", ["slope"], "rad", "slope of the ground under the tracks, along the robot, uphill", run.slope[:, None]),
+        ("belt_cmd_", "lr", "m/s", "belt speed asked for", run.command.speed),
+        ("belt_", run.tracks, "m/s", "mean belt speed since the previous row", contact.belt),
         (
-            ("slope",),
-            "rad",
-            "slope of the ground under the tracks, along the robot, uphill is positive",
-            run.slope[:, None],
+            "slip_",
+            run.tracks,
+            PURE,
+            "1 - speed over ground / belt speed; null without contact or at rest",
+            contact.slip,
         ),
-        (("belt_cmd_l",), "m/s", "belt speed asked for, left", run.command[:, :1]),
-        (("belt_cmd_r",), "m/s", "belt speed asked for, right", run.command[:, 1:]),
-    ):
-        yield from ((Column(name, unit, what), values) for name, values in zip(names, columns.T, strict=True))
-    for name, (unit, what) in _TRACK.items():
-        for track, values in zip(run.tracks, getattr(run, name).T, strict=True):
-            yield Column(f"{name}_{track}", unit, f"{what}, track {track}"), values
-    for k, flipper in enumerate(run.flippers):
-        yield Column(f"angle_{flipper}", "rad", f"angle of {flipper}, up is positive"), state.flippers[:, k]
-        yield Column(f"angle_cmd_{flipper}", "rad", f"angle asked of {flipper}"), run.flipper_command[:, k]
+        ("traction_", run.tracks, "N", "mean force of the ground along the belt", contact.traction),
+        ("load_", run.tracks, "N", "mean normal force", contact.load),
+        ("depth_", run.tracks, "m", "largest penetration since the previous row", contact.depth),
+        ("work_", run.tracks, "J", "work of the belt against the ground since the previous row", contact.work),
+        ("angle_", run.flippers, "rad", "angle of the flipper, tip up", state.flippers),
+        ("angle_cmd_", run.flippers, "rad", "angle asked of the flipper, tip up", run.command.flippers),
+    ]

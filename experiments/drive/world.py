@@ -1,111 +1,109 @@
-"""From the options of `trackslip drive` to a robot at the start of a course."""
-
-from __future__ import annotations
+"""From the options of `trackslip drive` to a robot at the start of a course, and its driver."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
-from experiments.drive.course import PERIOD, SAMPLE, PathPilot, Pilot
+from experiments.drive.course import PERIOD, Driver
 from sim.robot.named import load_tracked
-from sim.robot.tracked import TrackedRobot
-from sim.robot.tracked_model import TrackedModel, build_tracked, clear_angles
 from sim.seeds import generator
-from sim.terrain import Course, load_course
+from sim.terrain import load_course
 from sim.traverse.ftr_courses import FTR_COURSES, draw_ftr_course
 from sim.traverse.outcome import Limits
 from sim.traverse.reflex import Reflex
 from sim.traverse.states import Servos
-from sim.traverse.world import Traverse
-from trackslip.errors import InvalidValueError
-from trackslip.kinematics import Array
+from sim.traverse.world import Command, Traverse
+from trackslip.controllers.steering import PurePursuit
+from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
+from trackslip.trajectory.profile import MotionLimits
+from trackslip.trajectory.waypoints import read_waypoints
 
-TOP_SPEED = 0.6
-"""Largest speed of the belts by hand [m/s]."""
+SAMPLE = 0.004  # time between looks at the contacts [s]
+TOP_SPEED = 0.6  # largest speed of the belts by hand [m/s]
+ACCELERATION = 2.0  # at both ends of a path [m/s^2]
+_SEARCH = 200  # periods of a path ahead among which the robot is looked for
 
 
-@dataclass(frozen=True)
-class CourseWorld:
-    """A robot at the start of a course."""
+def make_world(config: Config) -> Traverse:
+    """A robot at the start of a course; raises TrackslipError for a robot or a course that can't be built."""
+    robot = load_tracked(config.robot)
+    if config.course in FTR_COURSES:
+        seed = config.seed or 0
+        drawn = draw_ftr_course(config.course, config.difficulty, generator(seed, config.course), robot.hull)
+        course = replace(drawn, seed=seed)
+    else:
+        course = load_course(config.course, config.seed, FTR_COURSES)
+    if config.friction is not None:
+        course = replace(course, friction=config.friction)
+    fastest = abs(config.speed) + abs(config.turn) * robot.half_gauge
+    return Traverse(
+        robot,
+        [course],
+        preset=config.preset,
+        servos=Servos(top_speed=max(TOP_SPEED, fastest)),
+        limits=Limits(time=config.duration),
+        period=PERIOD,
+        sample=SAMPLE,
+        threads=1,
+    )
 
-    robot: TrackedRobot
-    course: Course
-    traverse: Traverse
-    config: Config
 
-    @classmethod
-    def of(cls, config: Config) -> CourseWorld:
-        """Build the world; raises TrackslipError for a robot or a course that can't be built."""
-        robot = load_tracked(config.robot)
-        if config.course in FTR_COURSES:
-            seed = config.seed or 0
-            drawn = draw_ftr_course(config.course, config.difficulty, generator(seed, config.course), robot.hull)
-            course = replace(drawn, seed=seed)
-        else:
-            course = load_course(config.course, config.seed, FTR_COURSES)
-        if config.friction is not None:
-            course = replace(course, friction=config.friction)
-        fastest = abs(config.speed) + abs(config.turn) * robot.half_gauge
-        world = Traverse(
-            robot,
-            [course],
-            preset=config.preset,
-            servos=Servos(top_speed=max(TOP_SPEED, fastest)),
-            limits=Limits(time=config.duration),
-            period=PERIOD,
-            sample=SAMPLE,
-            threads=1,
-        )
-        made = cls(robot, course, world, config)
-        world.begin([0], flippers=clear_angles(world.tracked, made.set_angles))
-        return made
+def flippers(config: Config, world: Traverse) -> Callable[[Traverse], Array]:
+    """Gives the angles (1, F) of the flippers, by reflex or those asked for [rad]."""
+    asked = config.flipper_angles()
+    if asked is None:
+        return lambda world: world.reflex(Reflex())
+    angles = np.where(world.tracked.flipper_front, *asked)[None]
+    return lambda world: angles
 
-    @property
-    def set_angles(self) -> Array:
-        """Angles (F,) asked of the flippers, tips up; 0 by reflex [rad]."""
-        given, count = self.config.flipper_angles(), len(self.robot.flippers)
-        if given is None:
-            return np.zeros(count)
-        if len(given) == 1:
-            return np.full(count, given[0])
-        if len(given) == 2:
-            return np.where(self.traverse.tracked.flipper_front, *given)
-        if len(given) != count:
-            allowed = f"one angle, two (front, rear) or {count}, one for each flipper of {self.robot.name}"
-            raise InvalidValueError("flippers", self.config.flippers, allowed)
-        return np.array(given)
 
-    def flippers(self) -> Callable[[Traverse], Array]:
-        """Source of the flippers' angles."""
-        if self.config.flipper_angles() is None:
-            return lambda world: world.reflex(Reflex())[0]
-        angles = self.set_angles
-        return lambda world: angles
+def driver(config: Config, world: Traverse) -> Driver:
+    """The driver without a keyboard: along the path, or at constant speeds."""
+    angles, half_gauge = flippers(config, world), world.tracked.robot.half_gauge
+    if config.path is not None:
+        return PathDriver(config.path, config.speed, half_gauge, angles)
+    speeds = track_speeds([[config.speed, config.turn]], half_gauge)
+    return lambda world: Command(speeds, angles(world))
 
-    def pilot(self) -> Pilot:
-        """The driver without a keyboard: along the path, or at constant speeds."""
-        config = self.config
-        if config.path is not None:
-            return PathPilot.of(config.path, config.speed, self.robot.half_gauge)
-        speeds = config.speed + config.turn * self.robot.half_gauge * np.array([-1.0, 1.0])
-        return lambda state: speeds
 
-    def with_looks(self) -> TrackedModel:
-        """The same model with everything that is only for looks."""
-        return build_tracked(self.robot, self.course, preset=self.config.preset, looks=True)
+class PathDriver:
+    """Pure pursuit of waypoints by the true pose, at the speed of the reference beside the robot, whatever the time."""
 
-    @property
-    def about(self) -> dict[str, Any]:
-        """The metadata of a run: robot and course, as far as the options leave them open."""
-        robot, course, tracked = self.robot, self.course, self.traverse.tracked
-        return {
-            "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},
-            "robot": {**plain(robot), "model": robot.model.name, "packages": [each.name for each in robot.packages]},
-            "course": {"friction": course.friction, "seed": course.seed, "goal": course.goal, "width": course.width},
-            "seed": course.seed,
-            "mass": float(tracked.model.body_subtreemass[tracked.body]),
-        }
+    def __init__(self, path: Path, speed: float, half_gauge: float, flippers: Callable[[Traverse], Array]) -> None:
+        """Raises ReferenceFileError for a file of waypoints that can't be driven with belts up to `speed` [m/s]."""
+        limits = MotionLimits(speed, ACCELERATION, speed / half_gauge, track_speed=speed, half_gauge=half_gauge)
+        self.reference = read_waypoints(path, limits)
+        self._times = np.append(np.arange(PERIOD, self.reference.duration, PERIOD), self.reference.duration)
+        self._points = self.reference.pose(self._times)[:, :2]
+        self._beside = 0  # index of the point beside the robot
+        self._controller, self._flippers = PurePursuit(), flippers
+        self._speed, self._half_gauge = speed, half_gauge
+
+    def __call__(self, world: Traverse) -> Command | None:
+        """See `Driver`; the run ends beside the end of the path."""
+        position = world.state.position[:, :2]
+        ahead = self._points[self._beside : self._beside + _SEARCH]
+        self._beside += int(np.argmin(np.hypot(*(ahead - position).T)))
+        if self._beside >= len(self._times) - 2:  # where the reference hardly moves
+            return None
+        pose = np.column_stack([position, world.state.heading])
+        twist = self._controller.twist(self._times[self._beside], pose, self.reference)
+        speeds = limit_sprocket_speeds(track_speeds(twist, self._half_gauge), self._speed)
+        return Command(speeds, self._flippers(world))
+
+
+def about_world(world: Traverse) -> dict[str, Any]:
+    """The metadata of a run: robot and course, as far as the options leave them open."""
+    robot, course, tracked = world.tracked.robot, world.course[0], world.tracked
+    return {
+        "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},
+        "robot": {**plain(robot), "model": robot.model.name, "packages": [each.name for each in robot.packages]},
+        "course": {"friction": course.friction, "seed": course.seed, "goal": course.goal, "width": course.width},
+        "seed": course.seed,
+        "mass": float(tracked.model.body_subtreemass[tracked.body]),
+    }

@@ -60,7 +60,6 @@ OPTIONS = [
     ("drive --difficulty 0.9", "difficulty = 0.9: must be left out without a course of FTR-Bench"),
     ("drive --course rails --difficulty 1.1", "difficulty = 1.1: must be from 0 to 1"),
     ("drive --flippers sideways", "flippers = 'sideways': must be up, down, reflex, or angles"),
-    ("drive --video drive.avi", "video = 'drive.avi': must be a file that ends in .mp4"),
     ("drive --path gone.csv --speed -1", "speed = -1.0: must be a finite number > 0"),
     ("plan", "half_gauge = None: must be given (--half-gauge on the command line)"),
     (f"{PLAN} --area 3x", "area = '3x': must be length x width in metres, such as 3x3 or 4.5x2"),
