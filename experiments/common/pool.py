@@ -27,10 +27,6 @@ class Workers:
     executor: futures.Executor | None = None
     count: int = 1
 
-    def map(self, do: Do, tasks: Iterable[Any]) -> Iterator[Any]:
-        """Submit all tasks now; yield their results in order."""
-        return map(do, tasks) if self.executor is None else _guarded(self.executor.map(do, tasks))
-
     def each(self, do: Do, tasks: Iterable[Any]) -> Iterator[Any]:
         """Submit tasks as workers become free; yield each result as soon as it is ready."""
         return map(do, tasks) if self.executor is None else _guarded(self._completed(self.executor, do, iter(tasks)))

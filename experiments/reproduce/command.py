@@ -16,7 +16,7 @@ from experiments.reproduce.comparison import comparison_table
 from experiments.reproduce.config import Config
 from experiments.reproduce.page import page
 from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
-from experiments.simulate.grid_runs import cells_of, drive_cells
+from experiments.simulate.grid_runs import cells_of, drive_grid
 from experiments.simulate.grid_summary import grid_summary, saturation_warnings, simulated_seconds
 from experiments.simulate.options import IDENTIFIED
 from experiments.simulate.tracking import tracking_results, tracking_table
@@ -40,7 +40,7 @@ def run(config: Config) -> None:
     geometry, cells = world.robot.geometry, cells_of(config)
     with Run(config) as run:
         with run.busy(f"{counted(len(cells), 'run')}, scans and poses"):
-            grid_logs = drive_cells(cells, [world] * len(cells), watch=run.watch)
+            grid_logs = drive_grid(config, world, run.watch)
 
         with run.busy("slips and laws"):
             with run.watch.stage("slips"):

@@ -9,7 +9,6 @@ import numpy as np
 
 from experiments.common.lookup import locator
 from experiments.simulate.grid_options import GridConfig
-from experiments.simulate.options import Repeatable
 from experiments.simulate.world import World
 from sim.fleet import Fleet
 from sim.loop import Progress, open_loop
@@ -25,8 +24,6 @@ from trackslip.logs.runlog import RunLog
 
 CLEARANCE = 1.5
 """Distance from the scanner to the nearest point of each circle [m]."""
-_SAMPLE_SPEED = 0.15  # [m/s]
-_SAMPLE_DURATION = 20.0  # [s]
 _DRIVEN_OVER_COMMANDED = 1.3  # approximate ratio of the radius driven to the radius commanded
 
 
@@ -55,16 +52,10 @@ def cells_of(config: GridConfig) -> list[GridCell]:
     return [GridCell.at(radius, speed) for radius, speed in itertools.product(config.radii, config.speeds)]
 
 
-def drive_grid(
-    config: GridConfig,
-    world: World,
-    progress: Progress = lambda seconds: None,
-    watch: Stopwatch | None = None,
-    kept: bool = False,
-) -> list[RunLog]:
+def drive_grid(config: GridConfig, world: World, watch: Stopwatch | None = None) -> list[RunLog]:
     """Drive every radius at every speed, all runs at once; see `drive_cells`."""
     cells = cells_of(config)
-    return drive_cells(cells, [world] * len(cells), progress, watch, kept)
+    return drive_cells(cells, [world] * len(cells), watch=watch)
 
 
 def drive_cells(
@@ -125,16 +116,3 @@ def on_circle(robot: Robot, radius: float, phase: float) -> Array:
     driven = _DRIVEN_OVER_COMMANDED * radius
     centre = se2.compose(robot.lrf_mount, [CLEARANCE + driven, 0.0, phase - np.pi / 2])
     return se2.compose(centre, [0.0, -driven, 0.0])
-
-
-def sample_runs(robot: str, like: Repeatable, progress: Progress = lambda seconds: None) -> list[RunLog]:
-    """Let a robot, from its file or the shipped one, turn with the paper's radii, with everything recorded.
-
-    Radii too small for the robot are left out. `like` gives the seed and the number of threads.
-    """
-    config = GridConfig(
-        robot=robot, rrd=True, seed=like.seed, threads=like.threads, speeds=(_SAMPLE_SPEED,), duration=_SAMPLE_DURATION
-    )
-    world = World.of(config)
-    cells = [cell for cell in cells_of(config) if cell.radius > world.robot.geometry.half_gauge]
-    return drive_cells(cells, [world] * len(cells), progress) if cells else []

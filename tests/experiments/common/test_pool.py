@@ -48,16 +48,14 @@ def test_every_task_is_done_once(name, count):
     with workers(name, count) as pool:
         assert sorted(pool.each(double, range(20))) == list(range(0, 40, 2))
         assert list(pool.each(double, [])) == []
-        assert list(pool.map(double, range(20))) == list(range(0, 40, 2))
     assert gone()
 
 
-@pytest.mark.parametrize("way", ["each", "map"])
-def test_what_a_task_raises_arrives_and_a_worker_that_dies_is_reported(way):
+def test_what_a_task_raises_arrives_and_a_worker_that_dies_is_reported():
     with pytest.raises(ValueError, match="0"), workers("processes", 1) as pool:
-        list(getattr(pool, way)(refuse, [0]))
+        list(pool.each(refuse, [0]))
     with pytest.raises(TrackslipError, match="a worker died"), workers("processes", 2) as pool:
-        list(getattr(pool, way)(die, range(4)))
+        list(pool.each(die, range(4)))
     assert gone()
 
 
@@ -82,8 +80,8 @@ def test_an_error_leaves_no_process(do, tasks):
 
     def fail():
         with workers("processes", 2) as pool:
-            list(pool.map(double, range(4)))
-            pool.map(do, tasks)
+            list(pool.each(double, range(4)))
+            pool.executor.map(do, tasks)
             time.sleep(0.2)
             raise KeyError(time.monotonic())
 
@@ -99,7 +97,7 @@ import multiprocessing, time
 from experiments.common.pool import workers
 if __name__ == "__main__":
     with workers("processes", 2) as pool:
-        pending = pool.map(time.sleep, [0, 0, 60, 60])
+        pending = pool.each(time.sleep, [0, 0, 60, 60])
         next(pending), next(pending)
         print(*(child.pid for child in multiprocessing.active_children()), flush=True)
         list(pending)
