@@ -13,8 +13,6 @@ from typing import Any
 
 from trackslip.errors import TrackslipError, first_line
 
-Do = Callable[[Any], Any]
-
 
 class WorkersFailedError(TrackslipError):
     """Workers have died; the results that they returned before are kept."""
@@ -27,29 +25,24 @@ class Workers:
     executor: futures.Executor | None = None
     count: int = 1
 
-    def each(self, do: Do, tasks: Iterable[Any]) -> Iterator[Any]:
-        """Submit tasks as workers become free; yield each result as soon as it is ready."""
-        return map(do, tasks) if self.executor is None else _guarded(self._completed(self.executor, do, iter(tasks)))
-
-    def _completed(self, executor: futures.Executor, do: Do, tasks: Iterator[Any]) -> Iterator[Any]:
-        pending = {executor.submit(do, task) for task in islice(tasks, 2 * self.count)}  # so that no worker waits
-        while pending:
-            done, pending = futures.wait(pending, return_when=futures.FIRST_COMPLETED)
-            for future in done:
-                yield future.result()
-                pending |= {executor.submit(do, task) for task in islice(tasks, 1)}
-
-
-def _guarded(results: Iterator[Any]) -> Iterator[Any]:
-    """The results of tasks; raises WorkersFailedError where a worker dies, and what a task raises."""
-    try:
-        yield from results
-    except (futures.BrokenExecutor, futures.CancelledError) as error:
-        raise WorkersFailedError("a worker died") from error
-    except Exception as error:
-        if not type(error).__module__.startswith("distributed"):
+    def each(self, do: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Any]:
+        """Submit tasks as workers become free and yield results as they come, or raise WorkersFailedError."""
+        if self.executor is None:
+            yield from map(do, tasks)
+            return
+        queue = iter(tasks)
+        try:
+            pending = {self.executor.submit(do, task) for task in islice(queue, 2 * self.count)}  # none of them waits
+            while pending:
+                done, pending = futures.wait(pending, return_when=futures.FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+                    pending |= {self.executor.submit(do, task) for task in islice(queue, 1)}
+        except Exception as error:
+            by_executor = isinstance(error, futures.BrokenExecutor | futures.CancelledError)
+            if by_executor or type(error).__module__.startswith("distributed"):
+                raise WorkersFailedError(f"a worker died ({type(error).__name__})") from error
             raise
-        raise WorkersFailedError(f"the cluster fails ({type(error).__name__})") from error
 
 
 def processors() -> int:
