@@ -2,6 +2,7 @@
 
 from experiments.calibrate.calibration import (
     error_table,
+    first_candidate,
     fold_labels,
     parameter_table,
     read_target,
@@ -15,10 +16,7 @@ from experiments.common.manifest import command_line
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
 from sim.calibration.calibration import calibrate, random_starts
-from sim.calibration.candidate import Candidate
-from sim.calibration.targets import Drives, TurnTable
-from sim.ground.named import load_ground
-from sim.robot.named import load_parameters
+from sim.calibration.targets import Drives
 from sim.robot.parameters import ground_file_text, robot_file_text
 from sim.seeds import generator
 from trackslip.se2 import Mounting
@@ -27,18 +25,13 @@ from trackslip.se2 import Mounting
 def run(config: Config) -> None:
     """Fit, store, report and print."""
     with Run(config) as run:
-        robot, ground = load_parameters(config.robot)
-        ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
-        base = Candidate(robot, ground, Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset)
+        base = first_candidate(config.robot, config.ground, config.sensor, config.clock_offset)
         target = read_target(config.target, config, base)
         free = config.free or (OF_DRIVES if isinstance(target, Drives) else OF_TURNS)
-        count = config.starts
-        if count is None:
-            count = 5 if isinstance(target, TurnTable) else 0
-        folds = fold_labels(target, config.hold_out, config.folds)
-        fits = 2 + count + (0 if folds is None else int(folds.max()) + 1)
+        folds = fold_labels(target, config.folds)
+        fits = 2 + config.starts + (config.folds or 0)
         with run.progress(f"calibration to {config.target}", fits, "fits") as report:
-            further = random_starts(free, count, generator(config.seed, "calibrate"))
+            further = random_starts(free, config.starts, generator(config.seed, "calibrate"))
             fit = calibrate(target, base, free, folds, further, report)
             test = tested(config, base, fit)
             report(1)

@@ -8,7 +8,6 @@ from experiments.common.choices import SHIPPED
 from experiments.common.log_options import MAX_CLOCK_OFFSET, Bag, BagOptions, check_sensor
 from experiments.common.options import Distinct, Excludes, Exclusion, Whole, Within, default_is
 from experiments.simulate.options import GroundOptions, Repeatable, RobotSource
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import GEARS
 
 Parameter = Literal[
@@ -20,11 +19,10 @@ Parameter = Literal[
 OF_TURNS: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
 OF_DRIVES: tuple[Parameter, ...] = ("friction", "friction_ratio", "radius_error", "sensor_x", "clock")
 """Parameters to fit by default: to steady turns, and to drives."""
-MAX_STARTS = 100
 ROBOT, GROUND = "robot.toml", "ground.toml"
 EXAMPLES = (
     ("to the paper's slips and radii", "trackslip calibrate"),
-    ("to half of a log", "trackslip calibrate --target log.csv --robot husky --hold-out 0.5"),
+    ("to a log, each half of which is predicted", "trackslip calibrate --target log.csv --robot husky --folds 2"),
     ("to obeyed commands", "trackslip calibrate --target log.csv --free lag delay clock"),
 )
 
@@ -58,13 +56,11 @@ class Config(Repeatable):
     """Initial encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
-    hold_out: Annotated[float | None, Within(0.01, 0.99), default_is("nothing", "FLOAT")] = None
-    """Share at the end of the log that is predicted by a fit to the rest [-]."""
     folds: Annotated[int | None, Whole(2, 20), default_is("none", "INT")] = None
     """Number of parts of the log, each of which is predicted by a fit to the others."""
     test: Annotated[Path | None, default_is("none", "LOG")] = None
     """Another log to predict, for which only the clock is fitted."""
-    starts: Annotated[int | None, Whole(0, MAX_STARTS), default_is("5 for published, else 0", "INT")] = None
+    starts: Annotated[int, Whole(0, 100)] = 0
     """Number of random starts in addition to the robot's own values."""
     out: Path = Path("out/calibrate")
     """Folder for the results, including robot.toml and ground.toml."""
@@ -72,13 +68,10 @@ class Config(Repeatable):
     """Also write the figures as PDF."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
-        Excludes(("folds", "test"), "hold_out"),
         Excludes(("test",), "folds"),
-        Excludes(("gear", "sensor", "clock_offset", "hold_out", "folds", "test"), "target", ("published",)),
+        Excludes(("gear", "sensor", "clock_offset", "folds", "test"), "target", ("published",)),
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.target:
-            raise InvalidValueError("target", self.target, "published, or a file")
         check_sensor(self.sensor)
