@@ -124,7 +124,6 @@ def summary_of(fit: Calibration, test: Test | None) -> dict[str, Any]:
     summary = fit_summary(fit) | {
         "sensor": {"x": place.x, "y": place.y, "yaw": place.yaw, "clock_offset": fit.candidate.clock},
         "before": fit.before,
-        "starts": [{"cost": cost, "values": {n: end.value(n) for n in fit.estimates}} for end, cost in fit.ends],
     }
     if fit.held_out is not None:
         summary["held_out"] = {"before": fit.held_out_before, "calibrated": fit.held_out}

@@ -15,10 +15,9 @@ from experiments.calibrate.page import gain, page
 from experiments.common.manifest import command_line
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
-from sim.calibration.calibration import calibrate, random_starts
+from sim.calibration.calibration import calibrate
 from sim.calibration.targets import Drives
 from sim.robot.parameters import ground_file_text, robot_file_text
-from sim.seeds import generator
 from trackslip.se2 import Mounting
 
 
@@ -29,24 +28,21 @@ def run(config: Config) -> None:
         target = read_target(config.target, config, base)
         free = config.free or (OF_DRIVES if isinstance(target, Drives) else OF_TURNS)
         folds = fold_labels(target, config.folds)
-        fits = 2 + config.starts + (config.folds or 0)
+        fits = 2 + (config.folds or 0)
         with run.progress(f"calibration to {config.target}", fits, "fits") as report:
-            further = random_starts(free, config.starts, generator(config.seed, "calibrate"))
-            fit = calibrate(target, base, free, folds, further, report)
+            fit = calibrate(target, base, free, folds, progress=report)
             test = tested(config, base, fit)
             report(1)
         fitted, comment = fit.candidate, f"made by: {command_line('calibrate')}"
-        texts = {ROBOT: robot_file_text(fitted.robot, fitted.ground, comment)}
-        texts[GROUND] = ground_file_text(fitted.ground, comment)
-        for name, text in texts.items():
-            (run.folder / name).write_text(text, encoding="utf-8")
-        manifest = run.manifest(seed=config.seed)
+        (run.folder / ROBOT).write_text(robot_file_text(fitted.robot, fitted.ground, comment), encoding="utf-8")
+        (run.folder / GROUND).write_text(ground_file_text(fitted.ground, comment), encoding="utf-8")
+        manifest = run.manifest()
         run.write(summary_of(fit, test), manifest=manifest)
         place, clock = fitted.sensor, fitted.clock
         use = f"--robot {config.out / ROBOT} --ground {config.out / GROUND}"
         if place != Mounting() or clock:
             use += f" --sensor {place.x:.3g} {place.y:.3g} {place.yaw:.3g} --clock-offset={clock:.3g}"
-        page(fit, base, target, test, use, manifest, command_line("calibrate")).write(run.folder, config.pdf)
+        page(fit, base, target, test, use, manifest).write(run.folder, config.pdf)
     parameter_table(f"Calibrated to {config.target}", fit).print()
     error_table(fit, test).print()
     for line in (*remarks(fit, test), gain(fit, test)):

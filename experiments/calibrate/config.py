@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar, Literal, get_args
 
 from experiments.common.choices import SHIPPED
 from experiments.common.log_options import MAX_CLOCK_OFFSET, Bag, BagOptions, check_sensor
-from experiments.common.options import Distinct, Excludes, Exclusion, Whole, Within, default_is
-from experiments.simulate.options import GroundOptions, Repeatable, RobotSource
+from experiments.common.options import Distinct, Excludes, Exclusion, ResultsOptions, Whole, Within, default_is
+from experiments.simulate.options import MAX_THREADS, GroundOptions, RobotSource
 from trackslip.kinematics import GEARS
 
 Parameter = Literal[
@@ -28,7 +28,7 @@ EXAMPLES = (
 
 
 @dataclass(frozen=True)
-class Config(Repeatable):
+class Config(ResultsOptions):
     """Fit parameters of the simulated robot, its ground, drive and sensor to published slips or to a log.
 
     A log is one that identify reads: drives or windows with poses, or steady samples.
@@ -60,8 +60,8 @@ class Config(Repeatable):
     """Number of parts of the log, each of which is predicted by a fit to the others."""
     test: Annotated[Path | None, default_is("none", "LOG")] = None
     """Another log to predict, for which only the clock is fitted."""
-    starts: Annotated[int, Whole(0, 100)] = 0
-    """Number of random starts in addition to the robot's own values."""
+    threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
+    """Number of worker threads, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/calibrate")
     """Folder for the results, including robot.toml and ground.toml."""
     pdf: bool = False

@@ -9,6 +9,7 @@ import numpy as np
 from experiments.calibrate.calibration import Test, error_table, parameter_table, remarks
 from experiments.common import style
 from experiments.common.colours import BLACK, BLUE, ORANGE
+from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Page, Plot, Section
 from sim.calibration.calibration import Calibration
 from sim.calibration.candidate import Candidate
@@ -19,15 +20,9 @@ _WINDOWS = 4  # drawn
 
 
 def page(
-    fit: Calibration,
-    base: Candidate,
-    target: Target,
-    test: Test | None,
-    use: str,
-    manifest: Mapping[str, Any],
-    made: str,
+    fit: Calibration, base: Candidate, target: Target, test: Test | None, use: str, manifest: Mapping[str, Any]
 ) -> Page:
-    """The page; `use` are the options by which commands take the robot, `made` is the command line."""
+    """The page; `use` are the options by which commands take the robot."""
     errors, parameters = error_table(fit, test), parameter_table("Parameters", fit)
     facts = [(name, f"{value} ({interval})") for name, value, interval in parameters.texts]
     line = gain(fit, test)
@@ -38,6 +33,7 @@ def page(
     paths = partial(_paths, target, candidates) if isinstance(target, Drives) else None
     plot = Plot("paths", paths, "Measured and simulated paths", "In windows of the log, from the first pose on.")
     sections = [Section("Errors", [errors, plot, parameters])]
+    made = command_line("calibrate")
     return Page("Calibration of the simulated robot", made, manifest, sections, answer=answer)
 
 

@@ -32,7 +32,7 @@ def run(config: Config) -> None:
         data = load_data_set(config.path)
         config = data.options(config)
     known = known_geometry(config)
-    with Run(given) as run, run.progress("evaluation", 3, "stages") as step:
+    with Run(given) as run, run.progress("evaluation", 2, "stages") as step:
         log = read_log(config, known)
         for line in log.taken:
             print(line)
@@ -59,7 +59,6 @@ def run(config: Config) -> None:
         run.write(summary, manifest=manifest)
         _write_paths(predictions, log, run.folder, config.rrd)
         report.page(manifest, command_line("evaluate")).write(run.folder, config.pdf)
-        step(1.0)
     report.print()
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
     if not all(check.holds for check in checks):

@@ -10,6 +10,7 @@ from experiments.calibrate.config import Parameter
 from experiments.common.log_options import Bag, BagOptions, check_sensor
 from experiments.common.options import Distinct, Exclusion, Needs, Positive, ResultsOptions, Whole, Within, default_is
 from experiments.simulate.options import GroundOptions
+from trackslip.errors import require
 from trackslip.kinematics import GEARS
 
 EXAMPLES = (
@@ -20,7 +21,6 @@ EXAMPLES = (
     ("a data set with its bounds", "trackslip evaluate examples/logs/ice.toml"),
 )  # fmt: skip
 MAX_FOLDS = 10
-_MANY = tyro.conf.UseAppendAction
 _SIZE = default_is("the log's, the laws' or the robot's", "FLOAT")
 
 
@@ -34,9 +34,9 @@ class Config(ResultsOptions):
 
     path: tyro.conf.Positional[Path]
     """A .csv or .parquet log, a ROS bag, the folder of a drive, a grid or bags, or a .toml file of a data set."""
-    law: Annotated[tuple[str, ...], _MANY, Distinct("law"), default_is("none; may be repeated", "LAW")] = ()
+    law: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "LAW")] = ()
     """none, an identification's folder (its best law), a file of laws, either with :NAME, or a name to fit by folds."""
-    robot: Annotated[tuple[str, ...], _MANY, default_is("none; may be repeated", "ROBOT")] = ()
+    robot: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, default_is("none; may be repeated", "ROBOT")] = ()
     """A robot to simulate: a name, or a file as written by calibrate."""
     ground: GroundOptions = field(default_factory=GroundOptions)
     """The ground of the simulated robots, and properties that differ from the named one's."""
@@ -72,4 +72,5 @@ class Config(ResultsOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require(len(set(self.law)) == len(self.law), "law", self.law, "all different")
         check_sensor(self.sensor, "turning centre")

@@ -36,8 +36,7 @@ class Report:
     """What the terminal and the page show."""
 
     title: str
-    origin: str
-    """Where the log is from."""
+    source: str
     predictions: Sequence[Prediction]
     checks: Sequence[Check]
     fit: Calibration | None
@@ -60,15 +59,15 @@ class Report:
         position, far, _, heading, turned, _ = _cells(errors)
         facts = [("position, median and 90 %", f"{position} and {far} m")]
         facts += [("heading, median and 90 %", f"{heading}° and {turned}°")]
-        heading = f"Best after {length:g} {unit}: {best.model.label}, {position} m off"
-        answer = Answer(heading, facts, [f"{self._gain}."] if self._gain else [], self.notes)
+        title = f"Best after {length:g} {unit}: {best.model.label}, {position} m off"
+        answer = Answer(title, facts, [f"{self._gain}."] if self._gain else [], self.notes)
         drive = max(best.errors.trajectories, key=lambda drive: np.ptp(drive.way) * np.ptp(drive.estimated[:, 2]))
         plots = [
             Plot("errors_ahead", partial(_errors_ahead, self.predictions), "Errors of all models", _DOTS),
             Plot("paths", partial(_paths, self.predictions, drive.name), f"Paths of {drive.name}", _BEGINS),
         ]
         sections = [Section("Errors", [*self._tables, *plots])]
-        return Page(self.title, command, manifest, sections, [self.origin], answer)
+        return Page(self.title, command, manifest, sections, [self.source], answer)
 
     @cached_property
     def _winner(self) -> tuple[Prediction, float, str]:
