@@ -60,7 +60,7 @@ class Report:
         facts = [("position, median and 90 %", f"{position} and {far} m")]
         facts += [("heading, median and 90 %", f"{heading}° and {turned}°")]
         title = f"Best after {length:g} {unit}: {best.model.label}, {position} m off"
-        answer = Answer(title, facts, [f"{self._gain}."] if self._gain else [], self.notes)
+        answer = Answer(title, facts, [f"{line}." for line in (self._gain, self._verdict) if line], self.notes)
         drive = max(best.errors.trajectories, key=lambda drive: np.ptp(drive.way) * np.ptp(drive.estimated[:, 2]))
         plots = [
             Plot("errors_ahead", partial(_errors_ahead, self.predictions), "Errors of all models", _DOTS),
