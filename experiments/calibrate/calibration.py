@@ -12,11 +12,16 @@ import numpy as np
 from experiments.calibrate.config import Config
 from experiments.common.laws import printed_unit, with_error
 from experiments.common.table import MISSING, Table, number
+from experiments.simulate.options import GroundOptions
 from sim.calibration.calibration import Calibration, Estimate, calibrate
 from sim.calibration.candidate import OF_DRIVE, Candidate
 from sim.calibration.targets import Drives, SteadyRows, Target, TurnTable
-from trackslip.errors import InvalidValueError, LogError, counted
+from sim.ground.named import load_ground
+from sim.robot.named import load_parameters
+from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.source import ReadOptions, Source, read_source
+from trackslip.kinematics import RobotGeometry
+from trackslip.se2 import Mounting
 
 _METRICS = {
     "v": ("v, rms", 1e3, 1, "mm/s"),
@@ -42,22 +47,37 @@ class Test:
     """Encoder clock minus pose clock there [s]."""
 
 
+def first_candidate(
+    robot: str, ground: GroundOptions, sensor: tuple[float, float, float] | None, clock: float | None
+) -> Candidate:
+    """The robot before it is calibrated, on the ground that the options name, else on its own."""
+    parameters, own = load_parameters(robot)
+    named = load_ground(ground.source) if ground.source else own
+    return Candidate(parameters, ground.changed(named), Mounting(*(sensor or (0.0, 0.0, 0.0))), clock or 0.0)
+
+
 def read_target(name: str, config: Config, base: Candidate) -> Target:
     """The published target, or that in a file, the base's geometry being used for a log without; raises LogError."""
     if name == "published":
         return TurnTable.published(config.threads)
-    path, geometry = Path(name), base.geometry
     reading = ReadOptions(gear=config.gear, bag=config.bag.choice())
-    try:
-        source = read_source(path, reading)
-    except InvalidValueError:  # the log contains no geometry
-        b, r = geometry.half_gauge, geometry.sprocket_radius
-        source = read_source(path, replace(reading, half_gauge=b, sprocket_radius=r))
+    source = read_log_of(Path(name), reading, base.geometry)
     simulated = bool(source.logs) and all("plate" in log.metadata for log in source.logs)
     if not source.logs or (simulated and _steady(source)):
         return SteadyRows(source.sampling.samples, source.geometry, simulated, threads=config.threads)
     commands = bool(OF_DRIVE & set(config.free or ()))
     return Drives(source.logs, source.geometry, "commands" if commands else "encoders", config.threads)
+
+
+def read_log_of(path: Path, reading: ReadOptions, known: RobotGeometry | None) -> Source:
+    """A log, of a robot of the `known` size if neither the log nor the options state one."""
+    try:
+        return read_source(path, reading)
+    except InvalidValueError:
+        if known is None:
+            raise
+        b, r = reading.half_gauge or known.half_gauge, reading.sprocket_radius or known.sprocket_radius
+        return read_source(path, replace(reading, half_gauge=b, sprocket_radius=r))
 
 
 def _steady(source: Source) -> bool:
@@ -68,20 +88,14 @@ def _steady(source: Source) -> bool:
         return False
 
 
-def fold_labels(target: Target, hold_out: float | None, folds: int | None) -> np.ndarray | None:
+def fold_labels(target: Target, folds: int | None) -> np.ndarray | None:
     """Labels (n,) of the folds of a target's errors, parts in the order of the log; None without."""
     layout = target.layout
-    place = (layout.cluster + 0.5) / layout.clusters
-    if hold_out is not None:
-        label = np.where(place > 1 - hold_out, 0, -1)
-        if len(np.unique(label)) < 2:
-            raise InvalidValueError("hold_out", hold_out, f"a share of {layout.clusters} independent parts of the log")
-        return label
     if folds is None:
         return None
     if folds > layout.clusters:
         raise InvalidValueError("folds", folds, f"at most {layout.clusters}, for this target")
-    return (place * folds).astype(int)
+    return ((layout.cluster + 0.5) / layout.clusters * folds).astype(int)
 
 
 def tested(config: Config, base: Candidate, fit: Calibration) -> Test | None:
@@ -110,7 +124,6 @@ def summary_of(fit: Calibration, test: Test | None) -> dict[str, Any]:
     summary = fit_summary(fit) | {
         "sensor": {"x": place.x, "y": place.y, "yaw": place.yaw, "clock_offset": fit.candidate.clock},
         "before": fit.before,
-        "starts": [{"cost": cost, "values": {n: end.value(n) for n in fit.estimates}} for end, cost in fit.ends],
     }
     if fit.held_out is not None:
         summary["held_out"] = {"before": fit.held_out_before, "calibrated": fit.held_out}
@@ -159,14 +172,8 @@ def _metric_rows(metrics: Sequence[dict[str, float]]) -> list[tuple[str, ...]]:
 
 
 def remarks(fit: Calibration, test: Test | None) -> list[str]:
-    """Lines on parameters that are held, the clock of another log, and starts that end elsewhere."""
+    """Lines on parameters that are held, and the clock of another log."""
     lines = [f"{name} is held: {one.held}" for name, one in fit.estimates.items() if one.held]
     if test is not None and test.clock_offset != fit.candidate.clock:
         lines.append(f"the test log is predicted with --clock-offset={test.clock_offset:.3g}")
-    if len(fit.ends) > 1:
-        known = {name: one.stderr for name, one in fit.estimates.items() if not one.held}
-        ends = [[end.value(name) for name in known] for end, _ in fit.ends]
-        apart = np.abs(np.subtract(ends, ends[0])) / list(known.values())
-        starts = counted(len(ends), "start")
-        lines.append(f"{starts} end within {apart.max(initial=0.0):.1g} standard errors of each other")
     return lines

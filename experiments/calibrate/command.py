@@ -2,6 +2,7 @@
 
 from experiments.calibrate.calibration import (
     error_table,
+    first_candidate,
     fold_labels,
     parameter_table,
     read_target,
@@ -14,46 +15,34 @@ from experiments.calibrate.page import gain, page
 from experiments.common.manifest import command_line
 from experiments.common.results import REPORT_FILE
 from experiments.common.run import Run
-from sim.calibration.calibration import calibrate, random_starts
-from sim.calibration.candidate import Candidate
-from sim.calibration.targets import Drives, TurnTable
-from sim.ground.named import load_ground
-from sim.robot.named import load_parameters
+from sim.calibration.calibration import calibrate
+from sim.calibration.targets import Drives
 from sim.robot.parameters import ground_file_text, robot_file_text
-from sim.seeds import generator
 from trackslip.se2 import Mounting
 
 
 def run(config: Config) -> None:
     """Fit, store, report and print."""
     with Run(config) as run:
-        robot, ground = load_parameters(config.robot)
-        ground = config.ground.changed(load_ground(config.ground.source) if config.ground.source else ground)
-        base = Candidate(robot, ground, Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset)
+        base = first_candidate(config.robot, config.ground, config.sensor, config.clock_offset)
         target = read_target(config.target, config, base)
         free = config.free or (OF_DRIVES if isinstance(target, Drives) else OF_TURNS)
-        count = config.starts
-        if count is None:
-            count = 5 if isinstance(target, TurnTable) else 0
-        folds = fold_labels(target, config.hold_out, config.folds)
-        fits = 2 + count + (0 if folds is None else int(folds.max()) + 1)
+        folds = fold_labels(target, config.folds)
+        fits = 2 + (config.folds or 0)
         with run.progress(f"calibration to {config.target}", fits, "fits") as report:
-            further = random_starts(free, count, generator(config.seed, "calibrate"))
-            fit = calibrate(target, base, free, folds, further, report)
+            fit = calibrate(target, base, free, folds, progress=report)
             test = tested(config, base, fit)
             report(1)
         fitted, comment = fit.candidate, f"made by: {command_line('calibrate')}"
-        texts = {ROBOT: robot_file_text(fitted.robot, fitted.ground, comment)}
-        texts[GROUND] = ground_file_text(fitted.ground, comment)
-        for name, text in texts.items():
-            (run.folder / name).write_text(text, encoding="utf-8")
-        manifest = run.manifest(seed=config.seed)
+        (run.folder / ROBOT).write_text(robot_file_text(fitted.robot, fitted.ground, comment), encoding="utf-8")
+        (run.folder / GROUND).write_text(ground_file_text(fitted.ground, comment), encoding="utf-8")
+        manifest = run.manifest()
         run.write(summary_of(fit, test), manifest=manifest)
         place, clock = fitted.sensor, fitted.clock
         use = f"--robot {config.out / ROBOT} --ground {config.out / GROUND}"
         if place != Mounting() or clock:
             use += f" --sensor {place.x:.3g} {place.y:.3g} {place.yaw:.3g} --clock-offset={clock:.3g}"
-        page(fit, base, target, test, use, manifest, command_line("calibrate")).write(run.folder, config.pdf)
+        page(fit, base, target, test, use, manifest).write(run.folder, config.pdf)
     parameter_table(f"Calibrated to {config.target}", fit).print()
     error_table(fit, test).print()
     for line in (*remarks(fit, test), gain(fit, test)):

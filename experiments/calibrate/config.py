@@ -6,9 +6,8 @@ from typing import Annotated, ClassVar, Literal, get_args
 
 from experiments.common.choices import SHIPPED
 from experiments.common.log_options import MAX_CLOCK_OFFSET, Bag, BagOptions, check_sensor
-from experiments.common.options import Distinct, Excludes, Exclusion, Whole, Within, default_is
-from experiments.simulate.options import GroundOptions, Repeatable, RobotSource
-from trackslip.errors import InvalidValueError
+from experiments.common.options import Distinct, Excludes, Exclusion, ResultsOptions, Whole, Within, default_is
+from experiments.simulate.options import MAX_THREADS, GroundOptions, RobotSource
 from trackslip.kinematics import GEARS
 
 Parameter = Literal[
@@ -20,17 +19,16 @@ Parameter = Literal[
 OF_TURNS: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
 OF_DRIVES: tuple[Parameter, ...] = ("friction", "friction_ratio", "radius_error", "sensor_x", "clock")
 """Parameters to fit by default: to steady turns, and to drives."""
-MAX_STARTS = 100
 ROBOT, GROUND = "robot.toml", "ground.toml"
 EXAMPLES = (
     ("to the paper's slips and radii", "trackslip calibrate"),
-    ("to half of a log", "trackslip calibrate --target log.csv --robot husky --hold-out 0.5"),
+    ("to a log, each half of which is predicted", "trackslip calibrate --target log.csv --robot husky --folds 2"),
     ("to obeyed commands", "trackslip calibrate --target log.csv --free lag delay clock"),
 )
 
 
 @dataclass(frozen=True)
-class Config(Repeatable):
+class Config(ResultsOptions):
     """Fit parameters of the simulated robot, its ground, drive and sensor to published slips or to a log.
 
     A log is one that identify reads: drives or windows with poses, or steady samples.
@@ -58,27 +56,22 @@ class Config(Repeatable):
     """Initial encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
-    hold_out: Annotated[float | None, Within(0.01, 0.99), default_is("nothing", "FLOAT")] = None
-    """Share at the end of the log that is predicted by a fit to the rest [-]."""
     folds: Annotated[int | None, Whole(2, 20), default_is("none", "INT")] = None
     """Number of parts of the log, each of which is predicted by a fit to the others."""
     test: Annotated[Path | None, default_is("none", "LOG")] = None
     """Another log to predict, for which only the clock is fitted."""
-    starts: Annotated[int | None, Whole(0, MAX_STARTS), default_is("5 for published, else 0", "INT")] = None
-    """Number of random starts in addition to the robot's own values."""
+    threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
+    """Number of worker threads, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/calibrate")
     """Folder for the results, including robot.toml and ground.toml."""
     pdf: bool = False
     """Also write the figures as PDF."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
-        Excludes(("folds", "test"), "hold_out"),
         Excludes(("test",), "folds"),
-        Excludes(("gear", "sensor", "clock_offset", "hold_out", "folds", "test"), "target", ("published",)),
+        Excludes(("gear", "sensor", "clock_offset", "folds", "test"), "target", ("published",)),
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.target:
-            raise InvalidValueError("target", self.target, "published, or a file")
         check_sensor(self.sensor)

@@ -1,21 +1,28 @@
 """`trackslip evaluate`: how well slip laws and simulated robots predict a log."""
 
 import sys
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
 
 from experiments.calibrate.calibration import fit_summary
 from experiments.common.manifest import command_line
 from experiments.common.plain_json import plain
-from experiments.common.results import REPORT_FILE
+from experiments.common.results import RECORDINGS_FOLDER, REPORT_FILE, TRAJECTORIES_FOLDER, file_names
 from experiments.common.run import Run
 from experiments.evaluate.config import Config
 from experiments.evaluate.data_set import load_data_set
-from experiments.evaluate.log import read_log
-from experiments.evaluate.models import known_geometry, law_specs, models_of, robots_of
+from experiments.evaluate.log import parts, read_log
+from experiments.evaluate.models import known_geometry, models_of, robots_of
 from experiments.evaluate.page import Report
-from experiments.evaluate.paths import write_paths
-from experiments.evaluate.prediction import doubts, identified_from, predictions
-from trackslip.identification.source import origin
+from experiments.evaluate.prediction import Prediction, predict
+from experiments.recorder import record
+from trackslip.identification.source import Source, origin
+from trackslip.odometry.tum import write_tum
+
+_MOST_PATHS = 20  # drives whose paths are written
 
 
 def run(config: Config) -> None:
@@ -24,40 +31,56 @@ def run(config: Config) -> None:
     if config.path.suffix == ".toml":
         data = load_data_set(config.path)
         config = data.options(config)
-    specs = law_specs(config)
-    with Run(given) as run, run.progress("evaluation", 3, "stages") as step:
-        log = read_log(config, known_geometry(config, specs))
+    known = known_geometry(config)
+    with Run(given) as run, run.progress("evaluation", 2, "stages") as step:
+        log = read_log(config, known)
         for line in log.taken:
             print(line)
+        part = parts(log.logs, config.folds or 1, log.name)
         with run.watch.stage("fits"):
-            robots, fit = robots_of(config, log)
-            models = [models_of(config, specs, log, part, robots) for part in range(log.parts)]
+            robots, fit = robots_of(config, log, part)
+            models = [models_of(config, log, part, k, robots) for k in range(config.folds or 1)]
         step(1.0)
         with run.watch.stage("predictions"):
-            found = predictions(log, models)
+            predictions = predict(log.logs, part, models)
         step(1.0)
-        lengths = found[0].errors.notes if log.logs and not config.folds else ()  # windows are short
-        notes = [*log.notes, *lengths, *identified_from(config.path, specs)]
-        notes += doubts(found, log)
-        checks = data.checks(found) if data else []
+        notes = [*log.notes, *(() if config.folds else predictions[0].errors.notes)]  # windows of folds are short
+        checks = data.checks(predictions) if data else []
         title = data.title if data else f"Predictions of “{config.path.resolve().name}”"
-        source = f" From {data.source}; {data.licence}." if data else ""
-        report = Report(title, source, log, found, checks, fit, notes)
+        report = Report(title, f"{data.source}; {data.licence}" if data else "", predictions, checks, fit, notes)
         manifest = run.manifest(**origin(log.logs), **({"data_set": plain(data)} if data else {}))
         summary = {
             "geometry": asdict(log.geometry),
-            "models": {one.label: one.summary for one in found},
-            "drives": {one.label: one.errors.drives for one in found} if config.folds is None else {},
+            "models": {prediction.model.label: prediction.summary for prediction in predictions},
             "checks": [check.to_json() for check in checks],
             "calibrated": fit_summary(fit) if fit else {},
             "warnings": notes,
         }
         run.write(summary, manifest=manifest)
-        if log.logs:
-            write_paths(found, log, run.folder, config.tum, config.rrd)
+        _write_paths(predictions, log, run.folder, config.rrd)
         report.page(manifest, command_line("evaluate")).write(run.folder, config.pdf)
-        step(1.0)
     report.print()
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
     if not all(check.holds for check in checks):
         sys.exit(1)
+
+
+def _write_paths(predictions: Sequence[Prediction], log: Source, folder: Path, rrd: bool) -> None:
+    """Write measured and predicted paths of the first drives for evo, and with `rrd` for the rerun viewer."""
+    drives = predictions[0].errors.trajectories[:_MOST_PATHS]
+    labels = file_names([prediction.model.label for prediction in predictions])
+    trajectories, logs = folder / TRAJECTORIES_FOLDER, {drive.run: drive for drive in log.logs}
+    trajectories.mkdir()
+    for drive, file in zip(drives, file_names([drive.name for drive in drives]), strict=True):
+        write_tum(trajectories / f"{file}_measured.tum", drive.time, drive.measured)
+        measured = replace(logs[drive.name], run="measured", truth=None, scans=None, covariance=None)
+        recorded = [measured]
+        for prediction, label in zip(predictions, labels, strict=True):
+            path = prediction.drive(drive.name)
+            write_tum(trajectories / f"{file}_{label}.tum", path.time, path.placed)
+            valid = np.isin(measured.time, path.time)
+            pose = np.full(measured.pose.shape, np.nan)
+            pose[valid] = path.placed
+            recorded.append(replace(measured, run=prediction.model.label, pose=pose, valid=valid))
+        if rrd:
+            record(folder / RECORDINGS_FOLDER / f"{file}.rrd", recorded)

@@ -9,8 +9,8 @@ import tyro
 from experiments.calibrate.config import Parameter
 from experiments.common.log_options import Bag, BagOptions, check_sensor
 from experiments.common.options import Distinct, Exclusion, Needs, Positive, ResultsOptions, Whole, Within, default_is
-from experiments.simulate.options import MAX_THREADS, GroundOptions
-from trackslip.errors import InvalidValueError
+from experiments.simulate.options import GroundOptions
+from trackslip.errors import require
 from trackslip.kinematics import GEARS
 
 EXAMPLES = (
@@ -28,8 +28,8 @@ _SIZE = default_is("the log's, the laws' or the robot's", "FLOAT")
 class Config(ResultsOptions):
     """Measure how well slip laws and simulated robots predict a log from its encoders, beside driving without either.
 
-    The log is one that identify reads; laws should not have been identified from it, unless --folds fits them to its
-    other parts. A data set is a .toml file that states log, models and bounds; a bound that is missed ends with 1.
+    The log has poses, and is none that a law was identified from, unless --folds fits the law to its other parts. A
+    data set is a .toml file that states log, models and bounds; the command exits with 1 if a bound is missed.
     """
 
     path: tyro.conf.Positional[Path]
@@ -46,8 +46,6 @@ class Config(ResultsOptions):
     """Number of parts of the log, each of which is predicted by laws, gains and robots fitted to the others."""
     free: Annotated[tuple[Parameter, ...] | None, Distinct("parameter"), default_is("none", "NAME ...")] = None
     """Parameters of the first robot to fit to the other parts, as by calibrate."""
-    where: Annotated[tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")] = None
-    """Runs of a sweep to use: ground=ice friction_ratio=1.2."""
     half_gauge: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
     """Half the distance between the tracks [m]."""
     sprocket_radius: Annotated[float | None, Positive(100.0, "m"), _SIZE] = None
@@ -60,12 +58,8 @@ class Config(ResultsOptions):
     """Encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
-    threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
-    """Number of worker threads, 0 for one per processor; the results don't depend on it."""
-    tum: bool = True
-    """Write measured and predicted paths of up to 20 drives to OUT/trajectories, in the TUM format that evo reads."""
     rrd: bool = False
-    """Record the same paths side by side for the rerun viewer, in OUT/recordings."""
+    """Also record measured and predicted paths of up to 20 drives for the rerun viewer, in OUT/recordings."""
     out: Path = Path("out/evaluate")
     """Folder for the results."""
     pdf: bool = False
@@ -78,6 +72,5 @@ class Config(ResultsOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(set(self.law)) < len(self.law):
-            raise InvalidValueError("law", self.law, "all different")
+        require(len(set(self.law)) == len(self.law), "law", self.law, "all different")
         check_sensor(self.sensor, "turning centre")

@@ -18,7 +18,7 @@ ROBOT = "half_gauge = 0.19\ncontact_length = 0.36\nradius_error = 0.02\n[ground]
 @pytest.fixture(scope="module")
 def centred(tmp_path_factory):
     """Calibrated with the centre of mass in the middle, so that right turns mirror left ones."""
-    options = ("calibrate", "--starts", "0", "--free", "friction_ratio", "radius_error")
+    options = ("calibrate", "--free", "friction_ratio", "radius_error")
     return ran(tmp_path_factory.mktemp("centred") / "out", *options).summary
 
 
@@ -30,13 +30,12 @@ def test_the_shipped_robot_is_the_calibrations_result(centred):
     assert values["radius_error"] == pytest.approx(RADIUS_ERROR, abs=0.0001)
     assert centred["slip_rms"] < 0.00715
     assert centred["radius_rms"] < 0.0495
-    assert len(centred["starts"]) == 1
 
 
 @pytest.mark.slow
 def test_published_numbers(trackslip, centred):
     """With a free lateral centre of mass, which the test on scans below covers by default."""
-    result = trackslip("calibrate", "--starts", "0")
+    result = trackslip("calibrate")
     found = result.summary
     assert set(found["parameters"]) == {"friction_ratio", "radius_error", "com_y"}
     assert all(p["identifiable"] and p["stderr"] > 0 for p in found["parameters"].values())
@@ -55,9 +54,7 @@ def test_a_robot_is_found_from_its_scans(trackslip, tmp_path):
     (tmp_path / "start.toml").write_text(ROBOT.format(across=0.5).replace("0.02", "0.0"))
     grid = trackslip("grid", "--robot", str(tmp_path / "true.toml"), "--radii", "0.6", "1.0", "2.0",
                      "--speeds", "0.2", "--duration", "15")  # fmt: skip
-    found = trackslip(
-        "calibrate", "--target", str(grid.folder), "--robot", str(tmp_path / "start.toml"), "--starts", "0"
-    )
+    found = trackslip("calibrate", "--target", str(grid.folder), "--robot", str(tmp_path / "start.toml"))
     truth = {"friction_ratio": 1.2, "radius_error": 0.02, "com_y": 0.0}
     for name, parameter in found.summary["parameters"].items():
         assert parameter["value"] == pytest.approx(truth[name], abs=3 * parameter["stderr"])
@@ -79,7 +76,7 @@ def driven(tmp_path_factory):
 
 
 def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
-    options = ("--target", str(driven / "out"), "--robot", str(driven / "start.toml"), "--hold-out", "0.4")
+    options = ("--target", str(driven / "out"), "--robot", str(driven / "start.toml"), "--folds", "2")
     found = ran(tmp_path / "out", "calibrate", *options, "--free", "friction_ratio", "radius_error", "com_height")
     parameters = found.summary["parameters"]
     for name, truth in (("friction_ratio", 1.2), ("radius_error", 0.02)):
@@ -88,7 +85,7 @@ def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
     assert parameters["com_height"]["held"]
     assert "com_height is held: the target does not tell it" in found.printed
     out = found.summary["held_out"]
-    assert out["calibrated"]["heading_5s_median"] < 0.6 * out["before"]["heading_5s_median"], out
+    assert out["calibrated"]["heading_5s_median"] < 0.7 * out["before"]["heading_5s_median"], out
     assert "held out, before" in found.printed
     assert "Position after 5 s, median: " in (found.folder / "report.html").read_text()
     ground = load_ground(str(found.folder / "ground.toml"))

@@ -35,6 +35,7 @@ def files(tmp_path_factory):
     logs = [drive_log(seed, duration, EXACT, STILL) for seed, duration in ((0, 90.0), (1, 20.0))]
     write_parquet(logs, out / "two.parquet")
     write_parquet([without_poses(logs[0], logs[0].is_valid)], out / "no_poses.parquet")
+    (out / "steady.csv").write_text("omega_l,omega_r,v,w\n2,3,0.15,0.1\n")
     return out
 
 
@@ -49,7 +50,6 @@ def test_the_true_law_is_right_and_none_is_not(trackslip, files):
     result = trackslip("evaluate", str(files / "two.parquet"), "--law", true, "--law", "none", "--pdf")
     models = result.summary["models"]
     assert list(models) == ["icr_radius", "none"]
-    assert models["icr_radius"]["from_first"]["position"]["largest"] < 1e-9
     for lengths in ("after_metres", "after_seconds"):
         assert list(models["none"][lengths]) == ["1", "2", "5", "10"]
         for length, errors in models["icr_radius"][lengths].items():
@@ -59,7 +59,6 @@ def test_the_true_law_is_right_and_none_is_not(trackslip, files):
     ahead = models["none"]["after_metres"]["10"]
     assert ahead["position_per_way"] > 0.03
     assert ahead["position"]["median"] < ahead["position"]["p90"] < ahead["position"]["largest"]
-    assert [drive["name"] for drive in result.summary["drives"]["none"]] == ["drive 0", "drive 1"]
     assert "icr_radius, after 10 m, compared with no slip compensation" in result.printed
     assert sorted(file.name for file in result.folder.iterdir()) == [
         "figures", "manifest.json", "report.html", "summary.json", "trajectories",
@@ -86,8 +85,6 @@ def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip
     (model,) = given.summary["models"].values()
     assert model["sensor"] == {"x": 0.1, "y": -0.2, "yaw": 0.3}
     assert model["clock_offset"] == 0.05
-    late = trackslip("evaluate", log, "--law", f"{files / 'true.json'}", "--clock-offset", "0.2")
-    assert "0.000 s ahead of the poses', not 0.200 s: try --clock-offset=0.000" in late.printed
 
 
 def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
@@ -121,7 +118,6 @@ def test_positions_alone_are_enough(trackslip, files, tmp_path):
     models = result.summary["models"]
     assert models["icr_radius"]["after_seconds"]["5"]["position"]["largest"] < 1e-6
     assert models["none"]["after_seconds"]["5"]["heading"] is None
-    assert "paths are moved so that they fit" in (result.folder / "report.html").read_text()
 
 
 def test_simulated_drives_come_back_and_another_ground_fits_worse(wander, tmp_path):
@@ -149,7 +145,7 @@ def test_commands_drive_the_robot_through_its_drive(wander, tmp_path):
 @pytest.mark.usefixtures("without_figures")
 def test_folds_fit_laws_gains_and_the_robot_to_the_other_parts(wander, tmp_path):
     options = ("--folds", "2", "--law", "icr_radius", "--law", "none", "--robot", "shipped")
-    options += ("--ground.across", "0.9", "--free", "friction_ratio", "--threads", "1")
+    options += ("--ground.across", "0.9", "--free", "friction_ratio")
     result = ran(tmp_path / "out", "evaluate", str(wander), *options)
     ahead = {name: model["after_seconds"]["5"] for name, model in result.summary["models"].items()}
     assert list(ahead) == ["today", "two_gains", "icr_radius", "none", "robot", "calibrated"]
@@ -165,11 +161,13 @@ def test_mistakes_are_told_in_a_line(refused, files, folder):
     log = str(files / "two.parquet")
     for arguments, message in (
         ((log,), "half_gauge = None: must be given (--half-gauge on the command line)"),
-        ((log, "--law", "x" * 300), ": must be none, a folder or file with laws"),
+        ((log, "--law", "x" * 300), ": must be none, a folder or file with laws, or with --folds a law of drives"),
         ((log, "--law", f"{folder}:power"), "; power was retired in trackslip 0.2: see icr_radius"),
         ((log, "--law", folder, "--half-gauge", "0.2"), "its laws are for half_gauge = 0.168 m"),
         ((log, "--sensor", "0", "0", "9", *SIZE), "sensor = 9.0: must be from -3.14159 to 3.14159 rad"),
-        ((str(files / "no_poses.parquet"), *SIZE), "encoders were read at 0 of 0 measured poses"),
-        ((log, *SIZE, "--folds", "2", "--law", "constant"), "law = 'constant': must be for drives, one of"),
+        ((str(files / "no_poses.parquet"), *SIZE), "encoders were read at less than two of its poses"),
+        ((log, *SIZE, "--folds", "2", "--law", "constant"), "law = 'constant': must be none, a folder or file"),
+        ((log, "--law", folder, "--law", folder), "must be all different"),
+        ((str(files / "steady.csv"), *SIZE), "holds steady samples without poses, which trackslip identify predicts"),
     ):
         assert message in refused("evaluate", *arguments), arguments
