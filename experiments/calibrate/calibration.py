@@ -112,7 +112,9 @@ def tested(config: Config, base: Candidate, fit: Calibration) -> Test | None:
 
 def fit_summary(fit: Calibration) -> dict[str, Any]:
     """A fit as an entry of a summary: parameters, their errors, what is left, and the values of the folds."""
-    parameters = {name: {**vars(one), "identifiable": not one.held} for name, one in fit.estimates.items()}
+    parameters = {
+        name: {**vars(estimate), "identifiable": not estimate.held} for name, estimate in fit.estimates.items()
+    }
     folds = [{name: fold.value(name) for name in fit.estimates} for fold in fit.folds]
     summary = {"parameters": parameters, "correlation": fit.correlation, **fit.metrics}
     return summary | ({"folds": folds} if folds else {})
@@ -134,15 +136,15 @@ def summary_of(fit: Calibration, test: Test | None) -> dict[str, Any]:
 
 def parameter_table(title: str, fit: Calibration) -> Table:
     """Parameters with standard errors and intervals."""
-    rows = [(name, *_parameter_cells(name, one)) for name, one in fit.estimates.items()]
+    rows = [(name, *_parameter_cells(name, estimate)) for name, estimate in fit.estimates.items()]
     return Table(title, ("parameter", "fit", "95 %"), rows)
 
 
-def _parameter_cells(name: str, one: Estimate) -> tuple[str, str]:
-    factor, unit = (1e2, "%") if name.startswith("radius") else printed_unit(one.unit)
-    if one.held:
-        return f"{factor * one.value:.4g} {unit}".rstrip() + " (held)", MISSING
-    value, interval = with_error(one.value, one.stderr, (factor, unit), (one.low, one.high))
+def _parameter_cells(name: str, estimate: Estimate) -> tuple[str, str]:
+    factor, unit = (1e2, "%") if name.startswith("radius") else printed_unit(estimate.unit)
+    if estimate.held:
+        return f"{factor * estimate.value:.4g} {unit}".rstrip() + " (held)", MISSING
+    value, interval = with_error(estimate.value, estimate.stderr, (factor, unit), (estimate.low, estimate.high))
     return value, interval
 
 
@@ -166,14 +168,14 @@ def _metric_rows(metrics: Sequence[dict[str, float]]) -> list[tuple[str, ...]]:
             if statistic not in _STATISTICS:
                 continue
             label = f"{label} after {ahead.removesuffix('s')} s, {_STATISTICS[statistic]}"
-        values = (None if name not in one else factor * one[name] for one in metrics)
+        values = (None if name not in column else factor * column[name] for column in metrics)
         rows.append((label, *(number(value, digits, unit) for value in values)))
     return rows
 
 
 def remarks(fit: Calibration, test: Test | None) -> list[str]:
     """Lines on parameters that are held, and the clock of another log."""
-    lines = [f"{name} is held: {one.held}" for name, one in fit.estimates.items() if one.held]
+    lines = [f"{name} is held: {estimate.held}" for name, estimate in fit.estimates.items() if estimate.held]
     if test is not None and test.clock_offset != fit.candidate.clock:
         lines.append(f"the test log is predicted with --clock-offset={test.clock_offset:.3g}")
     return lines

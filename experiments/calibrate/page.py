@@ -16,8 +16,6 @@ from sim.calibration.candidate import Candidate
 from sim.calibration.targets import Drives, Target
 from trackslip.odometry.trajectory_errors import from_pose
 
-_WINDOWS = 4  # drawn
-
 
 def page(
     fit: Calibration, base: Candidate, target: Target, test: Test | None, use: str, manifest: Mapping[str, Any]
@@ -47,9 +45,9 @@ def gain(fit: Calibration, test: Test | None) -> str:
 
 @style.styled
 def _paths(target: Drives, candidates: Mapping[str, tuple[str, Candidate]]) -> style.Panels:
-    """Measured and simulated paths in some windows of a log; the candidates are by label, with their colours."""
+    """Measured and simulated paths in up to four windows of a log; the candidates are by label, with their colours."""
     figures = []
-    for k in np.linspace(0, len(target.windows) - 1, min(_WINDOWS, len(target.windows))).astype(int):
+    for k in np.linspace(0, len(target.windows) - 1, min(4, len(target.windows))).astype(int):
         log = target.windows[k]
         figure, axis = style.panel(f"Window {k + 1}: {log.run}", "", "", 3.4)
         seen = log.has_heading

@@ -98,7 +98,7 @@ def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
     )
     known = ("--robot", str(found.folder / "robot.toml"), "--ground", str(found.folder / "ground.toml"))
     models = ran(tmp_path / "evaluate", "evaluate", str(driven / "out"), *known).summary["models"]
-    ahead = {name: one["after_seconds"]["5"]["position"]["rms"] for name, one in models.items()}
+    ahead = {name: model["after_seconds"]["5"]["position"]["rms"] for name, model in models.items()}
     assert ahead["robot"] < 0.6 * ahead["none"]
 
 

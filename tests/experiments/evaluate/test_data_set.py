@@ -68,7 +68,8 @@ def data_set(tmp_path_factory):
 
 def test_a_data_set_states_models_and_bounds(data_set, tmp_path):
     result = ran(tmp_path / "out", "evaluate", str(data_set))
-    heading = {name: one["after_seconds"]["1"]["heading"]["rms"] for name, one in result.summary["models"].items()}
+    models = result.summary["models"]
+    heading = {name: model["after_seconds"]["1"]["heading"]["rms"] for name, model in models.items()}
     assert list(heading) == ["today", "two_gains", "icr_radius", "robot", "calibrated"]
     assert heading["two_gains"] < 0.6 * heading["today"]
     assert heading["calibrated"] < 0.6 * heading["today"]
