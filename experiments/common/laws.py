@@ -17,8 +17,8 @@ _OTHERS = {
     "online_cold": Look("online, from nothing", "#999933", (0, (5, 1, 1, 1))),
     TODAY: Look("dead reckoning as it drives today", "#8B5A2B", (0, (8, 2, 1, 2))),
     GAINS: Look("factors on speed and yaw rate", "#6A51A3", (0, (3, 3))),
-    "robot": Look("the simulated robot", "#009E73", "--"),
-    "calibrated": Look("the simulated robot, fitted"),
+    "robot": Look("the simulated robot", "#007A5A", (0, (6, 2, 1, 2, 1, 2))),
+    "calibrated": Look("the simulated robot, fitted", "#1a1a1a", (0, (9, 1))),
 }
 """Compensations and predictions that are no family of laws."""
 _TRACKS = ("outer", "inner", "left", "right")

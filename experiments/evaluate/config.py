@@ -16,10 +16,12 @@ from trackslip.kinematics import GEARS
 EXAMPLES = (
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
     ("of two laws, on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),
-    ("laws and a robot, each fitted to the other half of the log",
-     "trackslip evaluate log.csv --robot my_robot.toml --ground asphalt --folds 2 --free friction_ratio shear clock"),
+    (
+        "laws and a robot, fitted to the other half",
+        "trackslip evaluate log.csv --robot r.toml --folds 2 --free friction_ratio",
+    ),
     ("a data set with its bounds", "trackslip evaluate examples/logs/ice.toml"),
-)  # fmt: skip
+)
 MAX_FOLDS = 10
 _SIZE = default_is("the log's, the laws' or the robot's", "FLOAT")
 
