@@ -91,7 +91,7 @@ class Report:
                 if errors is None:
                     continue
                 is_best = prediction is best and [length, unit] == compared
-                name = replace(law_cell(model.name, is_best), text=model.label)
+                name = replace(law_cell(model.name, is_best, formula=False), text=model.label)
                 turn = significant(degrees(errors.heading_per_way), "°")
                 per_metre = f"{percent(errors.position_per_way)}, {turn}" if unit == "m" else ""
                 rows.append((ahead, name, f"{errors.count:,}", *_cells(errors), per_metre))
