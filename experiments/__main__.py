@@ -15,9 +15,9 @@ def main() -> None:
         signals.append(number)
         raise KeyboardInterrupt
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, stop)
+    numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
+    for number in numbers:
+        signal.signal(number, stop)
     try:
         from experiments.cli import main as run  # here, as an interrupt may come while modules are imported
 
@@ -29,6 +29,9 @@ def main() -> None:
         if not signals:
             raise
         print("trackslip: interrupted", file=sys.stderr)
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_IGN)  # the command has ended: its exit code stands
     if signals:
         sys.stderr.flush()
         os._exit(130)  # workers that were killed would be waited for
