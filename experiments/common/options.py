@@ -93,33 +93,32 @@ class Distinct(Bound):
 class Exclusion:
     """Options `names` that have no effect, and so must keep their defaults, depending on another `option`.
 
-    That option has one of `values`, or, without values, is not at its default.
+    That option matches if it has one of `values`, or, without values, is not at its default.
     """
 
     names: tuple[str, ...]
     option: str
     values: tuple[Any, ...] = ()
 
-    def check(self, options: "Options") -> None:
-        """Raise InvalidValueError for the first of the names that is given in vain."""
-        if self.applies(options):
-            for name in self.names:
-                refuse_changed(name, getattr(options, name), defaults_of(options)[name], self.reason(options))
-
-    def matches(self, options: "Options") -> bool:
-        """True if the option has one of the values."""
-        value = getattr(options, self.option)
-        return value in self.values if self.values else value != defaults_of(options)[self.option]
+    where: ClassVar[bool]
+    """Whether the names have no effect where the option matches, or where it does not."""
 
     def applies(self, options: "Options") -> bool:
         """True if the names have no effect."""
-        raise NotImplementedError
+        value = getattr(options, self.option)
+        matches = value in self.values if self.values else value != defaults_of(options)[self.option]
+        return bool(matches) == self.where
 
-    def reason(self, options: "Options") -> str:
-        """The reason, in the words of the command line."""
-        raise NotImplementedError
+    def check(self, options: "Options") -> None:
+        """Raise InvalidValueError for the first of the names that is given in vain."""
+        if self.applies(options):
+            values = (getattr(options, self.option),) if self.where and self.values else self.values
+            reason = " or ".join(map(self._flag, values or (None,)))
+            for name in self.names:
+                default = defaults_of(options)[name]
+                refuse_changed(name, getattr(options, name), default, f"{'with' if self.where else 'without'} {reason}")
 
-    def _on_command_line(self, value: Any = None) -> str:
+    def _flag(self, value: Any) -> str:
         flag = f"--{'no-' if value is False else ''}{self.option.replace('_', '-')}"
         return flag if value is None or isinstance(value, bool) else f"{flag} {value}"
 
@@ -127,25 +126,13 @@ class Exclusion:
 class Excludes(Exclusion):
     """The names have no effect where the option matches."""
 
-    def applies(self, options: "Options") -> bool:
-        """See Exclusion."""
-        return self.matches(options)
-
-    def reason(self, options: "Options") -> str:
-        """See Exclusion."""
-        return f"with {self._on_command_line(getattr(options, self.option) if self.values else None)}"
+    where = True
 
 
 class Needs(Exclusion):
     """The names have no effect where the option does not match."""
 
-    def applies(self, options: "Options") -> bool:
-        """See Exclusion."""
-        return not self.matches(options)
-
-    def reason(self, options: "Options") -> str:
-        """See Exclusion."""
-        return f"without {' or '.join(map(self._on_command_line, self.values)) or self._on_command_line()}"
+    where = False
 
 
 @dataclasses.dataclass(frozen=True)

@@ -34,6 +34,8 @@ def run(config: Config) -> None:
     known = known_geometry(config)
     with Run(given) as run, run.progress("evaluation", 2, "stages") as step:
         log = read_log(config, known)
+        if log.rows is not None:  # steady samples have no clock
+            config = replace(config, clock_offset=0.0)
         for line in log.taken:
             print(line)
         part = parts(log.logs, config.folds or 1, log.name)

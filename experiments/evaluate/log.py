@@ -9,21 +9,24 @@ import numpy as np
 
 from experiments.calibrate.calibration import read_log_of
 from experiments.evaluate.config import Config
+from trackslip import se2
 from trackslip.doubts import in_few_lines
 from trackslip.errors import LogError, counted
-from trackslip.identification.drives import counts_few_ticks, drives_of, interval_means
+from trackslip.identification.drives import MIN_POSES, counts_few_ticks, drives_of, interval_means
+from trackslip.identification.samples import SlipSamples
 from trackslip.identification.source import ReadOptions, Source
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
+
+_TIME = np.linspace(0.0, 1.0, MIN_POSES + 1)
+"""Of the drives that stand for steady samples [s]."""
 
 
 def read_log(config: Config, known: RobotGeometry | None) -> Source:
     """The drives that the options name, of a robot of the `known` size if neither log nor options state one."""
     reading = ReadOptions(config.half_gauge, config.sprocket_radius, config.gear, bag=config.bag.choice())
     source = read_log_of(config.path, reading, known)
-    if not source.logs:
-        raise LogError(f"{source.name}: holds steady samples without poses, which trackslip identify predicts")
-    drives: Sequence[RunLog] = source.logs
+    drives: Sequence[RunLog] = source.logs or _windows(source.sampling.samples)
     notes = [*source.notes, *(run.doubt for run in source.refused)]
     if config.folds:
         if len(drives) < config.folds:
@@ -33,6 +36,15 @@ def read_log(config: Config, known: RobotGeometry | None) -> Source:
         drives = [_read_once(log) for log in drives if log.run in usable]
         notes += [drive.doubt for drive in refused]
     return replace(source, logs=tuple(drives), notes=tuple(in_few_lines(notes, len(drives) + len(notes))))
+
+
+def _windows(samples: SlipSamples) -> list[RunLog]:
+    """Steady samples as drives: each at its twist for a second, so that errors 1 s ahead are those of the twists."""
+    left = np.zeros(len(samples)) if samples.lateral is None else np.nan_to_num(samples.lateral)
+    motions = _TIME[:, None, None] * np.column_stack([samples.twist[:, 0], left, samples.twist[:, 1]])
+    poses = np.moveaxis(se2.exp(motions), 0, 1)
+    omegas = np.repeat(samples.omega[:, None], len(_TIME), axis=1)
+    return [RunLog(name, _TIME, omega, pose) for name, omega, pose in zip(samples.run, omegas, poses, strict=True)]
 
 
 def _read_once(log: RunLog) -> RunLog:

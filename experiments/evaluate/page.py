@@ -22,10 +22,10 @@ from trackslip.identification.drive_prediction import TODAY
 from trackslip.odometry.evaluation import RelativeErrors
 from trackslip.slip.law_file import NO_SLIP
 
-_HEADER = ("ahead", "model", "pairs", "position", "90 %", "rms [m]", "heading", "90 %", "rms [deg]", "per metre")
+_HEADER = ("ahead", "model", "pairs", "position", "90 %", "rms [m]", "heading", "90 %", "rms [deg]", "rate")
 _NOTE = (
     "All models predict the same motion: from every measured pose to the one nearest to the time or distance ahead. "
-    "Errors contain the noise of both poses. Per metre: sums of errors over sums of distances by the encoders."
+    "Errors contain the noise of both poses. Rates: mean errors over time, or over distance by the encoders."
 )
 _DOTS = "Dots: medians. Lines: to the errors that 90 % stay below."
 _BEGINS = "The drive that goes far and turns most. Every path begins at its first measured pose, or fits all positions."
@@ -92,9 +92,7 @@ class Report:
                     continue
                 is_best = prediction is best and [length, unit] == compared
                 name = replace(law_cell(model.name, is_best, formula=False), text=model.label)
-                turn = significant(degrees(errors.heading_per_way), "°")
-                per_metre = f"{percent(errors.position_per_way)}, {turn}" if unit == "m" else ""
-                rows.append((ahead, name, f"{errors.count:,}", *_cells(errors), per_metre))
+                rows.append((ahead, name, f"{errors.count:,}", *_cells(errors), _rate(errors, length, unit)))
                 ahead = ""
         return Table("Errors: median, 90 % and rms", _HEADER, rows, "llr", _NOTE)
 
@@ -124,6 +122,14 @@ def _cells(errors: RelativeErrors) -> list[str]:
         values = (part.median, part.p90, part.rms) if part else (nan, nan, nan)
         cells += [number(factor * value, digits) for value in values]
     return cells
+
+
+def _rate(errors: RelativeErrors, length: float, unit: str) -> str:
+    """Errors per metre or per second ahead."""
+    if unit == "m":
+        return f"{percent(errors.position_per_way)}, {significant(degrees(errors.heading_per_way), '°/m')}"
+    position, heading = (part.mean / length if part else nan for part in (errors.position, errors.heading))
+    return f"{significant(position, 'm/s')}, {significant(degrees(heading), '°/s')}"
 
 
 @style.styled

@@ -43,8 +43,7 @@ def run(config: Config) -> None:
             with run.watch.stage("bags"), run.progress("bags", len(driven), "bags") as done:
                 about["bags"] = write_bags(run.folder, driven, map(StoredRuns(file).log, driven), done=done)
         grids = grids_of(runs, rows)
-        summary = summary_of(grids, runs, rows, map(StoredRuns(file).log, driven), run.watch)
-        run.write(summary | about, simulated=simulated, **world.about)
+        run.write(summary_of(grids, rows) | about, simulated=simulated, **world.about)
     print_sweep(grids, rows, runs[0].duration)
     print(stages_text(run.watch.stages))
     if config.bag:

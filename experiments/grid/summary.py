@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,15 +13,10 @@ from experiments.common.results import SUMMARY_FILE, TABLE_FILE
 from experiments.common.sweep import Row
 from experiments.common.table import Table
 from experiments.grid.plan import PlannedRun
-from experiments.simulate.grid_summary import GridSlips, grid_summary, known_mean, saturation_warning
-from sim.stopwatch import Stopwatch
+from experiments.simulate.grid_summary import GridSlips, known_mean, saturation_warning
 from trackslip.errors import counted
-from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array
-from trackslip.logs.runlog import RunLog
 
-IN_FULL = 100
-"""Runs of the largest grid for which the errors of all motion methods are compared."""
 _MAX_LINES = 40
 
 
@@ -69,23 +64,10 @@ def grids_of(runs: Sequence[PlannedRun], rows: Sequence[Row]) -> list[RunGrid]:
     return [RunGrid.of_rows(axes, [row for _, row in group]) for axes, group in pairs]
 
 
-def summary_of(
-    grids: Sequence[RunGrid], runs: Sequence[PlannedRun], rows: Sequence[Row], logs: Iterable[RunLog], watch: Stopwatch
-) -> dict[str, Any]:
-    """The content of summary.json; `logs` are those of the runs that didn't fail, in order.
-
-    A grid that is the only one of a sweep, and not too large, has more numbers.
-    """
-    content: dict[str, Any] = {"grids": grids, "warnings": _warnings(rows)}
-    sampled = [row for row in rows if row.get("v") is not None]
-    if len(grids) == 1 and len(runs) <= IN_FULL and sampled:
-        omega, twist = _values(sampled, "omega_l", "omega_r"), _values(sampled, "v", "w")
-        slip = _values(sampled, "slip_l", "slip_r")
-        samples = SlipSamples(omega, twist, slip, tuple(row["run"] for row in sampled))
-        config, geometry = runs[0].setting.config, runs[0].world(1).robot.geometry
-        content |= grid_summary(config, [run.name for run in runs], logs, samples, geometry, watch).to_json()
+def summary_of(grids: Sequence[RunGrid], rows: Sequence[Row]) -> dict[str, Any]:
+    """The content of summary.json."""
     failures = [{"run": row["run"], "error": row["error"]} for row in _failed(rows)]
-    return plain(content | {"runs": rows, "failures": failures})
+    return plain({"grids": grids, "warnings": _warnings(rows), "runs": rows, "failures": failures})
 
 
 def print_sweep(grids: Sequence[RunGrid], rows: Sequence[Row], duration: float) -> None:

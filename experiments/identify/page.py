@@ -139,7 +139,6 @@ def steady_slip(found: Identification) -> Section | None:
             f"{_driven(len(comparison.samples), turns)} {_SLIP}",
             laws,
             tables.criteria_table(comparison, found.geometry),
-            tables.lack_of_fit_text(comparison),
             speeds,
             Section("Parameters of all laws", [tables.parameters_table(comparison, names)], folded=True),
         ],
@@ -190,8 +189,6 @@ def whole_drives(found: Identification) -> Section | None:
         "slip, and by the best law.",
     )
     predicted = bool(drive.errors.get(drive.best))
-    headings = any(each.has_heading for each in drive.drives)
-    spread = [tables.errors_table(drive, name) for name in ("position", "heading")[: 1 + headings]] if predicted else []
     names = [name for name in drive.ranking if drive.laws[name].values]
     return Section(
         "Whole drives",
@@ -201,7 +198,6 @@ def whole_drives(found: Identification) -> Section | None:
             path,
             tables.parameters_table(drive, names),
             *tables.held_lines(drive),
-            Section("Spread of the errors of prediction", spread, folded=True),
         ],
     )
 

@@ -3,8 +3,6 @@
 from collections.abc import Iterable, Iterator
 from math import degrees
 
-import numpy as np
-
 from experiments.common.laws import law_cell, symbol, unit_of, with_error
 from experiments.common.table import MISSING, Cell, Table, number, pair, significant
 from trackslip.errors import counted
@@ -30,7 +28,8 @@ _CRITERIA_NOTE = (
     "free: fitted parameters. rms: residual of the fit. AICc: above the least. cv: rms error of predicting left-out "
     "radii, speeds or runs; v and w: of the robot's speed and yaw rate at left-out radii. Lack of fit: F compares the "
     "misfit with the scatter of runs with the same commanded radius, χ² with the errors of measurement; p is the "
-    "probability of such a value by chance; below 0.01 the law “misses”. The published law is not fitted."
+    "probability of such a value by chance. Below 0.01 the law “misses”: it has the wrong shape, and its intervals, "
+    "widened by the misfit, hold for the radii driven here alone. The published law is not fitted."
 )
 _PREDICTION_NOTE = (
     "Of all pairs of measured poses between which the robot moves, outlying poses included. today: dead reckoning "
@@ -42,7 +41,7 @@ _PREDICTION_NOTE = (
 _CERTAIN = 0.001  # probabilities below this are printed as an upper limit
 _AHEAD = 2.0  # horizon of the gain in the text [s]
 _HELD = "held"
-_UNITS = {"position": (1.0, "m", 3), "heading": (degrees(1.0), "deg", 1)}  # from SI, and decimals
+_UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}  # m and degrees from SI, and decimals
 
 
 def parameters_table(comparison: Comparison, names: Iterable[str]) -> Table:
@@ -118,34 +117,16 @@ def _lack_of_fit(fit: SteadyFit) -> Cell:
 
 def prediction_table(drive: DriveComparison) -> Table:
     """Median errors of held-out prediction: without identification, then the best law first."""
-    header, rows = _errors_ahead(drive, ("median",), ("position", "heading"))
-    scored = [(*row, number(drive.score.get(name), 2)) for name, row in rows.items()]
-    title = "Held-out prediction, median error of position [m] | heading [deg]"
-    return Table(title, (*header, "score"), scored, note=_PREDICTION_NOTE)
-
-
-def errors_table(drive: DriveComparison, quantity: str) -> Table:
-    """Errors of held-out prediction of the position or heading."""
-    header, rows = _errors_ahead(drive, ("rms", "median", "p90"), (quantity,))
-    title = f"Held-out prediction of {quantity}, rms | median | 90 % [{_UNITS[quantity][1]}]"
-    return Table(title, header, [*rows.values()])
-
-
-def _errors_ahead(
-    drive: DriveComparison, kinds: Iterable[str], quantities: Iterable[str]
-) -> tuple[tuple[str, ...], dict[str, tuple[str | Cell, ...]]]:
-    """The header with the times ahead that the drives are long enough for, and by law its row of errors."""
-    ahead = tuple(drive.errors[drive.best])
-    columns = [(*_UNITS[quantity], f"{quantity}_{kind}") for quantity in quantities for kind in kinds]
-    rows: dict[str, tuple[str | Cell, ...]] = {}
+    ahead, rows = tuple(drive.errors[drive.best]), list[tuple[str | Cell, ...]]()
     for name in [*(name for name in (TODAY, GAINS) if name in drive.errors), *drive.ranking]:
         cells = []
         for errors in map(drive.errors[name].get, ahead):
-            values = [(getattr(errors, column, None), factor, digits) for factor, _, digits, column in columns]
-            sizes = [number(factor * value, digits) for value, factor, digits in values if value is not None]
-            cells.append(pair(sizes) if sizes else MISSING)
-        rows[name] = (law_cell(name, name == drive.best, formula=False), *cells)
-    return ("law", *(f"{seconds:g} s" for seconds in ahead)), rows
+            sizes = [(getattr(errors, f"{key}_median", None), *unit) for key, unit in _UNITS.items()]
+            known = [number(factor * value, digits) for value, factor, digits in sizes if value is not None]
+            cells.append(pair(known) if known else MISSING)
+        rows.append((law_cell(name, name == drive.best, formula=False), *cells, number(drive.score.get(name), 2)))
+    title = "Held-out prediction, median error of position [m] | heading [deg]"
+    return Table(title, ("law", *(f"{seconds:g} s" for seconds in ahead), "score"), rows, note=_PREDICTION_NOTE)
 
 
 def gain(found: Identification) -> str:
@@ -182,16 +163,3 @@ def reason(found: Identification) -> str:
     if comparison.criterion.startswith("left-out"):
         return f"{first} has a smaller AICc than {best}, but does not predict {comparison.criterion} better"
     return f"{first} has a smaller AICc than {best}, but by so little that the simpler law is preferred"
-
-
-def lack_of_fit_text(comparison: SteadyComparison) -> str:
-    """A paragraph on the laws of the wrong shape; empty if there are none."""
-    lacking = {name: fit.lack_of_fit for name, fit in comparison.laws.items() if fit.lacks_fit and fit.values}
-    factors = [lack.inflation for lack in lacking.values() if lack is not None]
-    if not factors:
-        return ""
-    return (
-        f"Lack of fit: {', '.join(lacking)}. The samples are farther from these laws than chance allows, so they have "
-        "the wrong shape, and no parameters are true. Standard errors and intervals are multiplied by the ratio of the "
-        f"misfit to what chance allows, up to {max(1.0, np.max(factors)):.2g}; they hold for the radii driven here."
-    )

@@ -17,7 +17,7 @@ from experiments.reproduce.config import Config
 from experiments.reproduce.page import page
 from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
 from experiments.simulate.grid_runs import cells_of, drive_grid
-from experiments.simulate.grid_summary import grid_summary, saturation_warnings, simulated_seconds
+from experiments.simulate.grid_summary import GridSummary, saturation_warnings, simulated_seconds
 from experiments.simulate.options import IDENTIFIED
 from experiments.simulate.tracking import tracking_results, tracking_table
 from experiments.simulate.world import World
@@ -47,8 +47,7 @@ def run(config: Config) -> None:
                 sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True)
             with run.watch.stage("laws"):
                 found = identify_samples(sampling, geometry)
-            names = [cell.name for cell in cells]
-            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, run.watch)
+            grid = GridSummary.of_logs(grid_logs, sampling.samples, geometry)
 
         laws = {**KNOWN_LAWS, **{name: found.comparison.laws[name].law for name in IDENTIFIED}}
         starts = {name: start_pose(name, "paper", path) for name in CONTROLLERS}
@@ -70,7 +69,7 @@ def run(config: Config) -> None:
             **identification_to_json(found),
             "published": _published(),
             "warnings": [*warnings, *found.warnings],
-            **grid.to_json(),
+            **vars(grid),
             "tracking": [result.to_json() for result in tracking],
         }
         run.write(summary, logs, simulated, manifest)

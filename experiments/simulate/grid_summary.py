@@ -1,20 +1,16 @@
 """Simulated runs in numbers: errors of localization; of a grid of left turns radii, slips and errors."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Self, TypeVar
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 
-from experiments.common.plain_json import plain
-from experiments.simulate.grid_options import GridConfig
-from sim.stopwatch import Stopwatch
-from trackslip.identification.samples import SlipSamples, samples_by_method, true_samples
+from trackslip.identification.samples import SlipSamples, true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
-from trackslip.motion.methods import MOTION_METHODS, best_method
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
 
@@ -68,6 +64,12 @@ class GridSlips:
     radius: RadiusSummary
     slip_by_radius: OuterInner[Array]  # (R,) each, mean slip over the speeds [-]
     slip_error: OuterInner[ErrorStatistics]
+    slip_rms_vs_published: float | None
+    """Root mean square of slip minus Eq. 11 at the paper's radii [-]; None without a published radius."""
+    slip_rms_vs_published_at_simulated_radii: float
+    """The same at the radii driven here [-]."""
+    speed_spread: OuterInner[float]
+    """Largest difference of true slip between the speeds of one radius [-]; NaN where a run gave no sample."""
 
     @classmethod
     def of(cls, commanded: Array, observed: Array, slip: Array, true_slip: Array) -> "GridSlips":
@@ -80,8 +82,17 @@ class GridSlips:
 
         driven, published = 1 / means(1 / observed), published_radii(radii)
         relative = (driven / published - 1)[~np.isnan(published)]
-        radius = RadiusSummary(radii, driven, published, rms(relative) if relative.size else None)
-        return GridSlips(radius, OuterInner.of(slip, means), OuterInner.of(slip - true_slip, ErrorStatistics.of))
+        printed, known = published_radii(commanded), ~np.isnan(observed)
+        in_paper = known & ~np.isnan(printed)
+        spread = np.array([np.ptp(true_slip[commanded == radius], axis=0) for radius in radii])
+        return GridSlips(
+            RadiusSummary(radii, driven, published, rms(relative) if relative.size else None),
+            OuterInner.of(slip, means),
+            OuterInner.of(slip - true_slip, ErrorStatistics.of),
+            rms(slip[in_paper] - PUBLISHED(1 / printed[in_paper])) if in_paper.any() else None,
+            rms(slip[known] - PUBLISHED(1 / observed[known])) if known.any() else math.nan,
+            OuterInner.of(spread, lambda of_radius: float(of_radius.max())),
+        )
 
 
 @dataclass(frozen=True)
@@ -102,73 +113,27 @@ class LocalizationErrors:
     @classmethod
     def of(cls, logs: Iterable[RunLog]) -> Self:
         """Of simulated runs of equal length."""
-        return cls(**_root_mean([_pose_errors(log) for log in logs]))
+        x, y, heading, valid, rate = np.mean([_pose_errors(log) for log in logs], axis=0).tolist()
+        return cls(math.sqrt(x), math.sqrt(y), math.sqrt(heading), valid, rate)
 
 
 @dataclass(frozen=True)
 class GridSummary(GridSlips):
     """The numbers of a grid."""
 
-    slip_rms_vs_published: float | None
-    """Root mean square of slip minus Eq. 11 at the paper's radii [-]; None without a published radius."""
-    slip_rms_vs_published_at_simulated_radii: float
-    """The same at the radii driven here [-]."""
-    speed_spread: OuterInner[float]
-    """Largest difference of true slip between the speeds of one radius [-]; NaN where a run gave no sample."""
     localization: LocalizationErrors
-    slip_error_by_method: Mapping[str, OuterInner[ErrorStatistics] | None]
-    """Errors of slip with every motion method; None for a method that suits no run."""
 
-    def to_json(self) -> dict[str, Any]:
-        """The entries of a summary.json."""
-        content = plain(self)
-        content["slip_error"] |= content.pop("slip_error_by_method")
-        return content
-
-
-def grid_summary(
-    config: GridConfig,
-    names: Sequence[str],
-    logs: Iterable[RunLog],
-    samples: SlipSamples,
-    geometry: RobotGeometry,
-    watch: Stopwatch,
-) -> GridSummary:
-    """Evaluate a grid: `names` of all its runs, radius by radius; `logs` of those that were driven; and `samples`.
-
-    The logs are gone through once, so that there need never be more than one of them.
-    """
-    slip, true_slip = (np.full((len(names), 2), np.nan) for _ in range(2))
-    observed = np.full(len(names), np.nan)
-    row = {name: names.index(name) for name in samples.run}
-    slip[[*row.values()]], observed[[*row.values()]] = samples.slip, samples.radius
-    poses: list[Array] = []
-    by_method: dict[str, list[Array]] = {name: [] for name in MOTION_METHODS}
-    for log in logs:
-        poses.append(_pose_errors(log))
-        if log.run in row:
-            run = row[log.run]
-            with watch.stage("errors of all methods"):
-                true_slip[run] = true_samples([log], geometry).slip[0]
-                measured = config.motion or best_method(log)
-                others = samples_by_method(log, geometry, [name for name in MOTION_METHODS if name != measured])
-                for name, found in {measured: slip[run], **{name: s.slip[0] for name, s in others.items()}}.items():
-                    by_method[name].append(found - true_slip[run])
-    commanded = np.repeat(config.radii, len(config.speeds))
-    published = published_radii(commanded)
-    in_paper = ~np.isnan(published) & ~np.isnan(observed)
-    spread = np.ptp(true_slip.reshape(len(config.radii), -1, 2), axis=1)
-    return GridSummary(
-        **vars(GridSlips.of(commanded, observed, slip, true_slip)),
-        slip_rms_vs_published=rms(slip[in_paper] - PUBLISHED(1 / published[in_paper])) if in_paper.any() else None,
-        slip_rms_vs_published_at_simulated_radii=rms(samples.slip - PUBLISHED(samples.curvature)),
-        speed_spread=OuterInner.of(spread, lambda of_radius: float(of_radius.max())),
-        localization=LocalizationErrors(**_root_mean(poses)),
-        slip_error_by_method={
-            name: OuterInner.of(np.array(errors), ErrorStatistics.of) if errors else None
-            for name, errors in by_method.items()
-        },
-    )
+    @classmethod
+    def of_logs(cls, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry) -> "GridSummary":
+        """Of a grid's runs, radius by radius, and the samples that some of them gave."""
+        slip, true_slip = np.full((2, len(logs), 2), np.nan)
+        observed, names = np.full(len(logs), np.nan), [log.run for log in logs]
+        rows = [names.index(name) for name in samples.run]
+        slip[rows], observed[rows] = samples.slip, samples.radius
+        true_slip[rows] = true_samples([logs[row] for row in rows], geometry).slip
+        commanded = np.array([log.metadata["radius"] for log in logs])
+        slips = GridSlips.of(commanded, observed, slip, true_slip)
+        return cls(**vars(slips), localization=LocalizationErrors.of(logs))
 
 
 def published_radii(commanded: Iterable[float]) -> Array:
@@ -190,13 +155,6 @@ def _pose_errors(log: RunLog) -> Array:
     error[:, 2] = wrap_angle(error[:, 2])
     valid = np.mean(log.is_valid)
     return np.array([*np.mean(error**2, axis=0), valid, valid / np.median(np.diff(log.time))])
-
-
-def _root_mean(runs: Sequence[Array]) -> dict[str, float]:
-    """The fields of LocalizationErrors for runs of equal length, from their `_pose_errors`."""
-    x, y, heading, valid, rate = np.mean(runs, axis=0).tolist()
-    roots = {"rmse_x": math.sqrt(x), "rmse_y": math.sqrt(y), "rmse_heading": math.sqrt(heading)}
-    return roots | {"valid_fraction": valid, "rate_hz": rate}
 
 
 def simulated_seconds(logs: Sequence[RunLog]) -> float:

@@ -5,8 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from trackslip.identification.fitted import fit_law
-from trackslip.identification.samples import SlipSamples
+from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
 from trackslip.kinematics import RobotGeometry
+from trackslip.logs.logfile import read_runs
+from trackslip.logs.runlog import stored_geometry
 from trackslip.slip.families import FAMILIES
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
@@ -52,3 +54,10 @@ def coverage(
         for key, (low, high) in fit_law(name, samples, geometry, bootstraps=0).interval95.items():
             covered[key] += low <= values[key] <= high
     return {key: count / repeats for key, count in covered.items()}
+
+
+def slip_errors(folder, method):
+    """Errors of slips (n, 2) of the runs on circles in a folder of results, by a motion method."""
+    logs = [log for log in read_runs(folder / "runs.parquet") if "radius" in log.metadata]
+    geometry = stored_geometry(logs[0])
+    return usable_samples(logs, geometry, method=method, longest=True).samples.slip - true_samples(logs, geometry).slip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -217,15 +216,6 @@ def true_samples(
         mean = twist.mean(axis=0)[None]
         found.append(SlipSamples.of(part.omega[None], mean, geometry, [part.name], load=load))
     return SlipSamples.joined(found)
-
-
-def samples_by_method(log: RunLog, geometry: RobotGeometry, methods: Collection[str]) -> dict[str, SlipSamples]:
-    """The sample of a run's longest steady stretch by each of the motion methods `methods` that it allows."""
-    part, found = steady_part(log, geometry), {}
-    for name in methods:
-        with contextlib.suppress(LogError):
-            found[name] = _sample(part, geometry, name)
-    return found
 
 
 def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSamples:

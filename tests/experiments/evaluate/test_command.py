@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from command_runs import ran
@@ -157,6 +158,19 @@ def test_folds_fit_laws_gains_and_the_robot_to_the_other_parts(wander, tmp_path)
     assert len(result.summary["calibrated"]["folds"]) == 2
 
 
+def test_errors_of_steady_samples_a_second_ahead_are_those_of_their_twists(trackslip, files, tmp_path):
+    omega = np.array([[2.0, 3.0], [-1.0, 4.0], [3.0, 3.0]] * 4)
+    v, w = ICR.twist(omega, GEOMETRY).T + np.array([[0.01], [0.02]])
+    table = pa.table({"omega_l": omega[:, 0], "omega_r": omega[:, 1], "v": v, "w": w})
+    pq.write_table(table, tmp_path / "steady.parquet")
+    true = f"{files / 'true.json'}:icr_radius"
+    ahead = trackslip("evaluate", str(tmp_path / "steady.parquet"), "--law", true).summary["models"]["icr_radius"]
+    errors = ahead["after_seconds"]["1"]
+    assert errors["count"] == len(omega)
+    assert errors["heading"]["rms"] == pytest.approx(0.02)
+    assert errors["position"]["rms"] == pytest.approx(0.01, rel=0.2)  # and what the turn adds
+
+
 def test_mistakes_are_told_in_a_line(refused, files, folder):
     log = str(files / "two.parquet")
     for arguments, message in (
@@ -168,6 +182,5 @@ def test_mistakes_are_told_in_a_line(refused, files, folder):
         ((str(files / "no_poses.parquet"), *SIZE), "encoders were read at less than two of its poses"),
         ((log, *SIZE, "--folds", "2", "--law", "constant"), "law = 'constant': must be none, a folder or file"),
         ((log, "--law", folder, "--law", folder), "must be all different"),
-        ((str(files / "steady.csv"), *SIZE), "holds steady samples without poses, which trackslip identify predicts"),
     ):
         assert message in refused("evaluate", *arguments), arguments
