@@ -32,7 +32,7 @@ class Workers:
             return
         queue = iter(tasks)
         try:
-            pending = {self.executor.submit(do, task) for task in islice(queue, 2 * self.count)}  # none of them waits
+            pending = {self.executor.submit(do, task) for task in islice(queue, self.count)}
             while pending:
                 done, pending = futures.wait(pending, return_when=futures.FIRST_COMPLETED)
                 for future in done:
@@ -59,16 +59,18 @@ def workers(name: str, count: int) -> contextlib.AbstractContextManager[Workers]
 
 @contextlib.contextmanager
 def _processes(count: int) -> Iterator[Workers]:
-    """Fresh interpreters, which ignore Ctrl-C, and end with this process or if the block fails."""
+    """Fresh interpreters, which end at once if this process is interrupted, and after their tasks if it fails."""
     pool = futures.ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin)
     try:
         yield Workers(pool, count)
-        pool.shutdown()
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
+    except KeyboardInterrupt:  # nobody waits: a worker that is killed while it sends is waited for for ever
         for child in multiprocessing.active_children():
             child.kill()
         raise
+    except BaseException:
+        pool.shutdown(cancel_futures=True)
+        raise
+    pool.shutdown()
 
 
 def _begin() -> None:
@@ -89,8 +91,7 @@ def _cluster(name: str, patience: float = 10.0) -> Iterator[Workers]:
     try:
         from distributed import Client
 
-        connect: Any = Client  # untyped
-        client = connect(name.replace("dask", "tcp", 1), timeout=patience, set_as_default=False)
+        client = Client(name.replace("dask", "tcp", 1), timeout=patience, set_as_default=False)
         client.wait_for_workers(1, timeout=patience)
         client.run(exec, "import sim.fleet")
     except ImportError as error:
