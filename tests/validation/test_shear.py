@@ -50,7 +50,7 @@ def test_turns():
 
 
 def test_loads():
-    """Slip straight ahead on slopes and with a drawbar, and, without a bound, in turns with a drawbar."""
+    """Slip straight ahead on slopes and with a drawbar; in turns with a drawbar, where a point of contact is the pivot."""
     checks = []
     for name, on_grounds in setups(*MODULI).items():
         for setup in on_grounds:
@@ -60,7 +60,7 @@ def test_loads():
             for what, loads, omega, bound in (
                 ("on slopes", slopes, straight, 0.001),
                 ("with a drawbar", pulls, straight, 0.002),
-                ("turning with a drawbar", pulls, straight * [0.75, 1.25], np.inf),
+                ("turning with a drawbar", pulls, straight * [0.75, 1.25], 0.005),
             ):
                 error = max(largest(drive_steadily(setup, omega, load, passes=4.5).slip) for load in loads)
                 checks.append(Check(name, f"K = {1e3 * setup.ground.shear:g} mm, slip {what}", error, bound))
