@@ -63,7 +63,7 @@ def test_fleet(compare, robot, size, least):
     compare(lambda: fleet.advance(duration), bare_steps(fleet, duration), least)
 
 
-@pytest.mark.parametrize(("size", "least"), [(1, 0.35), (25, 0.7), (256, 0.7)])
+@pytest.mark.parametrize(("size", "least"), [(1, 0.25), (25, 0.7), (256, 0.7)])
 def test_scanner(compare, robot, size, least):
     """The fleet, and the rays and noise of a scan every 50 ms."""
     fleet, count = on_circle(robot, size), periods(size, SCAN, 0.5)
@@ -104,7 +104,7 @@ def test_the_bare_engine_repeats_the_motion_of_a_closed_loop(robot):
         np.testing.assert_allclose(motion.bare.qpos, fleet.batch.qpos, atol=1e-9)
 
 
-@pytest.mark.parametrize(("size", "least"), [(1, 0.4), (25, 0.75), (256, 0.75)])
+@pytest.mark.parametrize(("size", "least"), [(1, 0.25), (25, 0.75), (256, 0.75)])
 def test_path_tracking(compare, size, least):
     """Robots that follow their references; a single one in the environment of one robot."""
     references = ("circle", "figure_eight", "slalom", "spiral")
