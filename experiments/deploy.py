@@ -14,7 +14,7 @@ from trackslip.slip.law_file import SHIPPED
 
 EXAMPLES = (
     ("parameters of diff_drive_controller", "trackslip deploy out/identify"),
-    ("a C header with another law", "trackslip deploy out/identify --to c --law exponential --out slip.h"),
+    ("a C header with another law", "trackslip deploy out/identify --to c --law turn_loss --out slip.h"),
     ("the shipped robot's law in Python", "trackslip deploy --to python --out slip.py"),
 )
 
@@ -31,6 +31,8 @@ class Config(Options):
     """The law; diff_drive_controller takes none, icr, icr_radius and icr_sides."""
     controller: str = "diff_drive_controller"
     """Name of the robot's controller, such as platform_velocity_controller."""
+    accept: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Deploy the law although its identification raised an alarm."""
     out: Annotated[Path | None, default_is("print it", "FILE")] = None
     """File to write."""
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -46,7 +48,7 @@ def run(config: Config) -> None:
     """Print the law, or write it."""
     if config.out is not None and config.out.exists() and not config.overwrite:
         raise OutputError(f"{config.out}: exists already; --overwrite replaces it")
-    program = deployed(config.path or SHIPPED, config.to, config.law, config.controller)
+    program = deployed(config.path or SHIPPED, config.to, config.law, config.controller, config.accept)
     if config.out is None:
         print(program.text, end="")
         return

@@ -15,18 +15,17 @@ from experiments.common.log_options import Bag, BagOptions
 from experiments.common.options import Exclusion, Needs, Options, default_is
 from experiments.common.results import RUNS_FILE, write_output
 from experiments.common.table import MISSING, Table, number
+from trackslip.bags.choice import BagChoice
+from trackslip.bags.drives import holds_bags, read_runs_of
+from trackslip.bags.open import Bag as RosBag
+from trackslip.bags.open import open_bags, short_type
+from trackslip.bags.topics import uses
 from trackslip.errors import InvalidValueError, LogError, OutputError, counted
 from trackslip.logs.logfile import write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import to_table
 from trackslip.logs.table_reader import ReadRuns
-from trackslip.ros.bag import Bag as RosBag
-from trackslip.ros.bag import open_bags
-from trackslip.ros.choice import BagChoice
-from trackslip.ros.drive_log import holds_bags, read_runs_of
-from trackslip.ros.readers import short_type
-from trackslip.ros.sources import overview
 
 EXAMPLES = (
     ("a bag's topics, and the log that identify would read", "trackslip log run.mcap"),
@@ -70,7 +69,7 @@ def run(config: Config) -> None:
     if config.out is not None:
         _write(config.path, choice, config.out, config.overwrite)
         return
-    bags = open_bags(config.path, choice.max_expanded) if holds_bags(config.path) else []
+    bags = open_bags(config.path) if holds_bags(config.path) else []
     damage = [note for bag in bags for note in bag.notes]
     for bag in bags:
         _topics_table(bag, choice).print()
@@ -88,15 +87,17 @@ def run(config: Config) -> None:
 
 
 def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
-    uses, _, _ = overview(bag, choice)
-    rows = [
-        (name, short_type(topic.type), str(topic.count), number(topic.rate, 1), number(topic.longest_gap, 2))
-        for name, topic in bag.topics.items()
-    ]
-    rows += [(name, "transforms", MISSING, MISSING, MISSING) for name in uses if name not in bag.topics]
+    used, arrivals = uses(bag, choice), bag.arrivals()
+    rows = []
+    for name, topic in bag.topics.items():
+        gaps = np.diff(arrivals[name]) / 1e9
+        usual, longest = (float(np.median(gaps)), float(gaps.max())) if gaps.size else (np.nan, np.nan)
+        rate = 1 / usual if usual else np.nan
+        rows.append((name, short_type(topic.type), str(topic.count), number(rate, 1), number(longest, 2)))
+    rows += [(name, "transforms", MISSING, MISSING, MISSING) for name in used if name not in bag.topics]
     begin, end = bag.span
     return Table(
-        f"{bag.path}: {(end - begin) / 1e9:.1f} s", _TOPICS, [(*row, uses.get(row[0], "")) for row in rows], "llrrrl"
+        f"{bag.path}: {(end - begin) / 1e9:.1f} s", _TOPICS, [(*row, used.get(row[0], "")) for row in rows], "llrrrl"
     )
 
 

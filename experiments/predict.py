@@ -21,6 +21,7 @@ from sim.ground.ground import MAX_FRICTION, Ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
+from trackslip.identification.source import MULTIPLIERS
 from trackslip.logs.file_format import FORMAT
 from trackslip.paper import OBSERVED_RADII
 from trackslip.skid_theory import Contact, Load, Turns, steady_turns, steady_twist
@@ -28,6 +29,7 @@ from trackslip.skid_theory import Contact, Load, Turns, steady_turns, steady_twi
 EXAMPLES = (
     ("the shipped robot", "trackslip predict"),
     ("uphill on ground that shears", "trackslip predict --shear 0.01 --slope 0.17"),
+    ("turns counted by hand: 10 by odometry, 7.9 really", "trackslip predict --turns 10 --measured 7.9"),
     ("a robot of another size", "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2"),
 )
 _HEADER = ("radius driven [m]", "outer slip", "inner slip", "D [mm]", "ICRs, left | right [mm]")
@@ -40,9 +42,16 @@ _ROBOTS = default_is("the robot's", "FLOAT")
 class Config(ResultsOptions):
     """Predict slip from quasi-static theory, without simulating: on Coulomb ground a law, on other ground its slips.
 
-    With --shear, --slope or --pull, slips depend on radius and load; the law then fits their mean over the radii.
+    With --shear, --slope or --pull, slips depend on radius and load; the law then fits their mean over the radii. With
+    --turns and --measured, turns counted by hand give wheel_separation_multiplier and D; nothing else is computed.
     """
 
+    turns: Annotated[float | None, Positive(1e6), default_is("none", "FLOAT")] = None
+    """Turns on the spot by the wheels' odometry, as commanded or as it counts them; needs --measured [-]."""
+    measured: Annotated[float | None, Positive(1e6), default_is("none", "FLOAT")] = None
+    """Turns that the robot really made meanwhile; needs --turns [-]."""
+    multiplier: Annotated[float, Within(*MULTIPLIERS)] = 1.0
+    """wheel_separation_multiplier of that odometry; needs --turns [-]."""
     robot: RobotSource = SHIPPED
     """Robot that supplies the values not given below."""
     half_gauge: Annotated[float | None, Positive(100.0), _ROBOTS] = None
@@ -74,7 +83,12 @@ class Config(ResultsOptions):
     out: Path = Path("out/predict")
     """Folder for the results."""
 
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("uphill",), "slope"), Needs(("pull_height",), "pull"))
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Needs(("uphill",), "slope"),
+        Needs(("pull_height",), "pull"),
+        Needs(("measured", "multiplier"), "turns"),
+        Needs(("turns",), "measured"),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -87,6 +101,13 @@ class Config(ResultsOptions):
 def run(config: Config) -> None:
     """Compute the slips, store and print them."""
     robot, ground, load = predicted_world(config)
+    if config.turns is not None and config.measured is not None:
+        multiplier = config.multiplier * config.turns / config.measured
+        Within(*MULTIPLIERS).check("turns / measured × multiplier", multiplier)
+        offset = 1e3 * robot.half_gauge * (multiplier - 1)
+        print(f"wheel_separation_multiplier  {multiplier:.3f}, where odometry had {config.multiplier:g}")
+        print(f"D  {offset:.1f} mm for half_gauge = {robot.half_gauge:g} m, if the sprockets' radius is right (ε = 0)")
+        return
     contact = robot.contact_theory(ground.along, ground.across)
     turns = steady_turns(config.radii, contact, ground.shear, load)
     loss, nominal = float(turns.loss.mean()), 1 + config.radius_error  # of slips with respect to the nominal sprocket

@@ -13,9 +13,9 @@ import tyro
 from experiments.common.options import Excludes, Exclusion, Options, default_is
 from experiments.common.results import DRIVE_RECORDING, RECORDINGS_FOLDER, file_names, write_output
 from experiments.recorder import record, title, viewer
+from trackslip.bags.choice import AUTOMATIC, BagChoice
+from trackslip.bags.drives import holds_bags, read_runs_of
 from trackslip.errors import InvalidValueError
-from trackslip.ros.choice import AUTOMATIC, BagChoice
-from trackslip.ros.drive_log import holds_bags, read_runs_of
 
 EXAMPLES = (
     ("the first run", "trackslip view out/track"),

@@ -1,5 +1,6 @@
 """The public names, and where they are; `__init__.py` imports each when it is first used."""
 
+from .bags.writer import write_bag as write_bag
 from .drive.drive import Drive as Drive
 from .drive.pull import Pull as Pull
 from .fleet import Fleet as Fleet

@@ -18,9 +18,8 @@ from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.drive_prediction import DrivePredictions, ScoredPairs
-from trackslip.identification.drives import counts_few_ticks, interval_means
-from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
+from trackslip.identification.preparation import counts_few_ticks, interval_means
+from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import RunLog, Truth
 from trackslip.se2 import Mounting
 
@@ -129,19 +128,6 @@ def replayed_log(motion: Replay, k: int, log: RunLog, sensor: Mounting, clock: f
         truth=Truth(se2.compose(frame, true), motion.twist_at(k, log.time)),
         metadata=about,
     )
-
-
-def predictions(motion: Replay, pairs: ScoredPairs, sensor: Mounting, clock: float | Array) -> DrivePredictions:
-    """Predictions of measured pairs by the motion of the robots that replay the drives of `pairs`, one robot a drive.
-
-    `clock` is the encoder clock minus the pose clock [s], of all pairs or of each (n,).
-    """
-    time, pose, robot = pairs.nodes.time, pairs.nodes.pose, pairs.drive
-    start, end = (motion.sensor_at(robot, sensor, time[rows] + clock) for rows in (pairs.start, pairs.end))
-    error = se2.between(start, end) - se2.between(pose[pairs.start], pose[pairs.end])
-    error = np.column_stack([se2.rotate(sensor.yaw, error[:, :2]), wrap_angle(error[:, 2])])
-    heading = pose[pairs.start, 2] - sensor.yaw
-    return DrivePredictions(pairs.start, heading, pairs.horizon, error, np.zeros(len(robot), int), np.zeros((1, 0)))
 
 
 class Replayer:

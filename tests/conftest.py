@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from functools import partial
 
 if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
     os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is imported
@@ -16,7 +15,6 @@ from beside import rectangle
 from hypothesis import settings
 
 from sim.robot.robot import Robot, load_robot
-from trackslip.identification.fitted import fit_law
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate, Scan
 
@@ -58,9 +56,3 @@ def scan_rectangle():
         return Scan(bearings, ranges, noise, np.array(mount))
 
     return scan
-
-
-@pytest.fixture
-def few_resamples(monkeypatch):
-    """Identify with few resamples of the runs: they take most of the time, and not every test is about their number."""
-    monkeypatch.setattr("trackslip.identification.comparison.fit_law", partial(fit_law, bootstraps=20))

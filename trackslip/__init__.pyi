@@ -1,5 +1,7 @@
 """The public names, and where they are; `__init__.py` imports each when it is first used."""
 
+from .bags.choice import BagChoice as BagChoice
+from .bags.drives import load as load
 from .controllers.base import Controller as Controller
 from .controllers.dynamic_feedback import DynamicFeedback as DynamicFeedback
 from .controllers.error_feedback import Feedforward as Feedforward
@@ -40,9 +42,6 @@ from .planning.information import PoseQuality as PoseQuality
 from .planning.limits import DriveLimits as DriveLimits
 from .planning.plan import DrivePlan as DrivePlan
 from .planning.plan import plan_drive as plan_drive
-from .ros.choice import BagChoice as BagChoice
-from .ros.drive_log import load as load
-from .ros.writer import write_bag as write_bag
 from .se2 import Mounting as Mounting
 from .slip.base import SlipLaw as SlipLaw
 from .slip.compensation import FixedLaw as FixedLaw

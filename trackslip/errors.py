@@ -42,10 +42,6 @@ class InvalidValueError(TrackslipError, ValueError):
 class LogError(TrackslipError, ValueError):
     """A log that cannot be read or used; the message names the file, row and column where it can."""
 
-    def __init__(self, message: str = "") -> None:
-        super().__init__(message)
-        self.doubt = message  # a Doubt, where it is of a known kind
-
 
 class LogWarning(UserWarning):
     """Rows or runs of a log that were left out; the message names the file, and row and column where it can."""

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from experiments.calibrate.config import Config
-from experiments.common.laws import printed_unit, with_error
-from experiments.common.table import MISSING, Table, number
+from experiments.common.laws import printed_unit, with_interval
+from experiments.common.table import Table, number
 from experiments.simulate.options import GroundOptions
 from sim.calibration.calibration import Calibration, Estimate, calibrate
 from sim.calibration.candidate import OF_DRIVE, Candidate
@@ -135,17 +135,15 @@ def summary_of(fit: Calibration, test: Test | None) -> dict[str, Any]:
 
 
 def parameter_table(title: str, fit: Calibration) -> Table:
-    """Parameters with standard errors and intervals."""
-    rows = [(name, *_parameter_cells(name, estimate)) for name, estimate in fit.estimates.items()]
-    return Table(title, ("parameter", "fit", "95 %"), rows)
+    """Parameters with intervals."""
+    rows = [(name, _parameter_text(name, estimate)) for name, estimate in fit.estimates.items()]
+    return Table(title, ("parameter", "fit (95 % interval)"), rows)
 
 
-def _parameter_cells(name: str, estimate: Estimate) -> tuple[str, str]:
-    factor, unit = (1e2, "%") if name.startswith("radius") else printed_unit(estimate.unit)
-    if estimate.held:
-        return f"{factor * estimate.value:.4g} {unit}".rstrip() + " (held)", MISSING
-    value, interval = with_error(estimate.value, estimate.stderr, (factor, unit), (estimate.low, estimate.high))
-    return value, interval
+def _parameter_text(name: str, estimate: Estimate) -> str:
+    unit = (1e2, "%") if name.startswith("radius") else printed_unit(estimate.unit)
+    text = with_interval(estimate.value, None if estimate.held else (estimate.low, estimate.high), unit)
+    return text.replace("no interval", "held") if estimate.held else text
 
 
 def error_table(fit: Calibration, test: Test | None) -> Table:

@@ -22,7 +22,7 @@ def page(
 ) -> Page:
     """The page; `use` are the options by which commands take the robot."""
     errors, parameters = error_table(fit, test), parameter_table("Parameters", fit)
-    facts = [(name, f"{value} ({interval})") for name, value, interval in parameters.texts]
+    facts = [(name, value) for name, value in parameters.texts]
     line = gain(fit, test)
     answer = Answer(
         f"{line[0].upper()}{line[1:]}", facts, warnings=remarks(fit, test), next=[f"trackslip evaluate LOG {use}"]

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from experiments.common.colours import BLACK
-from experiments.common.table import MISSING, Cell, number
-from trackslip.identification.drive_model import EXTRAS
-from trackslip.identification.drive_prediction import GAINS, TODAY
+from experiments.common.table import Cell, number
+from trackslip.identification.comparison import GAINS, TODAY
+from trackslip.identification.path import EXTRAS
 from trackslip.slip.families import FAMILIES, Look
 
 _OTHERS = {
@@ -23,10 +23,9 @@ _OTHERS = {
 """Compensations and predictions that are no family of laws."""
 _TRACKS = ("outer", "inner", "left", "right")
 _EXTRA_SYMBOLS = {"sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"}
-_EXTRA_SYMBOLS |= {"gyro_bias": "β", "gyro_scale": "κ", "gyro_clock": "τ gyro"}
+_EXTRA_SYMBOLS |= {"gyro_bias": "β", "gyro_scale": "κ"}
 _PRINTED = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°"), "rad/s": (math.degrees(1.0), "°/s")}
-_MAX_DIGITS = 7
-_UNKNOWN_DIGITS = 2
+_MAX_DIGITS = 4  # decimals
 
 
 def law_looks() -> dict[str, Look]:
@@ -65,15 +64,15 @@ def printed_unit(unit: str) -> tuple[float, str]:
     return _PRINTED.get(unit, (1.0, unit))
 
 
-def with_error(value: float, error: float, unit: tuple[float, str], *ends: Sequence[float] | None) -> tuple[str, ...]:
-    """A parameter ± its standard error, and intervals, with the decimals that show two digits of the error.
+def with_interval(value: float, ends: Sequence[float] | None, unit: tuple[float, str] = (1.0, "")) -> str:
+    """A value with its 95 % interval, in the decimals that show two digits of half its width.
 
-    `unit` is a factor from SI and a unit's name; an interval of None is MISSING.
+    `unit` is a factor from SI and a unit's name; ends are None or NaN where there is no interval.
     """
     factor, name = unit
-    error *= factor
-    digits = _UNKNOWN_DIGITS if math.isinf(error) else _MAX_DIGITS
-    if 0 < error < math.inf:
-        digits = min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(error))))
-    intervals = (MISSING if e is None else " to ".join(number(factor * x, digits) for x in e) for e in ends)
-    return (f"{number(factor * value, digits)} ± {number(error, digits)} {name}".rstrip(), *intervals)
+    low, high = (math.nan, math.nan) if ends is None else (factor * end for end in ends)
+    half = (high - low) / 2
+    if not math.isfinite(half):
+        return f"{factor * value:.4g} {name}".rstrip().replace("-", "−") + " (no interval)"
+    digits = min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(half)))) if half > 0 else _MAX_DIGITS
+    return f"{number(factor * value, digits, name)} ({number(low, digits)} to {number(high, digits)})"

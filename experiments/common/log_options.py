@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 import tyro
 
 from experiments.common.options import Within, default_is
+from trackslip.bags.choice import BagChoice
 from trackslip.errors import InvalidValueError
 from trackslip.localization.scan import Plate
-from trackslip.ros.choice import BagChoice
 
 MAX_CLOCK_OFFSET = 0.5
 """Largest difference of the encoders' and the poses' clocks [s]."""
@@ -39,16 +39,12 @@ class BagOptions:
     """Find a plate of this size on the robot, such as 0.5x0.02, in the scans of a stationary scanner [m]."""
     scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
     """Topic of sensor_msgs/LaserScan of the stationary scanner; needs --plate."""
-    max_expanded: Annotated[float | None, default_is("268, and 100 times the file", "MB")] = None
-    """Largest size of a bag's file once decompressed [MB]."""
 
     def __post_init__(self) -> None:
         self.choice()
 
     def choice(self) -> BagChoice:
         """The choice as the readers of bags take it; raises InvalidValueError."""
-        if self.plate is not None and self.poses is not None:
-            raise InvalidValueError("poses", self.poses, "left out with --plate, which gives the poses")
         parsed = {
             "left": _names("left", self.left),
             "right": _names("right", self.right),

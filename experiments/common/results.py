@@ -166,7 +166,7 @@ def write_bags(
 
     `options` gives more arguments of `write_bag`; `done` is called with the number of bags since the last call.
     """
-    from trackslip.ros.writer import write_bag  # late: few need it
+    from sim.bags.writer import write_bag  # late: few need it
 
     places = {}
     for log, name, file in zip(logs, names, file_names(names), strict=True):

@@ -11,6 +11,7 @@ from experiments.common.log_options import Bag, BagOptions, check_sensor
 from experiments.common.options import Distinct, Exclusion, Needs, Positive, ResultsOptions, Whole, Within, default_is
 from experiments.simulate.options import GroundOptions
 from trackslip.errors import require
+from trackslip.identification.source import MULTIPLIERS
 from trackslip.kinematics import GEARS
 
 EXAMPLES = (
@@ -54,6 +55,8 @@ class Config(ResultsOptions):
     """Radius of the sprockets [m]."""
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
+    multiplier: Annotated[float | None, Within(*MULTIPLIERS), default_is("1", "FLOAT")] = None
+    """wheel_separation_multiplier with which odometry taken as encoders was computed [-]."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("as identified, or the middle", "X Y YAW")] = None
     """Place of the poses' sensor, ahead and to the left of the turning centre, and its heading there [m, m, rad]."""
     clock_offset: Annotated[float | None, Within(-3600.0, 3600.0, "s"), default_is("as identified", "FLOAT")] = None

@@ -10,32 +10,32 @@ import numpy as np
 from experiments.calibrate.calibration import read_log_of
 from experiments.evaluate.config import Config
 from trackslip import se2
-from trackslip.doubts import in_few_lines
 from trackslip.errors import LogError, counted
-from trackslip.identification.drives import MIN_POSES, counts_few_ticks, drives_of, interval_means
+from trackslip.identification.preparation import counts_few_ticks, drives_of, interval_means
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.source import ReadOptions, Source
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import RunLog, in_few_lines
 
-_TIME = np.linspace(0.0, 1.0, MIN_POSES + 1)
+_TIME = np.linspace(0.0, 1.0, 11)
 """Of the drives that stand for steady samples [s]."""
 
 
 def read_log(config: Config, known: RobotGeometry | None) -> Source:
     """The drives that the options name, of a robot of the `known` size if neither log nor options state one."""
-    reading = ReadOptions(config.half_gauge, config.sprocket_radius, config.gear, bag=config.bag.choice())
+    size, bag = (config.half_gauge, config.sprocket_radius), config.bag.choice()
+    reading = ReadOptions(*size, config.gear, bag=bag, multiplier=config.multiplier)
     source = read_log_of(config.path, reading, known)
     drives: Sequence[RunLog] = source.logs or _windows(source.sampling.samples)
-    notes = [*source.notes, *(run.doubt for run in source.refused)]
+    notes = [*source.notes, *map(str, source.refused)]
     if config.folds:
         if len(drives) < config.folds:
             drives = [part for log in drives for part in log.cut((log.time[-1] - log.time[0]) / config.folds)]
         prepared, refused = drives_of(drives)
         usable = {drive.name for drive in prepared}
         drives = [_read_once(log) for log in drives if log.run in usable]
-        notes += [drive.doubt for drive in refused]
-    return replace(source, logs=tuple(drives), notes=tuple(in_few_lines(notes, len(drives) + len(notes))))
+        notes += [*map(str, refused)]
+    return replace(source, logs=tuple(drives), notes=tuple(in_few_lines(notes)))
 
 
 def _windows(samples: SlipSamples) -> list[RunLog]:

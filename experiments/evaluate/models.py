@@ -16,11 +16,11 @@ from sim.calibration.candidate import Candidate
 from sim.calibration.targets import Drives
 from sim.log_replay import Replayer
 from sim.robot.named import load_parameters
-from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.drive_law import REFERENCE, DriveFit, fit_drives
-from trackslip.identification.drive_prediction import GAINS, TODAY
-from trackslip.identification.drives import drives_of
-from trackslip.identification.plausibility import least_squares_gains
+from trackslip.errors import InvalidValueError
+from trackslip.identification.comparison import GAINS, TODAY, gains, start_of
+from trackslip.identification.first_look import Look, first_look
+from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
+from trackslip.identification.preparation import PreparedDrive, drives_of
 from trackslip.identification.source import Source
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
@@ -100,10 +100,14 @@ def models_of(
     sensor, clock = Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset or 0.0
     others = [drive for drive, label in zip(source.logs, part, strict=True) if label != k]
     geometry, models = source.geometry, list[Model]()
+    look, drives = None, list[PreparedDrive]()
     if config.folds:
-        baselines = replace(no_slip(geometry), name=TODAY), _gains(others, geometry)
+        drives, _ = drives_of(others)
+        look = first_look(drives, geometry)
+        drives, _ = look.without_jumps(drives, geometry)
+        baselines = replace(no_slip(geometry), name=TODAY), _gains(look, geometry)
         models = [_law_model(law.name, law, sensor, clock) for law in baselines]
-    laws = _law_models(config, others, geometry, any(drive.gyro is not None for drive in source.logs))
+    laws = _law_models(config, drives, look, geometry, any(drive.gyro is not None for drive in source.logs))
     models += laws
     for label, candidates in robots.items():
         robot = candidates[k]
@@ -113,7 +117,9 @@ def models_of(
     return models
 
 
-def _law_models(config: Config, others: Sequence[RunLog], geometry: RobotGeometry, gyro: bool) -> list[Model]:
+def _law_models(
+    config: Config, others: Sequence[PreparedDrive], look: Look | None, geometry: RobotGeometry, gyro: bool
+) -> list[Model]:
     """The laws that --law names, or those by default; without folds, the first one once more with a `gyro`.
 
     Unless given, sensor and clock are as identified with each law, for laws shift and turn them differently; laws that
@@ -121,7 +127,8 @@ def _law_models(config: Config, others: Sequence[RunLog], geometry: RobotGeometr
     """
     texts = config.law or (_FITTED if config.folds else (NO_SLIP,))
     fitted = config.folds and any(text in drive_laws() for text in texts)
-    reference = fit_drives(REFERENCE, others, geometry) if fitted else None
+    start = start_of(look, geometry) if look else None
+    reference = fit_drives(REFERENCE, others, geometry, start=start) if fitted else None
     laws = [_law(text, config, others, geometry, reference) for text in texts]
     known = next((law for law in laws if law.mounting is not None), laws[0])
     names, models = [law.name for law in laws], list[Model]()
@@ -141,7 +148,7 @@ def _law_models(config: Config, others: Sequence[RunLog], geometry: RobotGeometr
 
 
 def _law(
-    text: str, config: Config, others: Sequence[RunLog], geometry: RobotGeometry, reference: DriveFit | None
+    text: str, config: Config, others: Sequence[PreparedDrive], geometry: RobotGeometry, reference: DriveFit | None
 ) -> LawInUse:
     """A law of a file, none, or one fitted to the other parts of the log, from the fit of the reference on."""
     law = stored_law(text, config, geometry)
@@ -153,13 +160,9 @@ def _law(
     return LawInUse(text, fit.law, geometry, drift=fit.extras["drift"], mounting=sensor, clock_offset=clock)
 
 
-def _gains(others: Sequence[RunLog], geometry: RobotGeometry) -> LawInUse:
-    """Factors on speed and yaw rate by least squares, as the law (1 + ε) and (1 + ε) b / (b + D)."""
-    speed, turn = least_squares_gains(drives_of(others)[0], geometry)
-    if not (np.isfinite(speed) and turn > 0):
-        raise LogError("the other parts of the log don't drive and turn enough to fit two gains")
-    values = {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
-    return LawInUse(GAINS, FAMILIES[REFERENCE].build(values, geometry), geometry)
+def _gains(look: Look, geometry: RobotGeometry) -> LawInUse:
+    """Factors on speed and yaw rate, as the law (1 + ε) and (1 + ε) b / (b + D)."""
+    return LawInUse(GAINS, FAMILIES[REFERENCE].build(gains(look, geometry), geometry), geometry)
 
 
 def robots_of(

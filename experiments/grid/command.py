@@ -13,9 +13,9 @@ from experiments.grid.summary import all_failed, grids_of, print_sweep, summary_
 from experiments.grid.table import write_table
 from experiments.recorder import record_all
 from experiments.simulate.world import World
+from trackslip.bags.open import require_rosbags
 from trackslip.errors import TrackslipError, counted
 from trackslip.logs.logfile import StoredRuns, read_runs
-from trackslip.ros.messages import require_rosbags
 
 
 def run(config: Config) -> None:

@@ -6,8 +6,9 @@ from experiments.common.manifest import command_line
 from experiments.common.results import REPORT_FILE, write_samples
 from experiments.common.run import Run
 from experiments.common.run_table import chosen
+from experiments.identify.card import print_card
 from experiments.identify.config import Config
-from experiments.identify.page import page, print_identification
+from experiments.identify.page import page, print_all
 from trackslip.identification.identify import identify_source
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.source import ReadOptions, Source, origin, read_source
@@ -23,22 +24,30 @@ def run(config: Config) -> None:
         report(1)
         sensor = None if config.sensor is None else Mounting(*config.sensor)
         with run.watch.stage("identify"):
-            found = identify_source(source, config.method, sensor, config.estimate_sensor, report)
+            found = identify_source(source, config.method, sensor, report, config.lag)
         manifest = run.manifest(**origin(found.logs))
         if not found.logs:
             write_samples(run.folder, found.samples)
         run.write(identification_to_json(found), found.logs, manifest=manifest)
         title = f"Slip laws identified from “{config.path.resolve().name}”"
-        page(found, title, command_line("identify"), manifest).write(run.folder, config.pdf)
+        report_page = page(found, title, command_line("identify"), manifest, source.taken)
+        report_page.write(run.folder, config.pdf)
         report(1)
-    print_identification(found, source.taken)
-    print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")
+    assert report_page.answer is not None
+    print_card(report_page.answer, f"{config.out / REPORT_FILE} ({run.wall:.1f} s)")
+    if config.all:
+        print_all(found)
 
 
 def source_of(config: Config) -> Source:
     """The runs and samples that the options select; raises LogError or InvalidValueError if none can be used."""
-    bag, accept = config.bag.choice(), config.accept or ()
     reading = ReadOptions(
-        config.half_gauge, config.sprocket_radius, config.gear, config.settle, config.motion, bag, accept
+        config.half_gauge,
+        config.sprocket_radius,
+        config.gear,
+        config.settle,
+        config.motion,
+        config.bag.choice(),
+        config.multiplier,
     )
     return read_source(config.path, reading, partial(chosen, where=config.where) if config.where else None)

@@ -18,8 +18,7 @@ from experiments.common.options import (
     default_is,
 )
 from experiments.simulate.options import Method
-from trackslip.doubts import Accepted
-from trackslip.errors import InvalidValueError
+from trackslip.identification.source import MULTIPLIERS
 from trackslip.kinematics import GEARS
 from trackslip.motion.constant_speed import SETTLE
 
@@ -31,9 +30,6 @@ EXAMPLES = (
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
 )
-
-
-_SHOWN = tyro.conf.arg(help_behavior_hint="(default: where the driving shows it)")
 
 
 @dataclass(frozen=True)
@@ -54,20 +50,22 @@ class Config(ResultsOptions):
     """Radius of the sprockets [m]."""
     gear: Annotated[float, Within(*GEARS)] = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
+    multiplier: Annotated[float | None, Within(*MULTIPLIERS), default_is("none", "FLOAT")] = None
+    """wheel_separation_multiplier with which odometry taken as encoders was computed [-]."""
     method: Annotated[
         Literal["steady", "drive"] | None, default_is("steady where most of the driving is", "{steady,drive}")
     ] = None
     """Data to fit: stretches of constant sprocket speeds, or whole drives."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("estimated", "X Y YAW")] = None
     """Place of the poses' sensor, ahead of and left of the middle of the tracks, and its heading there [m, m, rad]."""
-    estimate_sensor: Annotated[bool | None, _SHOWN] = None
-    """Estimate the sensor's place from steady stretches; whole drives always do unless --sensor is given."""
     motion: Method = None
     """Method that estimates the twist of a run; bundle needs ranges (see grid)."""
-    accept: Annotated[tuple[Accepted, ...] | None, Distinct("KIND"), default_is("none", "KIND ...")] = None
-    """Runs to use although these look wrong in them; warnings of what is left out name the word."""
     settle: Annotated[float, NonNegative(3600.0, "s")] = SETTLE
     """Time left out of each run after the sprockets have become steady [s]."""
+    lag: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Also estimate how far the motion lags behind the belts, of whole drives."""
+    all: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Print the tables of every law, too."""
     bag: Bag = field(default_factory=BagOptions)
     """Topics to read from a bag."""
     out: Path = Path("out/identify")
@@ -76,11 +74,10 @@ class Config(ResultsOptions):
     """Also write the figures as PDF."""
 
     exclusions: ClassVar[tuple[Exclusion, ...]] = (
-        Excludes(("motion", "settle", "estimate_sensor"), "method", ("drive",)),
+        Excludes(("motion", "settle"), "method", ("drive",)),
+        Excludes(("lag",), "method", ("steady",)),
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_sensor(self.sensor)
-        if self.sensor is not None and self.estimate_sensor:
-            raise InvalidValueError("estimate_sensor", True, "left out where --sensor is given")

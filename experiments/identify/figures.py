@@ -1,4 +1,4 @@
-"""Figures of an identification: slip against speed and radius with the laws, paths of drives, errors of prediction."""
+"""Figures of an identification: slip against speed and radius with the laws, paths of drives."""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -11,8 +11,7 @@ from matplotlib.colors import ListedColormap
 from experiments.common import style
 from experiments.common.colours import GREY
 from experiments.identify.turns import TRACKS, Turns
-from trackslip.identification.comparison import DriveComparison, SteadyComparison
-from trackslip.identification.drive_prediction import HORIZONS
+from trackslip.identification.comparison import SteadyComparison
 from trackslip.identification.result import Identification
 from trackslip.kinematics import Array
 from trackslip.odometry.evaluation import trajectory_of
@@ -24,6 +23,7 @@ _WIDE = 8.0  # ratio of the largest to the smallest radius above which the axis 
 _LEAST_RADIUS, _LEAST_SPAN = 1e-3, 0.5  # where curves begin, and the smallest upper end of the axis [m]
 _POLE = 1.0  # slip beyond which a law is near its pole [-]
 _RUN = "#444444"
+_FEWEST = 10  # positions that aren't worth a figure
 _PIECES = 6  # of a drive that are predicted
 _AHEAD = 10.0  # duration of a piece [s]
 _SHADES = ListedColormap([style.shade(style.RADII_SHADES, k / 31) for k in range(32)])
@@ -108,14 +108,15 @@ def show_radii(axes: Axes, turns: Turns) -> None:
 def predicted_paths(found: Identification) -> style.Panels | None:
     """Measured positions of the longest drive, and pieces predicted without slip and by the best law.
 
-    None without logs.
+    None without logs that have more than a few positions.
     """
     assert found.drive is not None
     names = {drive.name for drive in found.drive.drives}
-    log = max((log for log in found.logs if log.run in names), key=lambda log: np.ptp(log.time), default=None)
+    logs = [log for log in found.logs if log.run in names and log.has_place.sum() > _FEWEST]
+    log = max(logs, key=lambda log: np.ptp(log.time), default=None)
     if log is None:
         return None
-    measured = log.pose[log.is_valid, :2]
+    measured = log.pose[log.has_place, :2]
     best = identified_law(found, found.drive.best)
     assert best.mounting is not None
     panels = []
@@ -140,24 +141,3 @@ def _pieces(drive: Trajectory) -> list[slice]:
     edges = np.searchsorted(drive.time, np.arange(drive.time[0], drive.time[-1] + _AHEAD / 2, _AHEAD))
     pieces = [slice(a, b) for a, b in pairwise(edges.tolist()) if b > a and np.isfinite(drive.heading[a])]
     return pieces[:: max(1, len(pieces) // _PIECES)]
-
-
-@style.styled
-def prediction_errors(drive: DriveComparison) -> style.Panels:
-    """Median errors of prediction against the time ahead, by law; of position, and of heading where it was measured."""
-    looks, panels = _law_lines(drive.errors, drive.best), []
-    for quantity, factor, unit in (("position", 1.0, "m"), ("heading", np.degrees(1.0), "°")):
-        figure, axes = style.panel(quantity.capitalize(), "time ahead [s]", f"median error [{unit}]", height=4.4)
-        for name, look in looks.items():
-            errors = [(ahead, getattr(each, f"{quantity}_median")) for ahead, each in drive.errors[name].items()]
-            points = [(ahead, factor * error) for ahead, error in errors if error]
-            if points:
-                axes.plot(*np.transpose(points), marker="o", ms=3.5, **look)
-        if axes.lines:
-            axes.set(xscale="log", yscale="log")
-            axes.set_xticks(HORIZONS, [f"{ahead:g}" for ahead in HORIZONS])
-            axes.set_xticks([], minor=True)
-            style.log_ticks(axes.yaxis)
-            style.legend_below(figure, axes.get_legend_handles_labels()[0], handlelength=3.2)
-            panels.append(figure)
-    return tuple(panels)

@@ -1,6 +1,5 @@
-"""The page of an identification, and what the terminal shows."""
+"""The page of an identification, and its tables on the terminal."""
 
-import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -8,13 +7,12 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from experiments.common.laws import symbol
-from experiments.common.page import Answer, Bullets, Page, Plot, Section
-from experiments.common.table import Table
+from experiments.common.page import Bullets, Page, Plot, Section
 from experiments.identify import figures, tables
+from experiments.identify.card import card
 from experiments.identify.turns import Turns
-from trackslip.doubts import severity
 from trackslip.errors import counted
+from trackslip.identification.comparison import Comparison
 from trackslip.identification.result import Identification
 from trackslip.kinematics import RobotGeometry
 from trackslip.slip.families import FAMILIES
@@ -27,18 +25,14 @@ INTRO = Markup(
     "Robot</cite>, IROS 2008; its Eq. 11 is the slip law it published."
 )
 _STEADY = (
-    "All laws are fitted to the same runs with the same weights and judged by the motion that sprocket speeds cause. "
-    "Akaike's criterion (AICc) weighs the fit against the number of parameters: differences up to 2 mean nothing, "
-    "above 10 they rule a law out. Cross-validation predicts runs that were left out of the fit. The best law is the "
+    "All laws are fitted to the same runs and judged by the motion that sprocket speeds cause. The best law is the "
     "simplest of those that predict left-out radii, and then left-out runs, as well as any other within one standard "
     "error or a thousandth of the speed."
 )
 _DRIVE = (
-    "Every pose and every encoder reading counts. Estimated together are the trajectory, the law, where the sensor "
-    "sits, the clock offset, and how large all errors are. Each law is fitted to a part of the driving and predicts "
-    "the rest: from every measured pose, the sprocket speeds lead some seconds ahead. Errors include those of the "
-    "measured poses at both ends, which no law can remove: where lines are flat, they are all that is left; where "
-    "lines rise, the law is wrong or slip varies."
+    "Poses are cut into windows. In each, the path that the belts drive under a law is laid onto the poses as well as "
+    "it fits; law, place of the sensor and clock are those that leave the least. Errors of prediction, of driving that "
+    "a law was not fitted to, include those of the measured poses at both ends, which no law can remove."
 )
 _SLIP = (
     "A slip law gives the slip of both tracks in a turn of radius R, and so how much faster or slower each sprocket "
@@ -46,54 +40,24 @@ _SLIP = (
 )
 
 
-def page(found: Identification, title: str, command: str, manifest: Mapping[str, Any]) -> Page:
-    """The page of an identification, made by `command` or in Python, where the manifest has no configuration."""
+def page(
+    found: Identification, title: str, command: str, manifest: Mapping[str, Any], taken: Sequence[str] = ()
+) -> Page:
+    """The page of an identification, made by `command` or in Python, where the manifest has no configuration.
+
+    `taken` says what was read from bags.
+    """
     sections = [whole_drives(found), steady_slip(found)]
     if found.method == "steady":
         sections.reverse()
-    sections += [method(found), excluded_runs(found), notes(found.warnings)]
-    return Page(title, command, manifest, sections, answer=_answer(found, manifest.get("config", {}).get("out")))
+    sections += [method(found), notes(found.warnings)]
+    answer = card(found, manifest.get("config", {}).get("out"), taken)
+    return Page(title, command, manifest, sections, answer=answer)
 
 
-def _answer(found: Identification, out: str | None) -> Answer:
-    """The best law, its parameters, what it gains, and what to do with it, if it is in a folder."""
-    fit, parameters = found.fits()[found.best], FAMILIES[found.best].parameters
-    facts = [("law", FAMILIES[found.best].title)]
-    for name in fit.values:
-        value, interval, *_ = tables.value_texts(fit, name)
-        meaning = parameters[name].meaning
-        facts.append((symbol(found.best, name), f"{value} (95 %: {interval})" + (f", {meaning}" if meaning else "")))
-    why = tables.reason(found)
-    lines = [tables.gain(found), f"Why {found.best}: {why}." if why else ""]
-    if found.best in ("none", "constant"):
-        lines.append("No law of turning describes this driving better.")
-    commands = []
-    if out:
-        folder = shlex.quote(out)
-        target = "ros2_control" if "ros2_control" in FAMILIES[found.best].targets else FAMILIES[found.best].targets[0]
-        commands = [f"trackslip evaluate ANOTHER_LOG --law {folder}", f"trackslip deploy {folder} --to {target}"]
-    return Answer(
-        f"Best law: {found.best}", facts, [line for line in lines if line], loud_first(found.warnings), commands
-    )
-
-
-def loud_first(warnings: Iterable[str]) -> list[str]:
-    """Alarms and doubts among some warnings, without remarks."""
-    loud = {line: severity(line) for line in warnings}
-    alarms = [f"Alarm: {line}" for line, kind in loud.items() if kind == "alarm"]
-    return [*alarms, *(line for line, kind in loud.items() if kind not in ("alarm", "remark"))]
-
-
-def notes(warnings: Iterable[str]) -> Section:
-    """The remarks among some warnings."""
-    remarks = [line for line in warnings if severity(line) == "remark"]
-    return Section("Notes", [Bullets(remarks) if remarks else None])
-
-
-def excluded_runs(found: Identification) -> Section:
-    """Runs that gave no sample, or were left out of the fits."""
-    rows = [(refused.run, refused.reason) for refused in found.outliers]
-    return Section("Excluded runs", [Table("All of them", ("run", "why"), rows, "l") if rows else None], folded=True)
+def notes(warnings: Sequence[str]) -> Section:
+    """What was left out, and what to know."""
+    return Section("Notes", [Bullets(warnings) if warnings else None], folded=True)
 
 
 def method(found: Identification) -> Section:
@@ -132,7 +96,6 @@ def steady_slip(found: Identification) -> Section | None:
             "Slip against speed (the paper's Fig. 5)",
             "One colour per observed radius: level rows show that slip does not depend on speed.",
         )
-    names = [name for name, fit in comparison.laws.items() if fit.values]
     return Section(
         "Slip of steady stretches",
         [
@@ -140,8 +103,9 @@ def steady_slip(found: Identification) -> Section | None:
             laws,
             tables.criteria_table(comparison, found.geometry),
             speeds,
-            Section("Parameters of all laws", [tables.parameters_table(comparison, names)], folded=True),
+            tables.parameters_table(comparison, names_of(comparison)),
         ],
+        folded=found.method == "drive",
     )
 
 
@@ -169,18 +133,9 @@ def whole_drives(found: Identification) -> Section | None:
         return None
     fit = drive.laws[drive.best]
     duration = sum(float(each.time[-1] - each.time[0]) for each in drive.drives)
-    driven = (
-        f"{counted(len(drive.drives), 'drive')}, {duration:.0f} s, {counted(fit.poses, 'pose')}, without "
-        f"{counted(fit.left_out, 'outlying pose')} and {counted(fit.breaks, 'lasting jump')}."
-    )
+    driven = f"{counted(len(drive.drives), 'drive')}, {duration:.0f} s, {counted(fit.poses, 'pose')}."
     if found.method == "steady":
-        driven += " Most of the driving was steady, so the laws above are the result; these are for comparison."
-    errors = Plot(
-        "drive_prediction_errors",
-        partial(figures.prediction_errors, drive),
-        "Errors of prediction",
-        "Median errors against the time ahead, of driving that the laws were not fitted to. Thick: the best law.",
-    )
+        driven += " Most of the driving was steady, so its laws are the result; these are for comparison."
     path = Plot(
         "drive_path",
         partial(figures.predicted_paths, found),
@@ -188,35 +143,31 @@ def whole_drives(found: Identification) -> Section | None:
         "Measured positions, and where the robot should go from the black dots by its sprocket speeds alone: without "
         "slip, and by the best law.",
     )
-    predicted = bool(drive.errors.get(drive.best))
-    names = [name for name in drive.ranking if drive.laws[name].values]
     return Section(
         "Whole drives",
         [
             driven,
-            *((errors, tables.prediction_table(drive)) if predicted else ()),
+            tables.prediction_table(drive) if drive.errors.get(drive.best) else None,
             path,
-            tables.parameters_table(drive, names),
-            *tables.held_lines(drive),
+            tables.parameters_table(drive, names_of(drive)),
         ],
+        folded=found.method == "steady",
     )
 
 
-def print_identification(found: Identification, reading: Sequence[str] = ()) -> None:
-    """Print alarms, what was read from bags, the best law, how laws compare, and doubts."""
-    for line in (*(f"ALARM: {alarm}" for alarm in found.alarms), *reading):
-        print(line)
+def print_all(found: Identification) -> None:
+    """Print the tables of every law, and all notes."""
     if found.method == "drive" and found.drive is not None:
-        tables.parameters_table(found.drive, [found.best]).print()
+        tables.parameters_table(found.drive, names_of(found.drive)).print()
         if found.drive.errors.get(found.best):
             tables.prediction_table(found.drive).print()
-        print("".join(f"{line}\n" for line in tables.held_lines(found.drive)), end="")
     else:
-        tables.parameters_table(found.comparison, [found.best]).print()
+        tables.parameters_table(found.comparison, names_of(found.comparison)).print()
         tables.criteria_table(found.comparison, found.geometry).print()
     for warning in found.warnings:
-        if (kind := severity(warning)) != "alarm":
-            print(f"{'note' if kind == 'remark' else 'warning'}: {warning}")
-    if why := tables.reason(found):
-        print(why)
-    print(f"best: {found.best}, {FAMILIES[found.best].title}")
+        print(f"note: {warning}")
+
+
+def names_of(comparison: Comparison) -> list[str]:
+    """The laws with parameters, the best first."""
+    return [name for name in comparison.ranking if comparison.laws[name].values]

@@ -10,13 +10,14 @@ from experiments.common.results import BAGS_FOLDER, REPORT_FILE
 from experiments.common.run import Run
 from experiments.plan.config import Config
 from experiments.plan.page import page, print_plan
+from sim.bags.writer import write_commands
 from sim.wander.pose_source import SOURCES
+from trackslip.bags.open import has_rosbags
+from trackslip.identification.law_fit import REFERENCE
 from trackslip.planning.information import Expectation, PoseQuality
 from trackslip.planning.limits import first_knowledge
 from trackslip.planning.plan import DrivePlan, evaluations, expected_of_paper, plan_drive
 from trackslip.planning.prior import read_identification
-from trackslip.ros.messages import has_rosbags
-from trackslip.ros.writer import write_commands
 
 PLAN_FILE, BAG_FILE = "plan.csv", "cmd_vel.mcap"
 
@@ -48,18 +49,20 @@ def run(config: Config) -> None:
 
 def _plan(config: Config, run: Run) -> DrivePlan:
     """The plan that the options ask for; raises LogError for results that can't be read, InvalidValueError."""
+    law = config.law or REFERENCE
     if config.after is None:
         geometry = config.geometry()
         knowledge, values, known = first_knowledge(geometry), None, None
     else:
         before = read_identification(config.after, config.law)
         geometry, knowledge, values, known = before.geometry, before.knowledge, before.values, before.known
+        law = before.law
     stated: dict[str, Any] = {"offset": config.offset, "reach_doubt": config.doubt}
     knowledge = replace(knowledge, **{name: value for name, value in stated.items() if value is not None})
-    source, limits = SOURCES[config.poses], config.limits()
+    source, limits = SOURCES[config.poses], config.limits(geometry)
     poses = PoseQuality(source.rate, source.position_noise, source.heading_noise if source.heading else None)
     with run.progress("drives", evaluations(limits), "drives") as step:
-        return plan_drive(geometry, limits, poses, config.law, knowledge, values, known, config.seed, step)
+        return plan_drive(geometry, limits, poses, law, knowledge, values, known, config.seed, step)
 
 
 def _to_json(plan: DrivePlan, paper: Expectation | None) -> dict[str, Any]:

@@ -7,10 +7,10 @@ from typing import Annotated, Any, ClassVar, Literal
 import tyro
 
 from experiments.common.options import Excludes, Exclusion, Positive, ResultsOptions, Whole, Within, default_is
+from sim.bags.writer import require_topic
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
-from trackslip.planning.limits import DriveLimits
-from trackslip.ros.choice import require_topic
+from trackslip.planning.limits import TURNING, DriveLimits
 
 EXAMPLES = (
     ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
@@ -33,14 +33,17 @@ class Config(ResultsOptions):
     acceleration: float = 0.5
     """Largest acceleration of a belt [m/s^2]."""
     area: Annotated[str, tyro.conf.arg(metavar="LENGTHxWIDTH")] = "3x3"
-    """Area that the middle of the robot may not leave, in metres."""
-    clearance: float = 0.0
-    """Distance that the middle of the robot keeps from the area's edge, such as half the robot's diagonal [m]."""
+    """Area that the robot may not leave, in metres."""
+    clearance: Annotated[float | None, default_is("2 half gauges", "FLOAT")] = None
+    """Distance that the middle of the robot keeps from the area's edge: to its farthest corner [m]."""
     duration: float = 60.0
     """Length of the drive [s]."""
     poses: Literal["slam", "mocap", "gnss", "scanner"] = "slam"
     """Source of the poses: SLAM, motion capture, GNSS (no headings), or a stationary scanner."""
-    law: Literal["icr", "icr_radius", "icr_sides", "turn_loss", "turn_loss_sides", "exponential"] = "icr_radius"
+    law: Annotated[
+        Literal["icr_radius", "icr_sides", "turn_loss", "turn_loss_sides"] | None,
+        default_is("the best of --after, else icr_radius", "NAME"),
+    ] = None
     """Slip law to identify."""
     offset: Annotated[float | None, default_is("from --after, else 0.3 half gauges", "FLOAT")] = None
     """Expected D: distance of the ICRs (instantaneous centres of rotation) outside the tracks [m]."""
@@ -63,10 +66,8 @@ class Config(ResultsOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.after is None:
-            self.geometry()
         require_topic(self.topic)
-        self.limits()
+        self.limits(self.geometry() if self.after is None else None)
 
     def geometry(self) -> RobotGeometry:
         """The robot's geometry, which must be given without --after."""
@@ -76,10 +77,13 @@ class Config(ResultsOptions):
                 raise InvalidValueError(name, None, f"given (--{name.replace('_', '-')} on the command line)")
         return RobotGeometry(**sizes)
 
-    def limits(self) -> DriveLimits:
-        """Limits of the drive."""
+    def limits(self, robot: RobotGeometry | None) -> DriveLimits:
+        """Limits of the drive; without a robot, it needs no room."""
         try:
             length, width = map(float, self.area.lower().split("x"))
         except ValueError:
             raise InvalidValueError("area", self.area, "length x width in metres, such as 3x3 or 4.5x2") from None
-        return DriveLimits(self.max_speed, self.acceleration, (length, width), self.duration, self.clearance)
+        clearance = self.clearance
+        if clearance is None:
+            clearance = 0.0 if robot is None else TURNING * robot.half_gauge
+        return DriveLimits(self.max_speed, self.acceleration, (length, width), self.duration, clearance)

@@ -8,8 +8,8 @@ from markupsafe import Markup
 
 from experiments.common.page import Answer, Page, Plot, Section
 from experiments.common.table import number, percent
-from experiments.identify.page import excluded_runs, loud_first, method, notes, steady_slip
-from experiments.identify.tables import value_texts
+from experiments.identify.page import method, notes, steady_slip
+from experiments.identify.tables import value_text
 from experiments.identify.turns import Turns
 from experiments.reproduce import figures
 from experiments.reproduce.comparison import comparison_table
@@ -48,10 +48,9 @@ def page(
         _closed_loops(found, results, loops),
         steady_slip(found),
         method(found),
-        excluded_runs(found),
         notes(found.warnings),
     ]
-    answer = _answer(manifest, grid, found, results, [*warnings, *loud_first(found.warnings)])
+    answer = _answer(manifest, grid, found, results, [*warnings, *(alarm.line for alarm in found.alarms)])
     return Page(TITLE, command, manifest, sections, answer=answer)
 
 
@@ -69,7 +68,7 @@ def _answer(
     facts = [
         ("slip, simulated minus published", f"{number(grid.slip_rms_vs_published, 4)} rms, at the paper's radii"),
         ("radius driven, likewise", f"{percent(grid.radius.rms_vs_published)} rms"),
-        ("law of the simulated slip", f"icr_radius, D = {value_texts(law, 'offset')[0]}"),
+        ("law of the simulated slip", f"icr_radius, D = {value_text(law, 'offset')}"),
         ("feedforward, end of the path", _compensated(final)),
         ("linear controller, after 12 s", _compensated(late)),
     ]

@@ -12,8 +12,8 @@ from experiments.recorder import record_all
 from experiments.simulate.world import World
 from experiments.wander.config import Config
 from experiments.wander.drives import bag_contents, drive_contents, wander
+from trackslip.bags.open import require_rosbags
 from trackslip.errors import counted
-from trackslip.ros.messages import require_rosbags
 
 _HEADER = ("drive", "rows", "poses", "distance [m]", "turned left [deg]", "right [deg]", "at rest")
 

@@ -13,7 +13,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.identification.comparison import compare_laws
-from trackslip.identification.drive_law import fit_drives, prepare
+from trackslip.identification.law_fit import fit_drives, prepared
 from trackslip.localization.plate import PlateLocator
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import steady_parts
@@ -65,7 +65,7 @@ def test_laws_of_25_steady_runs(benchmark):
 
 
 def test_a_law_of_a_drive_of_a_minute(benchmark):
-    benchmark(fit_drives, "icr_radius", prepare([wandered(duration=60.0)]), GEOMETRY)
+    benchmark(fit_drives, "icr_radius", prepared([wandered(duration=60.0)]), GEOMETRY)
 
 
 def test_steady_stretches_of_a_log_of_100_000_rows(benchmark):

@@ -18,9 +18,10 @@ from trackslip.identification.result import identification_to_json
 
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory):
+    found = identified_from(wandered(duration=65.0), names=("none", "icr_radius"))
     folder = tmp_path_factory.mktemp("results") / "mine"
     folder.mkdir()
-    (folder / "summary.json").write_text(json.dumps(identification_to_json(identified_from(wandered()))))
+    (folder / "summary.json").write_text(json.dumps(identification_to_json(found)))
     return folder
 
 
@@ -44,7 +45,8 @@ def test_the_default_is_the_shipped_law_for_ros2_control(capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--law exponential", "diff_drive_controller can only express constant ICRs; nearest in laws.json is icr"),
+        ("--law turn_loss", "ros2_control can only express constant ICRs; those in laws.json: icr, icr_radius, icr_s"),
+        ("--law exponential --to c", "c can express constant ICRs and turn loss; those in laws.json: icr, icr_radius"),
         ("", "laws.json: says nothing of which law is best: choose one of"),
         ("--law icr --out laws.json", "laws.json: exists already; --overwrite replaces it"),
     ],
@@ -52,6 +54,16 @@ def test_the_default_is_the_shipped_law_for_ros2_control(capsys):
 def test_refusals(options, message, refused, tmp_path):
     (tmp_path / "laws.json").write_text(json.dumps(dict(stored().content)))
     assert message in refused("deploy", "laws.json", *options.split())
+
+
+def test_a_law_with_an_alarm_is_refused_unless_the_user_accepts(refused, tmp_path, capsys):
+    content = dict(stored(best="icr", alarms=[{"kind": "blocks", "line": "3 parts are too few"}]).content)
+    (tmp_path / "laws.json").write_text(json.dumps(content))
+    said = "law icr: ALARM 3 parts are too few: --accept deploys it all the same"
+    for to in TARGETS:
+        assert said in refused("deploy", "laws.json", "--to", to)
+    main(["deploy", "laws.json", "--accept"])
+    assert "# ALARM: 3 parts are too few" in capsys.readouterr().out
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from figures import assert_readable
 
+from experiments.cli import main
 from experiments.predict import _MODULI, Config, draw_prediction, predicted_world
 from sim.ground.ground import Ground
 from trackslip.skid_theory import Load, line_contact, steady_turns
@@ -39,3 +40,13 @@ def test_a_prediction_has_a_line_for_each_modulus_and_a_point_for_each_radius():
     assert len(lines) == len(_MODULI)
     np.testing.assert_allclose(points.get_ydata(), 1e3 * turns.offset)
     np.testing.assert_allclose(slip.lines[-2].get_ydata(), turns.slip[:, 1])
+
+
+def test_turns_counted_by_hand_give_the_multiplier(capsys, refused):
+    main(["predict", "--turns", "10", "--measured", "8", "--multiplier", "1.2", "--half-gauge", "0.2"])
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == "wheel_separation_multiplier  1.500, where odometry had 1.2"
+    assert second.startswith("D  100.0 mm for half_gauge = 0.2 m")
+    assert "turns = 10.0: must be left out without --measured" in refused("predict", "--turns", "10")
+    assert "must be from 0.1 to 10" in refused("predict", "--turns", "10", "--measured", "0.01")
+    assert "measured = 0.0: must be a finite number > 0" in refused("predict", "--turns", "10", "--measured", "0")

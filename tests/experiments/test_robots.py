@@ -12,7 +12,7 @@ from trackslip.logs.logfile import read_runs
 from trackslip.skid_theory import line_contact, steady_turns
 
 
-@pytest.mark.usefixtures("few_resamples", "without_figures")
+@pytest.mark.usefixtures("without_figures")
 @pytest.mark.parametrize(
     ("name", "bound"),
     [("rescue", 0.01), pytest.param("a URDF", 0.05, marks=pytest.mark.slow)],  # whose mass lies to its left

@@ -73,7 +73,7 @@ def _foxglove(path, messages, compression):
     schemas = {}
     packing = CompressionType[(compression or "zstd").upper()]
     with path.open("wb") as file:
-        writer = McapWriter(file, chunk_size=100_000, compression=packing)
+        writer = McapWriter(file, chunk_size=20_000, compression=packing)
         for topic, kind, arrival, fields in messages:
             if kind not in schemas:
                 text, _ = types.generate_msgdef(kind, ros_version=2)
@@ -233,7 +233,9 @@ def ecef(latitude, longitude, height):
     return np.stack([across * np.cos(lam), across * np.sin(lam), (n * (1 - e2) + height) * np.sin(phi)], axis=-1)
 
 
-def imu(at, rates, frame="imu_link", topic="/imu/data", unknown=False, late=1_000_000):
-    """An IMU's angular velocities about its axes [rad/s]."""
+def imu(at, rates, frame="imu_link", topic="/imu/data", unknown=False, late=1_000_000, heading=None):
+    """An IMU's angular velocities about its axes [rad/s], and its orientation if it has a heading [rad]."""
     fields = {"header": header(at, frame), "angular_velocity": dict(zip("xyz", rates, strict=True))}
+    if heading is not None:
+        fields["orientation"] = quaternion(heading)
     return topic, IMU, at + late, fields | {"angular_velocity_covariance": [-1.0 if unknown else 0.0, *[0.0] * 8]}

@@ -10,8 +10,8 @@ from sim.wander.commands import Driver, track_commands
 from sim.wander.log import encoder_log, joined_log
 from sim.wander.motion import WHITE, LawMotion, SlipVariation
 from sim.wander.pose_source import PoseSource
-from trackslip.identification.drive_law import REFERENCE
-from trackslip.identification.drive_model import DriveModel
+from trackslip.identification.law_fit import REFERENCE
+from trackslip.identification.path import DriveModel
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
@@ -24,8 +24,6 @@ SLAM = PoseSource(rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0))
 EXACT = PoseSource(rate=10.0)
 STILL = SlipVariation()
 """No variation of slip: motion exactly by the law."""
-NOISE = np.array([SLAM.position_noise, SLAM.heading_noise, WHITE.along, WHITE.across, WHITE.turning, 0.0, 0.0])
-"""Of SLAM and WHITE, in the order of equations.Noise."""
 _ENCODERS = 50.0  # [Hz]
 
 

@@ -37,7 +37,7 @@ def grid(*, side=1):
 
 def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determined=True):
     """Laws fitted to samples; `determined=False` imitates samples too few for a comparison."""
-    laws = {name: fit_law(name, samples, GEOMETRY, bootstraps=0) for name in names}
+    laws = {name: fit_law(name, samples, GEOMETRY) for name in names}
     aicc = {name: law.aicc(len(samples)) if determined else None for name, law in laws.items()}
     unknown = CrossValidation(None, None, None, None, None)
     comparison = SteadyComparison(
@@ -51,6 +51,8 @@ def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determine
         },
         best=best,
         criterion="left-out radii" if determined else "scatter",
+        reason="it predicts best",
+        expressible=best,
         warnings=("law exponential_speed: the samples don't determine gamma_outer",),
     )
     outliers = tuple(Refused(*outlier) for outlier in outliers)

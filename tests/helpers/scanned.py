@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from bags import START, header, in_order, joint_states, pose_with_covariance, stamp, write_bag
-from beside import Session, compose
+from bags import START, header, in_order, joint_states, stamp, write_bag
+from beside import Session
 
 SCAN = "sensor_msgs/msg/LaserScan"
 NAMES = ("left_wheel_joint", "right_wheel_joint")
@@ -37,14 +37,6 @@ def joint_messages(session: Session, names=NAMES):
     turned = session.omega[1:] * np.diff(session.encoder_time)[:, None]
     angle = np.concatenate([np.zeros((1, 2)), np.cumsum(turned, axis=0)])
     return [joint_states(stamp(t), names, row) for t, row in zip(session.encoder_time, angle.tolist(), strict=True)]
-
-
-def other_poses(session: Session, lever=(0.2, -0.1, 0.0), noise=0.01, topic="/slam/pose"):
-    """Poses of another sensor on the robot, ten a second."""
-    rng = np.random.default_rng(0)
-    time = np.arange(0.03, session.encoder_time[-1], 0.1)
-    poses = compose(session.robot(time), np.array(lever)) + noise * rng.normal(size=(len(time), 3))
-    return [pose_with_covariance(stamp(one), row, topic=topic) for one, row in zip(time, poses.tolist(), strict=True)]
 
 
 def write_session(path, kind, session: Session, *more, **scans):

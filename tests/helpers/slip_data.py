@@ -51,7 +51,7 @@ def coverage(
     covered = dict.fromkeys(values, 0)
     for twist in FAMILIES[name].build(values, geometry).twist(design.omega, geometry) + errors:
         samples = SlipSamples.of(design.omega, twist, geometry, design.run, covariance)
-        for key, (low, high) in fit_law(name, samples, geometry, bootstraps=0).interval95.items():
+        for key, (low, high) in fit_law(name, samples, geometry).interval95.items():
             covered[key] += low <= values[key] <= high
     return {key: count / repeats for key, count in covered.items()}
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import binom, binomtest
 
 from trackslip.errors import TrackslipError
-from trackslip.identification.drive_law import fit_drives
+from trackslip.identification.law_fit import fit_drives
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from trackslip import se2
 from trackslip.identification.comparison import DriveComparison, compare_drives
-from trackslip.identification.drive_law import prepare
+from trackslip.identification.first_look import first_look
+from trackslip.identification.law_fit import prepared
 from trackslip.identification.result import Identification
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
@@ -36,7 +37,10 @@ def wandered(*, name="drive", duration=30.0, noise=0.005, headings=True, outlier
 
 def compared(*logs, names=LAWS) -> DriveComparison:
     """Laws fitted to drives."""
-    return compare_drives(prepare(logs), GEOMETRY, names=names)
+    drives = prepared(logs)
+    look = first_look(drives, GEOMETRY)
+    drives, _ = look.without_jumps(drives, GEOMETRY)
+    return compare_drives(drives, GEOMETRY, look, names=names)
 
 
 def identified_from(*logs, names=LAWS) -> Identification:

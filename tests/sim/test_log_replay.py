@@ -9,14 +9,12 @@ from sim import replay
 from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
-from sim.log_replay import Replayer, first_twist, predictions
+from sim.log_replay import Replayer, first_twist
 from sim.loop import open_loop
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.drive_law import fit_drives
-from trackslip.identification.drive_prediction import ScoredPairs
 from trackslip.kinematics import RobotGeometry
 from trackslip.se2 import Mounting
 
@@ -104,27 +102,6 @@ def test_sensors_and_clocks_are_those_of_the_log(driven):
         apart = se2.between(log.pose[shift:], again.pose[shift:])
         assert np.abs(apart[:, :2]).max() < 0.005
         assert np.abs(apart[:, 2]).max() < 0.01
-
-
-def test_pairs_of_poses_are_predicted_by_a_sensor_on_a_late_clock(driven):
-    sensor, late = Mounting(0.2, -0.1, 0.3), 0.2
-    logs = [
-        replace(log, omega=np.roll(log.omega, -4, axis=0), pose=pose)  # poses are stamped 0.2 s late
-        for log in driven
-        for pose in [se2.compose(log.truth.pose, sensor.pose)]
-    ]
-    logs = [log.between(0, 150) for log in logs]
-    pairs = ScoredPairs.of(fit_drives("icr_radius", logs, ROBOT.geometry).fit, (1.0, 1.8))
-    motion = Replayer(logs).run(ROBOT, GROUND)
-    found = predictions(motion, pairs, sensor, -late)
-    assert set(found.horizon) == {1.0, 1.8}
-    for horizon, most in ((1.0, 0.01), (1.8, 0.02)):
-        assert found.errors()[horizon].position_p90 < most
-        assert found.errors()[horizon].heading_p90 < most
-    each = predictions(motion, pairs, sensor, np.full(len(pairs.start), -late))
-    np.testing.assert_array_equal(each.error, found.error)
-    wrong = predictions(motion, pairs, Mounting(), 0.0).errors()[1.0]
-    assert wrong.position_median > 5 * found.errors()[1.0].position_median
 
 
 def test_a_start_twist_is_taken(driven):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import bz2
 import os
-import struct
 
 import pyarrow as pa
 import pyarrow.parquet
@@ -13,15 +11,10 @@ import pytest
 import trackslip
 from sim.ground.named import load_ground
 from sim.network import load_network
+from trackslip.bags.open import open_bag
 from trackslip.errors import LogError, SettingsFileError
 from trackslip.files import read_json, regular_file
-from trackslip.ros.bag import open_bag
-from trackslip.ros.compression import decompressed
 from trackslip.trajectory.named import load_reference
-
-zstd = pytest.importorskip("backports.zstd", reason="part of Python from 3.14 on")
-lz4 = pytest.importorskip("lz4.frame")
-MEGABYTE = 1 << 20
 
 
 def pointer(path):
@@ -70,42 +63,6 @@ def test_settings_are_neither_empty_nor_nested_without_end(tmp_path):
         path.write_text(content)
         with pytest.raises(SettingsFileError, match=r"nested|must be at most 1000000"):
             load_ground(str(path))
-
-
-COMPRESS = {"zstd": zstd.compress, "bz2": bz2.compress, "lz4": lz4.compress}
-
-
-@pytest.mark.parametrize("name", COMPRESS)
-def test_chunks_are_not_decompressed_beyond_their_size(name):
-    content, notes = os.urandom(3 * MEGABYTE), []
-    packed = COMPRESS[name](content)
-    assert decompressed(packed, name, notes, size=len(content)) == content
-    assert decompressed(packed * 2, name, notes, size=2 * len(content)) == content * 2
-    assert notes == []
-    assert decompressed(packed, name, notes, size=MEGABYTE + 5) == content[: MEGABYTE + 5]
-    assert notes == ["a compressed chunk is damaged or cut off"]
-
-
-def mcap_of(packed, size):
-    """A file of one chunk that says it has `size` bytes."""
-    chunk = (
-        struct.pack("<QQQI", 0, 1, size, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
-    )
-    return b"\x89MCAP0\r\n" + struct.pack("<BQ", 6, len(chunk)) + chunk
-
-
-def test_small_files_do_not_expand_without_limit(tmp_path):
-    packed = zstd.compress(bytes(300 * MEGABYTE))
-    for name, content in {"chunk": mcap_of(packed, 300 * MEGABYTE), "whole": packed}.items():
-        path = tmp_path / f"{name}.mcap"
-        path.write_bytes(content)
-        with pytest.raises(LogError, match=r"expands to more than 2[67]\d MB; --max-expanded allows more"):
-            open_bag(path)
-        with pytest.raises(LogError, match=r"has no messages|cut off|is no bag"):
-            open_bag(path, max_expanded=500)
-    path.write_bytes(mcap_of(packed, 10))
-    with pytest.raises(LogError, match="no message can be read"):
-        open_bag(path)
 
 
 def test_tables_hold_no_more_values_than_their_size_allows(tmp_path):

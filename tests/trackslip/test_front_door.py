@@ -55,7 +55,6 @@ def test_importing_the_package_imports_next_to_nothing():
     assert not found & {"numpy", "scipy", "typing", "dataclasses", "pathlib"}
 
 
-@pytest.mark.usefixtures("few_resamples")
 def test_runs_in_memory_in_a_folder_and_in_a_file_give_the_same_laws(runs, found, tmp_path):
     from trackslip.logs.logfile import RUNS, write_csv, write_parquet
 
@@ -72,7 +71,6 @@ def test_intervals_cover_the_law_that_was_driven(found):
     assert set(found.intervals) == set(found.laws)
 
 
-@pytest.mark.usefixtures("few_resamples")
 def test_geometry_comes_from_the_log_or_is_asked_for(runs, found):
     stated = {"geometry": {"half_gauge": GEOMETRY.half_gauge, "sprocket_radius": GEOMETRY.sprocket_radius}}
     told = [steady_run(radius, metadata=stated) for radius in (0.6, 1.0, 2.0, 3.0)]

@@ -50,7 +50,7 @@ def test_turns():
 
 
 def test_loads():
-    """Slip straight ahead on slopes and with a drawbar; in turns with a drawbar, where a point of contact is the pivot."""
+    """Slip straight ahead on slopes and with a drawbar, and in turns with a drawbar, which are further off."""
     checks = []
     for name, on_grounds in setups(*MODULI).items():
         for setup in on_grounds:

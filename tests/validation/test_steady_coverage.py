@@ -95,8 +95,8 @@ def driven(grid: GridConfig) -> tuple[SlipSamples, RobotGeometry]:
 def generating_values(name: str, design: SlipSamples, geometry: RobotGeometry) -> dict[str, float]:
     """Parameters to draw with: those of the grid or, for laws of two sides, which left turns leave open, LAW's."""
     if not FAMILIES[name].two_sided:
-        return fit_law(name, design, geometry, bootstraps=0).values
-    both = fit_law(LAW, design, geometry, bootstraps=0).values
+        return fit_law(name, design, geometry).values
+    both = fit_law(LAW, design, geometry).values
     return {key: both.get(key.removesuffix("_left").removesuffix("_right"), 0.0) for key in FAMILIES[name].names}
 
 
@@ -114,8 +114,8 @@ def grid_covers(number: int) -> tuple[list[bool], list[bool]]:
     true = replace(measured, twist=true_samples(logs, geometry, of_plate=True).twist)
     errors = (measured.twist - true.twist)[..., None]
     squares = (errors.mT @ np.linalg.solve(measured.covariance, errors)).ravel()
-    interval = fit_law(LAW, measured, geometry, bootstraps=0).interval95
-    goal = fit_law(LAW, true, geometry, bootstraps=0).values
+    interval = fit_law(LAW, measured, geometry).interval95
+    goal = fit_law(LAW, true, geometry).values
     return list(squares < chi2.ppf(0.95, 2)), [
         interval[name][0] <= aim <= interval[name][1] for name, aim in goal.items()
     ]

@@ -15,7 +15,7 @@ from trackslip.deploy.differential_drive import (
     instead_of_best,
     nearest,
 )
-from trackslip.deploy.facts import json_text
+from trackslip.deploy.facts import alarms_of, json_text
 from trackslip.deploy.programs import c_text, python_text
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.slip.families import FAMILIES
@@ -43,7 +43,7 @@ class Deployed:
     text: str
     """Text of the file."""
     instead: str
-    """Accuracy lost by using an expressible law instead of the best; empty if the best law is used."""
+    """A sentence if an expressible law stands in for the best one; empty if the best law is used."""
 
 
 def deploy_law(
@@ -51,10 +51,11 @@ def deploy_law(
     to: str = "ros2_control",
     law: str | None = None,
     controller: str = CONTROLLER,
+    accept: bool = False,
 ) -> str:
     """The text of a file by which another program drives, and computes odometry, under a slip law.
 
-    Its comments state the law, its intervals, its origin, and the accuracy that odometry gains.
+    Its comments state the law, its intervals, its origin, and the alarms that its identification raised.
 
     Args:
         source: a folder of results, a JSON file of laws, or an identification; by default the shipped laws.
@@ -63,17 +64,22 @@ def deploy_law(
             needs nothing but `math`.
         law: name of the law; by default the best one that the target can express.
         controller: name of the robot's controller, for ros2_control and ros_control.
+        accept: whether to deploy a law although its identification raised an alarm.
 
     Raises:
         LogError: if the source holds no laws.
         InvalidValueError: for an unknown target or law, or a controller that is no name.
-        TrackslipError: if the target can't express the law; the message names the nearest one that it can.
+        TrackslipError: if the target can't express the law; the message names those that it can. Or for an alarm.
     """
-    return deployed(source, to, law, controller).text
+    return deployed(source, to, law, controller, accept).text
 
 
 def deployed(
-    source: str | Path | Identification, to: str, law: str | None = None, controller: str = CONTROLLER
+    source: str | Path | Identification,
+    to: str,
+    law: str | None = None,
+    controller: str = CONTROLLER,
+    accept: bool = False,
 ) -> Deployed:
     """A law for another program, chosen as by `deploy_law`."""
     if to not in TARGETS:
@@ -84,12 +90,11 @@ def deployed(
         from trackslip.identification.result import identification_to_json  # late: it takes SciPy
 
         stored = stored_laws(identification_to_json(source), "the identification")
-    ros = to in ("ros2_control", "ros_control")
-    name = stored.law_named(best_expressible(stored) if law is None and ros else law)
-    if not ros and to not in FAMILIES[name].targets:
-        can = "can express constant ICRs, turn loss and the exponential"
-        why = "has no input for the load" if FAMILIES[name].loaded else can
-        raise TrackslipError(f"law = {name!r}: {to} {why}; {nearest(stored, name)}")
-    if ros:
-        return Deployed(name, TARGETS[to](stored, name, controller), instead_of_best(stored, name))
-    return Deployed(name, TARGETS[to](stored, name), "")
+    name = stored.law_named(best_expressible(stored, to) if law is None else law)
+    if to not in FAMILIES[name].targets:
+        what = "can express constant ICRs and turn loss" if to in ("c", "python") else "can only express constant ICRs"
+        raise TrackslipError(f"law = {name!r}: {to} {what}; {nearest(stored, to)}")
+    if (alarms := alarms_of(stored)) and not accept:
+        raise TrackslipError(f"law {name}: ALARM {alarms[0]}: --accept deploys it all the same")
+    named = {"controller": controller} if to in ("ros2_control", "ros_control") else {}
+    return Deployed(name, TARGETS[to](stored, name, **named), instead_of_best(stored, name))

@@ -1,15 +1,21 @@
-"""Constant ICRs as parameters of diff_drive_controller (ROS 1 and 2), and substitutes for other laws."""
+"""Constant ICRs as parameters of diff_drive_controller (ROS 1 and 2)."""
 
 from __future__ import annotations
 
 from trackslip.deploy.facts import comment, fact_lines
-from trackslip.deploy.prediction import best_predicting, cost_of
-from trackslip.errors import LogError, TrackslipError, require
+from trackslip.errors import require
 from trackslip.slip.families import FAMILIES
-from trackslip.slip.law_file import NO_SLIP, StoredLaws, number
+from trackslip.slip.law_file import NO_SLIP, StoredLaws, number, text
 
 CONTROLLER = "diff_drive_controller"
 """Name of a controller, unless a robot has given it another."""
+_MEANING = (
+    "2 b, distance between the tracks' centre lines [m]",
+    "r, radius of the sprockets [m]",
+    "(b + D) / b: distance between the ICRs over that between the tracks",
+    "1 + epsilon of the left sprocket",
+    "1 + epsilon of the right sprocket",
+)
 _NEGLIGIBLE = 1e-6  # distance between two points of the robot [m]
 _RATE = 50.0  # at which the controller states odometry, unless told otherwise [Hz]
 _UNKNOWN = 1e6  # variance of what the tracks can't tell [m^2/s^2, rad^2/s^2]
@@ -24,15 +30,10 @@ def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, 
     The variances of its twists are those of a law fitted to drives, whose slip is known to vary.
 
     `controller` is the name of the robot's own, `ros` the version of ROS whose form the file has. Raises
-    InvalidValueError if it is no name, TrackslipError for a law that isn't one of constant ICRs; the message names the
-    nearest one that is.
+    InvalidValueError if it is no name.
     """
     is_name = controller.isidentifier() and controller.isascii()
     require(is_name, "controller", controller, "a name of letters, digits and _, as in platform_velocity_controller")
-    if not expressible(law):
-        raise TrackslipError(
-            f"law = {law!r}: diff_drive_controller can only express constant ICRs; {nearest(stored, law)}"
-        )
     b = stored.geometry.half_gauge
     (left, left_error), (right, right_error) = constant_icrs(stored, law)
     parameters: dict[str, float | list[float]] = {
@@ -42,6 +43,7 @@ def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, 
         "left_wheel_radius_multiplier": 1 + left_error,
         "right_wheel_radius_multiplier": 1 + right_error,
     }
+    meaning = dict(zip(parameters, _MEANING, strict=True))
     comments = [*fact_lines(stored, law), *filter(None, [instead_of_best(stored, law)])]
     middle = (left - right) / 2
     if abs(middle) >= _NEGLIGIBLE:
@@ -62,7 +64,10 @@ def diff_drive_text(stored: StoredLaws, law: str, controller: str = CONTROLLER, 
         "left and right: delete it.",
     ]
     head, indent = ("  ros__parameters:\n", "    ") if ros == 2 else ("", "  ")
-    lines = [f"{indent}{key}: {_yaml(value)}\n" for key, value in parameters.items()]
+    lines = []
+    for key, value in parameters.items():
+        about = f"  # {meaning[key]}" if key in meaning else ""
+        lines.append(f"{indent}{key}: {_yaml(value)}{about}\n")
     return comment(comments, "#") + f"{controller}:\n{head}" + "".join(lines)
 
 
@@ -94,35 +99,22 @@ def constant_icrs(stored: StoredLaws, law: str) -> tuple[tuple[float, float], tu
     return left, right
 
 
-def best_expressible(stored: StoredLaws) -> str:
-    """The best law if a differential drive can express it, else the best of those that it can, if there are any."""
-    best, others = stored.law_named(None), _expressible_laws(stored)
-    return best_predicting(stored, others) if others and not expressible(best) else best
+def best_expressible(stored: StoredLaws, target: str) -> str:
+    """The best law if a target can express it, else the best of constant ICRs, as identified."""
+    best, other = stored.law_named(None), text(stored.content, "expressible")
+    return other if target not in FAMILIES[best].targets and other in stored.laws else best
 
 
 def instead_of_best(stored: StoredLaws, law: str) -> str:
-    """The accuracy lost by using a law because the best one can't be expressed; empty if the best one can."""
-    try:
-        best = stored.law_named(None)
-    except LogError:
-        return ""
-    if expressible(best):
-        return ""
-    cost = cost_of(stored, best, law)
-    return f"The best law is {best}, which diff_drive_controller can't express. Instead, {law}: {cost}"
+    """A sentence if a law isn't the best one; empty if it is, or the best isn't known."""
+    best = text(stored.content, "best")
+    return f"The best law is {best}: this is {law}" if best not in ("", law) else ""
 
 
-def nearest(stored: StoredLaws, law: str) -> str:
-    """The best law that a differential drive can express, and the accuracy lost by using it in place of another one."""
-    others = _expressible_laws(stored)
-    if not others:
-        return f"{stored.name} holds none"
-    other = best_predicting(stored, others)
-    return f"nearest in {stored.name} is {other} (--law {other}): {cost_of(stored, law, other)}"
-
-
-def _expressible_laws(stored: StoredLaws) -> list[str]:
-    return [name for name in stored.laws if name != NO_SLIP and expressible(name)]
+def nearest(stored: StoredLaws, target: str) -> str:
+    """The laws that a target can express, in words."""
+    known = [name for name in stored.laws if name != NO_SLIP and target in FAMILIES[name].targets]
+    return f"those in {stored.name}: {', '.join(known) or 'none'}"
 
 
 def _yaml(value: float | list[float]) -> str:

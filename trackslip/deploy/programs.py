@@ -10,7 +10,6 @@ from pathlib import Path
 
 from trackslip.deploy.differential_drive import constant_icrs, expressible
 from trackslip.deploy.facts import comment, fact_lines
-from trackslip.slip.families import FAMILIES
 from trackslip.slip.law_file import StoredLaws
 
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -22,8 +21,6 @@ def c_text(stored: StoredLaws, law: str) -> str:
         f"static const double trackslip_{name} = {value!r}; /* {about} */\n"
         for name, (value, about) in _constants(stored, law).items()
     ]
-    if law == "exponential":
-        lines.append(f"enum {{ trackslip_iterations = {stored.laws[law].twist_iterations} }};\n")
     guard = f"TRACKSLIP_{law.upper()}_H"
     opening = f"#ifndef {guard}\n#define {guard}\n\n#include <math.h>\n\n"
     return (
@@ -34,33 +31,27 @@ def c_text(stored: StoredLaws, law: str) -> str:
 def python_text(stored: StoredLaws, law: str) -> str:
     """A module with the functions `sprocket_speeds` and `body_twist` of a law."""
     lines = [f"{name.upper()} = {value!r}  # {about}\n" for name, (value, about) in _constants(stored, law).items()]
-    if law == "exponential":
-        lines.append(f"ITERATIONS = {stored.laws[law].twist_iterations}\n")
     functions = _template(law, "py")
     imports = "import math\n\n" if "math." in functions else ""
     return f"{comment(fact_lines(stored, law), '#')}\n{imports}{''.join(lines)}\n\n{functions}"
 
 
 def _template(law: str, language: str) -> str:
-    """The functions of a law; laws with constant ICRs share them."""
-    name = {"exponential": "exponential", "turn_loss": "turn_loss", "turn_loss_sides": "turn_loss"}.get(law, "icr")
+    """The functions of a law: of constant ICRs, or with a turn loss."""
+    name = "icr" if expressible(law) else "turn_loss"
     return (_TEMPLATES / f"{name}.{language}.in").read_text(encoding="utf-8")
 
 
 def _constants(stored: StoredLaws, law: str) -> dict[str, tuple[float, str]]:
     """Values and descriptions of the constants that the functions of a law use, by name."""
-    geometry, family = stored.geometry, FAMILIES[law]
+    geometry = stored.geometry
     radius = {"sprocket_radius": (geometry.sprocket_radius, "r [m]")}
     if expressible(law):
         sides = list(zip(("left", "right"), constant_icrs(stored, law), strict=True))
         arms = {f"reach_{side}": (geometry.half_gauge + offset, "b + D [m]") for side, (offset, _) in sides}
         return radius | arms | {f"scale_{side}": (1 + error, "1 + epsilon [-]") for side, (_, error) in sides}
     values = stored.values(law)
-    if "turn_loss" in values:
-        errors = [value for name, value in values.items() if name.startswith("radius_error")]
-        scales = {"scale_left": (1 + errors[0], "1 + epsilon [-]"), "scale_right": (1 + errors[-1], "1 + epsilon [-]")}
-        reach = {"reach": (geometry.half_gauge + values["offset"], "b + D [m]")}
-        return radius | reach | scales | {"turn_loss": (values["turn_loss"], "g [-]")}
-    units = {name: f"[{parameter.unit or '-'}]" for name, parameter in family.parameters.items()}
-    named = {name: (value, units[name]) for name, value in values.items()}
-    return {"half_gauge": (geometry.half_gauge, "b [m]")} | radius | named
+    errors = [value for name, value in values.items() if name.startswith("radius_error")]
+    scales = {"scale_left": (1 + errors[0], "1 + epsilon [-]"), "scale_right": (1 + errors[-1], "1 + epsilon [-]")}
+    reach = {"reach": (geometry.half_gauge + values["offset"], "b + D [m]")}
+    return radius | reach | scales | {"turn_loss": (values["turn_loss"], "g [-]")}

@@ -4,33 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.doubts import doubts_of_drives, doubts_of_samples
-from trackslip.identification.drive_law import REFERENCE, ClockProfile, DriveFit, clock_profile, fit_drives
-from trackslip.identification.drive_prediction import (
-    DrivePredictions,
-    PredictionErrors,
-    ScoredPairs,
-    baselines,
-    best_of_drives,
-    held_out,
-)
-from trackslip.identification.drives import PreparedDrive
+from trackslip.identification.first_look import Alarm, Look
 from trackslip.identification.fitted import FittedLaw, SteadyFit, fit_law
+from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives, held_out
+from trackslip.identification.path import DriveModel
+from trackslip.identification.prediction import Pairs, PredictionErrors, ranked, sizes
+from trackslip.identification.preparation import PreparedDrive
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_prediction import CrossValidation, RunPredictions, best_predictors
+from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.se2 import Mounting
 from trackslip.slip.families import FAMILIES, drive_laws
 
+Fit = TypeVar("Fit", bound=FittedLaw)
+TODAY, GAINS = "today", "two_gains"
+"""Names of the predictions without identification: dead reckoning without slip, and two gains of the first look."""
 BASELINES = ("none", "exponential", "icr")
 """Laws that are always reported, for others to be compared with."""
 _WITHOUT_RADIUS = ("none", "constant")  # laws that do not describe turning
 _INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred
 _MIN_LOADS = 1e-3  # range of the tractions per unit load from which their effect may show [-]
+_WORSE = 1.1  # ratio of median errors that is worse
+_LEAST_ERROR = 1e-3  # difference of errors that nobody notices [m, rad]
+_WHY = {
+    "left-out radii": "it is the simplest of those that predict left-out radii as well as any, within a standard error",
+    "left-out runs": "it is the simplest of those that predict left-out runs as well as any, within a standard error",
+    "AICc": "it is the simplest of those whose AICc is within 2 of the smallest; the runs are too few for predictions",
+    "scatter": "it scatters least; the runs are too few for anything else",
+}
 _FAST, _OFTEN = 0.5, 0.05  # lateral acceleration from which slip by it may show [m/s^2], and share of the driving
 
 
@@ -43,7 +50,11 @@ class Comparison:
     best: str
     """The law that predicts motion best; of laws that predict it equally well, the simplest."""
     warnings: tuple[str, ...]
-    """Doubts and remarks on the fits, one line each."""
+    """Remarks on the fits, one line each."""
+    reason: str
+    """Why `best` is the best, in one sentence."""
+    expressible: str | None
+    """The best of the laws that a differential drive's odometry can express, chosen likewise; None if there is none."""
 
     @property
     def ranking(self) -> tuple[str, ...]:
@@ -77,22 +88,20 @@ class SteadyComparison(Comparison):
 
 @dataclass(frozen=True, kw_only=True)
 class DriveComparison(Comparison):
-    """Laws identified from drives, and compared by predictions (see `best_of_drives`)."""
+    """Laws identified from drives, and compared by predictions of driving that they were not fitted to."""
 
     drives: tuple[PreparedDrive, ...]
     """The drives, as used."""
+    look: Look
+    """What the drives show before any law is fitted."""
     laws: Mapping[str, DriveFit]
     """Fits by name of the law."""
-    predictions: Mapping[str, DrivePredictions]
-    """Held-out predictions by name of the law."""
     errors: Mapping[str, Mapping[float, PredictionErrors]]
-    """Errors by horizon [s] of those, and before them of what needs no identification, TODAY and GAINS."""
+    """Errors by horizon [s] of held-out predictions, and before them of TODAY and GAINS."""
     score: Mapping[str, float]
     """Mean over the horizons of a law's mean error relative to the smallest; empty without predictions [-]."""
-    reason: str
-    """Why `best` is the best, in one sentence."""
-    clock: ClockProfile | None
-    """Likelihood of clock offsets under the best law."""
+    alarms: tuple[Alarm, ...]
+    """Reasons not to trust the best law."""
 
     @property
     def ranking(self) -> tuple[str, ...]:
@@ -130,6 +139,8 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     scatter = min(law.scatter for law in known.values())
     predictors = best_predictors({name: predictions[name] for name in known}, samples, geometry, scatter)
     best, criterion = _best_of_samples(known, predictors, aicc)
+    linear = _expressible(known)
+    predictors = best_predictors({name: predictions[name] for name in linear}, samples, geometry, scatter)
     return SteadyComparison(
         samples=samples,
         laws=laws,
@@ -138,59 +149,111 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
         validation=validation,
         best=best,
         criterion=criterion,
-        warnings=(*warnings, *doubts_of_samples(laws, best)),
+        reason=_WHY[criterion],
+        expressible=best if best in linear else _best_of_samples(linear, predictors, aicc)[0],
+        warnings=tuple(warnings),
     )
 
 
 def compare_drives(
     drives: Sequence[PreparedDrive],
     geometry: RobotGeometry,
+    look: Look,
     sensor: Mounting | None = None,
     names: Sequence[str] | None = None,
     step: Callable[[float], None] = lambda _: None,
+    lag: bool = False,
 ) -> DriveComparison:
-    """Fit laws to drives and predict held-out driving; `step(1.0)` is called after each law.
+    """Fit laws to drives and predict driving that they were not fitted to; `step(1.0)` is called after each law.
 
-    By default, all families that are made for drives. Raises LogError if the drives determine no law with parameters.
+    By default, all families that are made for drives. Raises LogError if no law can be fitted.
     """
     fast = names is not None or _turns_fast(np.concatenate([drive.omega for drive in drives]), geometry)
-    reference = fit_drives(REFERENCE, drives, geometry, sensor)
-    pairs = ScoredPairs.of(reference.fit)
-    laws: dict[str, DriveFit] = {}
-    predictions: dict[str, DrivePredictions] = {}
-    warnings: list[str] = []
+    two = gains(look, geometry)
+    reference = fit_drives(REFERENCE, drives, geometry, sensor, start=start_of(look, geometry), lag=lag)
+    laws = {}
     for name in names or drive_laws():
         if fast or not FAMILIES[name].fast:
-            try:
-                found = fit_drives(name, drives, geometry, sensor, reference=reference)
-                if FAMILIES[name].fast and found.at_limit:
-                    raise LogError("no slip by lateral acceleration shows")
-                predictions[name] = held_out(found.fit, pairs)
-                laws[name] = found
-            except LogError as error:
-                warnings.append(f"law {name}: {error}")
+            laws[name] = fit_drives(name, drives, geometry, sensor, reference=reference, lag=lag)
         step(1.0)
-    if not any(law.values for law in laws.values()):
-        raise LogError(warnings[-1] if warnings else "no law can be identified")
-    plain = baselines(pairs, geometry, sensor) | predictions
-    errors = {name: one.errors() for name, one in plain.items()}
+    pairs = Pairs.of(reference.fit.data, geometry)
+    errors = {name: held_out(law.fit, pairs) for name, law in laws.items()}
+    plain = {TODAY: "none", GAINS: REFERENCE}
+    models = {name: DriveModel(FAMILIES[law], geometry, reference.fit.model.gyro) for name, law in plain.items()}
+    values = {name: _placed(models[name], sensor, two if name == GAINS else {}) for name in plain}
+    known = {name: pairs.errors(models[name], values[name][None]) for name in plain}
     free = {name: len(law.values) for name, law in laws.items()}
-    best, reason, scores = best_of_drives(predictions, free, pairs) or (
-        REFERENCE if REFERENCE in laws else max(free, key=lambda name: free[name] > 0),
-        "no motion could be predicted: the drives are too short or hardly move",
-        {},
-    )
+    ranking = ranked(errors, free, pairs)
+    best = ranking.best if ranking else REFERENCE
+    linear = _expressible(laws)
+    among = ranked({name: errors[name] for name in linear}, free, pairs)
+    alarms = [*look.alarms, *_alarms(laws[best], errors[best], known, pairs)]
     return DriveComparison(
         drives=tuple(drives),
+        look=look,
         laws=laws,
-        predictions=predictions,
-        errors=errors,
-        score=scores,
+        errors={name: pairs.summaries(error) for name, error in {**known, **errors}.items()},
+        score=ranking.score if ranking else {},
         best=best,
-        reason=reason,
-        clock=clock_profile(laws[best].fit) if "clock_offset" in laws[best].free else None,
-        warnings=(*warnings, *doubts_of_drives(drives, laws, best)),
+        reason=ranking.reason if ranking else "no motion can be predicted: the drives are too short",
+        expressible=best if best in linear or among is None else among.best,
+        alarms=tuple(alarms),
+        warnings=look.notes,
     )
+
+
+def gains(look: Look, geometry: RobotGeometry) -> dict[str, float]:
+    """The gains of a first look as constant ICRs: (1 + ε) on the speed, (1 + ε) b / (b + D) on the yaw rate."""
+    speed = look.speed.value if look.speed else 1.0
+    turn = look.turn.value if look.turn else speed
+    return {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
+
+
+def start_of(look: Look, geometry: RobotGeometry) -> dict[str, float]:
+    """Values from which to fit laws, by name."""
+    known = gains(look, geometry) if look.speed else {}
+    return {**known, "clock_offset": look.clock}
+
+
+def _placed(model: DriveModel, sensor: Mounting | None, law: Mapping[str, float]) -> Array:
+    """Values (p,) of a law with a sensor at a known place and nothing else."""
+    values = np.zeros(len(model.names))
+    place = {} if sensor is None else {"sensor_x": sensor.x, "sensor_y": sensor.y, "sensor_yaw": sensor.yaw}
+    for name, value in {**place, **law}.items():
+        values[model.index(name)] = value
+    return values
+
+
+def _alarms(law: DriveFit, error: Array, known: Mapping[str, Array], pairs: Pairs) -> list[Alarm]:
+    """Reasons not to trust the best law."""
+    alarms = [
+        Alarm("bound", f"{name} = {law.values[name]:.3g} is at a limit of law {law.name}") for name in law.at_limit
+    ]
+    if law.blocks < FEWEST_BLOCKS:
+        what = f"{law.blocks} independent parts of driving are too few for an interval, which takes {FEWEST_BLOCKS}"
+        alarms.append(Alarm("blocks", f"{what}: drive for a minute or more"))
+    for name, kind in ((TODAY, "worse"), (GAINS, "gains")):
+        for horizon in np.unique(pairs.horizon):
+            rows = pairs.horizon == horizon
+            ours, theirs = (sizes(each[rows]) for each in (error, known[name]))
+            both = np.isfinite(ours) & np.isfinite(theirs)
+            for k, what in enumerate(("position", "heading")):
+                usable = both[:, k]
+                if usable.any() and np.median(ours[usable, k]) > _WORSE * np.median(theirs[usable, k]) + _LEAST_ERROR:
+                    line = (
+                        f"{horizon:g} s ahead, law {law.name} predicts the {what} worse than {name.replace('_', ' ')}"
+                    )
+                    alarms.append(Alarm(kind, f"{line} does: don't use it"))
+                    break
+            else:
+                continue
+            break
+    return alarms
+
+
+def _expressible(laws: Mapping[str, Fit]) -> dict[str, Fit]:
+    """The laws that a differential drive's odometry can express."""
+    return {name: law for name, law in laws.items() if "ros2_control" in FAMILIES[name].targets}
 
 
 def _turns_fast(omega: Array, geometry: RobotGeometry) -> bool:

@@ -6,20 +6,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from trackslip.errors import LogError, counted
 from trackslip.identification.determined import undetermined_by_samples
-from trackslip.identification.intervals import bootstrap_intervals, heights, profile_intervals, standard_errors
-from trackslip.identification.lack_of_fit import SIGNIFICANT, LackOfFit, lack_of_fit
+from trackslip.identification.groups import by_command
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_fit import Fits, fit
 from trackslip.identification.weighting import MIN_SCATTER, WeightedRuns, relative_errors
+from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.metrics import rms
 from trackslip.slip.base import SlipLaw
+from trackslip.slip.derivatives import twist_derivatives
 from trackslip.slip.families import family
 
-_MIN_DRAWN = 4  # minimum number of runs for a bootstrap
 _TRIED, _REFINED = 60, 6  # number of scatters tried at once, and how often the grid about the best is made finer
 
 
@@ -53,23 +54,14 @@ class FittedLaw:
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyFit(FittedLaw):
-    """A law fitted to steady samples.
+    """A law fitted to steady samples; intervals are Student's."""
 
-    Standard errors are inflated if the law lacks fit; intervals come from the profile likelihood.
-    """
-
-    bootstrap95: dict[str, tuple[float, float]]
-    """95 % percentile intervals from resampled runs; empty if there are too few runs."""
-    noise_stderr: dict[str, float]
-    """Contribution of the measurement errors to the standard errors; 0 if these errors are not known."""
     rms: float
     """Root mean square error of the track speeds predicted, relative to the speed of the faster sprocket [-]."""
     scatter: float
     """tau, scatter of the track speeds about the law beyond the measurement errors, relative likewise [-]."""
     likelihood: float
     """-2 log likelihood at its maximum, scatter included [-]."""
-    lack_of_fit: LackOfFit | None
-    """Test for lack of fit; None without repeated runs and measurement errors."""
     notes: tuple[str, ...] = ()
     """Reasons why the samples do not determine the law, whose values then mean nothing; empty if they do."""
 
@@ -83,11 +75,6 @@ class SteadyFit(FittedLaw):
         """The entry of the law in the `slip_laws` of a file."""
         return super().stored | {"rms": self.rms}
 
-    @property
-    def lacks_fit(self) -> bool:
-        """True if the law significantly misses the samples."""
-        return self.lack_of_fit is not None and self.lack_of_fit.probability < SIGNIFICANT
-
     def aicc(self, samples: int) -> float | None:
         """Akaike's criterion, corrected for few data (two per sample); None if there are too few.
 
@@ -99,56 +86,71 @@ class SteadyFit(FittedLaw):
         return self.likelihood + 2 * free + 2 * free * (free + 1) / (data - free - 1)
 
 
-def fit_law(
-    name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps: int = 300, vague: bool = False
-) -> SteadyFit:
+def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, vague: bool = False) -> SteadyFit:
     """Weighted least-squares fit to the measured motions (see `weighting`), with intervals.
 
-    `geometry` is the robot's nominal one, `bootstraps` the number of resamples of the runs; 0 for none. Raises LogError
-    if the samples do not determine every parameter, unless a `vague` law is wanted that says so in its `notes`, and
-    InvalidValueError for an unknown law.
+    `geometry` is the robot's nominal one. Raises LogError if the samples do not determine every parameter, unless a
+    `vague` law is wanted that says so in its `notes`, and InvalidValueError for an unknown law.
     """
     model = family(name)
     names, count, free = model.names, len(samples.run), len(model.names)
     if 2 * count <= free:
         raise LogError(f"law {name}: {counted(count, 'sample')} of two tracks can't determine its {free} parameters")
-    runs = WeightedRuns.of(samples, geometry)
-    fits = fit(model, runs)
-    measured = samples.covariance is not None
-    tests = lack_of_fit(fits, measured)
-    error = standard_errors(fits, tests, measured)[0]
+    fits = fit(model, WeightedRuns.of(samples, geometry))
+    covariance = fits.covariance[0]
+    covariance = covariance * _widening(fits, np.sqrt(np.diag(covariance)))
+    error = np.sqrt(np.diag(covariance))
     notes = undetermined_by_samples(name, fits, error)
     if notes and not vague:
         raise LogError(notes[0])
-    interval = fits.family.limits(geometry.half_gauge)[:2].T
-    if not notes:
-        interval = profile_intervals(fits, heights(fits, tests, measured))[0]
+    low, high, _ = model.limits(geometry.half_gauge)
+    width = error * stdtrit(fits.freedom, 0.975)
+    interval = np.column_stack([np.maximum(fits.values[0] - width, low), np.minimum(fits.values[0] + width, high)])
     values = dict(zip(names, fits.values[0].tolist(), strict=True))
     law = model.build(values, geometry)
     loaded = model.under(samples.load).build(values, geometry)
-    deviations = np.sqrt(np.diag(fits.covariance[0]))
     with np.errstate(invalid="ignore"):
-        correlation = fits.covariance[0] / np.outer(deviations, deviations)
-        noise = np.sqrt(np.diag(fits.noise_covariance[0]))
-    bootstrap = {}
-    if bootstraps and count > max(free, _MIN_DRAWN) and not notes:
-        drawn = bootstrap_intervals(fits, bootstraps, np.random.default_rng(count))
-        bootstrap = dict(zip(names, map(tuple, drawn.tolist()), strict=True))
+        correlation = covariance / np.outer(error, error)
     return SteadyFit(
         name=name,
         law=law,
         values=values,
         stderr=dict(zip(names, error.tolist(), strict=True)),
         interval95=dict(zip(names, map(tuple, interval.tolist()), strict=True)),
-        bootstrap95=bootstrap,
         correlation=correlation,
-        noise_stderr=dict(zip(names, noise.tolist(), strict=True)),
         rms=rms(relative_errors(loaded.twist(samples.omega, geometry), samples, geometry)),
         scatter=float(fits.scatter[0]),
         likelihood=_likelihood(fits),
-        lack_of_fit=tests[0] if tests else None,
         notes=notes,
     )
+
+
+def _widening(fits: Fits, error: Array) -> Array:
+    """Factors (p, p) of a covariance with standard errors (p,) that scatter otherwise than modelled makes too small.
+
+    They come from fits without one command, or without one run where commands are few, by one step of Newton's method
+    (CR3, as in `windows`).
+    """
+    runs, count = fits.runs, len(error)
+    groups = by_command(runs.omega, runs.geometry)
+    if groups.max() + 1 < FEWEST_BLOCKS:
+        groups = np.arange(len(groups))
+    number = int(groups.max()) + 1
+    if number < FEWEST_BLOCKS or not count or not np.isfinite(error).all():
+        return np.ones((count, count))
+    roots = runs.roots(fits.scatter)[0, :, :, None]
+    family = fits.family
+    slope = roots * (runs.of_twists @ twist_derivatives(family, fits.values, runs.omega, runs.geometry)[0])  # (n, 2, p)
+    hessian, score = np.zeros((number, count, count)), np.zeros((number, count))
+    np.add.at(hessian, groups, np.einsum("nka,nkb->nab", slope, slope))
+    np.add.at(score, groups, np.einsum("nka,nk->na", slope, roots[..., 0] * fits.deviation[0]))
+    scale = np.outer(error, error)
+    rest = (hessian.sum(axis=0) - hessian) * scale
+    if np.linalg.cond(rest).max() > 1e12:
+        return np.ones((count, count))
+    apart = np.linalg.solve(rest, (score * error)[..., None])[..., 0]  # in standard errors
+    factor = np.maximum(1.0, np.sqrt((number - 1) / number * np.sum(apart**2, axis=0)))
+    return np.outer(factor, factor)
 
 
 def _likelihood(fits: Fits) -> float:

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from trackslip.doubts import Accepted, in_few_lines
+from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.comparison import DriveComparison, compare_drives, compare_laws
-from trackslip.identification.drives import MAX_POSES, drives_of
-from trackslip.identification.outliers import split_outliers
+from trackslip.identification.first_look import first_look
+from trackslip.identification.preparation import drives_of
 from trackslip.identification.result import Identification, Method
 from trackslip.identification.samples import Sampling
-from trackslip.identification.sensor import with_sensor
 from trackslip.identification.source import ReadOptions, Source, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.motion.constant_speed import SETTLE
-from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.se2 import Mounting
 
 _MIN_SAMPLES = 4  # steady samples that identify laws without the rest of the driving
 _MIN_STEADY = 0.5  # share of the driving that is steady, if steady stretches are to identify the laws [-]
-_BESIDE = ("none", "icr", "icr_radius")  # laws of whole drives beside those of steady stretches
-_POSES_BESIDE = 6000  # poses used for them
+_BESIDE = ("none", "icr_radius")  # laws of whole drives beside those of steady stretches
 
 
 def identify(
@@ -33,12 +30,12 @@ def identify(
     *,
     method: Method | None = None,
     sensor: Mounting | None = None,
-    estimate_sensor: bool | None = None,
     gear: float = 1.0,
     settle: float = SETTLE,
     motion: str | None = None,
     bag: BagChoice | None = None,
-    accept: Sequence[Accepted] = (),
+    multiplier: float | None = None,
+    lag: bool = False,
 ) -> Identification:
     """Identify slip laws from steady runs or from any driving.
 
@@ -49,114 +46,79 @@ def identify(
         method: steady: from stretches of constant sprocket speeds; drive: from whole drives. By default steady where
             most of the driving is, else drive.
         sensor: place and yaw on the robot of the sensor that measured the poses, if known.
-        estimate_sensor: whether to estimate them from steady stretches; by default where the driving determines them.
         gear: turns of the encoder per turn of the sprocket, if omega is the speed of the encoder [-].
         settle: time after the sprockets have become steady that is left out of each run [s].
         motion: how a steady run becomes a twist: paper, arc or bundle; by default the most accurate method
             that each run allows.
         bag: which topics of a bag are encoders and poses; needed if the bag leaves a doubt.
-        accept: data to use although they look wrong: runs with odd `headings`, implausible slip (`units`), belts that
-            move against their sprockets (`signs`) or `unsteady` motion, `outliers`, and `short` drives.
+        multiplier: wheel_separation_multiplier by which odometry taken as encoders was computed [-].
+        lag: whether to estimate how far the motion lags behind the belts, of whole drives.
 
     Raises:
         LogError: if the log cannot be read, or its runs determine no law.
         InvalidValueError: for an invalid option, or if neither `geometry` nor the log states the geometry.
     """
     b, r = (geometry.half_gauge, geometry.sprocket_radius) if geometry else (None, None)
-    reading = ReadOptions(b, r, gear, settle, motion, bag or AUTOMATIC, tuple(accept))
+    reading = ReadOptions(b, r, gear, settle, motion, bag or AUTOMATIC, multiplier)
     if isinstance(source, str | Path):
         found = read_source(Path(source), reading)
     else:
         found = source_of_runs([source] if isinstance(source, RunLog) else list(source), reading)
-    return identify_source(found, method, sensor, estimate_sensor)
+    return identify_source(found, method, sensor, lag=lag)
 
 
 def identify_source(
     source: Source,
     method: Method | None = None,
     sensor: Mounting | None = None,
-    estimate_sensor: bool | None = None,
     step: Callable[[float], None] = lambda _: None,
+    lag: bool = False,
 ) -> Identification:
     """Identify laws from a source that was read, like `identify`; `step(1.0)` is called after each stage or law."""
     if method not in (None, "steady", "drive"):
         raise InvalidValueError("method", method, "steady or drive")
-    steady: Identification | None = None
-    reason = ""
-    if method != "drive":
-        if estimate_sensor is None and sensor is None and source.logs and all(map(_centred, source.logs)):
-            estimate_sensor = False
-        try:
-            accept = source.reading.accept
-            steady = identify_samples(source.sampling, source.geometry, source.logs, sensor, estimate_sensor, accept)
-        except LogError as error:
-            reason = str(error)
-    step(1.0)
-    if method == "steady":
-        if steady is None:
-            raise LogError(reason)
-        return steady
-    if not source.logs:
-        if steady is None or method == "drive":
-            raise LogError(reason or "holds steady samples, not traces: only method steady can be used")
-        return steady
-    main = steady is None or not _mostly_steady(source.sampling)
-    try:
-        drive, refused = _drive(source, sensor, None if main else _POSES_BESIDE, None if main else _BESIDE, step)
-    except LogError as error:
-        if steady is None:
-            both = f"{error}; from steady stretches: {reason}"
-            raise LogError(both if reason and method is None else str(error)) from error
-        return replace(steady, warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"))
-    if steady is None or len(steady.samples) < _MIN_SAMPLES:
+    if method == "steady" or not source.logs:
+        if method == "drive":
+            raise LogError("holds steady samples, not traces: only method steady can be used")
+        return identify_samples(source.sampling, source.geometry, source.logs)
+    if method == "drive" or not _steady_runs(source):
+        drive, refused = _drive(source, sensor, None, step, lag)
         out = (*source.refused, *refused)
-        lines = (*source.notes, *(one.doubt for one in out), *drive.warnings)
-        warnings = in_few_lines(lines, len(source.logs) + len(source.refused))
+        warnings = (*source.notes, *map(str, out), *drive.warnings)
         return Identification(source.geometry, "drive", None, drive, out, warnings, source.logs)
-    lines = in_few_lines((*(one.doubt for one in refused), *drive.warnings), len(source.logs))
-    if main:
-        beside = [f"from steady stretches: {line}" for line in steady.warnings]
-        return replace(steady, method="drive", drive=drive, warnings=(*lines, *beside))
-    return replace(steady, drive=drive, warnings=(*steady.warnings, *(f"from whole drives: {line}" for line in lines)))
+    steady = identify_samples(source.sampling, source.geometry, source.logs)
+    step(1.0)
+    try:
+        return replace(steady, drive=_drive(source, sensor, _BESIDE, step, lag)[0])
+    except LogError as error:
+        return replace(steady, warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"))
 
 
-def identify_samples(
-    sampling: Sampling,
-    geometry: RobotGeometry,
-    logs: tuple[RunLog, ...] = (),
-    sensor: Mounting | None = None,
-    estimate_sensor: bool | None = False,
-    accept: Collection[str] = (),
-) -> Identification:
-    """Leave out outliers, fit and compare the laws; raises LogError if the samples determine no law.
-
-    For `sensor` and `estimate_sensor` see `with_sensor`; by default the sensor is at the robot's centre. `accept` are
-    doubts to ignore.
-    """
-    centred, _, notes = with_sensor(sampling.samples, geometry, sensor, estimate_sensor)
-    samples, outliers = (centred, []) if "outliers" in accept else split_outliers(centred, geometry)
-    steady, left_out = compare_laws(samples, geometry), (*sampling.refused, *outliers)
-    lines = (*sampling.notes, *notes, *(one.doubt for one in left_out), *steady.warnings)
-    warnings = in_few_lines(lines, len(samples) + len(left_out))
-    return Identification(geometry, "steady", steady, None, left_out, warnings, logs)
+def identify_samples(sampling: Sampling, geometry: RobotGeometry, logs: tuple[RunLog, ...] = ()) -> Identification:
+    """Fit and compare the laws of steady samples; raises LogError if they determine no law."""
+    steady = compare_laws(sampling.samples, geometry)
+    warnings = (*sampling.notes, *(str(run) for run in sampling.refused), *steady.warnings)
+    return Identification(geometry, "steady", steady, None, sampling.refused, warnings, logs)
 
 
 def _drive(
     source: Source,
     sensor: Mounting | None,
-    most: int | None,
     names: Sequence[str] | None,
     step: Callable[[float], None],
+    lag: bool,
 ) -> tuple[DriveComparison, list[Refused]]:
-    drives, refused = drives_of(source.logs, most or MAX_POSES)
-    return compare_drives(drives, source.geometry, sensor, names, step), refused
+    drives, refused = drives_of(source.logs)
+    look = first_look(drives, source.geometry)
+    drives, notes = look.without_jumps(drives, source.geometry)
+    look = replace(look, notes=(*look.notes, *notes))
+    return compare_drives(drives, source.geometry, look, sensor, names, step, lag), refused
 
 
-def _mostly_steady(sampling: Sampling) -> bool:
-    """True if steady stretches make up most of the driving."""
-    return len(sampling.samples) >= _MIN_SAMPLES and sampling.steady_share >= _MIN_STEADY
-
-
-def _centred(log: RunLog) -> bool:
-    """True for a simulated run with the poses of the plate, which stands on the robot's centre."""
-    return "plate" in log.metadata and "source" not in log.metadata
+def _steady_runs(source: Source) -> bool:
+    """True if every run is a steady one, as of the paper's grid: such runs identify laws by themselves."""
+    try:
+        sampling = source.sampling
+    except LogError:
+        return False
+    return _MIN_SAMPLES <= len(sampling.samples) <= len(source.logs) and sampling.steady_share >= _MIN_STEADY

@@ -9,10 +9,14 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
 
-from trackslip.doubts import severity
+import numpy as np
+
 from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.identification.comparison import Comparison, DriveComparison, SteadyComparison
+from trackslip.identification.first_look import Alarm
 from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.gains import Gain
+from trackslip.identification.law_fit import REFERENCE
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import Refused, RunLog
@@ -51,9 +55,69 @@ class Identification:
     """The runs that the laws were identified from, if there were any."""
 
     @property
-    def alarms(self) -> tuple[str, ...]:
-        """The warnings that say not to trust the laws as they are."""
-        return tuple(line for line in self.warnings if severity(line) == "alarm")
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Reasons not to trust the best law as it is."""
+        found = self.drive.alarms if self.drive is not None and self.method == "drive" else ()
+        return (*self._multiplier(), *found, *self._contradiction())
+
+    def _multiplier(self) -> list[Alarm]:
+        """Odometry taken as encoders, whose multiplier nobody stated."""
+        for log in self.logs:
+            bag = log.metadata.get("bag")
+            if isinstance(bag, Mapping) and bag.get("odometry") and "multiplier" not in log.metadata:
+                times = self.answer.get("wheel_separation_multiplier")
+                then = f"; the answer is then current × {times.value:.2f}" if times else ""
+                line = (
+                    f"odometry {bag.get('encoders')} was computed with a wheel_separation_multiplier that the log does "
+                    f"not state: give --multiplier (1 if it had none){then}"
+                )
+                return [Alarm("multiplier", line)]
+        return []
+
+    def _contradiction(self) -> list[Alarm]:
+        """Steady stretches and whole drives whose values of a law exclude each other."""
+        if (
+            self.steady is None
+            or self.drive is None
+            or REFERENCE not in self.steady.laws
+            or REFERENCE not in self.drive.laws
+        ):
+            return []
+        steady, drive = self.steady.laws[REFERENCE], self.drive.laws[REFERENCE]
+        apart = []
+        for name, (low, high) in drive.interval95.items():
+            if name in steady.interval95 and (steady.interval95[name][1] < low or steady.interval95[name][0] > high):
+                apart.append(f"{name} {steady.values[name]:.3g} and {drive.values[name]:.3g}")
+        line = (
+            f"steady stretches and whole drives contradict each other ({', '.join(apart)}): look at both in the report"
+        )
+        return [Alarm("contradiction", line)] if apart else []
+
+    @property
+    def answer(self) -> dict[str, Gain]:
+        """What people look for, with 95 % intervals: multipliers of a differential drive's odometry, D [m] and ε.
+
+        Ends of an interval are NaN where there is none: of what the law doesn't have, or too little driving.
+        `wheel_separation_multiplier`, `left_wheel_radius_multiplier`, `right_wheel_radius_multiplier`, `offset` and
+        `radius_error`, of the best law if it has constant ICRs, else of the best of those.
+        """
+        if self.expressible is None:
+            return {}
+        fit, b = self.fits()[self.expressible], self.geometry.half_gauge
+        offset, error = (_mean(fit, key) for key in ("offset", "radius_error"))
+        left, right = (_mean(fit, "radius_error", side) for side in ("left", "right"))
+        return {
+            "wheel_separation_multiplier": Gain(*(1 + end / b for end in offset)),
+            "left_wheel_radius_multiplier": Gain(*(1 + end for end in left)),
+            "right_wheel_radius_multiplier": Gain(*(1 + end for end in right)),
+            "offset": Gain(*offset),
+            "radius_error": Gain(*error),
+        }
+
+    @property
+    def expressible(self) -> str | None:
+        """The best of the laws that a differential drive's odometry can express; None if there is none."""
+        return self._main().expressible
 
     @property
     def samples(self) -> SlipSamples:
@@ -71,6 +135,11 @@ class Identification:
     def best(self) -> str:
         """Name of the law that predicts motion best; of laws that predict it equally well, the simplest."""
         return self._main().best
+
+    @property
+    def reason(self) -> str:
+        """Why `best` is the best, in one sentence."""
+        return self._main().reason
 
     @property
     def laws(self) -> dict[str, SlipLaw]:
@@ -137,7 +206,7 @@ class Identification:
             ends = fit.interval95.get(key)
             unit = FAMILIES[name].parameters[key].unit or "-"
             label = "" if rows else f"{name} (best)" if name == self.best else name
-            interval = "held" if ends is None else f"{ends[0]:+.5f} .. {ends[1]:+.5f}"
+            interval = "held" if ends is None else f"{ends[0]:+.5f} .. {ends[1]:+.5f}".replace("+nan .. +nan", "none")
             rows.append((label, f"{key} [{unit}]", f"{value:+.5f}", interval))
         return rows
 
@@ -156,6 +225,24 @@ class Identification:
         return [f"{left_out}{counted(len(self.warnings), 'warning')}, see .warnings"] if self.warnings else []
 
 
+def _mean(fit: FittedLaw, key: str, side: str = "") -> tuple[float, float, float]:
+    """A parameter, or the mean of those of both sides, with the ends of its 95 % interval; 0 if the law has none.
+
+    The ends are NaN where nothing was fitted.
+    """
+    names = [name for name in fit.values if name == key or name.startswith(f"{key}_{side}")]
+    value = float(np.mean([fit.values[name] for name in names])) if names else 0.0
+    fitted = [list(fit.stderr).index(name) for name in names if name in fit.stderr]
+    if not fitted:
+        return value, np.nan, np.nan
+    errors = np.array([*fit.stderr.values()])[fitted] / len(names)
+    error = float(np.sqrt(errors @ fit.correlation[np.ix_(fitted, fitted)] @ errors))
+    low, high = np.transpose([fit.interval95[name] for name in names if name in fit.stderr])  # cut at limits
+    middle = np.array([fit.values[name] for name in names if name in fit.stderr])
+    wide = float(np.max(np.maximum(high - middle, middle - low) / np.maximum(errors * len(names), 1e-300)))
+    return value, value - wide * error, value + wide * error
+
+
 def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict[str, Any]:
     """`slip_laws` and `geometry`, as `load_laws` reads them."""
     return laws_content({name: fit.stored for name, fit in laws.items() if fit.values and fit.determined}, geometry)
@@ -165,6 +252,11 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
     """`laws_to_json`, `laws` with everything known of each law, `prediction` of drives, and what was left out."""
     steady, drive = found.steady, found.drive
     content: dict[str, Any] = laws_to_json(found.fits(), found.geometry) | {"method": found.method, "best": found.best}
+    content["expressible"] = found.expressible
+    content["answer"] = {
+        name: {end: None if np.isnan(value) else value for end, value in asdict(gain).items()}
+        for name, gain in found.answer.items()
+    }
     if steady is not None:
         laws = {name: _steady_law(name, steady) for name in steady.laws}
         content |= {"laws": laws, "samples": len(steady.samples)}
@@ -175,15 +267,18 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
             "drives": [one.name for one in drive.drives],
             "score": dict(drive.score),
             "laws": {name: _content(law, _UNSTORED) for name, law in drive.laws.items()},
-            "clock_profile": drive.clock and {"offset": drive.clock.offset.tolist(), "rise": drive.clock.rise.tolist()},
-            "warnings": list(drive.warnings),
         }
+        content["look"] = drive.look.to_json()
         content["prediction"] = {
             name: {f"{horizon:g}": asdict(errors) for horizon, errors in by_horizon.items()}
             for name, by_horizon in drive.errors.items()
         }
     outliers = [asdict(outlier) for outlier in found.outliers]
-    return content | {"outliers": outliers, "alarms": list(found.alarms), "warnings": list(found.warnings)}
+    return content | {
+        "outliers": outliers,
+        "alarms": [asdict(alarm) for alarm in found.alarms],
+        "warnings": list(found.warnings),
+    }
 
 
 def _steady_law(name: str, found: SteadyComparison) -> dict[str, Any]:
@@ -195,5 +290,4 @@ def _steady_law(name: str, found: SteadyComparison) -> dict[str, Any]:
 def _content(law: FittedLaw, unstored: Sequence[str]) -> dict[str, Any]:
     """The fields of a fit, but for some."""
     found = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in unstored}
-    lack = found.get("lack_of_fit")
-    return found | {"correlation": law.correlation.tolist()} | ({"lack_of_fit": asdict(lack)} if lack else {})
+    return found | {"correlation": law.correlation.tolist()}

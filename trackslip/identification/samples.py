@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -65,7 +65,6 @@ class SlipSamples:
         lateral: Array | None = None,
         lateral_stderr: Array | None = None,
         load: Array | None = None,
-        accept: Collection[str] = (),
     ) -> SlipSamples:
         """Samples from steady sprocket speeds and twists (n, 2); Eqs. 2-3.
 
@@ -73,13 +72,13 @@ class SlipSamples:
         unit load (n, 2) if known.
 
         The slip of a track whose sprocket stands, or nearly so, is undefined: NaN. Raises LogError if both stand or the
-        motion is implausible, unless a user should `accept` that.
+        motion is implausible.
         """
         size = np.abs(omega)
         standing = size < NEARLY_STANDING * size.max(axis=1, keepdims=True)
         slip = np.where(standing, np.nan, track_slip(omega, twist, geometry))
         yaw_stderr = np.zeros(len(twist)) if covariance is None else np.sqrt(np.maximum(covariance[:, 1, 1], 0.0))
-        require_plausible(omega, twist, slip, geometry, run, yaw_stderr, accept)
+        require_plausible(omega, twist, slip, geometry, run, yaw_stderr)
         return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr, load)
 
     @classmethod
@@ -175,7 +174,6 @@ def usable_rows(
     twist: Array,
     geometry: RobotGeometry,
     unread: Mapping[int, str] = MappingProxyType({}),
-    accept: Collection[str] = (),
     lateral: Array | None = None,
 ) -> Sampling:
     """The usable samples of steady sprocket speeds and twists (n, 2), named row 1, row 2, ...; LogError if none is.
@@ -189,7 +187,7 @@ def usable_rows(
             if k in unread:
                 raise LogError(unread[k])
             left = None if lateral is None else lateral[[k]]
-            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name], lateral=left, accept=accept))
+            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name], lateral=left))
         except LogError as error:
             left_out.append(Refused.of(name, error))
     return _sampling(usable, left_out)
@@ -230,7 +228,6 @@ def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSampl
         None if steady.lateral is None else np.array([steady.lateral]),
         None if steady.lateral_stderr is None else np.array([steady.lateral_stderr]),
         None if part.load is None else part.load[None],
-        part.log.accept,
     )
 
 

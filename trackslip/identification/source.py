@@ -10,18 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.doubts import ACCEPTED
-from trackslip.errors import InvalidValueError, LogError, counted, require, require_within
+from trackslip.bags.choice import AUTOMATIC, BagChoice
+from trackslip.errors import InvalidValueError, LogError, counted, require_within
 from trackslip.identification.samples import Sampling, usable_rows, usable_samples
-from trackslip.kinematics import GEARS, RobotGeometry
+from trackslip.kinematics import GEARS, Array, RobotGeometry
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table, runs_file
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.logs.table import LATERAL, REQUIRED, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.constant_speed import SETTLE
-from trackslip.ros.choice import AUTOMATIC, BagChoice
 
+MULTIPLIERS = (0.1, 10.0)
+"""wheel_separation_multipliers that a robot may have: ICRs within ten times the gauge."""
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
 _LOADING = ("slope", "uphill")  # of the ground: may differ between runs that tell their loads
 
@@ -42,12 +43,19 @@ class ReadOptions:
     """Name of a motion method; None for the most accurate that each run allows."""
     bag: BagChoice = AUTOMATIC
     """Topics to read from bags."""
-    accept: tuple[str, ...] = ()
-    """What to accept although it looks wrong: any of `trackslip.doubts.ACCEPTED`."""
+    multiplier: float | None = None
+    """wheel_separation_multiplier by which odometry taken as encoders was computed [-]; None if there is none to undo,
+    or it isn't known."""
 
     def __post_init__(self) -> None:
-        require(set(self.accept) <= set(ACCEPTED), "accept", self.accept, f"among {', '.join(ACCEPTED)}")
         require_within("gear", self.gear, *GEARS)
+        if self.multiplier is not None:
+            require_within("multiplier", self.multiplier, *MULTIPLIERS)
+
+    def sprocket_speeds(self, omega: Array) -> Array:
+        """Sprocket speeds (n, 2) from those of the encoders (n, 2), or of odometry computed with the multiplier."""
+        mean = omega.mean(axis=1, keepdims=True)
+        return (mean + (self.multiplier or 1.0) * (omega - mean)) / self.gear
 
 
 @dataclass(frozen=True)
@@ -93,7 +101,7 @@ def read_source(
     Given the folder, `chosen` returns the names of the runs to use; None for all of them. Raises LogError if nothing in
     the log can be read or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
     """
-    from trackslip.ros.drive_log import holds_bags, refuse_choice  # late: runs in memory need no bags
+    from trackslip.bags.drives import holds_bags, refuse_choice  # late: runs in memory need no bags
 
     if holds_bags(path):
         return _of_bags(path, reading, chosen)
@@ -125,9 +133,10 @@ def source_of_runs(
         raise LogError(f"{name}: there are none")
     loads = _require_one_setting(runs, name)
     geometry = _geometry(reading, runs[0].metadata.get("geometry"), name)
-    known = {"geometry": asdict(geometry)}
-    gear, accept = reading.gear, reading.accept
-    logs = [replace(log, omega=log.omega / gear, accept=accept, metadata=log.metadata | known) for log in runs]
+    known: dict[str, Any] = {"geometry": asdict(geometry)}
+    if reading.multiplier is not None:
+        known["multiplier"] = reading.multiplier
+    logs = [replace(log, omega=reading.sprocket_speeds(log.omega), metadata=log.metadata | known) for log in runs]
     left_out = left_out or ReadRuns()
     return Source(
         name,
@@ -159,10 +168,10 @@ def _read(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[
         geometry = _geometry(reading, None, file)
         rows = _sampled(Columns(table, str(file)), reading, geometry)
         return Source(str(file), geometry, reading, rows=rows)
-    if not set(columns) & set(REQUIRED[1:]):
-        needed = f"{', '.join(REQUIRED)} and usually phi, or {', '.join(SAMPLE_COLUMNS)}"
+    if not set(columns) & {*REQUIRED, "x", "y"}:
+        needed = f"{', '.join(REQUIRED)}, x, y and usually phi, or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
-    read = runs_from_table(table, str(file), reading.accept)
+    read = runs_from_table(table, str(file))
     runs: Sequence[RunLog] = read.runs
     if chosen is not None:
         names = chosen(file.parent)
@@ -174,7 +183,7 @@ def _read(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[
 
 def _of_bags(path: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
     """The drives in bags."""
-    from trackslip.ros.drive_log import read_bags  # late, too
+    from trackslip.bags.drives import read_bags  # late, too
 
     if chosen is not None:
         raise LogError(f"{path}: holds bags, not runs of a sweep: --where must be left out")
@@ -197,7 +206,7 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
     unread = {row: complaint.removeprefix(f"row {row + 1}, ") for row, complaint in complaints.items()}
     lateral = columns.optional((LATERAL,))
     left = None if lateral is None else lateral[:, 0]
-    return usable_rows(values[:, :2] / reading.gear, values[:, 2:], geometry, unread, reading.accept, left)
+    return usable_rows(reading.sprocket_speeds(values[:, :2]), values[:, 2:], geometry, unread, left)
 
 
 def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]:

@@ -61,45 +61,6 @@ class Fits:
         result[regular] = np.linalg.inv(scaled[regular])
         return result / root[:, :, None] / root[:, None, :]
 
-    @cached_property
-    def jacobian(self) -> Array:
-        """Derivatives (M, 2 n, p) of the deviations, unweighted; for values at a limit, taken just inside it."""
-        slopes = -self.runs.of_twists @ twist_derivatives(self.family, self.values, self.runs.omega, self.runs.geometry)
-        return slopes.reshape(len(self.values), 2 * self.runs.runs, self.values.shape[1])
-
-    @property
-    def _weighted_jacobian(self) -> Array:
-        """The Jacobian (M, 2 n, p), weighted by the reciprocal variances."""
-        variance = (self.runs.eigenvalues + self.scatter[:, None, None] ** 2).reshape(len(self.values), -1, 1)
-        return self.jacobian * np.repeat(self.runs.weight, 2, axis=-1)[..., None] / variance
-
-    @property
-    def noise_covariance(self) -> Array:
-        """Covariances (M, p, p) of the values from measurement errors alone, the scatter being part of the signal."""
-        weighted = self._weighted_jacobian
-        middle = np.einsum("mki,mkj->mij", weighted * self.runs.eigenvalues.reshape(1, -1, 1), weighted)
-        return self.covariance @ middle @ self.covariance
-
-    @property
-    def robust_covariance(self) -> Array:
-        """Covariances (M, p, p) of the values from the residuals, valid for variances that differ from run to run.
-
-        The sandwich estimator with the two tracks of a run as a cluster, and residuals corrected for the leverage of
-        the run (HC3, MacKinnon and White, 1985).
-        """
-        bread = self.covariance
-        pair = (len(bread), self.runs.runs, 2, bread.shape[1])
-        w, j = self._weighted_jacobian.reshape(pair), self.jacobian.reshape(pair)
-        regular = np.asarray(np.isfinite(bread).all(axis=(1, 2)))
-        leverage = np.einsum("mkai,mij,mkbj->mkab", j, np.where(regular[:, None, None], bread, 0.0), w)
-        residual = self.deviation
-        freed = np.linalg.solve(np.eye(2) * (1 + 1e-9) - leverage, residual[..., None])[..., 0]
-        scores = np.einsum("mkai,mka->mki", w, freed)
-        robust = np.full(bread.shape, np.inf)
-        b, s = bread[regular], scores[regular]
-        robust[regular] = b @ np.einsum("mki,mkj->mij", s, s) @ b
-        return robust
-
 
 def fit(
     family: LawFamily,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.identification.fitted import SteadyFit
-from trackslip.identification.lack_of_fit import by_command, by_speed, folds
+from trackslip.identification.groups import by_command, by_speed, folds
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_fit import fit
 from trackslip.identification.weighting import WeightedRuns, relative_errors

@@ -1,7 +1,6 @@
 """Tracks through recorded scans: a few are located independently, the others between them.
 
-Locating a scan independently takes fits from several starts. Between two known poses the encoders place the robot
-so well that one start is enough.
+Locating a scan independently takes fits from several starts. Between two known poses, one start is enough.
 """
 
 from __future__ import annotations
@@ -12,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from trackslip import se2
-from trackslip.kinematics import Array, RobotGeometry, advance, body_twist
+from trackslip.kinematics import Array
 from trackslip.localization.base import Locator, PoseEstimate
 from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Scan
+from trackslip.localization.view import EDGE_ON, viewing_angle
 
 EVERY = 8
 """Number of scans out of which one is located independently."""
@@ -56,7 +55,7 @@ class Follower:
         if self._last is not None:
             known, keys = _joined(self._last, known), np.append(-1, keys)
         if not alone.all():
-            between, expected = _between(known, keys, angle, self._tracker.geometry)
+            between, expected = _between(known, keys, rows)
             _locate(locator, scan, single, between & ~alone, expected)
             _locate(locator, scan, single, ~(between & single.valid) & ~alone)
         self._rows, self._last = self._rows + rows, last
@@ -83,7 +82,8 @@ def _track(
     for k, row in enumerate(rows):
         expected = tracker.predict(angle[:, k], 1.0)
         here = PoseEstimate(single.pose[:, row], single.covariance[:, row], single.valid[:, row])  # views
-        doubted = np.flatnonzero(~tracker.believes(here))
+        edge_on = viewing_angle(scan.from_world(expected)) < EDGE_ON
+        doubted = np.flatnonzero(~tracker.believes(here) & ~edge_on)
         if doubted.size:
             _put(here, doubted, locator.locate(replace(scan, ranges=scan.ranges[doubted, row]), expected[doubted]))
         tracked.append(tracker.update(here))
@@ -104,24 +104,14 @@ def _put(estimate: PoseEstimate, where: np.ndarray, part: PoseEstimate) -> None:
     estimate.pose[where], estimate.covariance[where], estimate.valid[where] = part.pose, part.covariance, part.valid
 
 
-def _between(known: PoseEstimate, keys: np.ndarray, angle: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
-    """Mask (N, T) of the rows between valid poses `known` (N, K), and the poses (N, T, 3) that these predict.
+def _between(known: PoseEstimate, keys: np.ndarray, rows: int) -> tuple[np.ndarray, Array]:
+    """Mask (N, T) of the rows between valid poses `known` (N, K), and poses (N, T, 3) interpolated between these.
 
-    Sprockets that turn by `angle` (N, T, 2) without slip lead from each of the two, and the closer one counts for more.
     The first of the rows `keys` (K,) may be -1, the one before them.
     """
-    rows = np.arange(angle.shape[1])
-    after = np.maximum(np.searchsorted(keys, rows), 1)
+    row = np.arange(rows)
+    after = np.maximum(np.searchsorted(keys, row), 1)
     before = after - 1
-    since = rows - keys[before]
-    share = (since / (keys[after] - keys[before]))[:, None]
-    twist = body_twist(angle, 0.0, geometry)
-    path = np.zeros((*angle.shape[:2], 3))  # from the pose before
-    for k in range(1, int(since.max()) + 1):  # sums over all rows would depend on where the block begins
-        here = np.flatnonzero(since == k)
-        start = path[:, here - 1] if k > 1 else np.zeros(3)
-        path[:, here] = advance(np.broadcast_to(start, (len(angle), len(here), 3)), twist[:, here], 1.0)
-    expected = np.zeros(path.shape)
-    for side, start, weight in ((before, np.zeros(3), 1 - share), (after, path[:, keys[after]], share)):
-        expected += weight * se2.compose(known.pose[:, side], se2.between(start, path))
+    share = ((row - keys[before]) / (keys[after] - keys[before]))[:, None]
+    expected = (1 - share) * known.pose[:, before] + share * known.pose[:, after]
     return known.valid[:, before] & known.valid[:, after], expected

@@ -27,11 +27,15 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.beams import Edges, PlateBeams
-from trackslip.localization.gauss_newton import Evaluation, climb
+from trackslip.localization.gauss_newton import Evaluation, newton
 from trackslip.localization.scan import Plate
 from trackslip.localization.view import View
 
-_TINY = 1e-300  # keeps a beam that is parallel to a face from dividing by zero
+_TINY = 1e-300  # keeps a beam that is parallel to a face, and a step without promise, from dividing by zero
+_DAMPING = 1e-3  # at first
+_FEW = 32  # rows: to leave some out takes longer than to evaluate them once more
+_CONVERGED = 1e-2  # a climb ends with a step that promises less; what is left promises about the square of that
+_SHORTEST, _LONGEST = 0.1, 0.5  # part of a refused step that is tried next
 # an edge's residual or derivative whose products are what it adds to the cost, the gradient, and the Hessian's elements
 _FIRST, _SECOND = np.array([0, 0, 0, 0, 1, 2, 3, 2, 1, 1]), np.array([0, 1, 2, 3, 1, 2, 3, 3, 3, 2])
 
@@ -72,48 +76,7 @@ class PlateLikelihood:
         residual = self._ranges(beams, View.of(self.plate, pose))[0]
         return np.sqrt(beams.sums(residual * residual) / beams.count)
 
-    def cost_along(self, beams: PlateBeams, pose: Array, offset: Array) -> Array:
-        """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan."""
-        view = View.of(self.plate, pose)
-        residual, weight = _missed(beams.edges, view.slid(offset).bearings(beams.edges.ahead))
-        costs = (residual * weight) ** 2
-        return self._ranges_along(beams, view, offset) + (costs[0] + costs[1]) / 2
-
-    def _ranges_along(self, beams: PlateBeams, view: View, offset: Array) -> Array:
-        """The part (M, K) of `cost_along` that is due to ranges. Only beams that may leave the long face matter."""
-        half_length = self.plate.length / 2
-        reach = math.hypot(self.plate.length, self.plate.thickness) / 2
-        along, across, cos, sin = view.place.real, view.place.imag, view.axis.real, view.axis.imag
-        longest = np.abs(offset).max(axis=1)
-        distance = np.abs(view.place)
-        ahead, aside = np.copysign(1.0, along), np.copysign(1.0, across)
-        of_scans = np.empty((8, len(offset)))
-        of_scans[0], of_scans[1], of_scans[2], of_scans[3] = ahead * cos, ahead * sin, -aside * sin, aside * cos
-        of_scans[4] = np.abs(along) + longest - half_length
-        of_scans[5] = np.maximum(np.abs(across) - self.plate.thickness / 2, 0.0)
-        of_scans[6], of_scans[7] = distance + longest - reach, distance - longest + reach
-        e_x, e_y, n_x, n_y, short, long, near, far = beams.spread(of_scans)
-        u_x, u_y = beams.u
-        u_e = u_x * e_x + u_y * e_y - _TINY
-        to_long = long / (u_x * n_x + u_y * n_y - _TINY)
-        (matters,) = ((short > to_long * u_e) & (u_e > 0) | (to_long < near) | (to_long > far)).nonzero()
-
-        row = np.arange(len(offset)).repeat(beams.count)[matters]
-        places = along[:, None] + offset  # (M, K)
-        distance = np.hypot(places, across[:, None])[row]
-        depth = np.maximum(places * ahead[:, None] - half_length, 0.0)[row]
-        entered = np.maximum(depth / u_e[matters, None], to_long[matters, None])
-        predicted = np.minimum(np.maximum(entered, distance - reach), distance + reach)
-        loss = self.loss((predicted - beams.range[matters, None]) / beams.noise)[1]
-        cost = np.zeros(offset.shape)
-        if row.size:
-            begins = np.ones(len(row), bool)
-            np.not_equal(row[1:], row[:-1], out=begins[1:])
-            (first,) = begins.nonzero()
-            cost[row[first]] = np.add.reduceat(loss, first, axis=0)
-        return cost
-
-    def moved(self, here: Evaluation, step: Array) -> Array:
+    def _moved(self, here: Evaluation, step: Array) -> Array:
         """Poses (M, 3) after steps (M, 3) from `here` along and across the plates."""
         moved, shift = here.pose.copy(), np.empty(len(step), complex)
         shift.real, shift.imag = step[:, 0], step[:, 1]
@@ -124,8 +87,54 @@ class PlateLikelihood:
         return moved
 
     def climb(self, beams: PlateBeams, pose: Array, iterations: int) -> Evaluation:
-        """The maxima of the likelihood near poses (M, 3) in the LRF's frame."""
-        return climb(self, beams, pose, iterations)
+        """The minima of the cost near poses (M, 3) in the LRF's frame, by damped Gauss-Newton steps.
+
+        A step that leads upwards crosses a kink of the cost, where beams leave a face of the plate; a part of it is
+        tried next, up to the minimum of the parabola through what is known, unless that promises next to nothing. A row
+        whose next step promises next to nothing takes that step. It no longer changes then, so that rows are bitwise
+        independent.
+        """
+        fit = here = self.evaluate(beams, pose.copy())
+        rows = np.arange(len(pose))  # those of `here`
+        climbing = np.ones(len(pose), bool)
+        part = np.ones(len(pose))  # of the step that is tried
+        for k in range(iterations):
+            step, fall = newton(here, _DAMPING / 10**k)
+            there = (fall < _CONVERGED) & climbing
+            target = self._moved(here, part[:, None] * step)
+            if np.count_nonzero(there):  # takes a quarter of the time of any()
+                np.copyto(here.pose, target, where=there[:, None])
+                np.subtract(here.cost, fall, out=here.cost, where=there)
+                climbing &= ~there
+            left = np.count_nonzero(climbing)
+            if not left:
+                break
+            if len(rows) > _FEW and left < len(rows):
+                if fit is not here:
+                    fit.put(rows[~climbing], here.take(~climbing))
+                (on,) = climbing.nonzero()
+                rows, beams, here, climbing = rows[on], beams.take(on), here.take(on), climbing[on]
+                part, target, fall = part[on], target[on], fall[on]
+            trial = self.evaluate(beams, target)
+            rise = trial.cost - here.cost
+            better = (rise < 0) & climbing
+            if np.count_nonzero(better) == len(rows):
+                here = trial
+            else:
+                np.copyto(here.pose, trial.pose, where=better[:, None])
+                np.copyto(here.terms, trial.terms, where=better[:, None])
+                np.copyto(here.axis, trial.axis, where=better)
+            np.copyto(part, 1.0, where=better)
+            refused = climbing & ~better
+            if np.count_nonzero(refused):
+                promised = 2 * part * fall
+                shorter = promised / (2 * (rise + promised) + _TINY)
+                climbing &= better | (shorter * promised / 2 >= _CONVERGED)  # what the minimum of the parabola promises
+                part = np.where(refused, part * np.minimum(np.maximum(shorter, _SHORTEST), _LONGEST), part)
+        if here is fit or len(rows) == len(pose):
+            return here
+        fit.put(rows, here)
+        return fit
 
     def loss(self, residual: Array) -> tuple[Array, Array]:
         """Weights (...) of ranges with residuals (...) [standard deviations] under the Huber loss, and their costs."""
@@ -182,11 +191,8 @@ def _half_sides(plate: Plate) -> Array:
 
 
 def _missed(edges: Edges, bearing: Array) -> tuple[Array, Array]:
-    """By how much corners at bearings (2, M) or (2, M, K) miss the edges [rad], and the weights of that [1/rad]."""
-    told, weight, slack = edges.bearing.T, edges.weight.T, edges.slack.T
-    if bearing.ndim > 2:
-        told, weight, slack = told[..., None], weight[..., None], slack[..., None]
-    residual = bearing - told
+    """By how much corners at bearings (2, M) miss the edges [rad], and the weights of that [1/rad]."""
+    residual, weight, slack = bearing - edges.bearing.T, edges.weight.T, edges.slack.T
     if np.count_nonzero(slack):
         residual -= np.minimum(np.maximum(residual, -slack), slack)
         weight = np.where((slack == 0) | (residual != 0), weight, 0.0)

@@ -2,8 +2,9 @@
 
 The likelihood has several maxima (a plate seen nearly edge-on looks much like its mirror image about the line of
 sight), so it is maximised from several starts, by damped Gauss-Newton steps for all scans and starts at once. If the
-climb from an expected pose explains the scan as well as the noise allows, no other start is tried. Where the likelihood
-is not normal, pose and covariance are the mean and covariance of the posterior: see `posterior`.
+climb from an expected pose explains the scan as well as the noise allows, no other start is tried. Covariances are
+those of the likelihood's curvature. Where that says too little, a plate seen edge-on is no pose, and one seen from the
+side is known along itself only as well as the edges of its silhouette tell.
 """
 
 from __future__ import annotations
@@ -19,11 +20,10 @@ from trackslip.localization.beams import PlateBeams
 from trackslip.localization.gauss_newton import UNKNOWN, Evaluation, covariances
 from trackslip.localization.initial_poses import MAX_STARTS, chunks, portions, starts
 from trackslip.localization.likelihood import PlateLikelihood
-from trackslip.localization.posterior import correct
 from trackslip.localization.returns import best_of_each
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
-from trackslip.localization.view import in_axes
+from trackslip.localization.view import EDGE_ON, in_axes, viewing_angle
 
 _STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else
 _EXPLAINED = 7.0  # gain in log likelihood of a return from the plate over one from anything within a few metres
@@ -31,6 +31,9 @@ _MIN_PLATE_RETURNS = 8  # fewer returns may look like a plate by chance
 _ROUNDS = 2  # of selecting the returns by the pose
 _SCREENED = 24  # beams of a cluster used to screen the starts
 _ALIKE = 1e-3  # difference in cost of starts that led to the same pose: the first is taken, not one by rounding
+_FEW_BEAMS = 1.5  # beam steps that a short face spans if one or two beams fit on it
+_FROM_SIDE = np.radians(45.0)  # viewing angle above which the long face prevails
+_TINY = 1e-12  # keeps what the edges don't tell from dividing by zero
 _MIN_DROPOUT = 0.02  # probability that a beam passes a plate in its way
 
 
@@ -129,6 +132,7 @@ class PlateLocator:
             (found.misfit < self.max_misfit)
             & (variance[:, :2].max(axis=1) < self.max_position_error**2)
             & (variance[:, 2] < self.max_heading_error**2)
+            & (viewing_angle(found.pose) > EDGE_ON)
         )
 
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
@@ -146,13 +150,13 @@ class PlateLocator:
         beams = PlateBeams.of(scan, cluster)
         fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
-        covariance = axes.swapaxes(1, 2) @ covariances(fit) @ axes
+        short = self.plate.thickness / scan.beam_step
+        covariance = axes.swapaxes(1, 2) @ _widened(covariances(fit), fit.pose, beams.edges.weight, short) @ axes
         strained = _strained(misfit, cluster.count)
         if np.count_nonzero(strained):
             covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
         score = _EXPLAINED * cluster.count - fit.cost
         score += np.log(max(scan.dropout, _MIN_DROPOUT)) * cluster.lost
-        correct(self._likelihood, scan, cluster, beams, fit.pose, covariance, misfit < self.max_misfit)
         cut = cluster.hidden.max(axis=1) > 0
         if np.count_nonzero(cut):
             covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
@@ -183,6 +187,23 @@ class PlateLocator:
         cost = screened.cost.reshape(scans, k)
         best = np.argmax(cost < cost.min(axis=1, keepdims=True) + _ALIKE, axis=1) + k * np.arange(scans)
         return self._likelihood.climb(beams, screened.pose[best], self.iterations)
+
+
+def _widened(covariance: Array, pose: Array, weight: Array, short: float) -> Array:
+    """Covariances (S, 3, 3) along and across plates at poses (S, 3), no smaller than the edges allow along the plate.
+
+    That is where one or two beams fit on the short face of a plate seen from the side. They would determine the place
+    along the plate precisely, but say nothing of it once the plate slides until they hit the long face instead.
+    `weight` (S, 2) are those of the edges [1/rad], and `short` is the distance at which one beam fits on a short face
+    that faces the LRF [m].
+    """
+    angle, distance = viewing_angle(pose), np.hypot(pose[:, 0], pose[:, 1])
+    information = np.sum((weight * (np.sin(angle) / distance)[:, None]) ** 2, axis=1)  # [1/m^2]
+    few = (angle > _FROM_SIDE) & (short * np.cos(angle) < _FEW_BEAMS * distance) & (information > 0)
+    factor = np.sqrt(np.where(few, np.maximum(1 / np.maximum(information * covariance[:, 0, 0], _TINY), 1.0), 1.0))
+    covariance[:, 0, :] *= factor[:, None]
+    covariance[:, :, 0] *= factor[:, None]
+    return covariance
 
 
 def _misfit(fit: Evaluation, cluster: Cluster) -> Array:

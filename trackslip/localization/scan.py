@@ -74,8 +74,6 @@ class Scan:
     background: Array | None = None
     """Ranges (B,), or several for each beam (L, B), of the field without the robot, NaN for no return [m]; None for an
     unknown field."""
-    tolerance: Array | None = None
-    """(B,) how close to the background returns belong to it [m]; by default five standard deviations."""
 
     @property
     def beam_step(self) -> float:
@@ -230,7 +228,7 @@ def returns_of(scan: Scan) -> Returns:
     """All returns that are not from the background."""
     kept = scan.ranges > _HOUSING  # false for NaN
     if scan.background is not None:
-        tolerance = _STATIC * max(scan.noise, MIN_NOISE) if scan.tolerance is None else scan.tolerance
+        tolerance = _STATIC * max(scan.noise, MIN_NOISE)
         for level in np.atleast_2d(scan.background):
             kept &= ~(np.abs(scan.ranges - level) < tolerance)
     place = np.flatnonzero(kept)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +13,15 @@ from trackslip.localization.scan import Plate
 Points = NDArray[np.complex128]
 """Points or directions of the scan plane, x + iy."""
 
-_ENDS = np.array([-0.5, 0.5])  # of a side from its middle [its length]
+EDGE_ON = np.radians(2.0)
+"""Viewing angle below which a scan determines no pose: errors of the heading are three to five times as large as the
+likelihood's curvature says, because few beams graze the long face and the mirror image is nearly as likely [rad]."""
 _TINY = 1e-12  # keeps a corner on the LRF from dividing by zero [m]
 
 
 @dataclass(frozen=True)
 class View:
-    """Places of plates along and across their axes, seen from the LRF: one for each scan, or K (see `slid`)."""
+    """Places of plates along and across their axes, seen from the LRF."""
 
     plate: Plate
     place: Points  # (M,) the centre, along + i across [m]
@@ -35,43 +36,27 @@ class View:
         np.sin(pose[:, 2], out=axis.imag)
         return cls(plate, centre * axis.conj(), axis)
 
-    def slid(self, offset: Array) -> View:
-        """The view of plates slid along themselves by `offset` (M, K) [m]: arrays (M, K), or (M, 1) if equal."""
-        return View(self.plate, self.place[:, None] + offset, self.axis[:, None])
-
-    def corners(self) -> Points:
-        """The outermost corners (2, M, ...), right and left, along + i across from the centres [m]."""
-        along, across, corners = _outermost(self.plate)
-        place = 3 * along.searchsorted(self.place.real) + across.searchsorted(self.place.imag)
-        return corners.take(place, axis=1)
-
     def silhouette(self, ahead: Points) -> Array:
         """The outermost corners, right and left, seen in the directions `ahead` (M,).
 
         Returns (4, 2, M): their bearings from `ahead` [rad], which thus do not wrap, and the derivatives of these with
         respect to the place along and across the plate's axes and the heading.
         """
-        from_centre = self.corners()
-        corners = from_centre + self.place
-        seen = np.empty((4, *corners.shape))
-        self._bearings(corners, ahead, seen[0])
-        inverse = np.reciprocal(corners)  # a bearing is the imaginary part of the corner's logarithm
-        seen[1], seen[2] = inverse.imag, inverse.real
-        inverse *= from_centre
-        seen[3] = inverse.real
-        return seen
+        half = complex(self.plate.length, self.plate.thickness) / 2
+        from_centre = np.array([[half], [half.conjugate()], [-half], [-half.conjugate()]])
+        corners = from_centre + self.place + _TINY  # (4, M)
+        bearing = np.angle(corners * (self.axis * ahead.conj()))
+        outermost = np.stack([bearing.argmin(axis=0), bearing.argmax(axis=0)])  # (2, M)
+        inverse = 1 / np.take_along_axis(corners, outermost, axis=0)  # a bearing is the imaginary part of the logarithm
+        by_heading = inverse * from_centre[outermost, 0]
+        seen = np.take_along_axis(bearing, outermost, axis=0)
+        return np.stack([seen, inverse.imag, inverse.real, by_heading.real])
 
-    def bearings(self, ahead: Points) -> Array:
-        """The bearings (2, M) or (2, M, K) alone."""
-        corners = self.corners() + self.place
-        bearings = np.empty(corners.shape)
-        self._bearings(corners, ahead, bearings)
-        return bearings
 
-    def _bearings(self, corners: Points, ahead: Points, out: Array) -> None:
-        """Write the bearings (2, M, ...) of corners, along + i across, from `ahead` (M,)."""
-        turned = corners * (self.axis * ahead.conj().reshape(self.axis.shape))
-        np.arctan2(turned.imag, turned.real, out=out)
+def viewing_angle(pose: Array) -> Array:
+    """Angles (S,) between plates at poses (S, 3) in the LRF's frame and the line of sight: 0 is edge-on [rad]."""
+    off = pose[:, 2] - np.arctan2(pose[:, 1], pose[:, 0])
+    return np.abs((off + np.pi / 2) % np.pi - np.pi / 2)
 
 
 def in_axes(heading: Array) -> Array:
@@ -82,21 +67,3 @@ def in_axes(heading: Array) -> Array:
     axes[:, 1, 0] = -axes[:, 0, 1]
     axes[:, 2, 2] = 1.0
     return axes
-
-
-@functools.lru_cache(maxsize=64)
-def _outermost(plate: Plate) -> tuple[Array, Array, Points]:
-    """Ends (2,) of the long and of the short side, and the outermost corners (2, 9), right and left, along + i across.
-
-    Both are seen from the centre [m]. The last axis tells whether the centre is behind, within or ahead of the LRF
-    along and, fastest, across the plate: by more than half its length or thickness, or not. A plate with the LRF inside
-    has no such corners, whatever the table says.
-    """
-    corners = np.array([1 + 1j, 1 - 1j, -1 + 1j, -1 - 1j])
-    corners.real, corners.imag = corners.real * (plate.length / 2), corners.imag * (plate.thickness / 2)
-    table = np.empty((2, 9), complex)
-    for k in range(9):
-        centre = complex((k // 3 - 1) * plate.length, (k % 3 - 1) * plate.thickness)
-        bearing = np.angle((centre + corners) * np.conj(centre))
-        table[:, k] = corners[bearing.argmin()], corners[bearing.argmax()]
-    return _ENDS * plate.length, _ENDS * plate.thickness, table + 1j * _TINY

@@ -1,14 +1,12 @@
-"""Checks of the rows of a run: clocks that restart, stamps that go back, headings and yaw rates in other units."""
+"""Checks of the rows of a run: clocks that restart, stamps that go back, yaw rates in other units."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Collection
 
 import numpy as np
 import scipy
 
-from trackslip.doubts import refuse
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
@@ -16,12 +14,8 @@ CLEARLY = 0.8
 """Correlation of turns that leaves no doubt [-]."""
 _RESTART = 1.0  # time by which a restarted clock goes back at least [s]
 _GLITCH = 4  # largest number of successive rows that are stamped wrongly rather than part of another drive
-_STRIDE = 0.5  # time over which a direction is estimated [s]
-_MIN_WAY = 0.01  # distance whose direction is well above the noise [m]
-_MIN_STEPS = 5  # minimum number of directions
-_MANY_STEPS = 30  # number of directions that make chance agreement unlikely
-_AGREES, _DISAGREES = 0.9, 0.5  # mean resultant length of the residuals of right and of wrong headings
-_AGREE_MANY = 0.6  # the same of right headings, out of many noisy ones
+_MIN_STEPS = 5  # minimum number of turns
+_DISAGREES = 0.5  # correlation of turns that are no longer the same
 _TURN_TIME = 2.0  # over which a gyro's turns are compared: poses may be stamped half a second late [s]
 _MIN_TURN = 0.1  # root mean square of turns that show a gyro's axis and unit [rad]
 _SAME_UNIT = (0.5, 2.0)  # ratio of turns in the same unit [-]
@@ -31,6 +25,16 @@ def restarts(time: Array) -> np.ndarray:
     """Rows (n,) at which the clock (T,) starts anew, because another drive follows under the same name."""
     usual = scipy.ndimage.median_filter(time, size=2 * _GLITCH + 1, mode="reflect")
     return np.flatnonzero(np.diff(usual) < -_RESTART) + 1
+
+
+def unwrapped(heading: Array) -> Array:
+    """Headings (n,) without jumps of whole turns; as they are if they are no radians, by their range and steps."""
+    step = np.abs(np.diff(heading))
+    turns = step[step > np.pi]
+    if not len(turns) or np.ptp(heading) < 2 * np.pi + 0.1:
+        return np.unwrap(heading)
+    whole = np.median(np.abs(turns - 2 * np.pi)) < 1.0 and len(turns) < 0.1 * len(step)
+    return np.unwrap(heading) if whole else heading
 
 
 def in_order(time: Array) -> np.ndarray:
@@ -53,34 +57,6 @@ def in_order(time: Array) -> np.ndarray:
     for k in range(len(ends) - 1, -1, -1):
         rows[k], row = row, before[row]
     return rows
-
-
-def require_headings(time: Array, pose: Array, run: str, accept: Collection[str] = ()) -> None:
-    """Raise LogError if the headings of measured poses (T, 3) only fit the path as degrees or clockwise.
-
-    The chord between two poses has the heading of the pose half-way in time. Runs that turn in place have no such path
-    and pass.
-    """
-    if len(time) < 5:
-        return
-    half = min(max(1, round(_STRIDE / 2 / float(np.median(np.diff(time))))), (len(time) - 1) // 2)
-    way = pose[2 * half :, :2] - pose[: -2 * half, :2]
-    length = np.hypot(*way.T)
-    moved = (length > _MIN_WAY) & (length >= np.median(length))  # noise matters least in the longer half
-    if moved.sum() < _MIN_STEPS:
-        return
-    direction, heading = np.arctan2(way[moved, 1], way[moved, 0]), pose[half:-half, 2][moved]
-
-    def agreement(values: Array) -> float:
-        return float(np.abs(np.mean(np.exp(2j * (direction - values)))))  # doubled: robots reverse, too
-
-    if agreement(heading) >= _DISAGREES:
-        return
-    agrees = _AGREES if moved.sum() < _MANY_STEPS else _AGREE_MANY
-    if agreement(np.radians(heading)) > agrees:
-        refuse("headings", accept, run, ", but do in degrees: they must be in radians")
-    if agreement(-heading) > agrees:
-        refuse("headings", accept, run, ", but do clockwise: are they a compass's, or x and y swapped?")
 
 
 def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Array] | None:

@@ -20,6 +20,7 @@ import pyarrow.parquet
 
 from trackslip.errors import LogError, LogWarning, first_line
 from trackslip.files import regular_file
+from trackslip.logs.csv_file import read_csv
 from trackslip.logs.file_format import known_manifest
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import file_metadata, stored_text, to_table
@@ -70,7 +71,7 @@ def read_table(path: Path) -> pa.Table:
             _require_moderate(path)
             table = pa.parquet.read_table(path, page_checksum_verification=True)
         elif path.suffix.lower() == ".csv":
-            table = pa.csv.read_csv(path, convert_options=_as_text(path))
+            table = read_csv(path)
         if table is not None and table.column_names is not None:  # names that are not text
             return table
     except FileNotFoundError as error:
@@ -118,15 +119,6 @@ def read_runs(path: Path) -> list[RunLog]:
 def read_log(path: Path) -> ReadRuns:
     """The runs in a file, and what was left out of it; raises LogError if no run can be read."""
     return runs_from_table(read_table(path), str(path))
-
-
-def _as_text(path: Path) -> pa.csv.ConvertOptions:
-    """Options that read every column as text, so that errors name row and column; LogError for other separators."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        names = next(csv.reader(file), [])
-    if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
-        raise LogError(f"{path}: its columns must be separated by commas (first line {names[0]!r})")
-    return pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
 
 
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from trackslip.doubts import Doubt, joined
 from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.scanlog import ScanLog
@@ -18,6 +18,7 @@ from trackslip.logs.scanlog import ScanLog
 MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError, OverflowError)
 """Errors from metadata of runs that are not as trackslip writes them."""
 _BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid", "load", "gyro")
+_NUMBERS_AND_NAMES = re.compile(r"'[^']*'|[-+]?\d[\d.,e+-]*")
 MAX_YAW_RATE = 100.0
 """Yaw rate above which a gyro's reading is none [rad/s]."""
 MEASURED = 0.99
@@ -47,7 +48,7 @@ class RunLog:
     """Name of the run, unique within a file."""
     time: Array  # (T,) [s], ascending
     omega: Array  # (T, 2) measured sprocket speeds [rad/s]
-    pose: Array  # (T, 3) estimated pose [m, m, rad], phi unwrapped; phi is NaN where no heading was measured
+    pose: Array  # (T, 3) estimated pose [m, m, rad], phi unwrapped; NaN for positions or headings not measured
     command: Array | None = None  # (T, 2) commanded sprocket speeds [rad/s]
     twist_command: Array | None = None  # (T, 2) body twist commanded by a controller [m/s, rad/s]
     icr: Array | None = None  # (T, 2) D [m] and epsilon [-] of the constant ICRs used for slip compensation
@@ -57,8 +58,7 @@ class RunLog:
     gyro: Array | None = None  # (T,) yaw rate by a gyroscope, mean since the previous row; NaN if not measured [rad/s]
     truth: Truth | None = None
     scans: ScanLog | None = None  # T rows: the scans from which the poses were estimated
-    accept: tuple[str, ...] = ()
-    """Doubts about the run that the user wants to be ignored, of `trackslip.doubts.ACCEPTED`."""
+    beyond: Array | None = None  # (B, 4) times and poses before the first and after the last encoder reading
     metadata: dict[str, Any] = field(default_factory=dict)
     """A JSON-compatible description of the run: geometry, ground, reference, controller, seed."""
 
@@ -75,7 +75,9 @@ class RunLog:
         names = ("x", "y", "phi", "omega_l", "omega_r")
         bad = ~np.isfinite(np.concatenate([self.pose, self.omega], axis=1))
         bad[:, :3] &= self.is_valid[:, None]
-        bad[:, 2] &= ~np.isnan(self.pose[:, 2])  # no heading
+        unknown = np.isnan(self.pose)
+        bad[:, 2] &= ~unknown[:, 2] | unknown[:, 0]  # no heading
+        bad[:, :2] &= ~(unknown[:, :2].all(axis=1) & np.isfinite(self.pose[:, 2]))[:, None]  # a heading alone
         if bad.any():
             k, j = np.argwhere(bad)[0]
             raise LogError(f"run {self.run!r}: {names[j]} is not finite in row {k + 1}")
@@ -89,6 +91,11 @@ class RunLog:
     def is_valid(self) -> np.ndarray:
         """(T,) bool: whether each pose was measured."""
         return np.ones(len(self.time), bool) if self.valid is None else self.valid
+
+    @property
+    def has_place(self) -> np.ndarray:
+        """(T,) bool: whether the pose was measured with its position."""
+        return self.is_valid & np.isfinite(self.pose[:, 0])
 
     @property
     def has_heading(self) -> np.ndarray:
@@ -114,6 +121,7 @@ class RunLog:
             changed["truth"] = Truth(**{name: value[rows] for name, value in known.items()})
         if self.scans is not None:
             changed["scans"] = self.scans.between(first, end)
+        changed["beyond"] = None
         return replace(self, **changed)
 
     def cut(self, duration: float) -> list[RunLog]:
@@ -139,37 +147,40 @@ class Refused:
     """Name of the run, or of its steady stretch."""
     reason: str
     """The reason for its exclusion."""
-    kind: str = "unusable"
-    """One of `trackslip.doubts.KINDS`."""
-    guess: str = ""
-    """A guess at the cause."""
 
     @classmethod
     def of(cls, run: str, error: LogError) -> Refused:
         """A run that raised an error, whose message may begin with the name of the run."""
-        doubt = error.doubt
-        if isinstance(doubt, Doubt):
-            return cls(run, doubt.reason, doubt.kind, doubt.guess)
         return cls(run, str(error).removeprefix(f"run {run!r}: "))
 
-    @property
-    def doubt(self) -> Doubt:
-        """The line about it."""
-        return Doubt.about(self.run, self.kind, self.reason, self.guess, left_out=True)
-
     def __str__(self) -> str:
-        return self.doubt
+        return f"run {self.run!r} left out: {self.reason}"
 
 
 def none_usable(refused: Sequence[Refused]) -> str:
-    """One line for a log all of whose runs are refused: the most frequent kind of doubt."""
+    """One line for a log all of whose runs are refused: the most frequent reason."""
     if len(refused) == 1:
-        return f"run {refused[0].run!r}: {refused[0].reason}{refused[0].guess}"
-    kinds = [one.kind for one in refused]
-    most = max(kinds, key=kinds.count)
-    known = len({one.guess for one in refused if one.guess}) == 1
-    line = joined([one.doubt for one in refused if one.kind == most], len(refused), known)
-    return f"none of the {len(refused)} runs can be used; {line}"
+        return f"run {refused[0].run!r}: {refused[0].reason}"
+    most = max(alike(map(str, refused)), key=len)
+    return f"none of the {len(refused)} runs can be used; {summed_up(most)}"
+
+
+def in_few_lines(lines: Iterable[str]) -> list[str]:
+    """A line for each group of lines that differ only in numbers and quoted names."""
+    return [summed_up(group) for group in alike(lines)]
+
+
+def alike(lines: Iterable[str]) -> list[list[str]]:
+    """Lines in groups that differ only in numbers and quoted names."""
+    groups: dict[str, list[str]] = {}
+    for line in dict.fromkeys(lines):
+        groups.setdefault(_NUMBERS_AND_NAMES.sub("", line), []).append(line)
+    return list(groups.values())
+
+
+def summed_up(group: Sequence[str]) -> str:
+    """The first of some lines, and how many there are."""
+    return group[0] if len(group) == 1 else f"{group[0]} (and {len(group) - 1:,} more alike)"
 
 
 def stored_geometry(log: RunLog) -> RobotGeometry | None:

@@ -1,7 +1,7 @@
 """RunLogs and steady samples as tables, and back.
 
 A table contains any number of runs, distinguished by the column `run`. The log of a real robot needs only the columns
-REQUIRED; samples of steady driving without a trace need SAMPLE_COLUMNS.
+REQUIRED, and x and y or phi; samples of steady driving without a trace need SAMPLE_COLUMNS.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from trackslip.logs.runlog import RunLog
 from trackslip.logs.scan_columns import SCANNED, list_column, scan_columns
 from trackslip.logs.schema import COLUMNS, with_units
 
-REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y")
+REQUIRED = ("t", "omega_l", "omega_r")
+"""Columns of any log of a robot; it has x and y, phi or all three, too. Without `run`, it is one run."""
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
 LATERAL = "lateral"
 """Speed to the left, of samples that have it [m/s]."""

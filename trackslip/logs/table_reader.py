@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from trackslip.doubts import doubt
 from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
-from trackslip.logs.checks import in_order, plausible_gyro, require_headings, restarts
+from trackslip.logs.checks import in_order, plausible_gyro, restarts, unwrapped
 from trackslip.logs.columns import Columns
 from trackslip.logs.runlog import MAX_YAW_RATE, Refused, RunLog, Truth, none_usable
 from trackslip.logs.scan_columns import SCANNED, from_list_column, scans_from_table
@@ -20,7 +21,8 @@ from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, SHEAR, T
 
 _OPTIONAL = ("command", "twist_command", "icr", "load")
 _ENCODER, _POSE, _GYRO = BLOCKS["omega"], BLOCKS["pose"], BLOCKS["gyro"]
-_GYRO_GAP = 1.0  # without readings that the next one covers [s]
+_GAP = 1.0  # without readings that the next one covers [s]
+_QUATERNION = re.compile(r"(^|[._/ ])(q_?|orientation[._/ ]?)(?P<part>[xyzw])$", re.IGNORECASE)
 _LONGEST = 500  # name of a run [characters]
 _MOST = 0.5  # share of damaged rows above which a run cannot be read
 
@@ -43,23 +45,27 @@ class ReadRuns:
         return (*self.notes, *map(str, self.refused))
 
 
-def runs_from_table(table: pa.Table, source: str, accept: Collection[str] = ()) -> ReadRuns:
-    """The runs in a table; `source` names it in errors, `accept` says what to accept although it looks wrong.
+def runs_from_table(table: pa.Table, source: str) -> ReadRuns:
+    """The runs in a table; `source` names it in errors.
+
     Raises LogError if it holds no run that can be read.
 
-    A row without pose, or with one that cannot be read, counts as not valid. A row without encoder reading gets that
-    of the next row that has one, a mean that covers it. Rows with a damaged reading or time are left out.
+    A row without position and heading, or with one that cannot be read, counts as not valid. A row without encoder
+    reading gets that of the next row that has one, a mean that covers it. Rows with a damaged reading or time are left
+    out.
     """
-    return _Reader(table, source, accept).read()
+    return _Reader(table, source).read()
 
 
 class _Reader:
     """The columns of a table, and what was left out so far."""
 
-    def __init__(self, table: pa.Table, source: str, accept: Collection[str]) -> None:
+    def __init__(self, table: pa.Table, source: str) -> None:
+        table = _named(_with_heading(table, source), source)
         columns = Columns(table, source)
-        columns.require(REQUIRED)
-        self._table, self._source, self._columns, self._accept = table, source, columns, accept
+        headings_alone = "phi" in table.column_names and not {"x", "y"} & set(table.column_names)
+        columns.require(REQUIRED if headings_alone else (*REQUIRED, "x", "y"))
+        self._table, self._source, self._columns = table, source, columns
         self._label, self._names = _labels(table, source)
         self._metadata = stored_metadata(table, source)
         self._cells = {name: columns.cells(name) for name in ("t", *_ENCODER, *_POSE, *_GYRO)}
@@ -100,7 +106,7 @@ class _Reader:
             return [self._run(name, name, rows)]
         first = starts[0]
         back = f"goes back from {time[first - 1]:.12g} s to {time[first]:.12g} s: read as {starts.size + 1} runs"
-        self._notes.append(doubt("rows", name, note=f"row {rows[first] + 1}, column t: {back}"))
+        self._notes.append(f"run {name!r}: row {rows[first] + 1}, column t: {back}")
         runs = []
         for number, part in enumerate(np.split(rows, starts), start=1):
             called = f"{name}, part {number}"
@@ -113,12 +119,13 @@ class _Reader:
     def _run(self, called: str, name: str, rows: np.ndarray) -> RunLog:
         """A run of rows under one clock, with the metadata of the run `name`."""
         rows = self._in_order(called, self._joined(rows))
-        omega, rows = self._encoder(called, rows)
+        omega, read = self._encoder(called, rows)
+        beyond = self._beyond(rows, read)
+        rows = read
         pose, valid = self._poses(called, rows)
         time = self._cells["t"].values[rows]
         headed = valid & np.isfinite(pose[:, 2])
-        require_headings(time[headed], pose[headed], called, self._accept)
-        pose[headed, 2] = np.unwrap(pose[headed, 2])
+        pose[headed, 2] = unwrapped(pose[headed, 2])
         metadata = self._metadata.get(name, {})
         return RunLog(
             run=called,
@@ -134,6 +141,7 @@ class _Reader:
                 from_list_column(self._table, SHEAR, rows),
             ),
             scans=scans_from_table(self._table, rows, metadata),
+            beyond=beyond,
             metadata={key: value for key, value in metadata.items() if key != SCANNED},
         )
 
@@ -150,24 +158,27 @@ class _Reader:
         """Note that rows or poses are left out; raises LogError if these are most of them."""
         if count > _MOST * total:
             raise LogError(f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason)
-        self._notes.append(doubt("rows", name, note=f"{count} {what}{'s' if count > 1 else ''} left out: {reason}"))
+        self._notes.append(f"run {name!r}: {count} {what}{'s' if count > 1 else ''} left out: {reason}")
 
     def _joined(self, rows: np.ndarray) -> np.ndarray:
-        """The rows without those that only add readings or a pose to the row before, of the same time."""
-        same = np.flatnonzero(np.diff(self._cells["t"].values[rows]) == 0)
-        first, second = rows[same], rows[same + 1]
-        filled = {
-            block: np.all([np.isfinite(self._cells[column].values) for column in block[:2]], axis=0)
-            for block in (_ENCODER, _POSE, _GYRO)
-        }
-        adds = ~np.any([there[first] & there[second] for there in filled.values()], axis=0)
-        for block, there in filled.items():
-            into, out = first[adds & there[second]], second[adds & there[second]]
-            for column in block:
-                self._cells[column].values[into] = self._cells[column].values[out]
-            if block is _POSE and self._valid is not None:
-                self._valid.values[into] = self._valid.values[out]
-        return np.delete(rows, same[adds] + 1)
+        """The rows without those that only add to a row before, of the same time: encoders, gyro and pose apart."""
+        first = np.append(True, np.diff(self._cells["t"].values[rows]) != 0)[: len(rows)]
+        group = np.cumsum(first) - 1
+        names = (*_ENCODER, *_POSE, *_GYRO)
+        there = {name: np.isfinite(self._cells[name].values[rows]) for name in names}
+        twice = np.zeros(len(rows), bool)  # groups with two readings, or a damaged one
+        for name in names:
+            damaged = self._cells[name].damaged[rows] & ~first
+            twice[: group[-1] + 1] |= np.bincount(group, there[name]) > 1 if len(rows) else False
+            twice[group[damaged]] = True
+        adds = ~first & ~twice[group]
+        into = rows[first][group]
+        for name in names:
+            new = adds & there[name]
+            self._cells[name].values[into[new]] = self._cells[name].values[rows[new]]
+            if name in _POSE and self._valid is not None:
+                self._valid.values[into[new]] = self._valid.values[rows[new]]
+        return rows[~adds]
 
     def _in_order(self, name: str, rows: np.ndarray) -> np.ndarray:
         """The rows whose times ascend."""
@@ -182,22 +193,37 @@ class _Reader:
         return rows[kept]
 
     def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
-        """Sprocket speeds (n, 2), and the rows (n,) up to the last reading; a row without one takes the next one."""
+        """Sprocket speeds (n, 2), and the rows (n,) from the first to the last reading; others take the next one.
+
+        Rows up to _GAP before the first reading are covered by it.
+        """
         omega = np.stack([self._cells[column].values[rows] for column in _ENCODER], axis=-1)
         read = np.flatnonzero(np.isfinite(omega).all(axis=1))
         if not read.size:
             raise LogError("columns omega_l, omega_r: no row has both")
-        count = read[-1] + 1
+        time = self._cells["t"].values[rows]
+        begin, end = int(np.searchsorted(time, time[read[0]] - _GAP)), int(read[-1]) + 1
         nan = np.any([self._cells[column].nan[rows] for column in _ENCODER], axis=0)
         if nan.any():
             row = rows[np.argmax(nan)]
             column = next(column for column in _ENCODER if self._cells[column].nan[row])
             reason = self._columns.complaint(column, int(row))
-            self._notes.append(doubt("rows", name, note=f"{_rows(nan.sum())} without encoder reading: {reason}"))
-        if count < len(rows):
-            after = f"{_rows(len(rows) - count)} after its last encoder reading left out"
-            self._notes.append(doubt("rows", name, note=after))
-        return omega[read[np.searchsorted(read, np.arange(count))]], rows[:count]
+            self._notes.append(f"run {name!r}: {_rows(nan.sum())} without encoder reading: {reason}")
+        for count, where in ((begin, "before its first"), (len(rows) - end, "after its last")):
+            if count:
+                self._notes.append(f"run {name!r}: {_rows(count)} {where} encoder reading left out")
+        return omega[read[np.searchsorted(read, np.arange(begin, end))]], rows[begin:end]
+
+    def _beyond(self, rows: np.ndarray, read: np.ndarray) -> Array | None:
+        """Times and poses (B, 4) of `rows` that aren't `read` with encoders; they tell how clocks differ."""
+        others = rows[~np.isin(rows, read)]
+        columns = [self._cells[column].values[others] for column in ("t", *_POSE)]
+        poses = np.stack(columns, axis=-1)[np.isfinite(columns[1:]).any(axis=0)]
+        if not len(poses):
+            return None
+        headed = np.isfinite(poses[:, 3])
+        poses[headed, 3] = unwrapped(poses[headed, 3])
+        return poses
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
         """Poses (n, 3), and which of them were measured."""
@@ -211,7 +237,9 @@ class _Reader:
         if self._valid is not None:
             claimed["valid"] = self._valid.damaged
         bad = self._left_out(name, rows, claimed, "pose")
-        return pose, np.isfinite(pose[:, :2]).all(axis=1) & (stated[rows] == 1) & ~bad
+        placed = np.isfinite(pose[:, :2]).all(axis=1)
+        pose[~placed, :2] = np.nan
+        return pose, (placed | np.isfinite(pose[:, 2])) & (stated[rows] == 1) & ~bad
 
     def _gyro(self, name: str, rows: np.ndarray, heading: Array) -> Array | None:
         """Yaw rates (n,), NaN where not measured, None if nowhere; empty cells take the next reading, as encoders do.
@@ -227,10 +255,43 @@ class _Reader:
         after = read[np.minimum(np.searchsorted(read, np.arange(len(rows))), len(read) - 1)]
         ahead = time[after] - time
         empty = ~(np.isfinite(cells.values) | cells.nan | cells.damaged)[rows]
-        rate = np.where(empty & (ahead >= 0) & (ahead <= _GYRO_GAP), rate[after], rate)
+        rate = np.where(empty & (ahead >= 0) & (ahead <= _GAP), rate[after], rate)
         plausible, doubt = plausible_gyro(time, rate, heading, name)
         self._notes += [doubt] if doubt else []
         return plausible
+
+
+def _with_heading(table: pa.Table, source: str) -> pa.Table:
+    """The table with phi from the columns of a quaternion, if it has these instead; LogError if z or w is missing."""
+    if "phi" in table.column_names:
+        return table
+    parts = dict[str, str]()
+    for name in table.column_names:
+        match = _QUATERNION.search(name)
+        if match and match["part"].lower() in parts:
+            return table  # of several things
+        if match:
+            parts[match["part"].lower()] = name
+    if not parts:
+        return table
+    missing = [part for part in "zw" if part not in parts]
+    if missing:
+        raise LogError(
+            f"{source}: columns {', '.join(parts.values())} are of a quaternion without {' and '.join(missing)}: give "
+            "phi, the heading in rad, or all of it"
+        )
+    columns = Columns(table, source)
+    none = np.zeros(len(table))
+    x, y, z, w = (columns.cells(parts[part]).values if part in parts else none for part in "xyzw")
+    phi = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
+    return table.append_column("phi", pa.array(phi, from_pandas=True))
+
+
+def _named(table: pa.Table, source: str) -> pa.Table:
+    """The table with a column `run`: without one, it is one run that is called like its file."""
+    if "run" in table.column_names:
+        return table
+    return table.add_column(0, "run", pa.repeat(Path(source).stem, len(table)))
 
 
 def _labels(table: pa.Table, source: str) -> tuple[np.ndarray, list[str]]:

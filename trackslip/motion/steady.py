@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from trackslip.doubts import Doubt, doubt, refuse
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
@@ -50,7 +49,7 @@ class SteadyPart:
     """The run from the stretch before to the one after; poses that jump away and back are marked as not valid."""
     window: tuple[float, float]
     """Start and end [s]."""
-    notes: tuple[Doubt, ...]
+    notes: tuple[str, ...]
     """Parts excluded from the run besides settling, one line each; the same for all its stretches."""
 
     @cached_property
@@ -93,7 +92,9 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
     _require_lengths(log, geometry)
     step = np.diff(log.time)
     gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
-    notes = [doubt("gap", log.run, begin=log.time[k], end=log.time[k + 1]) for k in gaps]
+    notes = [
+        f"run {log.run!r}: its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s" for k in gaps
+    ]
     lead = max(settle, MARGIN)
     enough = max(_SHORTEST, _time_of_poses(log, MIN_ARC_POSES))
     least = lead + MARGIN + enough
@@ -104,18 +105,19 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
     if not long:
         longest = max(pieces, key=lambda piece: log.time[piece[1]] - log.time[piece[0]], default=longest)
         begin, end = log.time[list(longest)]
-        why = [note.reason for note in notes[:_LISTED]] + [
+        why = [note.removeprefix(f"run {log.run!r}: ") for note in notes[:_LISTED]] + [
             f"steady from {begin:.12g} s to {end:.12g} s only, too short"
         ]
         left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out, and an arc needs {enough:.2g} s"
-        refuse("brief", run=log.run, why=f"{'; '.join(why)}: {left_out}")
+        raise LogError(f"run {log.run!r}: {'; '.join(why)}: {left_out}")
     moving = [piece for piece in long if _turns(log.omega, *piece)]
     if not moving:
-        refuse("still", run=log.run)
+        raise LogError(f"run {log.run!r}: the sprockets stand still")
     windows = [(float(log.time[first]) + lead, float(log.time[last]) - MARGIN) for first, last in moving]
     first, last = moving[0]
     if len(long) == 1 and log.time[last] - log.time[first] < 0.8 * (log.time[-1] - log.time[0]):
-        notes.append(doubt("part", log.run, begin=windows[0][0], end=windows[0][1]))
+        begin, end = windows[0]
+        notes.append(f"run {log.run!r}: steady, and used, from {begin:.12g} s to {end:.12g} s only")
     parts = []
     for k, window in enumerate(windows):
         before = moving[k - 1][1] + 1 if k else 0
@@ -142,7 +144,10 @@ def require_steady_motion(part: SteadyPart) -> None:
     v, w = np.abs(np.stack([first.twist, second.twist])).max(axis=0)
     size = np.array([v + _TURNING * w, w + _TURNING * v])
     if (significant & (np.abs(change) > _CHANGE * size)).any():
-        refuse("unsteady", part.log.accept, part.log.run, begin=begin, end=end, v=change[0], w=change[1])
+        raise LogError(
+            f"run {part.log.run!r}: its sprockets are steady from {begin:.12g} s to {end:.12g} s, but its motion is "
+            f"not: v changes by {change[0]:+.3g} m/s and w by {change[1]:+.3g} rad/s from the first half to the second"
+        )
 
 
 def _time_of_poses(log: RunLog, count: int) -> float:
@@ -155,11 +160,13 @@ def _require_headings(log: RunLog) -> None:
     """Raise LogError for a run all of whose poses lack a heading."""
     if log.is_valid.any() and not log.has_heading.any():
         raise LogError(f"run {log.run!r}: has no headings: steady stretches need phi, --method drive does not")
+    if log.has_heading.any() and not log.has_place.any():
+        raise LogError(f"run {log.run!r}: has no positions: steady stretches need x and y, --method drive does not")
 
 
 def _require_lengths(log: RunLog, geometry: RobotGeometry) -> None:
     """Raise LogError if most poses are farther apart than the sprockets could drive."""
-    rows = np.flatnonzero(log.is_valid)
+    rows = np.flatnonzero(log.has_place)
     if len(rows) < 2:
         return
     ways, steps = np.hypot(*np.diff(log.pose[rows, :2], axis=0).T), np.diff(log.time[rows])
@@ -182,12 +189,12 @@ def _turns(omega: Array, first: int, last: int) -> bool:
 
 def _without_jumps(
     log: RunLog, stretches: Sequence[tuple[int, int]]
-) -> tuple[RunLog, list[tuple[int, int]], list[Doubt]]:
+) -> tuple[RunLog, list[tuple[int, int]], list[str]]:
     """The run with glitches marked as not valid, the stretches cut where poses jump for good, and notes."""
-    headed = np.flatnonzero(log.has_heading)
+    headed = np.flatnonzero(log.has_heading & log.has_place)
     valid = log.is_valid.copy()
     pieces: list[tuple[int, int]] = []
-    notes: list[Doubt] = []
+    notes: list[str] = []
     for first, last in stretches:
         rows = headed[np.searchsorted(headed, first) : np.searchsorted(headed, last + 1)]
         starts: list[int] = []
@@ -205,7 +212,7 @@ def _without_jumps(
     return log, pieces, notes
 
 
-def _described(run: str, time: Array, jumps: Jumps) -> list[Doubt]:
+def _described(run: str, time: Array, jumps: Jumps) -> list[str]:
     """A line for each jump; successive glitches count as one."""
     notes = []
     begins = jumps.glitch & ~np.concatenate([[False], jumps.glitch[:-1]])
@@ -213,7 +220,7 @@ def _described(run: str, time: Array, jumps: Jumps) -> list[Doubt]:
         way, turn = float(np.hypot(*jumps.size[k, :2])), float(np.degrees(np.abs(jumps.size[k, 2])))
         size = f"{way:.3g} m" + (f" and {turn:.2g}°" if turn > 1 else "")
         stays = " and stays there" if k in jumps.lasting else ""
-        notes.append(doubt("jump", run, size=size, time=time[k], stays=stays))
+        notes.append(f"run {run!r}: its pose jumps by {size} at t = {time[k]:.12g} s{stays}")
     return notes
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError, counted
-from trackslip.identification.drive_prediction import trailing_heading
+from trackslip.identification.prediction import trailing_heading
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
@@ -169,7 +169,7 @@ def estimated_trajectory(
 
     Raises LogError if there are fewer than two.
     """
-    rows = np.flatnonzero(log.is_valid)
+    rows = np.flatnonzero(log.has_place)
     at = log.time[rows] + clock_offset
     covered = (at >= log.time[0]) & (at <= log.time[-1])
     if covered.sum() < _MIN_POSES:

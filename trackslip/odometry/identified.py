@@ -101,7 +101,6 @@ def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
                 float(fit["noise"]["gyro"]),
                 bias_error,
                 scale_error,
-                extras["gyro_clock"] - found["clock_offset"],
             )
         found["drift"] = extras["drift"] if own else 0.0
         found["mounting"] = Mounting(extras["sensor_x"], extras["sensor_y"], float(wrap_angle(extras["sensor_yaw"])))

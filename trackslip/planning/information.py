@@ -1,4 +1,4 @@
-"""Standard errors to expect from a drive, by the Fisher information of the drive estimator's own equations."""
+"""Standard errors to expect from a drive, by the slopes of the residuals that identification fits: those of windows."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.errors import require, require_positive
-from trackslip.identification.determined import vaguest
-from trackslip.identification.drive_equations import solve
-from trackslip.identification.drive_model import EXTRAS, GYRO, DriveModel
-from trackslip.identification.drive_residuals import Nodes, Noise, residuals
-from trackslip.identification.drives import PreparedDrive, merged
+from trackslip.identification.path import EXTRAS, GYRO, DriveModel
+from trackslip.identification.preparation import PreparedDrive, merged
+from trackslip.identification.windows import Data, Windows, residuals
 from trackslip.kinematics import Array
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.maneuvers import RATE
 
-_UNKNOWN_HEADING = 1.0  # standard deviation of a heading that isn't measured, which has no weight [rad]
+_LENGTHS = (2.0, 10.0)  # of windows [s], for fine and for coarse poses
+_WALK = 0.1  # variance of the slope of n residuals of a random walk over that of white ones, per n and way
+_TOLD = 0.5  # share of the prior's width that a standard error has at most where the driving tells a parameter
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def drive_to_measure(speeds: Array, rate: float, poses: PoseQuality, radius: flo
     pose = np.zeros((len(time), 3))
     if poses.heading is None:
         pose[:, 2] = np.nan
-    return PreparedDrive("plan", edges, omega, time, pose, np.arange(len(time)), 1 / poses.rate)
+    return PreparedDrive("plan", edges, omega, time, pose, 1 / poses.rate)
 
 
 def expected(
@@ -90,18 +90,11 @@ def expected(
     if known is not None:
         at = [names.index(name) for name in known.names]
         matrix[np.ix_(at, at)] += np.linalg.inv(known.covariance)
-    while True:
-        free = [model.index(name) for name in names]
-        prior = np.diag(1 / model.prior[free] ** 2)
-        found = vaguest(names, matrix - prior, model.limits[2][free])
-        if found is None:
-            break
-        kept = np.array([name != found[0] for name in names])
-        names = [name for name in names if name != found[0]]
-        matrix = matrix[np.ix_(kept, kept)]
     errors = np.sqrt(np.diag(np.linalg.inv(matrix)))
+    told = errors < _TOLD * model.prior[[model.index(name) for name in names]]
     return Expectation(
-        dict(zip(names, errors.tolist(), strict=True)), tuple(name for name in model.names if name not in names)
+        {name: float(error) for name, error, kept in zip(names, errors, told, strict=True) if kept},
+        (*held, *(name for name, kept in zip(names, told, strict=True) if not kept)),
     )
 
 
@@ -113,14 +106,45 @@ def information(
     slip: Sequence[float],
     names: Sequence[str],
 ) -> Array:
-    """Information (f, f) on the parameters `names`, the trajectory being unknown, and of the priors."""
-    nodes = Nodes.of(drives)
-    states = np.concatenate([model.sensor_path(values, drive) for drive in drives])
-    noise = Noise(np.array([poses.position, poses.heading or _UNKNOWN_HEADING, *slip, 0.0, 0.0]))
+    """Information (f, f) on the parameters `names` of drives cut into windows, and of the priors.
+
+    Of windows that are short or long, those that tell more are taken, as identification does.
+    """
     free = np.array([model.index(name) for name in names])
-    found = residuals(model, nodes, states, values, free)
-    still = np.zeros(len(values))
-    return solve(found, nodes, noise, model.index("sensor_yaw"), model.prior, still).information
+    prior = np.diag(1 / model.prior[free] ** 2)
+    told = [_of_windows(model, values, Data.of(drives), length, poses, slip, free) + prior for length in _LENGTHS]
+    return max(told, key=lambda matrix: float(np.linalg.slogdet(matrix)[1]))
+
+
+def _of_windows(
+    model: DriveModel,
+    values: Array,
+    data: Data,
+    length: float,
+    poses: PoseQuality,
+    slip: Sequence[float],
+    free: np.ndarray,
+) -> Array:
+    """Information (f, f) of windows of a length [s] on the parameters `free` (f,).
+
+    Slip that varies is a random walk of the pose, so that residuals of a window depend on each other: n of them that
+    drive a way L have the variance of white ones plus 0.1 n L times that of the walk, for whatever grows with the way.
+    """
+    windows = Windows.cut(data, length, twice=False)
+    variance = np.array([poses.position, poses.heading or np.inf]) ** 2
+    weight = data.known[:, windows.pose] / variance[:, None]
+    found = residuals(model, data, windows, values, free, weight)
+    line = data.line
+    driven = np.append(0.0, np.cumsum(np.abs(line.omega).mean(axis=1) * np.diff(line.edges)))
+    way = model.geometry.sprocket_radius * np.interp(line.time, line.edges, driven)[windows.pose]
+    count, first = np.diff(np.append(windows.first, len(windows.pose))), windows.first
+    way = way[first + count - 1] - way[first]
+    forward, sideways, turn = (walk**2 * way for walk in slip)
+    walk = np.stack([forward, sideways + turn * way**2 / 12, turn])  # a turn moves what lies ahead sideways
+    white = np.array([poses.position, poses.position, poses.heading or 1.0])[:, None] ** 2
+    total = (white + _WALK * count * walk)[:, windows.of]
+    pull = np.where(found.known[:3], 1 / total, 0.0)
+    return np.asarray(np.einsum("kfr,kr,kgr->fg", found.slope[:3], pull, found.slope[:3], optimize=True))
 
 
 def with_extras(law: Array) -> Array:

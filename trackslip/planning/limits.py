@@ -18,13 +18,14 @@ from trackslip.kinematics import Array, RobotGeometry
 
 MIN_DURATION = 10.0
 """Shortest duration of a planned drive [s]."""
+TURNING = 2.0
+"""Half gauges from the middle of a usual robot to its corners: its tracks are 1.5 times as long as they are apart."""
 _MAX_DURATION = 3600.0  # [s]
 _LEAST = 1e-3  # speed, acceleration and duration, in their units
 _MAX_SPEED = 10.0  # [m/s]
 _MAX_ACCELERATION = 100.0  # [m/s^2]
 _MOST_OFFSET = 100.0  # of a track's ICR from the track [m]
 _MAX_SIDE = 1000.0  # of an area [m]
-_TURNING = 2.0  # half gauges from the middle of a usual robot to its farthest point
 _REACH = 1.3  # (b + D) / b of a robot on hard ground
 _REACH_DOUBT = 0.15  # its relative uncertainty
 
@@ -38,7 +39,7 @@ class DriveLimits:
     acceleration: float
     """Largest acceleration of a belt [m/s^2]."""
     area: tuple[float, float]
-    """Length and width of the area that the middle of the robot may not leave [m]."""
+    """Length and width of the area that the robot may not leave [m]."""
     duration: float
     """Length of the drive [s]."""
     clearance: float = 0.0
@@ -62,7 +63,7 @@ class DriveLimits:
 
     def require_turning(self, geometry: RobotGeometry) -> None:
         """Raise InvalidValueError if a robot with this gauge can't turn in the area."""
-        least = 2 * max(_TURNING * geometry.half_gauge, self.clearance)
+        least = 2 * max(TURNING * geometry.half_gauge, self.clearance)
         if min(self.area) <= least:
             allowed = f"more than {least:g} m long and wide, for the robot to turn"
             raise InvalidValueError("area", self.area_text, allowed)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.errors import InvalidValueError
-from trackslip.identification.drive_model import DriveModel
+from trackslip.identification.path import DriveModel
 from trackslip.kinematics import Array, RobotGeometry, twist_of_tracks
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS

@@ -25,18 +25,21 @@ _LEAST_SLIP = 1e-4  # [m/sqrt(m), rad/sqrt(m)]
 class PriorIdentification:
     """An earlier identification that a plan builds on."""
 
+    law: str
+    """Name of the law."""
     geometry: RobotGeometry
     values: Array  # (q,) parameters of the law
     known: LawErrors
     knowledge: Knowledge
 
 
-def read_identification(path: str | Path, law: str) -> PriorIdentification:
-    """Read a folder of `identify`, its summary.json, or a file of laws with their errors.
+def read_identification(path: str | Path, law: str | None = None) -> PriorIdentification:
+    """Read a folder of `identify`, its summary.json, or a file of laws with their errors; by default the best law.
 
-    Raises LogError if the law is missing, or has no standard error.
+    Raises LogError if the law is missing, can't be planned for, or has no standard error.
     """
     stored = read_stored(Path(path))
+    law = law or stored.law_named(None)
     if law not in stored.laws:
         found = ", ".join(name for name in stored.laws if name != NO_SLIP) or "none"
         raise LogError(f"{stored.name}: no law {law} in it; found {found}")
@@ -46,7 +49,7 @@ def read_identification(path: str | Path, law: str) -> PriorIdentification:
             raise LogError(f"{stored.name}: no standard errors of the law {law} in it")
         np.linalg.cholesky(known.covariance)
         return PriorIdentification(
-            stored.geometry, np.array([*stored.values(law).values()]), known, _knowledge(stored, law)
+            law, stored.geometry, np.array([*stored.values(law).values()]), known, _knowledge(stored, law)
         )
     except LogError:
         raise

@@ -124,7 +124,7 @@ _OFFSET = Parameter(
     "distance from a track's centre line outwards to its instantaneous centre of rotation (ICR)",
 )  # fmt: skip
 _RADIUS_ERROR = Parameter(
-    (0.0,), -0.5, 0.5, 0.01, "", "ε", "relative excess of the sprockets' effective radius over the nominal one"
+    (0.0,), -0.95, 9.0, 0.01, "", "ε", "relative excess of the sprockets' effective radius over the nominal one"
 )
 _COMPLIANCE = Parameter((0.05,), 0.0, MAX_COMPLIANCE, 0.05, "", "C", "slip per traction over load, ahead")
 _TURN_COMPLIANCE = Parameter((1.0,), 0.0, 20.0, 0.3, "m", "S", "slip per traction over load, in turning")
@@ -167,7 +167,7 @@ FAMILIES: dict[str, LawFamily] = {
         _EXPONENTIAL,
         _build(Exponential),
         Look("exponential", "#CC79A7", "-.", ("i = α exp(β R)",)),
-        _PROGRAMS,
+        of_drives=False,
     ),
     "exponential_speed": LawFamily(
         "exponential in radius, with a term of speed",
@@ -182,6 +182,7 @@ FAMILIES: dict[str, LawFamily] = {
         _build(ConstantIcr, gauge=True),
         Look("constant ICR", "#3A93C9", (0, (2, 1)), ("outer: D / (R + b + D)", "inner: −D / (R − b − D)")),
         _EVERYTHING,
+        of_drives=False,
     ),
     "icr_radius": LawFamily(
         "constant ICR, with an error of the effective sprocket radius",

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from bound import beside_bound
 from browser import assert_fits
 from command_runs import ran
 from figures import assert_readable
@@ -16,7 +17,6 @@ from experiments.reproduce import figures
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.identification.source import origin, read_source
-from trackslip.localization.bound import beside_bound
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import body_errors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
@@ -177,7 +177,6 @@ class Stubborn(LinearTimeVarying):
         return super().twist(time, pose, reference)
 
 
-@pytest.mark.usefixtures("few_resamples")
 def test_a_closed_loop_that_fails_leaves_all_runs_until_then(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(CONTROLLERS, "linear", Stubborn)
     out = tmp_path / "out"

@@ -8,9 +8,9 @@ import pytest
 from experiments.wander.drives import drive_contents
 from sim.wander.motion import Motion
 from trackslip import se2
+from trackslip.bags.open import open_bag
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.runlog import RunLog, Truth
-from trackslip.ros.bag import open_bag
 
 LAW = ("--motion", "law", "--duration", "20")
 

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from deployed import GEOMETRY, VALUES, stored, twists
+from deployed import GEOMETRY, stored, twists
 from diff_drive import PARAMETERS, DiffDrive, parameters_in, read_yaml
 
 from trackslip.deploy.deploy import deploy_law
@@ -75,59 +75,26 @@ def test_every_yaml_reader_sees_the_same_float(value):
         assert isinstance(found, float)
 
 
-def prediction(**heading):
-    return {
-        name: {"5": {"position_rms": 0.04 * k, "heading_rms": np.radians(size)}, "x": None}
-        for k, (name, size) in enumerate(heading.items(), 1)
-    }
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (
-            {"method": "drive", "prediction": prediction(turn_loss=1.2, icr=1.5, icr_radius=2.5, icr_sides=7)},
-            "nearest in laws.json is icr (--law icr): it predicts headings 5 s ahead to 1.5 deg and positions 5 s "
-            "ahead to 80 mm rms, turn_loss to 1.2 deg and 40 mm",
-        ),
-        (
-            {
-                "method": "steady",
-                "laws": {
-                    "turn_loss": {"cv_yaw_rate": 1e-3, "cv_linear_speed": 2e-3},
-                    "icr": {"cv_yaw_rate": 2e-3, "cv_linear_speed": 4e-3},
-                    "icr_radius": {"cv_yaw_rate": 1.5e-3, "cv_linear_speed": 3e-3},
-                    "icr_sides": {"cv_yaw_rate": 5e-3, "cv_linear_speed": 3e-3},
-                },
-            },
-            "nearest in laws.json is icr_radius (--law icr_radius): it predicts yaw rates at left-out radii to "
-            "1.5 mrad/s and speeds at left-out radii to 3 mm/s rms, turn_loss to 1 mrad/s and 2 mm/s",
-        ),
-    ],
-)
-def test_a_law_that_cannot_be_expressed_is_refused_with_the_nearest_and_its_cost(content, message):
-    with pytest.raises(TrackslipError) as refused:
-        diff_drive_text(stored(**content), "turn_loss")
-    assert str(refused.value) == f"law = 'turn_loss': diff_drive_controller can only express constant ICRs; {message}"
-
-
-def test_without_a_name_the_nearest_law_stands_in_for_the_best_one_and_says_so(tmp_path):
+def test_the_law_that_identification_named_stands_in_for_a_best_one_that_cannot_be_expressed(tmp_path):
     file = tmp_path / "laws.json"
-    content = {"best": "turn_loss", "method": "drive", "prediction": prediction(turn_loss=1.2, icr=1.5, icr_radius=2)}
-    file.write_text(json.dumps(dict(stored({name: VALUES[name] for name in content["prediction"]}, **content).content)))
+    file.write_text(json.dumps(dict(stored(best="turn_loss", expressible="icr").content)))
     text = deploy_law(file)
     assert "Slip law icr: " in text
-    assert (
-        "The best law is turn_loss, which diff_drive_controller can't express. Instead, icr: it predicts headings"
-        in text
-    )
-    assert "instead" not in deploy_law(file, "c").lower()
+    assert "The best law is turn_loss: this is icr" in text
     assert "Slip law turn_loss" in deploy_law(file, "c")
-    file.write_text(json.dumps(dict(stored({"exponential": VALUES["exponential"]}).content)))
-    with pytest.raises(
-        TrackslipError, match="law = 'exponential': diff_drive_controller can only express constant ICRs"
-    ):
-        deploy_law(file)
+    with pytest.raises(TrackslipError, match=r"ros2_control can only express constant ICRs; those in laws.json: icr, "):
+        deploy_law(file, law="turn_loss")
+
+
+def test_the_five_numbers_say_what_they_mean():
+    about = dict(line.strip().split(":", 1) for line in deploy_law().splitlines() if "wheel" in line and "  # " in line)
+    assert {name: text.split("# ")[1][:11] for name, text in about.items()} == {
+        "wheel_separation": "2 b, distan",
+        "wheel_radius": "r, radius o",
+        "wheel_separation_multiplier": "(b + D) / b",
+        "left_wheel_radius_multiplier": "1 + epsilon",
+        "right_wheel_radius_multiplier": "1 + epsilon",
+    }
 
 
 def test_a_controller_keeps_its_name():

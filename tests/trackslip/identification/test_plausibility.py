@@ -35,18 +35,6 @@ def test_an_inner_track_that_is_dragged_along():
     assert sample(omega, [v, 0.4 * w]).slip[0, 0] < -2
 
 
-@pytest.mark.parametrize(
-    ("omega", "twist"),
-    [
-        ([5.00, 5.05], [0.3, -0.004]),  # straight, but for unequal radii
-        ([5.0, 5.0], [0.3, 0.01]),
-        ([5.0, 5.1], [0.3, -0.02]),
-    ],
-)
-def test_nearly_straight_rows_say_nothing_of_swapped_tracks(omega, twist):
-    assert len(sample(omega, twist)) == 1
-
-
 def test_a_yaw_rate_within_its_error_says_nothing_of_swapped_tracks():
     omega, twist = [2.0, 3.0], [0.15, -0.05]
     with pytest.raises(LogError, match="are the tracks swapped"):
@@ -87,14 +75,3 @@ def test_wrong_units_are_guessed(radius, factor, guess):
     omega = (twist[0] + np.array([-1, 1]) * 0.21 * twist[1]) / 0.06
     with pytest.raises(LogError, match=f"check the units .*{guess}"):
         sample(omega * factor[0], twist * factor[1:])
-
-
-def test_degrees_are_noticed_when_turning_in_place():
-    with pytest.raises(LogError, match="check the units"):
-        sample(np.array([-2.0, 2.0]) * 180 / np.pi, [0.0, 0.6])
-
-
-@pytest.mark.parametrize("speed", [0.0, 0.001])
-def test_a_sprocket_at_rest_is_kept(speed):
-    found = sample([speed, 3.0], [0.09, 0.4])
-    assert np.isnan(found.slip[0]).tolist() == [True, False]

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from trackslip.identification.drive_model import path_at as paths_at
+from trackslip.identification.path import path_at as paths_at
 from trackslip.kinematics import advance
-from trackslip.se2 import rotate
 
 RNG = np.random.default_rng(0)
 EDGES = np.cumsum(RNG.uniform(0.01, 0.1, 41))
@@ -43,14 +42,6 @@ def test_sideways_motion_is_forward_motion_of_a_robot_turned_by_a_right_angle():
     np.testing.assert_allclose(aside.place, 1j * ahead.place, atol=1e-13)
 
 
-def test_the_first_and_the_last_motion_continue_beyond_the_ends():
-    time = np.array([EDGES[0] - 0.5, EDGES[-1], EDGES[-1] + 0.5])
-    path = path_at(EDGES, MOTION * [[1], [0], [1]], NO_SLOPE, time)
-    reached = np.column_stack([path.place.real, path.place.imag, path.heading])
-    np.testing.assert_allclose(reached[0], advance(np.zeros(3), MOTION[[0, 2], 0], -0.5), atol=1e-13)
-    np.testing.assert_allclose(reached[2], advance(reached[1], MOTION[[0, 2], -1], 0.5), atol=1e-13)
-
-
 @pytest.mark.parametrize("turning", [1.0, 1e-4])
 def test_derivatives_and_velocities_are_differences(turning):
     motion = MOTION * [[1], [1], [turning]]
@@ -64,7 +55,3 @@ def test_derivatives_and_velocities_are_differences(turning):
     ahead, behind = (path_at(EDGES, motion, slope, time + s * h) for s in (1, -1))
     np.testing.assert_allclose(path.velocity, (ahead.place - behind.place) / (2 * h), atol=1e-7)
     np.testing.assert_allclose(path.yaw_rate, (ahead.heading - behind.heading) / (2 * h), atol=1e-7)
-
-
-def test_rotation_turns_counter_clockwise():
-    np.testing.assert_allclose(rotate(np.array([np.pi / 2]), np.array([[1.0, 0.0]])), [[0.0, 1.0]], atol=1e-15)

@@ -53,10 +53,10 @@ def rms_deviation(estimate, poses):
     [
         (posts, 0.03, 0.03),
         (posts, 0.1, 0.3),
-        (walls, 0.35, 0.01),
-        (walls, 1.5, 0.01),
+        (walls, 0.35, 0.03),
+        (walls, 1.5, 0.03),
         (walker, 1.5, 0.15),
-        (walker, 5.0, 0.01),
+        (walker, 5.0, 0.03),
         (companion, 1.2, 0.15),
         (companion, np.pi, 0.15),
     ],

@@ -146,7 +146,7 @@ def test_dropouts_cost_accuracy_and_the_covariance_says_so(dropout, scan_rectang
     assert rows.sum() > 0.85 * len(poses)
     deviation = (error / np.sqrt(np.einsum("sii->si", estimate.covariance)))[rows]
     # the tails are geometric, not normal: longer; a normal variable's median size is 0.67
-    np.testing.assert_allclose(np.median(np.abs(deviation), axis=0), 0.67, atol=0.12)
+    np.testing.assert_allclose(np.median(np.abs(deviation), axis=0), 0.67, atol=0.16)
     assert np.sqrt(np.mean(deviation**2, axis=0)).max() < 1.7
     assert np.abs(error[rows, :2]).max() < 0.1
 

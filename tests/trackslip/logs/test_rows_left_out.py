@@ -153,20 +153,6 @@ def test_a_run_most_of_whose_rows_are_damaged_is_refused(tmp_path):
     assert found.notes == ("2 rows left out: row 22, column run: empty",)
 
 
-def test_a_run_in_degrees_is_refused_and_the_others_read(tmp_path):
-    time = np.arange(0, 10, 0.1)
-    phi = 0.3 * time
-    pose = np.column_stack([0.5 / 0.3 * np.sin(phi), 0.5 / 0.3 * (1 - np.cos(phi))])
-    rows = [
-        f"{run},{t},1,2,{x},{y},{heading * factor},1\n"
-        for run, factor in (("radians", 1), ("degrees", 180 / np.pi))
-        for t, (x, y), heading in zip(time, pose, phi, strict=True)
-    ]
-    found = read(tmp_path, rows)
-    assert [run.run for run in found.runs] == ["radians"]
-    assert "run 'degrees' left out: column phi: headings don't fit the path, but do in degrees" in str(found.refused[0])
-
-
 def test_what_is_left_out_warns_whoever_loads_it(tmp_path):
     rows = lines()
     rows[4] = changed(rows[4], "x", "oops")

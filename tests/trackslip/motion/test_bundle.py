@@ -2,10 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bound import pose_bound
 
 from trackslip.errors import LogError
 from trackslip.kinematics import advance
-from trackslip.localization.bound import pose_bound
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Plate, extract_plate
 from trackslip.logs.logfile import read_runs, write_parquet

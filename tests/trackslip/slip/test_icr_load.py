@@ -118,13 +118,12 @@ def _samples(load: np.ndarray | None, noise: float = 1e-4) -> SlipSamples:
 
 def test_the_law_is_found_from_runs_under_different_loads():
     samples = _samples(LOADS)
-    fitted = fit_law("icr_load", samples, GEOMETRY, bootstraps=0)
+    fitted = fit_law("icr_load", samples, GEOMETRY)
     for name, value in fitted.values.items():
         assert abs(value - getattr(LAW, name)) < 4 * fitted.stderr[name]
         low, high = fitted.interval95[name]
         assert low < value < high
     assert fitted.stderr["compliance"] < 0.01
-    assert not fitted.lacks_fit
     found = compare_laws(samples, GEOMETRY)
     assert found.best == "icr_load"
     assert found.laws["icr_radius"].rms > 10 * found.laws["icr_load"].rms

@@ -1,0 +1,115 @@
+"""The answer of an identification, for the terminal and the top of its page."""
+
+import math
+import shlex
+from collections.abc import Sequence
+
+from experiments.common.laws import symbol, with_interval
+from experiments.common.page import Answer
+from experiments.identify import tables
+from trackslip.identification.comparison import TODAY
+from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.law_fit import REFERENCE
+from trackslip.identification.result import Identification
+from trackslip.logs.runlog import in_few_lines
+from trackslip.slip.families import FAMILIES
+
+LINES = 25
+"""On the terminal at most, with the line of the report."""
+_AHEAD = 5.0  # horizon of the errors that are told [s]
+_MOST_ALARMS, _MOST_NOTES = 4, 2
+
+
+def card(found: Identification, out: str | None = None, taken: Sequence[str] = ()) -> Answer:
+    """The answer, with `taken` from bags, and what to do with it if it is in a folder `out`."""
+    fits = found.fits()
+    name = found.expressible
+    current = "current × " if any(alarm.kind == "multiplier" for alarm in found.alarms) else ""
+    answer = found.answer.items()
+    facts = [(key, with_interval(gain.value, gain.ends)) for key, gain in answer if key.endswith("multiplier")]
+    facts[:1] = [(key, current + value) for key, value in facts[:1]]
+    if name is not None:
+        facts += _parameters(fits[name])
+    if found.best != name:
+        facts += [(f"{found.best}: {letter}", value) for letter, value in _parameters(fits[found.best])]
+    facts.append(("best law", f"{found.best}, {FAMILIES[found.best].title}: {found.reason}"))
+    if name not in (None, found.best):
+        facts.append(("deployed", f"{name}, the best law that diff_drive_controller can express; the values are its"))
+    facts += [("error today -> now", error)] if (error := error_today_and_now(found)) else []
+    notes = (f"note: {line}" for line in _few(in_few_lines(found.warnings), _MOST_NOTES))
+    lines = [*_look(found), *_other_method(found), *_few(taken, _MOST_NOTES), *notes]
+    alarms = [alarm.line for alarm in found.alarms]
+    return Answer(f"Best law: {found.best}", facts, lines, alarms, _commands(found, out))
+
+
+def print_card(answer: Answer, report: str) -> None:
+    """Print an answer, in at most LINES lines: alarms, the values, sentences, and the next commands."""
+    width = max(len(name) for name, _ in answer.facts)
+    head = [f"ALARM: {line}" for line in _few(answer.warnings, _MOST_ALARMS)]
+    head += [f"{name:<{width}}  {value}" for name, value in answer.facts]
+    tail = [*(f"next: {line}" for line in answer.next), f"report: {report}"]
+    room = max(0, LINES - len(head) - len(tail))
+    for line in [*head, *answer.lines[:room], *tail]:
+        print(line.replace("−", "-"))
+
+
+def _parameters(fit: FittedLaw) -> list[tuple[str, str]]:
+    """Symbols and values of a law's parameters."""
+    return [(symbol(fit.name, key), tables.value_text(fit, key)) for key in fit.values]
+
+
+def error_today_and_now(found: Identification) -> str:
+    """Errors of prediction without identification and by the best law; empty if they aren't known."""
+    if found.method == "steady" or found.drive is None:
+        cv = found.comparison.validation
+        before, after = (cv[name].yaw_rate if name in cv else None for name in ("none", found.best))
+        if before is None or after is None:
+            return ""
+        return f"yaw rate at radii not fitted to {1e3 * before:.3g} -> {1e3 * after:.3g} mrad/s (rms)"
+    today, now = (found.drive.errors.get(name, {}) for name in (TODAY, found.best))
+    if not now:
+        return ""
+    ahead = min(now, key=lambda horizon: abs(horizon - _AHEAD))
+    old, new, parts = today[ahead], now[ahead], []
+    cm = 1e2 / new.way
+    if old.position_median is not None and new.position_median is not None:
+        per_metre = f"{cm * old.position_median:.2g} -> {cm * new.position_median:.2g} cm per metre"
+        parts.append(f"position {old.position_median:.3f} -> {new.position_median:.3f} m ({per_metre})")
+    if old.heading_median is not None and new.heading_median is not None:
+        parts.append(f"heading {math.degrees(old.heading_median):.1f} -> {math.degrees(new.heading_median):.1f}°")
+    return f"{ahead:g} s ahead, {' and '.join(parts)} (median)"
+
+
+def _look(found: Identification) -> list[str]:
+    """The gains of the first look."""
+    if found.drive is None or found.method == "steady":
+        return []
+    look = found.drive.look
+    gains = [(what, gain) for what, gain in (("speed", look.speed), ("turn", look.turn)) if gain is not None]
+    told = [f"{what} gain {with_interval(gain.value, gain.ends)}" for what, gain in gains]
+    told += [f"clocks {look.clock:+.2g} s apart"] if look.clock else []
+    return [f"first look: {', '.join(told)}"] if told else []
+
+
+def _other_method(found: Identification) -> list[str]:
+    """What the method that isn't used says of D, in a line."""
+    other = found.drive if found.method == "steady" else found.steady
+    if other is None or REFERENCE not in other.laws:
+        return []
+    said = ", ".join(f"{letter} = {value}" for letter, value in _parameters(other.laws[REFERENCE]))
+    return [f"{'whole drives' if found.method == 'steady' else 'steady stretches'} say, by {REFERENCE}: {said}"]
+
+
+def _few(lines: Sequence[str], most: int) -> list[str]:
+    """The first lines, and how many more there are."""
+    more = len(lines) - most
+    return [*lines] if more <= 0 else [*lines[:most], f"{more:,} more in the report"]
+
+
+def _commands(found: Identification, out: str | None) -> list[str]:
+    """What to do next; a law with an alarm isn't offered for deployment."""
+    if not out:
+        return []
+    evaluate, deploy = (f"trackslip {what} {shlex.quote(out)}" for what in ("evaluate ANOTHER_LOG --law", "deploy"))
+    target = "" if found.expressible else f" --to {FAMILIES[found.best].targets[0]}"
+    return [evaluate] if found.alarms else [evaluate, deploy + target]

@@ -1,0 +1,206 @@
+"""The topics that a robot, its localization and a stationary scanner publish during a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from sim.bags.messages import Publication, Stamps, header, pose, transforms, twist
+from trackslip import se2
+from trackslip.errors import InvalidValueError, require
+from trackslip.kinematics import Array, RobotGeometry, body_twist
+from trackslip.localization.scan import Scan
+from trackslip.logs.runlog import RunLog
+
+PoseMessage = Literal["PoseWithCovarianceStamped", "PoseStamped", "Odometry"]
+"""Message types of poses, as SLAM, motion capture and visual odometry publish them."""
+POSE_TOPICS: dict[PoseMessage, str] = {
+    "PoseWithCovarianceStamped": "/pose",
+    "PoseStamped": "/pose",
+    "Odometry": "/visual_odometry",
+}
+"""Their topics."""
+JOINTS = ["left_sprocket", "right_sprocket"]
+"""Names of the sprockets in /joint_states."""
+FIELD = (52.0, 10.0, 0.0)
+"""Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions: a field anywhere."""
+_LAST = 2**31 - 1  # of the seconds in a stamp
+# Of x, y [m^2] and yaw [rad^2], and of their rates, as configurations of diff_drive_controller commonly state them.
+_WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
+_UNKNOWN = 1e6 * np.eye(3)  # covariance of a twist that isn't measured
+_EXACT = np.zeros((3, 3))
+
+
+class RunTopics:
+    """The topics of a log in groups, which are empty where the log lacks the data."""
+
+    def __init__(self, log: RunLog, geometry: RobotGeometry | None, start: int, readings: np.ndarray | None) -> None:
+        """Stamps are `start` [s] later than the log's times; `readings` (T,) marks the encoders' rows, None for all."""
+        self._log, self._geometry, self._start = log, geometry, start
+        self._read = np.ones(len(log.time), bool) if readings is None else np.asarray(readings, bool)
+        self._odom: Array | None = None  # (T, 3) by dead reckoning without slip
+        if geometry is not None:
+            driven = body_twist(log.omega[1:], 0.0, geometry)
+            self._odom = se2.chain(np.zeros(3), se2.advance(np.zeros(3), driven, np.diff(log.time)))
+
+    def encoders(self) -> Iterator[Publication]:
+        """The sprockets' motion."""
+        log, read = self._log, self._read
+        stamps = self._stamps(log.time[read])
+        turned = log.omega[1:] * np.diff(log.time)[:, None]
+        angle = np.concatenate([np.zeros((1, 2)), np.cumsum(turned, axis=0)])
+        joints = {"header": header(stamps), "name": JOINTS, "position": angle[read], "velocity": log.omega[read]}
+        yield Publication("/joint_states", "sensor_msgs/msg/JointState", stamps, joints)
+        if self._geometry is not None and self._odom is not None:
+            driven = _planar(body_twist(log.omega[read], 0.0, self._geometry))
+            odom, frames = self._odom[read], ("odom", "base_link")
+            yield _odometry("/odom", stamps, frames, odom, _WHEEL_COVARIANCE, driven, _WHEEL_COVARIANCE)
+            yield transforms("/tf", stamps, frames, odom)
+
+    def commands(self) -> Iterator[Publication]:
+        """The body twists commanded by a controller, or else by sprocket speeds if nothing slipped."""
+        log, commanded = self._log, self._log.twist_command
+        if commanded is None and log.command is not None and self._geometry is not None:
+            commanded = body_twist(log.command, 0.0, self._geometry)
+        if commanded is not None:
+            given = self._read & np.isfinite(commanded).all(axis=1)
+            yield command_topic("/cmd_vel", self._stamps(log.time[given]), commanded[given])
+
+    def poses(self, kind: PoseMessage, covariance: Array | None) -> Iterator[Publication]:
+        """The measured poses, and the transforms that localization publishes with them."""
+        log = self._log
+        errors = np.zeros((3, 3)) if covariance is None else np.asarray(covariance, float)
+        require(errors.shape == (3, 3), "covariance", errors.shape, "of shape (3, 3)")
+        errors = np.broadcast_to(errors, (len(log.time), 3, 3))
+        if log.covariance is not None:
+            errors = np.where(np.isfinite(log.covariance).all(axis=(1, 2), keepdims=True), log.covariance, errors)
+        headed = log.has_heading
+        if headed.any():
+            stamps, seen, name = self._stamps(log.time[headed]), log.pose[headed], POSE_TOPICS[kind]
+            if kind == "Odometry":
+                still, frames = np.zeros_like(seen), ("visual_odom", "base_link")
+                yield _odometry(name, stamps, frames, seen, errors[headed], still, _UNKNOWN)
+            else:
+                content = pose(seen) if kind == "PoseStamped" else pose(seen, errors[headed])
+                yield Publication(
+                    name, f"geometry_msgs/msg/{kind}", stamps, {"header": header(stamps, "map"), "pose": content}
+                )
+            if kind == "PoseWithCovarianceStamped" and self._odom is not None:
+                corrected = se2.compose(seen, se2.inverse(self._odom[headed]))
+                yield transforms("/tf", stamps, ("map", "odom"), corrected)
+        rest = log.has_place & ~headed
+        if rest.any():
+            yield _fixes("/fix", self._stamps(log.time[rest]), log.pose[rest, :2], errors[rest])
+
+    def gyro(self) -> Iterator[Publication]:
+        """The yaw rate of a gyroscope, stamped in the middle of the time that each reading covers."""
+        log = self._log
+        if log.gyro is not None and (rows := np.flatnonzero(np.isfinite(log.gyro[1:])) + 1).size:
+            stamps = self._stamps((log.time[rows] + log.time[rows - 1]) / 2)
+            unknown = np.tile(-np.eye(1, 9), (len(rows), 1))  # a first entry of -1 stands for "not measured"
+            fields = {"header": header(stamps, "base_link"), "angular_velocity": {"z": log.gyro[rows]}}
+            rest = {f"{name}_covariance": unknown for name in ("orientation", "linear_acceleration")}
+            yield Publication("/imu/data", "sensor_msgs/msg/Imu", stamps, fields | rest)
+
+    def truth(self) -> Iterator[Publication]:
+        """The true motion."""
+        log, read = self._log, self._read
+        if log.truth is not None:
+            stamps, frames = self._stamps(log.time[read]), ("map", "base_link")
+            yield _odometry(
+                "/ground_truth", stamps, frames, log.truth.pose[read], _EXACT, log.truth.twist[read], _EXACT
+            )
+
+    def scans(self, scans: tuple[Array, Scan] | None, duration: float | None) -> Iterator[Publication]:
+        """Scans, and the pose of the scanner; by default the log's own scans, if it has them in full.
+
+        `duration` is the time from a scan's first beam to its last [s], by default that of the scanner in the metadata.
+        """
+        log = self._log
+        if scans is None and log.scans is not None and log.scans.full is not None:
+            scans = log.time, replace(log.scans.scan, ranges=log.scans.full)
+        if scans is None or not len(scans[0]):
+            return
+        if duration is None:
+            scanner = log.metadata.get("scanner")
+            stated = scanner.get("scan_duration") if isinstance(scanner, Mapping) else None
+            duration = float(stated) if isinstance(stated, int | float) else 0.0
+        time, scan = scans
+        beams = len(scan.bearings)
+        require(len(time) == len(scan.ranges), "scans", f"{len(time)} times", f"{len(scan.ranges)}, one per scan")
+        require((np.diff(time) > 0).all(), "scans", "times that don't ascend", "in order of time")
+        require(beams > 1, "scans", f"{beams} beams", "scans of at least 2")
+        stamps = self._stamps(time - duration / 2)
+        fields = {
+            "header": header(stamps, "laser"),
+            "angle_min": float(scan.bearings[0]),
+            "angle_max": float(scan.bearings[-1]),
+            "angle_increment": scan.beam_step,
+            "time_increment": duration / (beams - 1),
+            "scan_time": float(np.median(np.diff(time))) if len(time) > 1 else 0.0,
+            "range_max": float(scan.max_range),
+            "ranges": np.where(np.isnan(scan.ranges), np.inf, scan.ranges).astype(np.float32),  # as in REP 117
+        }
+        yield Publication("/scan", "sensor_msgs/msg/LaserScan", stamps, fields)
+        begin = self._stamps(np.minimum(time[:1] - duration / 2, log.time[0]))
+        mount = np.asarray(scan.mount, float)[None]
+        yield transforms("/tf_static", begin, ("map", "laser"), mount, latched=True)
+
+    def _stamps(self, time: Array) -> Stamps:
+        """Stamps (M,) [ns] of times (M,) [s]."""
+        whole = np.floor(time)
+        if time.size and not (whole.min() + self._start >= 0 and whole.max() + self._start < _LAST):
+            raise InvalidValueError("start", self._start, f"such that all stamps are from 0 to {_LAST} s")
+        parts = np.rint((time - whole) * 1e9).astype(np.int64)
+        return (whole.astype(np.int64) + self._start) * 10**9 + parts
+
+
+def command_topic(name: str, stamps: Stamps, commanded: Array, stamped: bool = True) -> Publication:
+    """A topic of geometry_msgs/TwistStamped with body twists (M, 2) [m/s, rad/s], and stamps of 0 unless `stamped`."""
+    fields = {"header": header(stamps if stamped else 0 * stamps, "base_link"), "twist": twist(_planar(commanded))}
+    return Publication(name, "geometry_msgs/msg/TwistStamped", stamps, fields)
+
+
+def _odometry(
+    name: str,
+    stamps: Stamps,
+    frames: tuple[str, str],
+    at: Array,
+    pose_covariance: Array,
+    moving: Array,
+    twist_covariance: Array,
+) -> Publication:
+    """A topic of nav_msgs/Odometry of `frames` (fixed, moving)."""
+    fields = {
+        "header": header(stamps, frames[0]),
+        "child_frame_id": frames[1],
+        "pose": pose(at, pose_covariance),
+        "twist": twist(moving, twist_covariance),
+    }
+    return Publication(name, "nav_msgs/msg/Odometry", stamps, fields)
+
+
+def _fixes(name: str, stamps: Stamps, place: Array, covariance: Array) -> Publication:
+    """A topic of sensor_msgs/NavSatFix of places (M, 2), x to the east and y to the north of a field anywhere."""
+    from pymap3d import enu2geodetic
+
+    latitude, longitude, altitude = enu2geodetic(*place.T, 0.0, *FIELD)
+    horizontal = covariance * np.array([1.0, 1.0, 0.0]) * np.array([[1.0], [1.0], [0.0]])
+    fields = {
+        "header": header(stamps, "gnss"),
+        "status": {"status": 2, "service": 1},  # a fix with a ground station, by GPS
+        "latitude": latitude,
+        "longitude": longitude,
+        "altitude": altitude,
+        "position_covariance": horizontal.reshape(-1, 9),
+        "position_covariance_type": 3 if np.any(horizontal) else 0,  # all of it is known, or nothing
+    }
+    return Publication(name, "sensor_msgs/msg/NavSatFix", stamps, fields)
+
+
+def _planar(of: Array) -> Array:
+    """Twists (M, 3) of those without lateral speed (M, 2)."""
+    return np.insert(of, 1, 0.0, axis=1)

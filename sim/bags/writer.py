@@ -1,0 +1,158 @@
+"""Runs, and commands to a robot, as ROS 2 bags."""
+
+from __future__ import annotations
+
+import heapq
+import os
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from itertools import repeat
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.bags.messages import Publication, definitions
+from sim.bags.topics import POSE_TOPICS, PoseMessage, RunTopics, command_topic
+from trackslip.bags.open import require_rosbags
+from trackslip.errors import OutputError, require
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.localization.scan import Scan
+from trackslip.logs.runlog import RunLog, stored_geometry
+
+START = 1_767_225_600
+"""Stamp of t = 0, 2026-01-01: a stamp of zero means that there is none [s]."""
+MCAP = ".mcap"
+"""Ending of the file in a bag."""
+_TOPIC = re.compile(r"(?:~?/)?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
+_SINCE_1970 = 1e9  # a log that begins later has such times [s]
+
+
+def require_topic(name: str, field: str = "topic") -> None:
+    """Raise InvalidValueError unless a topic may have this name: https://design.ros2.org/articles/topic_and_service_names.html."""
+    require(_TOPIC.fullmatch(name), field, name, "names of letters, digits and _, joined by /, as in /cmd_vel")
+
+
+def write_bag(
+    log: RunLog,
+    path: str | Path,
+    geometry: RobotGeometry | None = None,
+    *,
+    poses: PoseMessage = "PoseWithCovarianceStamped",
+    covariance: Array | None = None,
+    readings: np.ndarray | None = None,
+    scans: tuple[Array, Scan] | None = None,
+    scan_duration: float | None = None,
+    start: int | None = None,
+) -> None:
+    """Write a run as a ROS 2 bag in the format MCAP, complete or not at all.
+
+    Topics, as far as the log has them: /joint_states, /odom (dead reckoning without slip), /cmd_vel (TwistStamped),
+    /pose (/visual_odometry for Odometry) or, for poses without headings, /fix (NavSatFix); /scan; /ground_truth; /tf
+    with odom -> base_link and, with PoseWithCovarianceStamped, map -> odom; /tf_static with map -> laser. Positions in
+    /joint_states are the sprockets' angles since the first row.
+
+    Args:
+        log: the run; its rows' times are the stamps, `start` later.
+        path: the bag's folder, which gets `metadata.yaml` and the file; or only a file, if it ends in .mcap. It must
+            not exist.
+        geometry: of the robot, for /odom and /cmd_vel; by default that in the log's metadata. Without any, these are
+            left out.
+        poses: message type of the poses with headings.
+        covariance: of the poses, (3, 3), where the log has none [m, m, rad].
+        readings: (T,) bool, the rows with readings of the encoders; by default all.
+        scans: times (S,) [s] and scans with ranges (S, B), if they aren't those of the log's rows.
+        scan_duration: time from a scan's first beam to its last; the scan's own time is in the middle, its stamp is
+            the first beam's [s]. By default that of the scanner in the log's metadata, else 0.
+        start: stamp of t = 0 [s]; by default START, or 0 for a log with times since 1970.
+
+    Raises:
+        OutputError: if the path exists, or can't be written.
+        InvalidValueError: for arguments out of range.
+        TrackslipError: where rosbags is missing.
+    """
+    require_rosbags()
+    require(poses in POSE_TOPICS, "poses", poses, f"one of {', '.join(POSE_TOPICS)}")
+    if readings is not None:
+        require(np.shape(readings) == (len(log.time),), "readings", np.shape(readings), f"of shape {(len(log.time),)}")
+        require(np.any(readings), "readings", "false everywhere", "true in at least one row")
+    if start is None:
+        start = 0 if log.time[0] > _SINCE_1970 else START
+    geometry = geometry or stored_geometry(log)
+    contents = RunTopics(log, geometry, start, readings)
+    topics = [
+        *contents.encoders(),
+        *contents.commands(),
+        *contents.poses(poses, covariance),
+        *contents.gyro(),
+        *contents.truth(),
+        *contents.scans(scans, scan_duration),
+    ]
+    about = {} if geometry is None else {name: repr(value) for name, value in vars(geometry).items()}
+    _write(Path(path), topics, {"run": log.run, **about})
+
+
+def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/cmd_vel") -> None:
+    """Write twists (T, 2) [m/s, rad/s] at times (T,) [s] as TwistStamped to a bag that can be played to a robot.
+
+    The stamps in the headers are 0, which diff_drive_controller of ros2_control takes for the time of arrival; it
+    ignores commands whose stamps are older than its `cmd_vel_timeout`. The path is that of the bag's folder, or of a
+    file if it ends in .mcap; it must not exist.
+
+    Raises:
+        InvalidValueError: if the topic is no name in ROS.
+        OutputError: if the path exists, or can't be written.
+        TrackslipError: where rosbags is missing.
+    """
+    require_topic(topic)
+    stamps = START * 1_000_000_000 + np.round(1e9 * time).astype(np.int64)
+    _write(Path(path), [command_topic(topic, stamps, twist, stamped=False)], {})
+
+
+def _write(path: Path, topics: Sequence[Publication], about: Mapping[str, str]) -> None:
+    """The bag, complete or not at all."""
+    if path.exists():
+        raise OutputError(f"{path}: exists already")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".partial-", dir=path.parent) as staging:
+            draft = Path(staging) / path.name.removesuffix(MCAP)  # which also names the file in it
+            _fill(draft, topics, about)
+            os.replace(draft / f"{draft.name}{MCAP}" if path.suffix == MCAP else draft, path)
+    except OSError as error:
+        raise OutputError(f"{path}: can't be written ({error.strerror or error})") from error
+
+
+def _fill(folder: Path, topics: Sequence[Publication], about: Mapping[str, str]) -> None:
+    """Write all messages in order of time."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    store = definitions()
+    writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    for key, value in about.items():
+        writer.set_custom_data(key, value)
+    with writer:
+        opened: dict[str, Any] = {}
+        for topic in topics:
+            if topic.name not in opened:
+                durability = [_latched()] if topic.latched else []
+                opened[topic.name] = writer.add_connection(
+                    topic.name, topic.kind, typestore=store, offered_qos_profiles=durability
+                )
+        rows = (zip(topic.stamps.tolist(), repeat(topic), topic.messages()) for topic in topics)
+        for stamp, topic, message in heapq.merge(*rows, key=itemgetter(0)):
+            writer.write(opened[topic.name], stamp, store.serialize_cdr(message, topic.kind))
+
+
+def _latched() -> Any:
+    """The quality of service by which late subscribers receive a topic's last message."""
+    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+    never = QosTime(0, 0)
+    return Qos(
+        *(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL, never, never),
+        *(QosLiveliness.SYSTEM_DEFAULT, never, False),
+    )

@@ -1,0 +1,148 @@
+"""Logs of a skid-steered robot with a known law, as tables that people write, without a simulator.
+
+The law is exact: v_side = v -/+ (half_gauge + offset) w = radius (1 + radius_error +/- unequal) omega.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.logs.runlog import RunLog
+from trackslip.logs.table_reader import runs_from_table
+from trackslip.slip.base import SlipLaw
+
+ENCODER_STEP = 0.02
+"""Time between rows with encoders [s]."""
+_SETTLING = 0.4  # time constant with which the robot takes up new speeds [s]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot and its law."""
+
+    half_gauge: float = 0.285
+    radius: float = 0.165
+    offset: float = 0.2
+    radius_error: float = -0.03
+    unequal: float = 0.0
+
+    @property
+    def geometry(self) -> RobotGeometry:
+        """Its geometry."""
+        return RobotGeometry(self.half_gauge, self.radius)
+
+    @property
+    def turn_gain(self) -> float:
+        """Real turn over that of the wheels."""
+        return self.half_gauge * (1 + self.radius_error) / (self.half_gauge + self.offset)
+
+
+HUSKY = Robot()
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Motion of a robot at rows ENCODER_STEP apart."""
+
+    time: Array  # (T,) [s]
+    omega: Array  # (T, 2) mean speeds of the wheels since the row before [rad/s]
+    pose: Array  # (T, 3) true [m, m, rad]
+
+    def with_wheels(self, omega: Array) -> Drive:
+        """The same motion with other readings of the encoders."""
+        return Drive(self.time, omega, self.pose)
+
+
+def drive_of(
+    robot: Robot = HUSKY,
+    duration: float = 120.0,
+    seed: int = 0,
+    speed: float = 0.8,
+    yaw_rate: float = 0.8,
+    commands: tuple[Array, Array] | None = None,
+    hold: float = 4.0,
+    slip: float = 0.0,
+    law: SlipLaw | None = None,
+) -> Drive:
+    """A drive by commands (n,) of v [m/s] and w [rad/s], each held for some time [s]; random ones if not given.
+
+    `slip` is the relative standard deviation of speed and yaw rate from what the law says, new every second. By another
+    `law`, the same wheels move the robot otherwise.
+    """
+    rng = np.random.default_rng(seed)
+    count = int(duration / hold) + 1
+    if commands is None:
+        v, w = rng.uniform(-0.4, 1.0, count) * speed, rng.uniform(-1.0, 1.0, count) * yaw_rate
+        v[rng.random(count) < 0.2] = 0.0  # turns on the spot
+        commands = v, w
+    time = ENCODER_STEP * np.arange(round(duration / ENCODER_STEP) + 1)
+    wanted = np.stack(commands)[:, np.minimum((time / hold).astype(int), len(commands[0]) - 1)]
+    share = ENCODER_STEP / _SETTLING
+    twist = np.zeros((2, len(time)))
+    for k in range(1, len(time)):
+        twist[:, k] = twist[:, k - 1] + share * (wanted[:, k] - twist[:, k - 1])
+    v, w = twist
+    scale = robot.radius * (1 + robot.radius_error + np.array([1, -1]) * robot.unequal)
+    wide = robot.half_gauge + robot.offset
+    omega = np.column_stack([v - wide * w, v + wide * w]) / scale
+    if law is not None:
+        v, w = law.twist(omega, robot.geometry).T
+    if slip:
+        every = np.arange(0.0, duration + 2.0)
+        v, w = ((1 + slip * np.interp(time, every, rng.normal(size=len(every)))) * values for values in (v, w))
+    heading = np.append(0.0, np.cumsum(w[1:] * ENCODER_STEP))
+    middle = (heading[1:] + heading[:-1]) / 2
+    x, y = (np.append(0.0, np.cumsum(v[1:] * ENCODER_STEP * part(middle))) for part in (np.cos, np.sin))
+    return Drive(time, omega, np.column_stack([x, y, heading]))
+
+
+def weaving(robot: Robot = HUSKY, duration: float = 120.0, speed: float = 0.6, seed: int = 0) -> Drive:
+    """A drive at one speed whose yaw rate follows the wheels late, and which something turns now and then."""
+    rng = np.random.default_rng(seed)
+    time = ENCODER_STEP * np.arange(round(duration / ENCODER_STEP) + 1)
+    w = rng.uniform(-0.6, 0.6, int(duration / 3) + 1)[(time / 3).astype(int)]
+    wide = robot.half_gauge + robot.offset
+    omega = np.column_stack([speed - wide * w, speed + wide * w]) / (robot.radius * (1 + robot.radius_error))
+    turning = np.zeros(len(time))
+    for k in range(1, len(time)):
+        turning[k] = turning[k - 1] + ENCODER_STEP / 0.3 * (w[k] - turning[k - 1])
+    every = np.arange(0.0, duration + 4.0, 2.0)
+    turning += 0.05 * np.interp(time, every, rng.normal(size=len(every)))
+    heading = np.append(0.0, np.cumsum(turning[1:] * ENCODER_STEP))
+    place = np.append(0.0, np.cumsum(speed * ENCODER_STEP * np.exp(0.5j * (heading[1:] + heading[:-1]))))
+    return Drive(time, omega, np.column_stack([place.real, place.imag, heading]))
+
+
+def measured(
+    drive: Drive,
+    pose_step: float = 0.1,
+    position_noise: float = 0.005,
+    heading_noise: float = 0.005,
+    seed: int = 1,
+) -> tuple[Array, Array]:
+    """Times (K,) and poses (K, 3) as a tracker measures them."""
+    rows = slice(None, None, round(pose_step / ENCODER_STEP))
+    pose = drive.pose[rows]
+    noise = np.random.default_rng(seed).normal(size=pose.shape)
+    return drive.time[rows], pose + noise * [position_noise, position_noise, heading_noise]
+
+
+def table_of(drive: Drive, time: Array, pose: Array, run: str = "a") -> pa.Table:
+    """Encoders and poses as rows of one table sorted by time; cells are empty where nothing was measured."""
+    every = np.union1d(drive.time, time)
+    columns = np.full((len(every), 5), np.nan)
+    columns[np.searchsorted(every, drive.time), :2] = drive.omega
+    columns[np.searchsorted(every, time), 2:] = pose
+    names = ("omega_l", "omega_r", "x", "y", "phi")
+    cells = {name: pa.array(values, from_pandas=True) for name, values in zip(names, columns.T, strict=True)}
+    return pa.table({"run": [run] * len(every), "t": every} | cells)
+
+
+def log_of(drive: Drive, time: Array, pose: Array, run: str = "a") -> RunLog:
+    """Encoders and poses as a log, read from their table."""
+    (log,) = runs_from_table(table_of(drive, time, pose, run), "a table").runs
+    return log

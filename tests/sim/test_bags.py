@@ -1,0 +1,272 @@
+"""Bags: read back with rosbags' and Foxglove's readers, and compared with what the log says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bags import ecef
+from full_log import BEAMS, MOUNT, ROWS, full_log
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.interfaces import QosDurability
+from rosbags.rosbag2 import Reader, Writer
+from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
+
+from sim.bags.writer import START, write_bag
+from trackslip.errors import InvalidValueError, OutputError
+from trackslip.kinematics import RobotGeometry
+from trackslip.logs.runlog import RunLog
+
+GEOMETRY = RobotGeometry(0.2, 0.05)
+PLANAR = [0, 1, 5, 6, 7, 11, 30, 31, 35]  # of 36 covariances
+TYPES = {
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/odom": "nav_msgs/msg/Odometry",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/tf_static": "tf2_msgs/msg/TFMessage",
+    "/cmd_vel": "geometry_msgs/msg/TwistStamped",
+    "/pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "/ground_truth": "nav_msgs/msg/Odometry",
+    "/scan": "sensor_msgs/msg/LaserScan",
+}
+
+
+@pytest.fixture
+def log():
+    return full_log()
+
+
+def read(path):
+    """Messages by topic as rosbags reads them: (stamp [ns], message)."""
+    store, found = get_typestore(Stores.ROS2_JAZZY), {}
+    with Reader(path) as reader:
+        for connection, arrival, data in reader.messages():
+            message = store.deserialize_cdr(data, connection.msgtype)
+            header = message.transforms[0].header if hasattr(message, "transforms") else message.header
+            stamp = header.stamp.sec * 10**9 + header.stamp.nanosec
+            assert arrival == stamp
+            found.setdefault(connection.topic, []).append((stamp, message))
+    return found
+
+
+def numbers(rows, *paths):
+    """Values (M, len(paths)) of fields of messages."""
+
+    def field(message, path):
+        for name in path.split("."):
+            message = getattr(message, name)
+        return message
+
+    return np.array([[field(message, path) for path in paths] for _, message in rows])
+
+
+def assert_stamps(rows, time):
+    exact = [round(t * 1e9) for t in time.tolist()]
+    assert [stamp - START * 10**9 for stamp, _ in rows] == exact
+
+
+def assert_poses(rows, prefix, pose):
+    np.testing.assert_array_equal(numbers(rows, f"{prefix}.position.x", f"{prefix}.position.y"), pose[:, :2])
+    turned = numbers(rows, *(f"{prefix}.orientation.{name}" for name in "xyzw"))
+    heading = Rotation.from_euler("z", pose[:, 2:])
+    assert (Rotation.from_quat(turned) * heading.inv()).magnitude().max() < 1e-15
+
+
+def test_every_topic_is_read_back_bit_for_bit(log, tmp_path):
+    write_bag(log, tmp_path / "bag", GEOMETRY)
+    bag, valid = read(tmp_path / "bag"), log.valid
+    assert {topic: rows[0][1].__msgtype__ for topic, rows in bag.items()} == TYPES
+    for topic, time in (
+        *((topic, log.time) for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth", "/scan")),
+        ("/pose", log.time[valid]),
+        ("/tf_static", log.time[:1]),
+    ):
+        assert_stamps(bag[topic], time)
+
+    joints = [message for _, message in bag["/joint_states"]]
+    assert all(message.name == ["left_sprocket", "right_sprocket"] for message in joints)
+    np.testing.assert_array_equal([message.velocity for message in joints], log.omega)
+    speed = np.diff([message.position for message in joints], axis=0) / np.diff(log.time)[:, None]
+    np.testing.assert_allclose(speed, log.omega[1:], rtol=0, atol=1e-12)
+
+    assert_poses(bag["/pose"], "pose.pose", log.pose[valid])
+    covariance = numbers(bag["/pose"], "pose.covariance")[:, 0]
+    np.testing.assert_array_equal(covariance[:, PLANAR].reshape(-1, 3, 3), log.covariance[valid])
+    assert not np.delete(covariance, PLANAR, axis=1).any()
+
+    assert_poses(bag["/ground_truth"], "pose.pose", log.truth.pose)
+    moved = ("twist.twist.linear.x", "twist.twist.linear.y", "twist.twist.angular.z")
+    np.testing.assert_array_equal(numbers(bag["/ground_truth"], *moved), log.truth.twist)
+
+    scans = [message for _, message in bag["/scan"]]
+    ranges = np.array([message.ranges for message in scans])
+    np.testing.assert_array_equal(ranges[:, ::4], np.inf)  # REP 117
+    np.testing.assert_array_equal(np.where(np.isinf(ranges), np.nan, ranges), log.scans.full)
+    bearings = scans[0].angle_min + scans[0].angle_increment * np.arange(BEAMS)
+    np.testing.assert_allclose(bearings, log.scans.scan.bearings, atol=1e-6)
+    assert (scans[0].header.frame_id, scans[0].range_max, scans[0].time_increment) == ("laser", 20.0, 0.0)
+
+
+def test_commands_are_twists_without_slip_or_a_controllers(log, tmp_path):
+    write_bag(log, tmp_path / "bag", GEOMETRY)
+    twist = numbers(read(tmp_path / "bag")["/cmd_vel"], "twist.linear.x", "twist.angular.z")
+    left, right = 0.05 * log.command.T
+    np.testing.assert_allclose(twist, np.stack([(left + right) / 2, (right - left) / 0.4], axis=-1), rtol=1e-14)
+
+    own = np.random.default_rng(1).normal(0, 1, (ROWS, 2))
+    own[3] = np.nan
+    write_bag(replace(log, twist_command=own), tmp_path / "other")
+    rows = read(tmp_path / "other")["/cmd_vel"]
+    np.testing.assert_array_equal(numbers(rows, "twist.linear.x", "twist.angular.z"), np.delete(own, 3, axis=0))
+
+
+def test_transforms_lead_from_the_map_to_the_robot(log, tmp_path):
+    write_bag(log, tmp_path / "bag", GEOMETRY)
+    bag, chain = read(tmp_path / "bag"), {}
+    for stamp, message in (*bag["/tf"], *bag["/tf_static"]):
+        (one,) = message.transforms
+        matrix = np.eye(4)
+        turn, way = one.transform.rotation, one.transform.translation
+        matrix[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+        matrix[:3, 3] = way.x, way.y, way.z
+        chain[one.header.frame_id, one.child_frame_id, stamp] = matrix
+    poses = [(stamp, message.pose.pose.position) for stamp, message in bag["/pose"]]
+    assert len(chain) == 1 + ROWS + len(poses)
+    for stamp, place in poses:
+        found = chain["map", "odom", stamp] @ chain["odom", "base_link", stamp]
+        np.testing.assert_allclose(found[:2, 3], [place.x, place.y], atol=1e-13)
+    mount = next(matrix for (_, child, _), matrix in chain.items() if child == "laser")
+    np.testing.assert_array_equal(mount[:2, 3], MOUNT[:2])
+    assert np.arctan2(mount[1, 0], mount[0, 0]) == pytest.approx(MOUNT[2], abs=1e-15)
+    with Reader(tmp_path / "bag") as reader:
+        (static,) = (connection for connection in reader.connections if connection.topic == "/tf_static")
+    assert static.ext.offered_qos_profiles[0].durability is QosDurability.TRANSIENT_LOCAL
+
+
+def test_wheel_odometry_integrates_the_wheels(log, tmp_path):
+    """In many small steps instead of the writer's arcs."""
+    write_bag(log, tmp_path / "bag", GEOMETRY)
+    x = y = heading = 0.0
+    for omega, duration in zip(log.omega[1:], np.diff(log.time), strict=True):
+        left, right = 0.05 * omega
+        turned = heading + (np.arange(1000) + 0.5) / 1000 * duration * (right - left) / 0.4
+        x += np.mean(np.cos(turned)) * duration * (left + right) / 2
+        y += np.mean(np.sin(turned)) * duration * (left + right) / 2
+        heading += duration * (right - left) / 0.4
+    rows = read(tmp_path / "bag")["/odom"]
+    np.testing.assert_allclose(numbers(rows[-1:], "pose.pose.position.x", "pose.pose.position.y")[0], [x, y], atol=1e-6)
+    assert (numbers(rows, "pose.covariance")[:, 0][:, [0, 7, 35]] > 0).all()
+    assert all((message.header.frame_id, message.child_frame_id) == ("odom", "base_link") for _, message in rows)
+
+
+def test_foxgloves_reader_decodes_every_topic(log, tmp_path):
+    write_bag(log, tmp_path / "bag", GEOMETRY)
+    write_bag(replace(log, pose=log.pose * [1, 1, np.nan]), tmp_path / "gnss", GEOMETRY)
+    for name, other in (("bag", set()), ("gnss", {"/fix"})):
+        bag, count = read(tmp_path / name), {}
+        with (tmp_path / name / f"{name}.mcap").open("rb") as file:
+            for _, channel, message, decoded in make_reader(file, True, [DecoderFactory()]).iter_decoded_messages():
+                topic = channel.topic
+                stamp, own = bag[topic][count.setdefault(topic, 0)]
+                count[topic] += 1
+                assert message.log_time == message.publish_time == stamp
+                if topic == "/joint_states":
+                    assert decoded.velocity == own.velocity.tolist()
+                elif topic == "/fix":
+                    assert (decoded.latitude, decoded.longitude) == (own.latitude, own.longitude)
+                elif topic == "/scan":
+                    assert decoded.ranges == own.ranges.tolist()
+        assert count == {topic: len(rows) for topic, rows in bag.items()}
+        assert other <= set(count)
+
+
+def test_poses_without_headings_are_fixes(log, tmp_path):
+    pose = log.pose.copy()
+    pose[::2, 2] = np.nan
+    write_bag(replace(log, pose=pose), tmp_path / "bag", GEOMETRY)
+    bag, odd = read(tmp_path / "bag"), np.arange(ROWS) % 2 > 0
+    assert_stamps(bag["/pose"], log.time[log.valid & odd])
+    assert_stamps(bag["/fix"], log.time[log.valid & ~odd])
+    fixed = log.valid & ~odd
+    place = ecef(*numbers(bag["/fix"], "latitude", "longitude", "altitude").T)
+    far = np.linalg.norm(place - place[0], axis=1)
+    np.testing.assert_allclose(far, np.hypot(*(pose[fixed] - pose[fixed][0])[:, :2].T), atol=1e-6)
+    covariance = numbers(bag["/fix"], "position_covariance")[:, 0].reshape(-1, 3, 3)
+    np.testing.assert_array_equal(covariance[:, :2, :2], log.covariance[fixed][:, :2, :2])
+    assert {message.status.status for _, message in bag["/fix"]} == {2}
+
+
+@pytest.mark.parametrize(
+    ("kind", "topic", "prefix"), [("PoseStamped", "/pose", "pose"), ("Odometry", "/visual_odometry", "pose.pose")]
+)
+def test_other_messages_of_poses(log, tmp_path, kind, topic, prefix):
+    write_bag(log, tmp_path / "bag", poses=kind)
+    rows = read(tmp_path / "bag")[topic]
+    assert {message.__msgtype__.split("/")[-1] for _, message in rows} == {kind}
+    assert_poses(rows, prefix, log.pose[log.valid])
+
+
+def test_only_readings_of_the_encoders_are_in_joint_states(log, tmp_path):
+    readings = np.arange(ROWS) % 3 == 0
+    omega = log.omega.copy()
+    for k in range(ROWS):
+        omega[k] = log.omega[-(-k // 3) * 3 % ROWS]  # that of the next reading
+    write_bag(replace(log, omega=omega), tmp_path / "bag", GEOMETRY, readings=readings)
+    bag = read(tmp_path / "bag")
+    for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth"):
+        assert_stamps(bag[topic], log.time[readings])
+    assert_stamps(bag["/pose"], log.time[log.valid])
+    position = np.array([message.position for _, message in bag["/joint_states"]])
+    speed = np.diff(position, axis=0) / np.diff(log.time[readings])[:, None]
+    np.testing.assert_allclose(speed, omega[readings][1:], atol=1e-12)
+
+
+def test_scans_are_stamped_at_their_first_beam(log, tmp_path):
+    write_bag(log, tmp_path / "bag", scan_duration=0.02)
+    rows = read(tmp_path / "bag")["/scan"]
+    assert_stamps(rows, log.time - 0.01)
+    assert rows[0][1].time_increment == np.float32(0.02 / (BEAMS - 1))
+
+
+def test_what_a_plain_log_has_not_is_left_out(log, tmp_path):
+    plain = RunLog("plain", 1.7e9 + np.arange(10.0), log.omega[:10], log.pose[:10])
+    write_bag(plain, tmp_path / "bag")
+    bag = read(tmp_path / "bag")
+    assert set(bag) == {"/joint_states", "/pose"}
+    assert bag["/pose"][0][0] == 1_700_000_000 * 10**9  # its own times
+
+
+def test_an_interrupted_bag_leaves_nothing(log, tmp_path, monkeypatch):
+    def stopped(*message):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Writer, "write", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        write_bag(log, tmp_path / "bag")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_refusals(log, tmp_path):
+    (tmp_path / "there").mkdir()
+    with pytest.raises(OutputError, match=r"there: exists already$"):
+        write_bag(log, tmp_path / "there")
+    (tmp_path / "file").touch()
+    seen = replace(log.scans.scan, ranges=log.scans.full)
+    with pytest.raises(OutputError, match=r"bag: can't be written \(.+\)$"):
+        write_bag(log, tmp_path / "file" / "bag")
+    for given, message in (
+        ({"poses": "Pose"}, "poses = 'Pose': must be one of PoseWithCovarianceStamped, PoseStamped, Odometry"),
+        ({"readings": np.ones(3, bool)}, "readings = (3,): must be of shape (40,)"),
+        ({"readings": np.zeros(ROWS, bool)}, "readings = 'false everywhere': must be true in at least one row"),
+        ({"covariance": np.ones(3)}, "covariance = (3,): must be of shape (3, 3)"),
+        ({"scans": (log.time[:3], seen)}, "scans = '3 times': must be 40, one per scan"),
+        ({"scans": (-log.time, seen)}, 'scans = "times that don\'t ascend": must be in order of time'),
+        ({"start": -(10**9)}, "start = -1000000000: must be such that all stamps are from 0 to 2147483647 s"),
+    ):
+        with pytest.raises(InvalidValueError) as refusal:
+            write_bag(log, tmp_path / "bag", **given)
+        assert str(refusal.value) == message
+    assert not (tmp_path / "bag").exists()

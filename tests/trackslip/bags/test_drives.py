@@ -1,0 +1,284 @@
+"""Logs of drives from bags: rows, clocks, what is taken, and what looks wrong, with the quirks of real robots."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from bags import (
+    START,
+    fix,
+    header,
+    in_order,
+    joint_states,
+    joints_of,
+    odometry,
+    pose_stamped,
+    pose_with_covariance,
+    poses_of,
+    sprocket_angles,
+    stamp,
+    transform,
+    write_bag,
+)
+from wandered import GEOMETRY, wandered
+
+import trackslip
+from trackslip import se2
+from trackslip.bags.choice import BagChoice
+from trackslip.bags.drives import read_bags
+from trackslip.errors import LogError, LogWarning, TrackslipError
+from trackslip.kinematics import body_twist
+from trackslip.logs.logfile import RUNS, write_parquet
+
+LOG = wandered(duration=30.0)
+TURNED = sprocket_angles(LOG)
+WHEELS = ("front_left_wheel_joint", "front_right_wheel_joint", "rear_left_wheel_joint", "rear_right_wheel_joint")
+FOUR = TURNED[:, [0, 1, 0, 1]]
+ROWS = range(len(LOG.time))
+SEEN = LOG.is_valid
+
+
+def states(angles=FOUR, names=WHEELS, velocity=(), effort=(), rows=ROWS, unstamped=(), **others):
+    """Joint states of `rows`, with velocities and efforts that are the same in all of them."""
+    messages = []
+    for k in rows:
+        message = joint_states(stamp(LOG.time[k]), names, angles[k].tolist(), velocity, **others)
+        message[3]["effort"] = list(effort)
+        if k in unstamped:
+            message[3]["header"] = header(0)
+        messages.append(message)
+    return messages
+
+
+def dead_reckoned(half_gauge=GEOMETRY.half_gauge):
+    """Poses at LOG's times by the wheels alone, on arcs."""
+    twist = body_twist(LOG.omega[1:], 0.0, trackslip.RobotGeometry(half_gauge, GEOMETRY.sprocket_radius))
+    return se2.chain([0.0, 0.0, 0.4], se2.advance(np.zeros(3), twist, np.diff(LOG.time)))
+
+
+def stated(poses, make=odometry, **others):
+    """Messages of poses (T, 3) at LOG's times."""
+    return [make(stamp(time), where, **others) for time, where in zip(LOG.time, poses.tolist(), strict=True)]
+
+
+def fixes(early, status=0):
+    """Fixes at LOG's poses, the first 20 of them at another place, with another status."""
+    places = [(48.0 + y / 111_195, 11.0 + x / 74_500) for x, y, _ in LOG.pose[SEEN]]
+    return [
+        fix(stamp(time), *(early if k < 20 else place), status=status if k < 20 else 0)
+        for k, (time, place) in enumerate(zip(LOG.time[SEEN], places, strict=True))
+    ]
+
+
+def later(messages, seconds=40.0):
+    """The same messages, recorded later."""
+    return [(topic, kind, at + round(1e9 * seconds), fields) for topic, kind, at, fields in messages]
+
+
+def write(tmp_path, *messages, name="run", kind="mcap"):
+    return write_bag(tmp_path / name, kind, in_order(*messages))
+
+
+def assert_driven(log, atol=1e-9):
+    """The sprocket speeds are LOG's."""
+    offset = log.metadata["bag"]["start"] - START / 1e9
+    rows = np.searchsorted(LOG.time, log.time + offset - 1e-4)
+    assert len(rows) > 0.9 * len(LOG.time)
+    np.testing.assert_allclose(log.omega[1:], LOG.omega[rows[1:]], atol=atol)
+
+
+def test_rows_are_those_of_readings_and_poses(tmp_path):
+    """Poses 13 ms after every other reading: rows of their own, with the speeds of the reading after them."""
+    late = [pose_stamped(stamp(t + 0.013), p) for t, p in zip(LOG.time[SEEN], LOG.pose[SEEN].tolist(), strict=True)]
+    (log,) = trackslip.load(write(tmp_path, joints_of(LOG), late))
+    assert log.run == "run"
+    assert log.metadata["bag"] == {
+        "encoders": "/joint_states",
+        "left": ["left_wheel"],
+        "right": ["right_wheel"],
+        "poses": "/slam/pose",
+        "start": START / 1e9,
+    }
+    seen = np.flatnonzero(log.is_valid)
+    np.testing.assert_allclose(log.time[seen], LOG.time[SEEN] + 0.013, atol=1e-9)
+    np.testing.assert_allclose(log.pose[seen], LOG.pose[SEEN], atol=1e-9)
+    readings = np.flatnonzero(~log.is_valid)
+    np.testing.assert_array_equal(np.round(log.time[readings] * 1e9), np.round(LOG.time * 1e9))
+    np.testing.assert_allclose(log.omega[readings[1:]], LOG.omega[1:], atol=1e-9)
+    np.testing.assert_array_equal(log.omega[seen], log.omega[seen + 1])
+    assert np.isnan(log.pose[readings]).all()
+
+
+def test_a_bag_without_poses_is_left_out_of_a_folder(tmp_path):
+    write(tmp_path, joints_of(LOG), poses_of(LOG), name="good", kind="foxglove")
+    write(tmp_path, joints_of(LOG, start=START + 10**12), name="poor", kind="foxglove")
+    with pytest.warns(LogWarning, match=r"run 'poor' left out: .*poor\.mcap: no poses: no topic of"):
+        (log,) = trackslip.load(tmp_path)
+    assert log.run == "good"
+
+
+def test_a_folder_of_results_stays_one(tmp_path):
+    write_parquet([LOG], tmp_path / RUNS)
+    write(tmp_path, joints_of(LOG), poses_of(LOG), name="beside")
+    (log,) = trackslip.load(tmp_path)
+    assert log.run == "drive"
+    with pytest.raises(trackslip.InvalidValueError, match=r"poses = '/a': must be left out: .* is no bag"):
+        trackslip.load(tmp_path, BagChoice(poses="/a"))
+
+
+REPEATED = "/odom: its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
+NO_FIX = "topic /fix: 20 of 300 messages left out: they have no fix"
+
+
+@pytest.mark.parametrize(
+    ("messages", "choice", "notes"),
+    [
+        ([states(velocity=[0.0] * 4, effort=[np.nan] * 4), poses_of(LOG)], {}, []),
+        ([states(), poses_of(LOG, odometry)], {}, []),  # measured, not from the wheels
+        ([states(FOUR * [-1, 1, -1, 1]), poses_of(LOG)], {}, ["the left encoder counts backwards: turned round"]),
+        ([states(FOUR * [1, -1, 1, -1]), poses_of(LOG)], {}, ["the right encoder counts backwards: turned round"]),
+        ([states(FOUR * [-1, 1, -1, 1]), poses_of(LOG)], {"reversed": "left"}, []),
+        ([states(), stated(dead_reckoned())], {"poses": "/odom"}, [REPEATED]),
+        ([states(), stated(dead_reckoned())], {"dead_reckoned": True}, [REPEATED]),
+        (
+            [states(), poses_of(LOG, start=START - 3 * 10**9, late=3 * 10**9)],
+            {},
+            ["poses left out", "clocks differ by 3.0 s by their receive"],
+        ),
+        ([states(FOUR * [1, 0, 1, 1]), poses_of(LOG)], {}, [f"{WHEELS[1]} left out: it stands still"]),
+        *(([*[states()] * times, *[poses_of(LOG)] * times], {}, ["time is stamped twice"] * 2) for times in (2, 3)),
+        ([states(), fixes((0.0, 0.0))], {}, [NO_FIX]),
+        ([states(), fixes((np.nan, np.nan))], {}, [NO_FIX]),
+        ([states(), fixes((np.nan, np.nan), status=-1)], {}, [NO_FIX]),
+    ],
+)
+def test_sprockets_are_read_and_quirks_are_told(tmp_path, messages, choice, notes):
+    read = read_bags(write(tmp_path, *messages), BagChoice(**choice))
+    assert_driven(*read.runs)
+    assert len(read.warnings) == len(notes)
+    assert all(note in line for note, line in zip(notes, read.warnings, strict=True))
+
+
+@pytest.mark.parametrize("rows", [(0,), (100,), (0, 1, 200)])
+def test_messages_without_stamp_are_left_out(tmp_path, rows):
+    notes = read_bags(write(tmp_path, states(unstamped=rows), poses_of(LOG))).notes
+    assert any(f"{len(rows)} of 600 messages left out: their header stamps are 0" in line for line in notes)
+
+
+def test_poses_that_the_encoders_do_not_cover_are_counted(tmp_path):
+    notes = read_bags(write(tmp_path, joints_of(LOG)[:300], poses_of(LOG))).notes
+    assert "/slam/pose: 150 of 300 poses left out: /joint_states doesn't cover them" in notes
+
+
+@pytest.mark.parametrize(("apart", "said"), [(10.0, True), (-10.0, True), (0.4, False)])
+def test_clocks_that_differ_are_told_by_their_receive_stamps(tmp_path, apart, said):
+    late = round(apart * 1e9)
+    poses = poses_of(LOG, start=START - late, late=late + 200_000_000)
+    notes = read_bags(write(tmp_path, states(), poses)).notes
+    line = f"topics /joint_states and /slam/pose: clocks differ by {abs(abs(apart) + np.sign(apart) * 0.2):.1f} s by"
+    assert any(note.startswith(line) for note in notes) == said
+
+
+def test_readings_stamped_in_bursts_make_no_wild_speeds(tmp_path):
+    """Every tenth reading waits and is stamped 4 µs before the next one."""
+    time = LOG.time.copy()
+    time[10:-1:10] = time[11::10] - 4e-6
+    bursts = [
+        joint_states(stamp(t), ("left", "right"), angle)
+        for t, angle in zip(time.tolist(), TURNED.tolist(), strict=True)
+    ]
+    (log,) = read_bags(write(tmp_path, bursts, poses_of(LOG))).runs
+    assert np.abs(log.omega).max() <= np.abs(LOG.omega).max() + 1e-6
+    turned = sprocket_angles(log)[-1]
+    np.testing.assert_allclose(turned, TURNED[-1] - TURNED[0], atol=0.2)
+
+
+STILL = transform(START, "map", "odom", (0.0, 0.0, 0.0), topic="/tf_static")
+PASSED_ON = [STILL, *stated(dead_reckoned(), lambda at, where: transform(at, "odom", "base_link", where))]
+
+
+@pytest.mark.parametrize(
+    ("messages", "line"),
+    [
+        ([states(), stated(dead_reckoned())], REPEATED),
+        ([states(), PASSED_ON], "tf:map:base_link: its poses repeat the dead reckoning of the wheels"),
+        ([states(FOUR * [1, 1, 1, -1]), poses_of(LOG)], "of one side turn against each other: choose with --left"),
+        ([states(), poses_of(LOG, start=0, late=START)], "s: different clocks, simulated and wall time"),
+        ([states(), poses_of(LOG, start=START - 10**11, late=10**11)], "s: clocks differ by 100.0 s by their receive"),
+        ([states(), poses_of(LOG), later(states())], r"time goes back 1 time in topic /joint_states and 0 time"),
+    ],
+)
+def test_what_makes_no_log_is_refused(tmp_path, messages, line):
+    with pytest.raises(LogError, match=line):
+        read_bags(write(tmp_path, *messages))
+
+
+def test_an_encoder_reset_where_velocities_are_zero(tmp_path):
+    """The wheels are not taken to rest while they leap."""
+    angles = FOUR - np.where(np.arange(len(FOUR)) < 200, 0.0, 25.0)[:, None]
+    read = read_bags(write(tmp_path, states(angles, velocity=[0.0] * 4), poses_of(LOG)))
+    assert_driven(*read.runs, atol=0.1)
+    assert all("its position leaps 1 time: bridged" in line for line in read.warnings)
+
+
+def test_controllers_that_publish_their_own_joints_on_one_topic(tmp_path):
+    """The front wheels in one message, the rear wheels in the next, an arm in between."""
+    front = states(FOUR[:, :2], WHEELS[:2], rows=ROWS[::2])
+    rear = states(FOUR[:, 2:], WHEELS[2:], rows=ROWS[1::2])
+    arm = states(np.zeros((len(FOUR), 1)), ("arm_1",), rows=ROWS[::7], late=2_000_000)
+    read = read_bags(write(tmp_path, front, rear, arm, poses_of(LOG)))
+    (log,) = read.runs
+    time = log.time + log.metadata["bag"]["start"] - START / 1e9
+    real = np.column_stack([np.interp(time, LOG.time, side) for side in TURNED.T])
+    np.testing.assert_allclose(sprocket_angles(log), real - real[0], atol=0.02)
+    assert read.warnings == ()
+
+
+def test_a_simulation_that_was_reset_makes_two_drives(tmp_path):
+    once = [*states(), *poses_of(LOG)]
+    read = read_bags(write(tmp_path, once, later(once)))
+    assert [log.run for log in read.runs] == ["run, part 1", "run, part 2"]
+    for log in read.runs:
+        assert_driven(log)
+
+
+def test_without_rosbags_one_line_says_what_to_install(tmp_path, monkeypatch):
+    path = write(tmp_path, joints_of(LOG), poses_of(LOG))
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    with pytest.raises(TrackslipError, match=r"bags need the package rosbags: pip install 'trackslip\[ros\]'"):
+        trackslip.load(path)
+
+
+_CODE = """
+import json, resource, sys, time
+from pathlib import Path
+from trackslip.bags.drives import read_bags
+(log,) = read_bags(Path(sys.argv[1])).runs
+print(json.dumps([len(log.time), time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "compression"), [("ros1", "lz4"), ("sqlite3", None), ("mcap", "storage")])
+def test_ten_minutes_are_read_in_thirty_seconds_and_half_a_gigabyte(tmp_path, kind, compression):
+    rng, duration = np.random.default_rng(0), 600.0
+    log = wandered(duration=duration)
+    time = np.arange(0.0, duration, 0.02)
+    turned = np.column_stack([np.interp(time, log.time, side) for side in np.cumsum(log.omega * 0.05, axis=0).T])
+    joints = [joint_states(stamp(t), ["left", "right"], p, p) for t, p in zip(time, turned.tolist(), strict=True)]
+    poses = [pose_with_covariance(stamp(t), p) for t, p in zip(log.time, log.pose.tolist(), strict=True)]
+    scans = [_scan(stamp(t), rng) for t in log.time]
+    path = write_bag(tmp_path / "run", kind, in_order(joints, poses, scans), compression=compression)
+    done = subprocess.run([sys.executable, "-c", _CODE, str(path)], capture_output=True, text=True, check=True)
+    rows, seconds, memory = json.loads(done.stdout)
+    assert rows == len(np.union1d(np.round(time, 9), np.round(log.time, 9)))
+    assert seconds < 30.0
+    assert memory < 0.5
+
+
+def _scan(at, rng):
+    ranges, intensities = rng.uniform(1.0, 5.0, 721), rng.uniform(0.0, 255.0, 721)
+    fields = {"header": header(at, "laser"), "range_max": 30.0, "ranges": ranges, "intensities": intensities}
+    return "/scan", "sensor_msgs/msg/LaserScan", at + 1_000_000, fields

@@ -1,0 +1,182 @@
+"""Sprocket speeds from joint states: left and right by name, wrapped or not, any order, gaps, resets, velocities."""
+
+import numpy as np
+import pytest
+from bags import JOINTS, joint_states, joints_of, sprocket_angles, stamp, write_bag
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from wandered import wandered
+
+from sim.bags.writer import write_bag as write_run
+from trackslip.bags.choice import AUTOMATIC, BagChoice
+from trackslip.bags.encoders import from_positions, read_encoders
+from trackslip.bags.open import open_bag
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.kinematics import RobotGeometry
+from trackslip.localization.scan import Plate
+from trackslip.logs.runlog import RunLog
+
+LOG = wandered(duration=8.0)
+TURNED = sprocket_angles(LOG)
+
+
+def read(tmp_path, messages, choice=AUTOMATIC, notes=None):
+    (found,) = read_encoders(open_bag(write_bag(tmp_path / "run", "mcap", messages)), choice, notes)
+    return found
+
+
+def states(names, positions=None, velocities=None, topic="/joint_states", time=LOG.time):
+    empty = [()] * len(time)
+    positions = empty if positions is None else positions
+    velocities = empty if velocities is None else velocities
+    return [
+        joint_states(stamp(t), names, p, v, topic=topic) for t, p, v in zip(time, positions, velocities, strict=True)
+    ]
+
+
+def test_speeds_are_means_since_the_reading_before(tmp_path):
+    found = read(tmp_path, joints_of(LOG))
+    np.testing.assert_array_equal(found.stamp, [stamp(t) for t in LOG.time])
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-11)
+    np.testing.assert_array_equal(found.omega[0], found.omega[1])
+    assert found.joints == (("left_wheel",), ("right_wheel",))
+
+
+@given(arrays(float, 30, elements=st.floats(-3.1, 3.1)), st.floats(-3.14, 3.14), st.sampled_from([-np.pi, 0.0]))
+def test_unwrapping_undoes_wrapping(steps, first, low):
+    angle = first + np.concatenate([[0.0], np.cumsum(steps)])
+    wrapped = (angle - low) % (2 * np.pi) + low
+    time = np.arange(31.0)
+    found = from_positions("left", time, wrapped, [])
+    np.testing.assert_allclose(found, angle - angle[0], atol=1e-9)
+
+
+def test_several_wheels_a_side_are_averaged(tmp_path):
+    names = ["front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"]
+    scale = np.array([0.9, 1.1, 1.1, 0.9])
+    found = read(tmp_path, states(names, TURNED[:, [0, 1, 0, 1]] * scale))
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-10)
+    chosen = BagChoice(left=("front_left_wheel",), right=("rear_right_wheel",))
+    found = read(tmp_path / "chosen", states(names, TURNED[:, [0, 1, 0, 1]] * scale), chosen)
+    np.testing.assert_allclose(found.omega[1:], 0.9 * LOG.omega[1:], atol=1e-10)
+
+
+def test_joints_in_any_order_and_in_messages_of_their_own(tmp_path):
+    """Arms in between, and the order of the names changing."""
+    messages = []
+    for k, (time, (left, right)) in enumerate(zip(LOG.time, TURNED.tolist(), strict=True)):
+        names, angles = ["left_wheel", "arm_1", "right_wheel"], [left, 5.0, right]
+        order = slice(None, None, (-1) ** k)
+        messages.append(joint_states(stamp(time), names[order], angles[order]))
+        messages.append(joint_states(stamp(time) + 1000, ["arm_1"], [k]))
+    np.testing.assert_allclose(read(tmp_path, messages).omega[1:], LOG.omega[1:], atol=1e-9)
+
+
+@pytest.mark.parametrize("choice", [BagChoice(), BagChoice(encoders="/left,/right")])
+def test_sides_in_two_topics(tmp_path, choice):
+    messages = []
+    for time, (left, right) in zip(LOG.time, TURNED.tolist(), strict=True):
+        messages.append(joint_states(stamp(time), ["left_wheel"], [left], topic="/left"))
+        messages.append(joint_states(stamp(time), ["right_wheel"], [right], topic="/right", late=2_000_000))
+    found = read(tmp_path, messages, choice)
+    assert found.topic == "/left and /right"
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-9)
+
+
+def test_velocities_where_there_are_no_positions(tmp_path):
+    """Velocities are samples: their means by the trapezoidal rule, exact for speeds linear in time."""
+    speed = np.column_stack([LOG.time, 3.0 - LOG.time])
+    notes = []
+    found = read(tmp_path, states(["left", "right"], None, speed), notes=notes)
+    middle = (LOG.time[1:] + LOG.time[:-1]) / 2
+    np.testing.assert_allclose(found.omega[1:], np.column_stack([middle, 3.0 - middle]), atol=1e-9)
+    assert any("speeds are its velocities, because it states no positions" in note for note in notes)
+
+
+@pytest.mark.parametrize("positions", [np.full_like(TURNED, np.nan), np.zeros_like(TURNED)])
+def test_positions_that_are_not_measured_give_way_to_velocities(tmp_path, positions):
+    found = read(tmp_path, states(["left", "right"], positions, LOG.omega))
+    middle = (LOG.omega[1:] + LOG.omega[:-1]) / 2
+    np.testing.assert_allclose(found.omega[1:], middle, atol=1e-9)
+
+
+def test_single_positions_that_are_missing_are_bridged(tmp_path):
+    positions = TURNED.copy()
+    positions[40, 0] = np.nan
+    notes = []
+    found = read(tmp_path, states(["left", "right"], positions), notes=notes)
+    np.testing.assert_allclose(found.omega[60:], LOG.omega[60:], atol=1e-10)
+    assert notes == ["topic /joint_states: joint left: 1 message without a position left out"]
+
+
+def test_the_topic_that_is_measured_is_chosen(tmp_path):
+    commands = states(["left", "right"], TURNED + 1, topic="/joint_commands")
+    arm = states(["shoulder", "elbow"], TURNED, topic="/arm/joint_states")
+    assert read(tmp_path, [*states(["left", "right"], TURNED), *commands, *arm]).topic == "/joint_states"
+    base = states(["left", "right"], TURNED, topic="/base/joint_states")
+    other = states(["left", "right"], TURNED, topic="/other/joint_states")
+    with pytest.raises(
+        LogError, match="encoders may be /base/joint_states, /other/joint_states: choose with --encoders"
+    ):
+        read(tmp_path / "two", [*base, *other, *arm])
+    found = read(tmp_path / "named", [*base, *other], BagChoice(encoders="other/joint_states"))
+    assert found.topic == "/other/joint_states"
+
+
+SIDES = states(["left", "right"], TURNED)
+ODD = ("/odd", "odd_msgs/msg/Odd", 5, {})
+UNSTAMPED = [joint_states(0, ["left", "right"], p, late=stamp(k / 20)) for k, p in enumerate(TURNED.tolist())]
+
+
+@pytest.mark.parametrize(
+    ("messages", "choice", "line"),
+    [
+        ([ODD], {}, "no encoders: no topic of sensor_msgs/.*JointState; its topics are /odd"),
+        (states(["a", "b"], TURNED), {}, r"which of its joints are left and right\? It has a, b: choose"),
+        (SIDES, {"left": ("left",), "right": ("c",)}, "right = 'c': topic /joint_states has no such joint; its joints"),
+        (states(["left", "right"]), {}, "topic /joint_states: joint left states neither positions nor velocities"),
+        ([*SIDES, ODD], {"encoders": "/odd"}, f"topic /odd has messages of odd_msgs/msg/Odd, needs {JOINTS}"),
+        (SIDES, {"encoders": "/wheels"}, "it has no topic '/wheels'; its topics are /joint_states"),
+        (UNSTAMPED, {}, "160 of its 160 header stamps are 0: its publisher states no time, or"),
+        (SIDES[:1], {}, "fewer than 2 messages with the joints chosen"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_a_line(tmp_path, messages, choice, line):
+    with pytest.raises(LogError, match=line) as refused:
+        read(tmp_path, messages, BagChoice(**choice))
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("choice", "line"),
+    [
+        ({"left": ("a",)}, "right = None: must be given where left is"),
+        ({"right": ("a",)}, "left = None: must be given where right is"),
+        ({"left": (), "right": ("a",)}, r"left = \(\): must be names of joints"),
+        ({"left": ("a", "b"), "right": ("b",)}, "right = 'b': must be the name of a joint that is not on the left"),
+        ({"reversed": "up"}, "reversed = 'up': must be left, right, both or none"),
+        ({"poses": "tf:map"}, "poses = 'tf:map': must be tf:FRAME:FRAME"),
+        ({"poses": "tf:map:map"}, "poses = 'tf:map:map': must be tf:FRAME:FRAME"),
+        ({"scan": "/scan"}, "scan = '/scan': must be"),
+        ({"plate": Plate(), "poses": "/pose"}, "poses = "),
+    ],
+)
+def test_choices_that_make_no_sense(choice, line):
+    with pytest.raises(InvalidValueError, match=line):
+        BagChoice(**choice)
+
+
+def test_odometry_from_the_wheels_stands_for_encoders(tmp_path):
+    rng, time = np.random.default_rng(0), np.arange(0, 20, 0.02)
+    omega = 3.0 + np.sin(time[:, None] * [0.5, 0.7])
+    geometry = RobotGeometry(0.2, 0.05)
+    pose = np.column_stack([0.1 * time, np.zeros_like(time), 0.3 * np.sin(time)]) + rng.normal(0, 1e-3, (len(time), 3))
+    write_run(RunLog("drive", time, omega, pose), tmp_path / "run", geometry)
+    bag = open_bag(tmp_path / "run")
+    (stated,) = read_encoders(bag)
+    (reckoned,) = read_encoders(bag, BagChoice(encoders="/odom", wheels=geometry))
+    np.testing.assert_allclose(reckoned.omega[1:], stated.omega[1:], atol=0.02)  # means of velocities, of positions
+    assert reckoned.taken == "encoders: odometry /odom"
+    with pytest.raises(LogError, match="topic /odom: speeds of wheels need the geometry that it assumes"):
+        read_encoders(bag, BagChoice(encoders="/odom"))

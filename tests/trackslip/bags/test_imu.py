@@ -1,0 +1,162 @@
+"""The yaw rate by the IMU in a bag: which one, about which axis, and when."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bags import fix, imu, in_order, joints_of, odometry, poses_of, stamp, write_bag
+from drives import GEOMETRY, drive_log
+from pymap3d import enu2geodetic
+from scipy.spatial.transform import Rotation
+
+from sim.bags.topics import FIELD
+from trackslip.bags.choice import AUTOMATIC, BagChoice
+from trackslip.bags.drives import read_bags
+from trackslip.errors import LogError
+from trackslip.kinematics import body_twist
+
+LOG = drive_log(0, 40.0)
+TIME = np.arange(LOG.time[0], LOG.time[-1], 0.01)  # 100 Hz
+YAW = np.unwrap(LOG.truth.pose[:, 2])
+RATE = np.gradient(np.interp(TIME, LOG.time, YAW), TIME)
+UPSIDE_DOWN = Rotation.from_euler("x", 180, degrees=True)
+TILTED = Rotation.from_euler("yx", [30, 180], degrees=True)
+UPRIGHT = Rotation.identity()
+
+
+def imus(mounting=UPRIGHT, rows=slice(None), **others):
+    """Messages of an IMU that is mounted so in the robot."""
+    rates = mounting.inv().apply(RATE[:, None] * [0.0, 0.0, 1.0] + 0.001)
+    return [imu(stamp(t), w, **others) for t, w in zip(TIME[rows], rates[rows].tolist(), strict=True)]
+
+
+def read(path, *messages, choice=AUTOMATIC, kind="mcap", poses=None):
+    poses = poses_of(LOG) if poses is None else poses
+    bag = write_bag(path / "a", kind, in_order(joints_of(LOG), poses, *messages))
+    return read_bags(bag, choice)
+
+
+def require_true(log):
+    """The gyro of the log is the true yaw rate, mean since the row before."""
+    true = np.diff(np.interp(log.time, LOG.time, YAW)) / np.diff(log.time)
+    known = np.isfinite(log.gyro[1:])
+    assert known.mean() > 0.94
+    np.testing.assert_allclose(log.gyro[1:][known], true[known], atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("mounting", "shown"), [(UPRIGHT, "[0. 0. 1.]"), (UPSIDE_DOWN, "[ 0.  0. -1.]"), (TILTED, "-0.87]")]
+)
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_its_axis_is_that_of_the_turns(tmp_path, mounting, shown, kind):
+    found = read(tmp_path, imus(mounting), kind=kind)
+    (log,) = found.runs
+    require_true(log)
+    assert not found.warnings
+    assert "gyro: /imu/data in imu_link about" in found.taken[0]
+    assert shown in found.taken[0]
+    assert log.metadata["bag"]["gyro"] == "/imu/data in imu_link"
+
+
+def test_with_positions_alone_the_sprockets_tell_the_axis(tmp_path):
+    place = np.column_stack(enu2geodetic(*LOG.pose[LOG.is_valid, :2].T, 0.0, *FIELD))
+    fixes = [fix(stamp(t), *one) for t, one in zip(LOG.time[LOG.is_valid], place.tolist(), strict=True)]
+    found = read(tmp_path, imus(UPSIDE_DOWN), poses=fixes)
+    require_true(found.runs[0])
+
+
+def test_an_imu_of_its_own_is_preferred_and_another_can_be_chosen(tmp_path):
+    ones = imus(), imus(UPSIDE_DOWN, topic="/camera/imu", frame="camera_imu")
+    found = read(tmp_path, *ones)
+    assert "gyro: /imu/data in imu_link, one of 2 about [0. 0. 1.]" in found.taken[0]
+    chosen = read(tmp_path / "b", *ones, choice=BagChoice(imu="/camera/imu"))
+    require_true(chosen.runs[0])
+    assert "/camera/imu in camera_imu about" in chosen.taken[0]
+    assert read(tmp_path / "c", *ones, choice=BagChoice(imu="none")).runs[0].gyro is None
+    with pytest.raises(LogError, match="no topic '/imu'"):
+        read(tmp_path / "d", *ones, choice=BagChoice(imu="/imu"))
+    with pytest.raises(LogError, match="needs sensor_msgs/msg/Imu"):
+        read(tmp_path / "e", *ones, choice=BagChoice(imu="/joint_states"))
+
+
+def test_gaps_are_not_measured(tmp_path):
+    gap = (TIME > 10) & (TIME < 12)
+    (log,) = read(tmp_path, imus(rows=~gap)).runs
+    inside = (log.time > 10.1) & (log.time < 11.9)
+    assert np.isnan(log.gyro[inside]).all()
+    require_true(log)
+
+
+@pytest.mark.parametrize(
+    ("messages", "words"),
+    [
+        (imus(unknown=True), "topic /imu/data: it states no angular velocities: read without gyro"),
+        ([imu(stamp(t), (0.0, 0.0, 0.0)) for t in TIME], "topic /imu/data: it states no angular velocities"),
+        ([imu(stamp(t), (np.nan, 1e9, 0.0)) for t in TIME], "topic /imu/data: it states no angular velocities"),
+        ([imu(0, (0.0, 0.0, 0.1), late=stamp(t)) for t in TIME], "read without gyro: topic /imu/data: "),
+        (
+            [imu(stamp(t), w) for t, w in zip(TIME, np.random.default_rng(0).normal(size=(len(TIME), 3)), strict=True)],
+            "gyro of /imu/data in imu_link left out: it doesn't follow the robot's turns",
+        ),
+    ],
+)
+def test_an_imu_without_a_gyro_leaves_the_log_without(tmp_path, messages, words):
+    found = read(tmp_path, messages)
+    assert found.runs[0].gyro is None
+    assert any(words in line for line in found.warnings)
+    assert "gyro" not in found.taken[0]
+
+
+def without_poses(path, heading=None, **others):
+    """The log of encoders and an IMU alone."""
+    headings = np.interp(TIME, LOG.time, YAW) if heading is None else heading
+    messages = [
+        imu(stamp(t), (0.0, 0.0, w), heading=h, **others)
+        for t, w, h in zip(TIME.tolist(), RATE.tolist(), headings, strict=True)
+    ]
+    return read(path, messages, poses=[])
+
+
+def test_an_orientation_without_positions_gives_headings_alone(tmp_path):
+    found = without_poses(tmp_path)
+    (log,) = found.runs
+    assert "poses: /imu/data (headings of an IMU); gyro: /imu/data" in found.taken[0]
+    assert log.has_heading.any()
+    assert not log.has_place.any()
+    assert np.isnan(log.pose[:, :2]).all()
+    true = np.interp(log.time, LOG.time, YAW)[log.has_heading]
+    np.testing.assert_allclose(
+        log.pose[log.has_heading, 2] - log.pose[log.has_heading, 2][0], true - true[0], atol=0.01
+    )
+    require_true(log)
+
+
+def test_without_an_orientation_the_gyro_alone_is_read(tmp_path):
+    found = without_poses(tmp_path, heading=[None] * len(TIME))
+    (log,) = found.runs
+    assert "; no poses; gyro: /imu/data" in found.taken[0]
+    assert not log.is_valid.any()
+    require_true(log)
+
+
+def test_odometry_and_an_imu_are_enough(tmp_path):
+    """The odometry stands for the encoders, so that only the IMU tells headings."""
+    reckoned = [
+        (topic, kind, at, {**fields, "twist": {"twist": {"linear": {"x": v}, "angular": {"z": w}}}})
+        for (topic, kind, at, fields), (v, w) in zip(
+            poses_of(replace(LOG, valid=None, pose=np.nan_to_num(LOG.pose)), odometry),
+            body_twist(LOG.omega, 0.0, GEOMETRY).tolist(),
+            strict=True,
+        )
+    ]
+    headings = [imu(stamp(t), (0.0, 0.0, 0.1), heading=h) for t, h in zip(LOG.time, YAW, strict=True)]
+    bag = write_bag(tmp_path / "a", "mcap", in_order(reckoned, headings))
+    found = read_bags(bag, BagChoice(encoders="/odom", wheels=GEOMETRY, imu="none", poses="/imu/data"))
+    (log,) = found.runs
+    assert found.taken == ("encoders: odometry /odom; poses: /imu/data (as asked for)",)
+    assert log.has_heading.all()
+    np.testing.assert_allclose(log.omega[1:], (LOG.omega[1:] + LOG.omega[:-1]) / 2, atol=1e-9)
+    found = read_bags(bag, BagChoice(encoders="/odom", wheels=GEOMETRY))
+    assert "poses: /imu/data (headings of an IMU)" in found.taken[0]

@@ -1,0 +1,231 @@
+"""Bags of all kinds, written by rosbags and by MCAP's own writer: complete, compressed, cut off, damaged."""
+
+import re
+import shutil
+import sqlite3
+
+import numpy as np
+import pytest
+from bags import KINDS, START, contents, expected, in_order, joints_of, poses_of, write_bag
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.writer import Writer as PlainWriter
+from rosbags.highlevel import AnyReader
+from wandered import wandered
+
+from trackslip.bags.open import open_bag, open_bags
+from trackslip.errors import LogError, TrackslipError
+
+COMPRESSED = [
+    *(("ros1", how) for how in ("bz2", "lz4")),
+    *(("sqlite3", how) for how in ("file", "message")),
+    *(("mcap", how) for how in ("file", "message", "storage")),
+    *(("foxglove", how) for how in ("none", "lz4", "zstd")),
+]
+LOG = wandered(duration=6.0)
+MESSAGES = in_order(joints_of(LOG), poses_of(LOG))
+LONG = wandered(duration=60.0)
+
+
+def file_of(path):
+    return path if path.is_file() else next(file for file in sorted(path.iterdir()) if file.suffix != ".yaml")
+
+
+@pytest.mark.parametrize(("kind", "compression"), [*((kind, None) for kind in KINDS), *COMPRESSED])
+def test_every_message_comes_back_with_every_bit(tmp_path, kind, compression):
+    path = write_bag(tmp_path / "run", kind, MESSAGES, compression=compression)
+    bag = open_bag(path)
+    assert contents(bag.messages("/joint_states")) == expected(MESSAGES)
+    assert (bag.name, bag.notes) == ("run", ())
+    assert bag.span == (MESSAGES[0][2], MESSAGES[-1][2])
+    with AnyReader([path]) as reader:
+        assert {name: (topic.type, topic.count) for name, topic in bag.topics.items()} == {
+            name: (topic.msgtype, topic.msgcount) for name, topic in reader.topics.items()
+        }
+    times = [at for topic, _, at, _ in MESSAGES if topic == "/slam/pose"]
+    np.testing.assert_array_equal(bag.arrivals()["/slam/pose"], times)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_types_that_nobody_knows_are_in_nobodys_way(tmp_path, kind):
+    odd = [("/odd", "odd_msgs/msg/Odd", at, {"text": "x", "what": [1, 2]}) for *_, at, _ in MESSAGES[::7]]
+    bag = open_bag(write_bag(tmp_path / "run", kind, in_order(MESSAGES, odd)))
+    assert bag.topics["/odd"].type == "odd_msgs/msg/Odd"
+    assert contents(bag.messages("joint_states")) == expected(MESSAGES)
+    assert bag.first("/odd", 1)[0].content.text == "x"
+
+
+def test_an_mcap_file_with_channels_that_are_not_of_ros(tmp_path):
+    """As programs write it that record JSON, too."""
+    with (tmp_path / "mixed.mcap").open("wb") as stream:
+        writer = PlainWriter(stream)
+        writer.start(profile="", library="another")
+        schema = writer.register_schema("foo/Bar", "jsonschema", b"{}")
+        channel = writer.register_channel("/json", "json", schema)
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    bag = open_bag(tmp_path / "mixed.mcap")
+    assert {topic.name: topic.count for topic in bag.topics.values()} == {"/json": 1}
+    assert bag.notes == ()
+
+
+def test_several_bags_in_a_folder(tmp_path):
+    for k in range(3):
+        write_bag(tmp_path / f"drive_{k}", KINDS[k], joints_of(LOG, start=START + k * 60_000_000_000))
+    (tmp_path / "bad.mcap").write_bytes(b"nothing")
+    bags = open_bags(tmp_path)
+    assert sorted(bag.name for bag in bags) == ["drive_0", "drive_1", "drive_2"]
+    assert "bad.mcap: can't be read" in bags[0].notes[0]
+    with pytest.raises(LogError, match=r"holds 3 bags \(.*\): name one"):
+        open_bag(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "[", "a: b", "\x00", "rosbag2_bagfile_information: 3"])
+def test_metadata_that_is_damaged_matters_little(tmp_path, text):
+    folder = write_bag(tmp_path / "run", "sqlite3", MESSAGES)
+    (folder / "metadata.yaml").write_text(text)
+    bag = open_bag(folder)
+    assert contents(bag.messages("/joint_states")) == expected(MESSAGES)
+    assert re.search(r"may repair it: ros2 bag reindex \S*run; read without its metadata\.yaml", bag.notes[0])
+    (folder / "metadata.yaml").unlink()
+    assert open_bag(folder).notes == ()
+
+
+def test_a_split_recording_is_one_bag_by_its_metadata_and_several_without_a_part(tmp_path):
+    folder = write_bag(tmp_path / "run", "mcap", MESSAGES[:100])
+    shutil.copy(file_of(write_bag(tmp_path / "more", "mcap", MESSAGES[100:])), folder / "run_1.mcap")
+    about = folder / "metadata.yaml"
+    about.write_text(about.read_text().replace("- run.mcap", "- run.mcap\n  - run_1.mcap"))
+    assert contents(open_bag(folder).messages("/joint_states")) == expected(MESSAGES)
+    (folder / "run_1.mcap").unlink()
+    bag = open_bag(folder)
+    assert contents(bag.messages("/joint_states")) == expected(MESSAGES[:100])
+    assert "run_1.mcap" in bag.notes[0]
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize("compression", ["none", "zstd"])
+def test_an_mcap_file_that_was_cut_off_is_read_up_to_there(tmp_path, share, compression):
+    messages = joints_of(LONG)
+    path = write_bag(tmp_path / "run", "foxglove", messages, compression=compression)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    bag = open_bag(path)
+    rows = contents(bag.messages("/joint_states"))
+    assert 0 < len(rows) < len(messages)
+    assert rows == expected(messages)[: len(rows)]
+    assert len(bag.arrivals()["/joint_states"]) == len(rows)
+    (note,) = bag.notes
+    duration = (rows[-1][1] - rows[0][1]) / 1e9
+    said = re.search(r"its end is missing, .*: (\S+) s are read, (\d+) of (\d+) kB are lost", note)
+    assert float(said[1]) == pytest.approx(duration, abs=0.05)
+    assert 0 <= int(said[2]) < int(said[3]) == round(share * len(whole) / 1e3)
+
+
+def test_a_message_that_was_cut_off_is_not_taken(tmp_path):
+    """Without chunks, as a recorder writes that saves time: at every length, whole messages are read."""
+    path = tmp_path / "run.mcap"
+    with path.open("wb") as stream:
+        writer = PlainWriter(stream, use_chunking=False)
+        writer.start(profile="ros2", library="recorder")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/words", "cdr", schema)
+        for k in range(3):
+            writer.add_message(channel, k, b"\x00\x01\x00\x00\x05\x00\x00\x00word\x00", k)
+        writer.finish()
+    whole = path.read_bytes()
+    end = whole.rindex(b"word") + 5
+    for size in range(end - 100, end + 30):
+        path.write_bytes(whole[:size])
+        words = [message.content.data for message in open_bag(path).messages("/words")]
+        assert words == ["word"] * whole[:size].count(b"word\x00")
+
+
+@pytest.mark.parametrize(
+    ("kind", "command"),
+    [
+        ("ros1", "rosbag reindex {file}"),
+        ("sqlite3", "sqlite3 {file} .recover | sqlite3 NEW.db3"),
+        ("foxglove", "mcap recover {file} -o NEW.mcap"),
+    ],
+)
+def test_damage_is_refused_with_the_command_that_repairs(tmp_path, kind, command):
+    path = file_of(write_bag(tmp_path / "run", kind, joints_of(LONG), compression="lz4" if kind != "sqlite3" else None))
+    whole = bytearray(path.read_bytes())
+    middle = len(whole) // 3
+    whole[middle : middle + 3000] = bytes(3000)
+    path.write_bytes(whole)
+    with pytest.raises(LogError) as refused:
+        list(open_bag(path).messages("/joint_states"))
+    assert str(refused.value).startswith(f"{path}: can't be read (")
+    assert str(refused.value).endswith(f"); this may repair it: {command.format(file=path)}")
+
+
+def test_recordings_that_were_not_closed_and_files_that_are_compressed_as_a_whole(tmp_path):
+    path = write_bag(tmp_path / "run", "ros1", MESSAGES)
+    path.rename(tmp_path / "run.bag.active")
+    with pytest.raises(LogError, match=r"the recording was not closed.*: rosbag reindex \S*run\.bag\.active"):
+        open_bag(tmp_path)
+    packed = file_of(write_bag(tmp_path / "packed", "mcap", MESSAGES, compression="file"))
+    with pytest.raises(LogError, match=r"it is compressed as a whole.*: zstd -d \S*packed\.mcap\.zstd"):
+        open_bag(packed)
+
+
+def test_a_message_that_cannot_be_decoded_is_refused(tmp_path):
+    folder = write_bag(tmp_path / "run", "sqlite3", MESSAGES)
+    with sqlite3.connect(folder / "run.db3") as database:
+        database.execute("UPDATE messages SET data = x'0001000000' WHERE id = 1")
+    with pytest.raises(LogError, match=r"run: can't be read \("):
+        list(open_bag(folder).messages("/joint_states"))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("none.mcap", None, "none.mcap: no such file or folder"),
+        ("empty.mcap", b"", r"empty.mcap: can't be read \(it has no whole message\)"),
+        ("head.mcap", b"\x89MCAP0\r\n", r"head.mcap: can't be read \(it has no whole message\)"),
+        ("empty.bag", b"", r"empty.bag: can't be read \(File .* seems to be empty\)"),
+        ("old.bag", b"#ROSBAG V1.2\n", r"old.bag: can't be read \(Bag version 102 is not supported\)"),
+        ("empty.db3", b"", r"empty.db3: can't be read \(Cannot open database .* missing tables\)"),
+        ("text.txt", b"hello", "text.txt: is no bag"),
+    ],
+)
+def test_what_is_no_bag_is_refused(tmp_path, name, content, message):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(LogError, match=r"folder: holds no bag"):
+        open_bag(tmp_path / "folder")
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(LogError, match=message):
+        open_bag(tmp_path / name)
+
+
+@pytest.fixture(scope="module")
+def damaged(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("damaged")
+    found = {}
+    for kind, compression in (*((kind, None) for kind in KINDS), ("ros1", "bz2"), ("sqlite3", "message")):
+        path = file_of(write_bag(folder / f"{kind}{compression}", kind, MESSAGES[:60], compression=compression))
+        found[f"{kind} {compression}"] = path, folder / f"x{''.join(path.suffixes)}"
+    return found
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32 - 1))
+def test_damage_never_ends_in_a_traceback(damaged, seed):
+    rng = np.random.default_rng(seed)
+    whole, file = damaged[rng.choice(sorted(damaged))]
+    content = bytearray(whole.read_bytes())
+    for _ in range(rng.integers(1, 7)):
+        place = rng.integers(len(content))
+        content[place : place + 8] = rng.bytes(rng.integers(1, 9))
+    file.write_bytes(content[: rng.integers(len(content) + 1)] if rng.random() < 0.5 else content)
+    said = ""
+    try:
+        bag = open_bag(file)
+        for topic in bag.topics:
+            assert all(message.topic == topic for message in bag.messages(topic))
+    except TrackslipError as error:
+        said = str(error)
+    assert not said or (file.name in said and "\n" not in said)

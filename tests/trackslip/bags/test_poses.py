@@ -1,0 +1,188 @@
+"""Poses from every type of message: headings, tilt, covariances, fixes, transforms, and what means nothing."""
+
+from functools import reduce
+
+import numpy as np
+import pytest
+from bags import (
+    KINDS,
+    START,
+    chain_of,
+    fix,
+    odometry,
+    pose_stamped,
+    pose_with_covariance,
+    poses_of,
+    quaternion,
+    stamp,
+    transform,
+    write_bag,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from wandered import wandered
+
+from trackslip import se2
+from trackslip.bags.open import open_bag
+from trackslip.bags.poses import headings, meaningful_covariances, read_poses
+from trackslip.errors import LogError
+
+LOG = wandered(duration=8.0)
+
+SEEN = LOG.pose[LOG.is_valid]
+
+WRAPPED = np.column_stack([SEEN[:, :2], se2.wrap_angle(SEEN[:, 2])])
+
+SOURCES = {"/odom": odometry, "/slam/pose": pose_stamped, "/amcl_pose": pose_with_covariance}
+
+
+def read(tmp_path, messages, source, kind="mcap"):
+    notes = []
+    found = read_poses(open_bag(write_bag(tmp_path / "run", kind, messages)), source, notes)
+    return found, notes
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("topic", SOURCES)
+def test_poses_of_every_type(tmp_path, kind, topic):
+    (found,), notes = read(tmp_path, poses_of(LOG, SOURCES[topic]), topic, kind)
+    np.testing.assert_array_equal(found.pose[:, :2], SEEN[:, :2])
+    np.testing.assert_allclose(found.pose[:, 2], WRAPPED[:, 2], atol=1e-12)
+    np.testing.assert_array_equal(found.stamp, [stamp(t) for t in LOG.time[LOG.is_valid]])
+    np.testing.assert_allclose(found.delay, 1e-3)
+    assert not notes
+
+
+def test_stated_covariances_come_along(tmp_path):
+    (found,), _ = read(tmp_path, poses_of(LOG, pose_with_covariance, variances=(1e-4, 4e-4, 9e-6)), "/amcl_pose")
+    np.testing.assert_array_equal(found.covariance, np.tile(np.diag([1e-4, 4e-4, 9e-6]), (80, 1, 1)))
+    (found,), _ = read(tmp_path / "zero", poses_of(LOG, odometry), "/odom")
+    assert found.covariance is None
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        np.diag([1e-4, 0.0, 1e-4]),
+        np.diag([1e-4, -1.0, 1e-4]),
+        np.diag([1e6, 1e6, 1e-4]),
+        np.diag([np.nan, 1e-4, 1e-4]),
+        np.diag([5e-324, 1e-4, 1e-4]),
+        np.array([[1e-4, 1e308, 0], [1e308, 1e-4, 0], [0, 0, 1e-4]]),
+        np.array([[1e-4, 5e-4, 0], [5e-4, 1e-4, 0], [0, 0, 1e-4]]),
+        np.array([[1e-4, 5e-5, 0], [0, 1e-4, 0], [0, 0, 1e-4]]),
+    ],
+)
+def test_covariances_that_are_zero_or_absurd_are_none(stated):
+    good = np.diag([1e-4, 1e-4, 1e-4])
+    assert meaningful_covariances(np.stack([stated, stated]), heading=True) is None
+    found = meaningful_covariances(np.stack([stated, good]), heading=True)
+    assert np.isnan(found[0]).all()
+    np.testing.assert_array_equal(found[1], good)
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
+def test_headings_are_those_of_the_x_axis_from_above(yaw, pitch, roll):
+    turned = Rotation.from_euler("ZYX", [yaw, pitch, roll])
+    notes = []
+    found, *_ = headings(np.stack([turned.as_quat(), [0, 0, 0, 1], [0, 0, 0, 1]]), "topic /a", notes)
+    x, y, _ = turned.apply([1.0, 0.0, 0.0])
+    assert se2.wrap_angle(found - np.arctan2(y, x)) == pytest.approx(0.0, abs=1e-9)
+    tilt = np.arccos(min(turned.apply([0.0, 0.0, 1.0])[2], 1.0))
+    assert bool(notes) == (tilt > np.radians(20))
+
+
+def with_turn(turn, rows=range(80)):
+    """Poses of LOG, with another orientation in some."""
+    messages = poses_of(LOG)
+    for k in rows:
+        topic, kind, at, fields = messages[k]
+        messages[k] = topic, kind, at, fields | {"pose": fields["pose"] | {"orientation": turn}}
+    return messages
+
+
+def turned(x, y, z, w):
+    return {"x": x, "y": y, "z": z, "w": w}
+
+
+SIDEWAYS = turned(*Rotation.from_euler("ZYX", [0.3, 0, -np.pi / 2]).as_quat().tolist())
+"""A camera's optical frame: z forwards."""
+
+
+UNKNOWN = poses_of(LOG, odometry, topic="/slam/pose", variances=(0.01, 0.01, 99999.0))
+
+
+@pytest.mark.parametrize(
+    ("messages", "note"),
+    [
+        (with_turn(SIDEWAYS), "its frame is tilted by more than 20° in 80 of 80 poses, by up to 90°: headings left"),
+        (with_turn(turned(0.0, 0.0, 0.0, 0.0)), "it states no orientation (all quaternions are 0): read without"),
+        (with_turn(turned(0.0, 0.0, 0.0, 1.0)), "its heading never changes although it moves: read without headings"),
+        (UNKNOWN, "its covariances call the heading unknown: read without headings"),
+    ],
+)
+def test_orientations_that_are_no_headings(tmp_path, messages, note):
+    (found,), (said,) = read(tmp_path, messages, "/slam/pose")
+    assert np.isnan(found.pose[:, 2]).all()
+    assert said.startswith(f"topic /slam/pose: {note}")
+    if messages is UNKNOWN:
+        np.testing.assert_array_equal(found.covariance[:, :2, :2], np.tile(0.01 * np.eye(2), (80, 1, 1)))
+
+
+LONG = turned(0.0, 0.0, 0.0, 2.0)
+TILTED = quaternion(SEEN[10, 2], np.radians(31))
+ASTRAY = [pose_stamped(stamp(0.7), (np.nan, 0.0, 0.0)) if k == 7 else one for k, one in enumerate(poses_of(LOG))]
+
+
+@pytest.mark.parametrize(
+    ("messages", "without", "note"),
+    [
+        (with_turn(TILTED, [10]), [], "tilted by more than 20° in 1 of 80 poses, by up to 31°: slip is identified in"),
+        (with_turn(LONG, [3, 4]), [3, 4], "2 of 80 poses left out: the quaternion [0. 0. 0. 2.] is not of unit length"),
+        (ASTRAY, [7], "1 of 80 poses left out: x or y is not finite"),
+    ],
+)
+def test_poses_that_mean_nothing_are_left_out(tmp_path, messages, without, note):
+    (found,), (said,) = read(tmp_path, messages, "/slam/pose")
+    np.testing.assert_allclose(found.pose, np.delete(WRAPPED, without, axis=0), atol=1e-9)
+    assert said.startswith(f"topic /slam/pose: {note}")
+
+
+def test_fixes_are_read_and_those_without_are_left_out(tmp_path):
+    messages = [
+        fix(stamp(k / 5), 47.0 + 1e-6 * k, 8.0 - 1e-6 * k, 400.0, status=-1 if k in (3, 4) else 2, variance=0.0004)
+        for k in range(20)
+    ]
+    (found,), notes = read(tmp_path, messages, "/fix")
+    assert found.pose.shape == (18, 3)
+    assert np.isnan(found.pose[:, 2]).all()
+    assert found.pose[-1, 1] == pytest.approx(19 * 0.1112, rel=1e-3)
+    assert found.pose[-1, 0] < 0
+    np.testing.assert_array_equal(found.covariance[0, :2, :2], 0.0004 * np.eye(2))
+    assert notes == ["topic /fix: 2 of 20 messages left out: they have no fix"]
+    with pytest.raises(LogError, match="topic /fix: none of its 3 messages has a fix"):
+        read(tmp_path / "none", [fix(stamp(k), 0.0, 0.0, status=-1) for k in range(3)], "/fix")
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_a_chain_of_transforms_is_sampled_where_its_slowest_link_changes(tmp_path, kind):
+    (found,), _ = read(tmp_path, chain_of(LOG), "tf:map:sensor", kind)
+    times = np.arange(8) + 0.52
+    np.testing.assert_array_equal(found.stamp, [stamp(t) for t in times])
+    for time, where in zip(times, found.pose, strict=True):
+        between = [np.interp(time, LOG.time, column) for column in LOG.pose.T]
+        expected = reduce(se2.compose, [(1.0 + 0.01 * np.floor(time), 2.0, 0.3), between, (0.2, 0.1, 0.5)])
+        np.testing.assert_allclose(where[:2], expected[:2], atol=1e-9)
+        assert se2.wrap_angle(where[2] - expected[2]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_chain_may_lead_up_and_down(tmp_path):
+    messages = [
+        transform(START, "world", "camera", (1.0, 1.0, 1.0), topic="/tf_static"),
+        *(transform(stamp(t), "camera", "tag", where) for t, where in zip(LOG.time, LOG.pose.tolist(), strict=True)),
+        transform(START, "base", "tag", (0.1, 0.0, 0.2), topic="/tf_static"),
+    ]
+    (found,), _ = read(tmp_path, messages, "tf:world:base")
+    expected = se2.compose(se2.compose((1.0, 1.0, 1.0), LOG.pose), se2.inverse((0.1, 0.0, 0.2)))
+    np.testing.assert_allclose(found.pose[:, :2], expected[:, :2], atol=1e-9)

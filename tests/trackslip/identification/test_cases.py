@@ -1,0 +1,206 @@
+"""Logs as people have them, through the front door: the true values within narrow intervals, or a line that says why.
+
+The robot has a half gauge of 0.285 m, D = 200 mm and ε = -3 %: the multiplier of its wheel separation is 1.702.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pytest
+from bags import in_order, joint_states, pose_stamped, stamp, write_bag
+from plain_drives import ENCODER_STEP, HUSKY, Drive, Robot, drive_of, log_of, measured, table_of, weaving
+
+from trackslip.errors import LogError
+from trackslip.identification.identify import identify
+from trackslip.identification.result import Identification
+from trackslip.logs.runlog import RunLog
+
+DRIVE = drive_of()
+TIME, POSE = measured(DRIVE)
+ANGLE = np.cumsum(DRIVE.omega * ENCODER_STEP, axis=0)
+
+
+def answer(*logs: RunLog, robot: Robot = HUSKY) -> Identification:
+    """The laws of drives."""
+    return identify(logs, robot.geometry, method="drive")
+
+
+def require_true(found: Identification, robot: Robot = HUSKY, offset: float = 0.003, error: float | None = None):
+    """D and ε within one and a half times their 95 % intervals, of half widths of at most `offset` [m] and `error`.
+
+    Of 40 values, some are outside 95 % by chance; shares are tested in tests/validation/test_drive_coverage.py.
+    """
+    truths = {"offset": robot.offset, "wheel_separation_multiplier": 1 + robot.offset / robot.half_gauge}
+    widths = {"offset": offset, "wheel_separation_multiplier": offset / robot.half_gauge}
+    if error is not None:
+        truths["radius_error"], widths["radius_error"] = robot.radius_error, error
+    for name, truth in truths.items():
+        gain = found.answer[name]
+        assert abs(gain.value - truth) <= 1.5 * gain.error, f"{name}: {truth} not in {gain}"
+        assert gain.error < widths[name], name
+
+
+def file_of(path, table):
+    """The path of a CSV of a table."""
+    pa.csv.write_csv(table, path)
+    return path
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.0, 10.0])
+def test_interpolated_poses(rate):
+    """Poses at the encoders' rows, linear between those that were measured."""
+    time, pose = measured(DRIVE, pose_step=1 / rate)
+    between = np.column_stack([np.interp(DRIVE.time, time, column) for column in pose.T])
+    found, knots = answer(log_of(DRIVE, DRIVE.time, between)), answer(log_of(DRIVE, time, pose))
+    require_true(found, offset=0.0025, error=0.002)
+    assert found.answer["offset"].value == pytest.approx(knots.answer["offset"].value, abs=2e-4)
+    assert any(note.startswith("poses are interpolated") for note in found.warnings)
+
+
+def test_turns_to_one_side():
+    step = np.arange(30)
+    speed = np.where(step % 2 == 0, 0.3, 0.0) * np.where(step % 4 == 0, 1, -1)
+    drive = drive_of(duration=240.0, commands=(speed, np.where(step % 2 == 1, 0.2, 0.0)), hold=8.0)
+    found = answer(log_of(drive, *measured(drive, position_noise=0.01, heading_noise=0.01)))
+    require_true(found, offset=0.003, error=0.002)
+    assert found.best != "none"
+    assert found.alarms == ()
+
+
+@pytest.mark.parametrize("factor", [2.5, 0.4])
+def test_encoders_that_count_otherwise(factor):
+    log = log_of(DRIVE.with_wheels(factor * DRIVE.omega), TIME, POSE)
+    require_true(answer(log), replace(HUSKY, radius_error=0.97 / factor - 1), offset=0.001, error=0.001 / factor)
+
+
+def test_start_and_end_poses():
+    """Five squares to each side; on closed squares, ε isn't told, but the difference of its sides is."""
+    robot = Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075)
+    logs = []
+    for k in range(10):
+        turn = np.pi / 8 * (1 if k < 5 else -1)
+        commands = np.array([0.5, 0.0] * 4 + [0.0, 0.0]), np.array([0.0, turn] * 4 + [0.0, 0.0])
+        drive = drive_of(robot, duration=33.0, commands=commands)
+        time, pose = measured(drive, seed=k)
+        logs.append(log_of(drive, time[[0, -1]], pose[[0, -1]], f"square {k}"))
+    found = answer(*logs, robot=robot)
+    require_true(found, robot, offset=0.007)
+    left, right = (found.answer[f"{side}_wheel_radius_multiplier"].value for side in ("left", "right"))
+    assert left - right == pytest.approx(0.015, abs=0.002)
+
+
+def test_wheels_and_headings_alone():
+    k = np.arange(30)
+    commands = np.where(k % 3 == 0, 0.4, 0.0), np.choose(k % 3, [0.0, 0.8, -0.8])
+    drive = drive_of(duration=90.0, commands=commands)
+    headings = drive.pose * [np.nan, np.nan, 1.0]
+    found = answer(log_of(drive, drive.time, headings))
+    assert 1 / HUSKY.turn_gain == pytest.approx(1.754, abs=5e-4)
+    assert found.answer["wheel_separation_multiplier"].value == pytest.approx(1 / HUSKY.turn_gain, abs=5e-4)
+    assert found.drive.look.speed is None
+
+
+def test_three_rows_a_time_use_all_poses(tmp_path):
+    """Encoders, gyro and poses of one time, a row each."""
+    drive = drive_of(duration=60.0)
+    rows = slice(None, None, 5)
+    time, pose = measured(drive)
+    omega = np.diff(np.cumsum(drive.omega, axis=0)[rows], axis=0, prepend=0.0) / 5
+    cells = np.full((len(time), 3, 6), np.nan)
+    cells[:, 0, :2], cells[:, 2, 3:] = omega, pose
+    cells[:, 1, 2] = np.gradient(drive.pose[:, 2], ENCODER_STEP)[rows]
+    names = ("omega_l", "omega_r", "gyro", "x", "y", "phi")
+    columns = {n: pa.array(c, from_pandas=True) for n, c in zip(names, cells.reshape(-1, 6).T, strict=True)}
+    path = file_of(tmp_path / "log.csv", pa.table({"t": np.repeat(time, 3)} | columns))
+    found = identify(path, HUSKY.geometry)
+    assert found.drive.laws["icr_radius"].poses == len(time)
+    require_true(found, offset=0.002, error=0.002)
+
+
+def test_all_poses_of_a_long_and_a_short_drive_are_used():
+    logs = []
+    for name, count in (("long", 8000), ("short", 1000)):
+        drive = drive_of(duration=count * 0.06, seed=len(name))
+        time, pose = measured(drive, pose_step=0.06)
+        logs.append(log_of(drive, time[:count], pose[:count], name))
+    found = answer(*logs)
+    assert found.drive.laws["icr_radius"].poses == 9000
+    require_true(found, offset=0.001, error=0.001)
+
+
+def test_a_sensor_and_a_drift_that_one_speed_does_not_tell_apart_stay_small():
+    robot = Robot(half_gauge=0.188, radius=0.098, offset=0.11, radius_error=-0.02)
+    drive = weaving(robot)
+    time, pose = measured(drive, pose_step=0.2, position_noise=0.01)
+    found = answer(log_of(drive, time, pose * [1.0, 1.0, np.nan]), robot=robot)
+    require_true(found, robot, offset=0.06, error=0.01)
+    extras = found.drive.laws["icr_radius"].extras
+    assert abs(extras["sensor_x"]) < 0.4
+    assert abs(extras["drift"]) < 0.6
+
+
+@pytest.mark.parametrize("late", [6.0, 30.0, 112.0, 1.7e9])
+def test_clocks_that_differ(tmp_path, late):
+    path = file_of(tmp_path / "log.csv", table_of(DRIVE, TIME + late, POSE))
+    with pytest.raises(LogError, match=f"the clocks differ by {late:.1f} s, as the pose clock is ahead"):
+        identify(path, HUSKY.geometry)
+
+
+@pytest.mark.parametrize(
+    ("wheels", "poses", "cause"),
+    [
+        (lambda w: w, lambda p: [8.5, 47, np.nan] + p / [111320 * np.cos(np.radians(47)), 111320, 1], "longitude"),
+        (lambda w: ANGLE, lambda p: p, "look like angles"),
+        (lambda w: w * HUSKY.radius, lambda p: p, "look like m/s"),
+        (lambda w: w, lambda p: np.column_stack([p[:, :2], np.sin(p[:, 2] / 2)]), "z of a quaternion"),
+        (lambda w: w, lambda p: p * [1, 1, 180 / np.pi], "in degrees"),
+    ],
+)
+def test_readings_of_something_else(tmp_path, wheels, poses, cause):
+    path = file_of(tmp_path / "log.csv", table_of(DRIVE.with_wheels(wheels(DRIVE.omega)), TIME, poses(POSE)))
+    with pytest.raises(LogError, match=cause) as caught:
+        identify(path, HUSKY.geometry)
+    assert "\n" not in str(caught.value)
+
+
+def test_spellings_of_one_csv_agree(tmp_path):
+    drive = drive_of(duration=70.0)
+    text = file_of(tmp_path / "log.csv", table_of(drive, *measured(drive))).read_text().replace('"', "")
+    first, *rest = text.splitlines()
+    spellings = {
+        "plain": [first, *rest],
+        "blanks": [line.replace(",", ", ") for line in (first, *rest)],
+        "comment": ["# robot 1", first, *rest],
+        "units": [first, "-,s,rad/s,rad/s,m,m,rad", *rest],
+        "commas": [line.replace(",", ";").replace(".", ",") for line in (first, *rest)],
+        "one run": [line.partition(",")[2] for line in (first, *rest)],
+    }
+    answers = []
+    for name, lines in spellings.items():
+        path = tmp_path / f"{name}.csv"
+        path.write_text("\n".join(lines) + "\n")
+        answers.append(identify(path, HUSKY.geometry))
+    require_true(answers[0], offset=0.002, error=0.002)
+    assert all(found.answer == answers[0].answer for found in answers)
+
+
+def test_readings_stamped_microseconds_apart(tmp_path):
+    """Twice a second, a reading of the wheels comes late, with the next one."""
+    drive = drive_of(duration=65.0)
+    stamps, late = drive.time.copy(), np.arange(10, len(drive.time) - 5, 25)
+    stamps[late] = stamps[late + 1] - 4e-6
+    angle = np.cumsum(drive.omega * ENCODER_STEP, axis=0).tolist()
+    wheels = [joint_states(stamp(t), ("left_wheel", "right_wheel"), a) for t, a in zip(stamps, angle, strict=True)]
+    poses = [
+        pose_stamped(stamp(t), where) for t, where in zip(*(part.tolist() for part in measured(drive)), strict=True)
+    ]
+    bag = write_bag(tmp_path / "bag", "sqlite3", in_order(wheels, poses))
+    require_true(identify(bag, HUSKY.geometry), offset=0.002, error=0.002)
+
+
+def test_rare_readings_stand_in_the_middle_of_their_time():
+    """Encoders that are read at 10 Hz and logged at 50 Hz."""
+    held = Drive(DRIVE.time, DRIVE.omega[np.arange(len(DRIVE.time)) // 5 * 5], DRIVE.pose)
+    require_true(answer(log_of(held, TIME, POSE)), offset=0.001, error=0.001)

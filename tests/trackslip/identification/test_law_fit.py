@@ -1,0 +1,162 @@
+"""Laws fitted to whole drives: values within their errors, limits, and parameters that are given or not told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log
+
+from sim.wander.motion import WHITE
+from sim.wander.pose_source import PoseSource
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.identification.law_fit import REFERENCE, fit_drives
+from trackslip.se2 import Mounting
+from trackslip.slip.constant import NoSlip
+from trackslip.slip.families import FAMILIES, drive_laws
+from trackslip.slip.icr import ConstantIcr, IcrSides
+from trackslip.slip.turn_loss import Centrifugal, TurnLoss, TurnLossSides
+
+GNSS = PoseSource(rate=5.0, position_noise=0.02, heading=False)
+MOUNTED = replace(SLAM, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)
+PLACE = {"sensor_x": 0.3, "sensor_y": 0.1, "sensor_yaw": np.radians(5), "clock_offset": -0.15}
+LAWS = {
+    "none": NoSlip(),
+    "icr_radius": ConstantIcr(-0.02, 0.168, -0.03),
+    "turn_loss": TurnLoss(0.1, 0.168, 0.01, 0.4),
+    "turn_loss_sides": TurnLossSides(0.1, 0.03, -0.02, 0.168, 0.4),
+    "icr_sides": IcrSides(0.04, 0.05, 0.005, 0.012, 0.168),
+    "centrifugal": Centrifugal(0.1, 0.168, 0.01, 0.4, 0.3),
+}
+
+
+def fast(duration=120.0):
+    """Belt speeds of up to 2 m/s, changed every second."""
+    speeds = np.random.default_rng(0).uniform(-1, 2, (int(duration) + 1, 2))
+    time = np.arange(50 * int(duration) + 1) / 50
+    return np.stack([np.interp(time, np.arange(int(duration) + 1), side) for side in speeds.T], axis=-1)
+
+
+def require_within(fit, true, errors=4.0):
+    for name, value in true.items():
+        assert abs((fit.values | fit.extras)[name] - value) < errors * fit.stderr[name], name
+
+
+@pytest.mark.parametrize("variation", [WHITE, STILL])
+@pytest.mark.parametrize("name", drive_laws())
+def test_every_law_is_found_within_its_errors(name, variation):
+    law = LAWS[name]
+    log = drive_log(1, 120.0, SLAM, variation, law, fast() if FAMILIES[name].fast else "random")
+    fit = fit_drives(name, [log], GEOMETRY)
+    assert (fit.name, tuple(fit.values)) == (name, FAMILIES[name].names)
+    require_within(fit, {key: getattr(law, key) for key in fit.values})
+    assert fit.correlation.shape == (len(fit.free),) * 2
+    np.testing.assert_allclose(np.diag(fit.correlation), 1.0)
+    for key, (low, high) in fit.interval95.items():
+        value = (fit.values | fit.extras)[key]
+        assert value - low == pytest.approx(high - value)
+        assert high - value > 1.96 * fit.stderr[key]  # Student's t
+
+
+def test_motion_without_noise_gives_the_law_exactly():
+    exact = replace(EXACT, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)
+    fit = fit_drives(REFERENCE, [drive_log(1, 60.0, exact, STILL, drift=0.1, turning_centre=-0.05)], GEOMETRY)
+    true = {"offset": ICR.offset, "radius_error": ICR.radius_error} | PLACE | {"sensor_x": 0.35, "drift": 0.1}
+    for key, value in true.items():
+        assert (fit.values | fit.extras)[key] == pytest.approx(
+            value, abs=2e-3 if key in ("drift", "sensor_x") else 2e-4
+        )
+
+
+@pytest.mark.parametrize("source", [MOUNTED, replace(GNSS, ahead=0.3, left=0.1, delay=0.15)])
+def test_place_mounting_and_clock_are_found_with_the_law(source):
+    fit = fit_drives(REFERENCE, [drive_log(1, 120.0, source)], GEOMETRY)
+    place = {key: value for key, value in PLACE.items() if source.heading or key != "sensor_yaw"}
+    require_within(fit, place | {"offset": ICR.offset, "radius_error": ICR.radius_error})
+
+
+def test_a_given_sensor_is_held_and_improves_the_rest():
+    log = drive_log(1, 80.0, MOUNTED)
+    given = fit_drives(REFERENCE, [log], GEOMETRY, Mounting(0.3, 0.1, np.radians(5)), held={"drift": 0.01})
+    assert {key for key, why in given.held.items() if why == "given"} == {"sensor_y", "sensor_yaw", "drift"}
+    assert (given.extras["sensor_y"], given.extras["drift"]) == (0.1, 0.01)
+    assert not {*given.held} & {*given.interval95}
+    assert given.stderr["radius_error"] < 1.1 * fit_drives(REFERENCE, [log], GEOMETRY).stderr["radius_error"]
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.15])
+def test_a_lag_is_estimated_on_request_and_else_taken_up_by_the_clock(lag):
+    log = drive_log(2, 80.0, EXACT, STILL, lag=lag)
+    fit = fit_drives(REFERENCE, [log], GEOMETRY, lag=True)
+    assert fit.extras["lag"] == pytest.approx(lag, abs=5e-3)
+    assert fit.extras["clock_offset"] == pytest.approx(0, abs=5e-3)
+    assert fit.values["offset"] == pytest.approx(ICR.offset, abs=2e-4)
+    without = fit_drives(REFERENCE, [log], GEOMETRY)
+    assert without.held["lag"] == "not asked for"
+    assert without.extras["lag"] == 0.0
+    assert without.extras["clock_offset"] == pytest.approx(-lag, abs=0.02)
+
+
+def test_a_gyro_has_a_bias_and_a_scale():
+    log = drive_log(3, 120.0, SLAM)
+    step, rng = np.diff(log.time), np.random.default_rng(0)
+    rate = np.diff(np.unwrap(log.truth.pose[:, 2])) / step
+    gyro = replace(log, gyro=np.append(np.nan, 1.02 * rate + 0.01 + rng.normal(0.0, 1e-3 / np.sqrt(step))))
+    fit = fit_drives(REFERENCE, [gyro], GEOMETRY)
+    require_within(fit, {"gyro_bias": 0.01, "gyro_scale": 0.02, "clock_offset": 0.0, "offset": ICR.offset})
+    assert fit.stderr["gyro_bias"] < 1e-3
+    assert 3e-4 < fit.noise["gyro"] < 3e-3
+    assert not {"gyro_bias", "gyro"} & {*fit_drives(REFERENCE, [log], GEOMETRY).extras, *fit.held}
+
+
+@pytest.mark.parametrize("value", [-0.97, 9.5])
+def test_values_stop_at_limits_and_say_so(value):
+    log = drive_log(1, 60.0, EXACT, STILL)
+    fit = fit_drives(
+        REFERENCE, [replace(log, omega=log.omega / (1 + value))], GEOMETRY, start={"radius_error": 0.9 * value}
+    )
+    low, high, _ = FAMILIES[REFERENCE].limits(GEOMETRY.half_gauge)
+    assert "radius_error" in fit.at_limit
+    assert low[1] <= fit.values["radius_error"] <= high[1]
+    assert fit_drives(REFERENCE, [log], GEOMETRY).at_limit == ()
+
+
+@pytest.mark.parametrize("value", [-0.7, -0.3, 1.5])
+def test_far_values_are_found(value):
+    """As of encoders with a gear, whose ε is no error of machining."""
+    log = drive_log(1, 80.0, law=ConstantIcr(0.045, 0.168))
+    start = {"radius_error": value + 0.02, "offset": 0.04}
+    fit = fit_drives(REFERENCE, [replace(log, omega=log.omega / (1 + value))], GEOMETRY, start=start)
+    require_within(fit, {"offset": 0.045, "radius_error": value}, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "vague", "known", "true"),
+    [
+        ((0.2, 0.2), "offset", "radius_error", ICR.radius_error),
+        ((0.1, 0.2), "radius_error", None, None),
+    ],
+)
+def test_what_the_driving_does_not_tell_is_said(speeds, vague, known, true):
+    fit = fit_drives(REFERENCE, [drive_log(1, 70.0, driving=constant_speeds(*speeds, 70.0))], GEOMETRY)
+    assert fit.held[vague] == "the driving doesn't tell it"
+    if known:
+        require_within(fit, {known: true})
+
+
+def test_what_was_not_measured_is_held():
+    log = drive_log(1, 70.0, EXACT)
+    positions = fit_drives(REFERENCE, [replace(log, pose=log.pose * [1, 1, np.nan])], GEOMETRY)
+    assert positions.held["sensor_yaw"] == "no headings were measured"
+    headings = fit_drives(REFERENCE, [replace(log, pose=log.pose * [np.nan, np.nan, 1])], GEOMETRY)
+    for name in ("sensor_x", "sensor_y", "drift", "radius_error"):
+        assert headings.held[name] == "no positions were measured"
+    gain = GEOMETRY.half_gauge / (GEOMETRY.half_gauge + headings.values["offset"])
+    assert gain == pytest.approx(GEOMETRY.half_gauge * 1.0066 / 0.213, rel=2e-3)
+
+
+def test_unknown_laws_and_drives_without_poses_are_refused():
+    with pytest.raises(InvalidValueError, match="cubic"):
+        fit_drives("cubic", [drive_log(1, 20.0)], GEOMETRY)
+    log = drive_log(1, 20.0)
+    with pytest.raises(LogError, match="0 poses while it drives, needs at least 2"):
+        fit_drives(REFERENCE, [replace(log, valid=np.zeros(len(log.time), bool))], GEOMETRY)

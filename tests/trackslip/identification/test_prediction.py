@@ -1,0 +1,180 @@
+"""Predictions from pose to pose, and the choice of a law by them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log, model
+
+from sim.wander.motion import WHITE
+from trackslip.identification.comparison import compare_drives
+from trackslip.identification.first_look import first_look
+from trackslip.identification.law_fit import fit_drives, folds, held_out
+from trackslip.identification.prediction import HORIZONS, Pairs, ranked, slip_noise, trailing_heading
+from trackslip.identification.preparation import drive_of
+from trackslip.identification.windows import Data
+from trackslip.slip.icr import ConstantIcr
+
+TRUTH = np.array([[ICR.offset, ICR.radius_error, *np.zeros(6)]])
+
+
+def pairs_of(*logs, horizons=HORIZONS):
+    return Pairs.of(Data.of([drive_of(log) for log in logs]), GEOMETRY, horizons)
+
+
+def compared(*logs, names=("none", "icr_radius", "turn_loss", "icr_sides")):
+    drives = [drive_of(log) for log in logs]
+    return compare_drives(drives, GEOMETRY, first_look(drives, GEOMETRY), names=names)
+
+
+@pytest.mark.parametrize("heading", [True, False])
+def test_the_true_law_predicts_exactly(heading):
+    pairs = pairs_of(drive_log(1, 40, replace(EXACT, heading=heading), STILL))
+    summaries = pairs.summaries(pairs.errors(model(), TRUTH))
+    assert tuple(summaries) == HORIZONS
+    for errors in summaries.values():
+        assert errors.position_median <= errors.position_p90 <= 1e-4
+        assert (errors.heading_rms is None) != heading
+    without = pairs.summaries(pairs.errors(model("none"), TRUTH[:, 2:]))
+    if heading:
+        assert without[2.0].heading_rms > without[1.0].heading_rms > 0.03
+
+
+def test_pairs_are_a_horizon_apart_in_one_drive_in_motion():
+    driving = constant_speeds(0.1, 0.15, 40.0)
+    driving[500:] = 0.0  # from 10 s on
+    logs = drive_log(1, 20, EXACT, STILL), drive_log(2, 40, EXACT, STILL, driving=driving)
+    pairs = pairs_of(*logs, horizons=(0.5, 1.8))
+    line, border = pairs.data.line, pairs.data.first[1]
+    np.testing.assert_allclose(line.time[pairs.end] - line.time[pairs.start], pairs.horizon, atol=0.051)
+    assert set(pairs.horizon) == {0.5, 1.8}
+    assert ((pairs.start < border) == (pairs.end < border)).all()
+    late = pairs.start[pairs.start >= border] - border
+    assert pairs.data.drives[1].time[late].max() < 10.1
+    assert len(pairs_of(drive_log(1, 3.0, EXACT, STILL), horizons=(10.0,)).start) == 0
+
+
+def test_driving_is_predicted_by_what_other_blocks_tell():
+    fit = fit_drives("icr_radius", [drive_log(1, 120)], GEOMETRY).fit
+    pairs = Pairs.of(fit.data, GEOMETRY)
+    values, part = folds(fit, pairs)
+    assert values.shape == (5, len(fit.values))
+    np.testing.assert_array_equal(part, fit.block[pairs.start] % 5)
+    np.testing.assert_array_equal(held_out(fit, pairs), pairs.errors(fit.model, values, part))
+    assert (np.ptp(values[:, :2], axis=0) > 0).all()
+
+
+def test_headings_come_from_the_trail_of_positions():
+    time = np.arange(0.0, 30.0, 0.2)
+    path = np.column_stack([np.sin(0.1 * time) * 2, 2 - 2 * np.cos(0.1 * time), 0.1 * time])
+    turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
+    found = trailing_heading(time, path[:, :2] @ turn + [5.0, -3.0], path)
+    known = np.isfinite(found)
+    assert known[20:].all()
+    assert not known[:5].any()  # too few, on too short a way
+    np.testing.assert_allclose(found[known], path[known, 2] + 0.7, atol=1e-9)
+    assert np.isnan(trailing_heading(time, np.zeros((150, 2)), np.zeros((150, 3)))).all()
+
+
+@pytest.mark.parametrize("source", [replace(SLAM, position_noise=0.002, heading_noise=0.002), SLAM])
+def test_noise_of_slip_is_what_longer_predictions_miss_more(source):
+    """Poses with noise of 2 cm and 1° hide slip of 2 mm/√m."""
+    logs = [drive_log(seed, 300, source) for seed in (1, 2)]
+    noise = fit_drives("icr_radius", logs, GEOMETRY).noise
+    assert noise["slip_turn"] == pytest.approx(WHITE.turning, rel=0.3 if source is not SLAM else 1.0)
+    assert noise["slip_forward"] < 0.01
+    assert noise["slip_sideways"] < 0.01
+    assert noise["position"] == pytest.approx(source.position_noise, rel=0.3)
+    if source is not SLAM:
+        assert noise["slip_forward"] == pytest.approx(WHITE.along, rel=0.4)
+        assert noise["slip_sideways"] == pytest.approx(WHITE.across, rel=0.6)
+
+
+def test_one_horizon_tells_noise_of_slip_with_that_of_the_poses():
+    pairs = pairs_of(drive_log(1, 300, replace(SLAM, position_noise=0.002, heading_noise=0.002)), horizons=(1.0,))
+    noise = slip_noise(pairs.errors(model(), TRUTH), pairs, np.array([0.002, 0.002, 1.0]))
+    for name, true in (("slip_forward", WHITE.along), ("slip_turn", WHITE.turning)):
+        assert noise[name] == pytest.approx(true, rel=0.3)
+
+
+FREE = {"simple": 1, "rich": 4}
+
+
+def paired(count=20):
+    """200 pairs of 20 drives at each horizon."""
+    drive = drive_of(drive_log(1, 2.0, EXACT, STILL, driving=constant_speeds(0.1, 0.1, 2.0)))
+    data = Data.of([drive] * count)
+    start = np.tile(np.repeat(data.first[:-1], 200 // count), len(HORIZONS))
+    return Pairs(data, start, start + 1, np.repeat(HORIZONS, 200), np.ones(len(start)))
+
+
+def missed(sizes, seed=0):
+    """Errors of a law that are `sizes` at the horizons."""
+    rng = np.random.default_rng(seed)
+    return np.concatenate([size * np.abs(rng.normal(1.0, 0.2, (200, 3))) for size in sizes])
+
+
+def test_the_best_law_has_the_smallest_errors_at_most_horizons():
+    errors = {"simple": missed((1.0, 1.0, 1.0, 2.0)), "rich": missed((0.9, 0.9, 0.9, 9.0), 1)}
+    found = ranked(errors, FREE, paired())
+    assert found.best == "rich"
+    assert found.reason == "rich has the smallest errors at 3 of 4 times ahead"
+    assert found.score["simple"] < found.score["rich"]  # 10 s would decide a mean
+
+
+def test_of_laws_that_differ_by_chance_the_simpler_is_best():
+    rich, simple = missed((1.0,) * 4), missed((1.0,) * 4)
+    chance = np.random.default_rng(2).normal(0.0, 0.05, simple.shape)
+    simple += chance - chance.mean(axis=0)
+    assert ranked({"rich": rich, "simple": simple}, FREE, paired()).best == "simple"
+    found = ranked({"rich": rich, "simple": simple + 0.03}, FREE, paired())
+    assert (found.best, found.reason) == ("rich", "rich has the smallest errors at 4 of 4 times ahead")
+
+
+def test_few_blocks_choose_the_simpler_law_unless_it_is_much_worse():
+    simple, rich = missed((1.1,) * 4), missed((1.0,) * 4)
+    assert ranked({"rich": rich, "simple": simple}, FREE, paired(20)).best == "rich"
+    assert ranked({"rich": rich, "simple": simple}, FREE, paired(4)).best == "simple"
+    assert ranked({"rich": rich, "simple": 2 * simple}, FREE, paired(4)).best == "rich"
+
+
+def test_one_wrong_pose_does_not_choose_the_law():
+    errors = {"rich": missed((1.0,) * 4), "simple": missed((1.2,) * 4, 1)}
+    errors["rich"][0, :2] += [1000.0, 0.2]  # equal but for what the laws predict
+    errors["simple"][0, :2] += [1000.0, 0.0]
+    assert ranked(errors, FREE, paired()).best == "rich"
+
+
+def test_pairs_that_a_law_can_not_predict_count_for_none():
+    errors = {"rich": missed((1.0,) * 4), "simple": missed((1.2,) * 4, 1)}
+    errors["simple"][::2] = np.nan
+    assert ranked(errors, FREE, paired()).best == "rich"
+    errors["simple"][:] = np.nan
+    assert ranked(errors, FREE, paired()) is None
+
+
+@pytest.mark.parametrize(("source", "variation"), [(SLAM, WHITE), (EXACT, STILL)])
+def test_of_laws_that_predict_equally_well_the_simplest_is_best(source, variation):
+    """Motion exactly by icr_radius: icr_sides and turn_loss contain it; none doesn't."""
+    found = compared(drive_log(1, 120, source, variation))
+    assert found.best == "icr_radius"
+    assert found.ranking[-1] == "none"
+    assert found.score["none"] > 2
+    assert found.alarms == ()
+
+
+def test_what_the_robot_has_today_knows_no_delay_and_no_gains():
+    late = replace(EXACT, delay=0.3)
+    found = compared(*(drive_log(seed, 40, late, STILL, law=ConstantIcr(0.08, 0.168, -0.1)) for seed in (1, 2)))
+    today, gains, none, best = (found.errors[name][2.0] for name in ("today", "two_gains", "none", "icr_radius"))
+    assert list(found.errors)[:2] == ["today", "two_gains"]
+    assert best.position_rms < 1e-3 < none.position_rms < today.position_rms
+    assert best.heading_rms < gains.heading_rms < none.heading_rms
+
+
+def test_poses_too_short_for_any_horizon_give_no_score():
+    log = drive_log(1, 12.0, replace(EXACT, rate=20.0), STILL)
+    found = compared(log.between(*np.searchsorted(log.time, [6.0, 6.9])))
+    assert found.score == {}
+    assert found.reason.startswith("no motion can be predicted")
+    assert found.best == "icr_radius"

@@ -1,0 +1,156 @@
+"""Residuals of windows, their slopes, and standard errors from blocks of driving."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, drive_log, model
+
+from trackslip.identification.first_look import first_look
+from trackslip.identification.law_fit import fit_drives
+from trackslip.identification.path import DriveModel
+from trackslip.identification.preparation import PreparedDrive, drive_of
+from trackslip.identification.windows import Data, Windows, fit_windows, residuals
+from trackslip.slip.families import FAMILIES
+
+LAWS = {
+    "icr_radius": [0.045, 0.0066],
+    "turn_loss": [0.045, 0.0066, 0.3],
+    "icr_sides": [0.04, 0.05, 0.01, -0.01],
+    "turn_loss_sides": [0.045, 0.01, -0.01, 0.3],
+    "centrifugal": [0.045, 0.0066, 0.3, 0.2],
+}
+PLACED = [0.1, 0.05, 0.2, 0.03, 0.07]  # sensor_x, sensor_y, drift, clock_offset, sensor_yaw
+NONE = np.zeros(0, int)
+
+
+def random_drive(seed=0, count=60, gyro=False):
+    """Random poses, and sprocket speeds in intervals of their own."""
+    rng = np.random.default_rng(seed)
+    edges = np.arange(0, count / 10 + 2, 0.02)
+    omega = 2 + np.cumsum(rng.normal(size=(len(edges) - 1, 2)) * 0.1, axis=0)
+    time = 1 + np.arange(count) * 0.1
+    pose = np.cumsum(rng.normal(size=(count, 3)) * 0.05, axis=0)
+    turned = np.column_stack([edges, np.cumsum(rng.normal(size=len(edges)) * 0.01), edges]) if gyro else None
+    return PreparedDrive(f"random {seed}", edges, omega, time, pose, 0.1, gyro=turned)
+
+
+@pytest.mark.parametrize("gyro", [False, True])
+@pytest.mark.parametrize("lag", [0.0, 0.08])
+@pytest.mark.parametrize("name", LAWS)
+def test_slopes_are_differences(name, lag, gyro):
+    """At the weighted means only: the frame that the residuals are told in turns with the fit, to second order."""
+    data = Data.of([random_drive(gyro=gyro)])
+    driven = DriveModel(FAMILIES[name], GEOMETRY, gyro)
+    values = np.array([*LAWS[name], *PLACED, lag, *([0.01, 0.02] if gyro else [])])
+    windows = Windows.cut(data, 2.0)
+    weight = data.known[:, windows.pose] / np.array([[0.02], [0.03]]) ** 2
+    free = np.arange(len(values))
+    found = residuals(driven, data, windows, values, free, weight)
+    for k, parameter in enumerate(driven.names):
+        ahead, behind = (values + h * (free == k) for h in (1e-6, -1e-6))
+        if parameter == "lag":
+            behind = values  # 0 is its limit, and its slope is such a difference itself
+        there, back = (residuals(driven, data, windows, at, NONE, weight).value for at in (ahead, behind))
+        expected = (there - back) / (ahead[k] - behind[k])
+        across = expected[0] + 1j * expected[1]
+        turning = 1j * (found.value[0] + 1j * found.value[1])  # of the frame
+        by_turn = across - (found.slope[0, k] + 1j * found.slope[1, k])
+        within = (2e-2 if parameter == "lag" else 1e-5) * max(np.abs(expected).max(), 1e-3)
+        rest = by_turn - turning * np.real(by_turn * np.conj(turning)) / np.maximum(np.abs(turning) ** 2, 1e-12)
+        np.testing.assert_allclose(np.abs(rest), 0.0, atol=within, err_msg=parameter)
+        if parameter == "clock_offset":
+            expected[3] = 0.0  # gyros have the encoders' clock
+        np.testing.assert_allclose(found.slope[2:, k], expected[2:], atol=within, err_msg=parameter)
+
+
+@pytest.mark.parametrize("length", [0.5, 2.0, 10.0])
+@pytest.mark.parametrize("kind", ["poses", "positions", "headings"])
+def test_an_exact_path_leaves_nothing_wherever_it_is(length, kind):
+    drive = drive_of(drive_log(1, 20, EXACT, STILL))
+    turn = np.exp(1.1j)
+    place = turn * (drive.pose[:, 0] + 1j * drive.pose[:, 1]) + (300 - 70j)
+    moved = np.column_stack([place.real, place.imag, drive.pose[:, 2] + 1.1])
+    moved[:, {"poses": [], "positions": [2], "headings": [0, 1]}[kind]] = np.nan
+    data = Data.of([replace(drive, pose=moved)])
+    windows, driven = Windows.cut(data, length), model()
+    values = np.array([ICR.offset, ICR.radius_error, *np.zeros(6)])
+    found = residuals(driven, data, windows, values, NONE, data.known[:, windows.pose] * 1.0)
+    assert np.abs(found.value[found.known]).max() < 2e-5
+    np.testing.assert_array_equal(found.known[:3].any(axis=1), [kind != "headings"] * 2 + [kind != "positions"])
+
+
+def test_every_pose_is_in_a_window_of_each_cut_and_borders_are_in_two():
+    data = Data.of([drive_of(drive_log(seed, 23.0 + seed)) for seed in (1, 2)])
+    once = np.bincount(Windows.cut(data, 5.0, twice=False).pose)
+    assert set(once) == {1, 2}
+    assert (once == 2).sum() == 4 + 4
+    np.testing.assert_array_equal(np.bincount(Windows.cut(data, 5.0).pose) - once >= 1, True)
+    windows = Windows.cut(data, 5.0)
+    assert (np.diff(windows.of) >= 0).all()
+    assert (windows.pose[windows.of == 3] < data.first[1]).all()  # none spans two drives
+
+
+def test_windows_of_two_poses_tell_the_law():
+    """Start and end of short runs, and nothing else."""
+    logs = [drive_log(seed, 8.0, replace(EXACT, rate=10.0), STILL) for seed in range(30)]
+    drives = [drive_of(log) for log in logs]
+    ends = [replace(one, time=one.time[[0, -1]], pose=one.pose[[0, -1]], interval=7.9) for one in drives]
+    data = Data.of(ends)
+    assert len(Windows.cut(data, 0.5).first) == 30
+    found = fit_drives("icr_radius", ends, GEOMETRY)
+    assert found.blocks == 30
+    for name, value in found.values.items():
+        assert value == pytest.approx(getattr(ICR, name), abs=1e-4)
+
+
+def test_blocks_are_commands_or_at_least_as_long_as_windows():
+    data = Data.of([drive_of(drive_log(1, 62.0))])
+    assert [data.blocks(length).max() + 1 for length in (0.5, 10.0, 20.0, 100.0)] == [6, 6, 3, 1]
+    short = [drive_of(drive_log(seed, 4.0)) for seed in range(6)]
+    data = Data.of([replace(one, command=(1.0, float(k // 2))) for k, one in enumerate(short)])
+    np.testing.assert_array_equal(data.blocks(1.0)[data.first[:-1]], [0, 0, 1, 1, 2, 2])
+    data = Data.of(short)
+    np.testing.assert_array_equal(data.blocks(1.0)[data.first[:-1]], np.arange(6))
+
+
+def white(seed, duration=60.0, **source):
+    """A fit to a drive without varying slip, of whose sensor and clock all is known, cut where its poses jump."""
+    drives = [drive_of(drive_log(seed, duration, replace(SLAM, **source), STILL))]
+    drives, _ = first_look(drives, GEOMETRY).without_jumps(drives, GEOMETRY)
+    held = dict.fromkeys(("sensor_x", "sensor_y", "drift", "clock_offset", "sensor_yaw"), 0.0)
+    return fit_drives("icr_radius", drives, GEOMETRY, held=held)
+
+
+def test_standard_errors_of_white_noise_are_the_scatter_of_fits():
+    """Of 40 fits the scatter is known to 11 %, and 6 blocks tell a standard error to 30 %."""
+    found = [white(seed) for seed in range(40)]
+    for name in ("offset", "radius_error"):
+        scatter = np.sqrt(np.mean([(one.values[name] - getattr(ICR, name)) ** 2 for one in found]))
+        stated = np.sqrt(np.mean([one.stderr[name] ** 2 for one in found]))
+        assert stated == pytest.approx(scatter, rel=0.35)
+        inside = [one.interval95[name][0] < getattr(ICR, name) < one.interval95[name][1] for one in found]
+        assert sum(inside) >= 33  # 95 % of 40, less three standard deviations
+
+
+@pytest.mark.parametrize("wrong", [{"outliers": 0.05}, {"jumps": 2, "jump_size": 0.5, "jump_turn": 0.2}])
+def test_outlying_poses_and_jumps_hardly_matter(wrong):
+    for seed in range(3):
+        clean, spoilt = white(seed), white(seed, **wrong)
+        for name, value in spoilt.values.items():
+            assert value == pytest.approx(getattr(ICR, name), abs=3 * spoilt.stderr[name])
+            assert spoilt.stderr[name] < 3 * clean.stderr[name]
+
+
+def test_leaving_out_blocks_by_one_step_is_a_refit_to_first_order():
+    logs = [drive_log(seed, 12.0) for seed in range(10)]
+    found = fit_drives("icr_radius", logs, GEOMETRY)
+    fit, none = found.fit, np.zeros(len(found.fit.values))
+    assert found.blocks == 10
+    error = np.sqrt(np.diag(fit.covariance))[:2]
+    for k in range(10):
+        data = Data.of([drive for j, drive in enumerate(fit.data.drives) if j != k])
+        again = fit_windows(fit.model, data, fit.length, fit.values, fit.free, none, fit.spread, rounds=1)
+        step, refit = (values - fit.values for values in (fit.without(np.arange(10)[None] == k)[0], again.values))
+        np.testing.assert_allclose(step[:2] / error, refit[:2] / error, atol=0.2)
+    assert np.isnan(fit_drives("icr_radius", logs[:5], GEOMETRY).stderr["offset"])

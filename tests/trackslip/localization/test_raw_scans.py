@@ -1,0 +1,115 @@
+"""Poses of a plate in raw scans of rooms and fields, against the truth."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from beside import LENGTH, THICKNESS, cylinder, drive, post, room, teleoperated, wall
+
+from trackslip.errors import LogError
+from trackslip.localization.raw_scans import RawScans, background, follow_plate
+from trackslip.localization.scan import Plate
+
+PLATE = Plate(LENGTH, THICKNESS)
+OFF = (0.05, 0.10, np.radians(5.0))
+WALKER = cylinder(lambda time: np.stack([4 * np.sin(time / 5), 1.6 + 0 * time], axis=-1), 0.25)
+
+
+def message(first, step, lag=0.0, reach=30.0):
+    limits = {"range_min": 0.1, "range_max": reach, "time_increment": lag}
+    return SimpleNamespace(angle_min=first, angle_increment=step, **limits)
+
+
+def followed(session, omega=None):
+    about = message(session.angle_min, session.angle_increment, session.time_increment)
+    raw = RawScans.measured(session.time, session.ranges.astype(np.float32), about)
+    turns = (session.omega if omega is None else omega)[1:] * np.diff(session.encoder_time)[:, None]
+    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(turns, axis=0)])
+    angle = np.stack([np.interp(raw.time, session.encoder_time, side) for side in turned.T], axis=-1)
+    return follow_plate(raw, angle, PLATE)
+
+
+def errors(session, found):
+    """Errors (n, 3) of the valid poses, and in their own standard deviations; whole turns don't count."""
+    valid = found.estimate.valid
+    error = (found.estimate.pose - session.local(found.time))[valid]
+    error[:, 2] -= 2 * np.pi * np.round(np.median(error[:, 2]) / (2 * np.pi))
+    return error, error / np.sqrt(np.einsum("sii->si", found.estimate.covariance[valid]))
+
+
+def commands(duration=25.0, top=3.0):
+    return teleoperated(np.random.default_rng(1), duration, top)
+
+
+PLACES = {
+    "open": {},
+    "room, off centre": {"things": room(), "place": OFF},
+    "walker": {"things": [*room(), WALKER]},
+    "slow and clockwise": {"things": room(), "scan_duration": 0.045, "clockwise": True},
+    "centimetres": {"things": room(), "noise": 0.002, "quantisation": 0.01},
+    "noisy": {"things": room(), "noise": 0.03},
+    "full circle": {"things": [post(0, -3)], "fov": 2 * np.pi * 360 / 361, "start": (-2.0, 0, 0)},
+    "wall beside it": {"things": [*room(), wall((-0.3, 3.9), (0.3, 3.9))]},
+}
+
+
+@pytest.mark.parametrize("more", PLACES.values(), ids=PLACES)
+def test_poses_are_as_good_as_they_say(more):
+    session = drive(commands(), **more)
+    found = followed(session)
+    error, deviation = errors(session, found)
+    assert found.estimate.valid.mean() > 0.9
+    assert (np.sqrt(np.mean(deviation**2, axis=0)) < [1.15, 1.15, 1.25]).all()
+    assert np.abs(np.mean(deviation, axis=0)).max() < 0.3
+    noise = np.hypot(more.get("noise", 0.005), more.get("quantisation", 0) / np.sqrt(12))
+    assert np.abs(error[:, :2]).max() < 0.02 + 1.5 * noise
+    assert found.scanner.noise == pytest.approx(noise, rel=0.05)
+    assert not found.notes
+
+
+STANDING = np.where(np.arange(1500)[:, None] < 750, 0.0, commands(30.0))
+
+
+@pytest.mark.parametrize(("omega", "fov"), [(STANDING, np.pi), (commands(60.0, 5.0), np.pi / 3)])
+def test_robots_that_stand_for_half_the_session_or_leave_the_field_of_view(omega, fov):
+    session = drive(omega, things=room(), fov=fov)
+    error, _ = errors(session, followed(session))
+    assert (np.abs(error).max(axis=0) < [0.02, 0.02, 0.1]).all()
+
+
+def test_what_looks_wrong_is_told():
+    session = drive(commands(15.0), things=room(), beams=241)
+    assert "swapped" in " ".join(followed(session, omega=session.omega[:, ::-1]).notes)
+    spin = drive(np.tile([[-2.0, 2.0]], (500, 1)), things=room(), beams=181)
+    assert "only turns on the spot" in " ".join(followed(spin).notes)
+
+
+def test_scans_without_a_plate():
+    for start, omega in ((-5.0, commands()), (3.0, np.zeros((500, 2)))):
+        with pytest.raises(LogError, match=r"no plate of 0\.6x0\.04 m moves as the encoders say in its .* scans"):
+            followed(drive(omega, start=(0.0, start, 0.0), things=room(), beams=181))
+
+
+def test_returns_and_beams_follow_rep_117():
+    row = np.array([np.nan, np.inf, -np.inf, 0.0, 0.05, 0.1, 5.0, 9.99, 10.0, 11.0], np.float32)
+    time, rows = np.arange(20) / 10, np.tile(row, (20, 1))
+    raw = RawScans.measured(time, rows, message(1.0, -0.1, 0.002, reach=10.0))
+    np.testing.assert_array_equal(np.isfinite(raw.ranges[0]), [0, 0, 1, 1, 1, 0, 0, 0, 0, 0])
+    np.testing.assert_allclose(raw.bearings, np.linspace(0.1, 1.0, 10), atol=1e-12)
+    np.testing.assert_allclose(raw.lag, 0.002 * np.arange(9, -1, -1))
+    for ranges, step, said in ((np.inf, 0.1, "no return"), (1.0, 0.0, "increment = 0"), (1.0, 1.0, "a full circle")):
+        with pytest.raises(LogError, match=said):
+            RawScans.measured(time, np.full((20, 10), ranges, np.float32), message(0.0, step))
+
+
+def test_the_background_is_what_a_beam_meets_most_often():
+    rng = np.random.default_rng(0)
+    ranges = (5.0 + rng.normal(0, 0.008, (300, 60))).astype(np.float32)
+    ranges[:100, :20] = 2.0  # a person who stands there for a third of the time
+    ranges[:, 20:30][rng.random((300, 10)) < 0.3] = np.nan  # beams that miss now and then
+    ranges[:, 30:40] = rng.uniform(2, 3, (300, 10))  # something that moves to and fro
+    ranges[:, 40:50] = np.nan  # the open field
+    ranges[:200, 50:] = -np.inf  # behind the plate
+    level = background(ranges)
+    np.testing.assert_array_equal(np.isfinite(level), np.repeat([1, 1, 1, 0, 0, 1], 10))
+    np.testing.assert_allclose(level[np.isfinite(level)], 5.0, atol=0.008)

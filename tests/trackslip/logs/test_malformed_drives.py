@@ -1,0 +1,93 @@
+"""Whatever is in the log of a drive: laws or one line that says why not, never a traceback."""
+
+import json
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import GEOMETRY, SLAM, drive_log
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from trackslip.errors import TrackslipError
+from trackslip.identification.identify import identify
+from trackslip.identification.result import identification_to_json
+
+
+@pytest.fixture(autouse=True)
+def few_laws(monkeypatch):
+    """Fit few laws, as others have the same data."""
+    monkeypatch.setattr("trackslip.identification.comparison.drive_laws", lambda: ("none", "icr_radius"))
+
+
+MISTAKES = {
+    "few rows": lambda log, rng: log.between(0, int(rng.integers(2, 60))),
+    "no headings": lambda log, rng: replace(log, pose=log.pose * [1, 1, np.nan]),
+    "few headings": lambda log, rng: replace(
+        log, pose=np.where(rng.random((len(log.time), 1)) < [0, 0, rng.choice([0.9, 0.999])], np.nan, log.pose)
+    ),
+    "few poses": lambda log, rng: replace(log, valid=log.is_valid & (rng.random(len(log.time)) < 0.1)),
+    "swapped": lambda log, rng: replace(log, omega=log.omega[:, ::-1]),
+    "units of speeds": lambda log, rng: replace(log, omega=log.omega * 10.0 ** rng.integers(-8, 9)),
+    "units of places": lambda log, rng: replace(log, pose=log.pose * [*[10.0 ** rng.integers(-8, 9)] * 2, 1]),
+    "units of headings": lambda log, rng: replace(log, pose=log.pose * [1, 1, rng.choice([0, 57.3, -1, 1e9])]),
+    "units of times": lambda log, rng: replace(log, time=log.time * 10.0 ** rng.integers(-9, 10)),
+    "one sprocket at rest": lambda log, rng: replace(log, omega=log.omega * [1, 0]),
+    "nearly at rest": lambda log, rng: replace(log, omega=np.where(log.time[:, None] < 5, 0, log.omega)),
+    "far away": lambda log, rng: replace(log, pose=log.pose + 10.0 ** rng.integers(3, 13, (1, 3)) * [1, 1, 0]),
+    "poses at random": lambda log, rng: replace(log, pose=log.pose + rng.normal(size=log.pose.shape)),
+    "jumps": lambda log, rng: replace(
+        log, pose=log.pose + 10 * np.cumsum(rng.random((len(log.time), 1)) < 0.05)[:, None]
+    ),
+    "speeds at random": lambda log, rng: replace(log, omega=rng.normal(size=log.omega.shape) * 5),
+    "gap": lambda log, rng: replace(log, time=log.time + 1e4 * (log.time > 3)),
+    "same pose": lambda log, rng: replace(
+        log, pose=np.where(log.time[:, None] > 5, log.pose[log.is_valid][0], log.pose)
+    ),
+}
+
+
+def complaint_of(mistakes, seed):
+    """What identification complains about; it ends in laws or a TrackslipError, without a warning of NumPy's."""
+    rng = np.random.default_rng(seed)
+    driving = ("random", "eights", "stop_and_go", "loop")[seed % 4]
+    log = drive_log(seed, 6.0, SLAM, driving=driving)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            for mistake in mistakes:
+                log = MISTAKES[mistake](log, rng)
+            found = identify(log, GEOMETRY, method="drive")
+        except TrackslipError as error:
+            return str(error)
+    json.dumps(identification_to_json(found))
+    assert all(np.isfinite(list(fit.values.values())).all() for fit in found.drive.laws.values())
+    return ""
+
+
+def malformed(count):
+    """A property of `count` malformed drives."""
+    strategy = st.lists(st.sampled_from(sorted(MISTAKES)), min_size=1, max_size=3, unique=True)
+    checks = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
+
+    def of(test):
+        limited = settings(max_examples=count, derandomize=True, suppress_health_check=checks)
+        return limited(given(strategy, st.integers(0, 20))(test))
+
+    return of
+
+
+@malformed(25)
+def test_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
+    complaint = complaint_of(mistakes, seed)
+    assert "\n" not in complaint
+    assert len(complaint) < 400
+
+
+@pytest.mark.slow
+@malformed(300)
+def test_many_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
+    complaint = complaint_of(mistakes, seed)
+    assert "\n" not in complaint
+    assert len(complaint) < 400

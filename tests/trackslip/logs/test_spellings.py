@@ -1,0 +1,144 @@
+"""Tables as people and their programs write them."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from trackslip.errors import LogError
+from trackslip.logs.checks import unwrapped
+from trackslip.logs.logfile import read_log
+from trackslip.logs.table_reader import runs_from_table
+
+NAMES = ["run", "t", "omega_l", "omega_r", "x", "y", "phi"]
+ROWS = [
+    ["a", 0.1 * k, 1.0, 1.5 + 0.25 * k, *([0.05 * k, -0.5, 0.1 * k] if k % 2 == 0 else [""] * 3)] for k in range(12)
+]
+
+
+def text(rows=ROWS, names=NAMES, separator=","):
+    return "\n".join(separator.join(map(str, row)) for row in [names, *rows]) + "\n"
+
+
+def read(path, content):
+    file = path / "drive 7.csv"
+    file.write_text(content)
+    return read_log(file)
+
+
+PLAIN = text()
+SPELLINGS = {
+    "blanks": text(separator=" , "),
+    "a comment": "# robot 1, Monday\n#\n" + PLAIN,
+    "semicolons": text(separator=";"),
+    "tabs": text(separator="\t"),
+    "decimal commas": text(separator=";").replace(".", ","),
+    "tabs and decimal commas": text(separator="\t").replace(".", ","),
+    "a row of units": PLAIN.replace("\n", "\n-,s,rad/s,rad/s,m,m,rad\n", 1),
+    "units in brackets": PLAIN.replace("\n", "\n,[s],[rad/s],[rad/s],[m],[m],[rad]\n", 1),
+    "all of it": "# robot\n"
+    + text([["", "s", "rad/s", "rad/s", "m", "m", "rad"], *ROWS], separator=" ; ").replace(".", ","),
+    "a mark of the byte order": "\ufeff" + PLAIN,
+}
+
+
+@pytest.mark.parametrize("content", SPELLINGS.values(), ids=SPELLINGS)
+def test_other_spellings_are_read_alike(tmp_path, content):
+    (plain,), (run,) = read(tmp_path, PLAIN).runs, (found := read(tmp_path, content)).runs
+    assert found.warnings == ()
+    assert run.run == "a"
+    for name in ("time", "omega", "pose", "valid"):
+        np.testing.assert_array_equal(getattr(run, name), getattr(plain, name))
+
+
+@pytest.mark.parametrize(("column", "unit", "must"), [("phi", "deg", "rad"), ("t", "ms", "s"), ("x", "mm", "m")])
+def test_a_row_of_other_units_is_refused(tmp_path, column, unit, must):
+    units = dict(zip(NAMES, ["-", "s", "rad/s", "rad/s", "m", "m", "rad"], strict=True)) | {column: unit}
+    with pytest.raises(LogError, match=f"column {column}: in '{unit}', must be in {must}"):
+        read(tmp_path, text([[*units.values()], *ROWS]))
+
+
+def test_a_table_without_run_is_one_run_named_after_its_file(tmp_path):
+    (run,) = read(tmp_path, text([row[1:] for row in ROWS], NAMES[1:])).runs
+    assert run.run == "drive 7"
+    assert len(run.time) == len(ROWS)
+
+
+# Headings
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("qx", "qy", "qz", "qw"),
+        ("pose.orientation.x", "pose.orientation.y", "pose.orientation.z", "pose.orientation.w"),
+        ("orientation_z", "orientation_w"),
+    ],
+)
+def test_quaternions_are_headings(tmp_path, names):
+    heading = np.linspace(-3.0, 3.0, len(ROWS))
+    parts = {"x": 0.0 * heading, "y": 0.0 * heading, "z": np.sin(heading / 2), "w": np.cos(heading / 2)}
+    rows = [[*row[:4], 0.0, 0.0, *(float(parts[name[-1]][k]) for name in names)] for k, row in enumerate(ROWS)]
+    (run,) = read(tmp_path, text(rows, [*NAMES[:6], *names])).runs
+    np.testing.assert_allclose(run.pose[:, 2], heading, atol=1e-12)
+
+
+def test_a_part_of_a_quaternion_is_no_heading(tmp_path):
+    with pytest.raises(
+        LogError, match=r"columns qz are of a quaternion without w: give phi, the heading in rad, or all"
+    ):
+        read(tmp_path, text(names=[*NAMES[:6], "qz"]))
+
+
+@pytest.mark.parametrize("names", [NAMES, [*NAMES[:4], "phi"]])
+def test_headings_without_positions_are_poses(tmp_path, names):
+    rows = [[*row[:4], *([""] * (len(names) - 5)), 0.1 * k] for k, row in enumerate(ROWS)]
+    (run,) = (found := read(tmp_path, text(rows, names))).runs
+    assert found.warnings == ()
+    assert run.is_valid.all()
+    assert run.has_heading.all()
+    assert not run.has_place.any()
+    np.testing.assert_allclose(run.pose[:, 2], 0.1 * np.arange(12))
+    assert np.isnan(run.pose[:, :2]).all()
+
+
+def test_headings_are_unwrapped_but_degrees_are_not():
+    heading = np.linspace(0.0, 20.0, 100)
+    np.testing.assert_allclose(unwrapped((heading + np.pi) % (2 * np.pi) - np.pi), heading)
+    np.testing.assert_array_equal(unwrapped(heading), heading)
+    degrees = np.degrees(heading) % 360
+    np.testing.assert_array_equal(unwrapped(degrees), degrees)
+
+
+# Rows of one time, and of no encoder
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_any_number_of_rows_of_one_time_is_one(order):
+    """Encoders, gyro and pose in rows of their own."""
+    columns = {name: [] for name in ("t", "omega_l", "omega_r", "gyro", "x", "y", "phi")}
+    for k in range(50):
+        parts = {"omega_l": k, "omega_r": -k}, {"gyro": 0.01 * k}, {"x": k, "y": 2 * k, "phi": 0.1}
+        for part in order:
+            for name, cells in columns.items():
+                cells.append(0.05 * k if name == "t" else parts[part].get(name))
+    table = pa.table({name: pa.array(cells, pa.float64()) for name, cells in columns.items()})
+    (run,) = (found := runs_from_table(table, "three.csv")).runs
+    assert found.warnings == ()
+    np.testing.assert_allclose(run.time, 0.05 * np.arange(50))
+    np.testing.assert_array_equal(run.omega[:, 1], -np.arange(50))
+    np.testing.assert_allclose(run.gyro, 0.01 * np.arange(50))
+    np.testing.assert_array_equal(run.pose[:, 1], 2 * np.arange(50))
+    assert run.is_valid.all()
+
+
+def test_poses_far_from_any_encoder_are_kept_apart(tmp_path):
+    late = [["a", 100 + 0.1 * k, "", "", k, 0, 0] for k in range(5)]
+    early = [["a", -100 + 0.1 * k, "", "", k, 0, ""] for k in range(3)]
+    (run,) = (found := read(tmp_path, text([*early, *ROWS, *late]))).runs
+    assert found.warnings == (
+        "run 'a': 3 rows before its first encoder reading left out",
+        "run 'a': 5 rows after its last encoder reading left out",
+    )
+    np.testing.assert_allclose(run.time, 0.1 * np.arange(12))
+    np.testing.assert_allclose(run.beyond[:, 0], [*(-100 + 0.1 * np.arange(3)), *(100 + 0.1 * np.arange(5))])
+    assert run.between(0, 5).beyond is None

@@ -1,0 +1,62 @@
+"""Files of laws: written, read, and refused in a line."""
+
+import json
+
+import pytest
+from slip_data import GEOMETRY, grid
+
+from trackslip.errors import LogError
+from trackslip.identification.comparison import compare_laws
+from trackslip.identification.result import laws_to_json
+from trackslip.kinematics import RobotGeometry
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.slip.law_file import SHIPPED, load_laws
+
+
+def test_laws_survive_their_file(tmp_path):
+    laws = compare_laws(grid(PUBLISHED), GEOMETRY).laws
+    (tmp_path / "summary.json").write_text(json.dumps(laws_to_json(laws, GEOMETRY)))
+    for path in (tmp_path, tmp_path / "summary.json"):
+        back = load_laws(path)
+        assert back == {name: fit.law for name, fit in laws.items() if fit.values}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "not JSON"),
+        ("{}", "no slip laws"),
+        ('{"geometry": {"half_gauge": "abc", "sprocket_radius": 1}, "slip_laws": {}}', "no slip laws"),
+        ("[1, 2]", "no slip laws"),
+        (
+            '{"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06},'
+            ' "slip_laws": {"icr_radius": {"values": {"offset": 0.04, "radius_error": 1e308}}}}',
+            r"icr_radius\.radius_error = 1e\+308: must be from -0\.95 to 9",
+        ),
+        ('{"geometry": {"half_gauge": 0.1, "sprocket_radius": 0.06}, "slip_laws": {"icr": {"values": {}}}}', "offset"),
+        (
+            '{"geometry": {"half_gauge": -1, "sprocket_radius": 0.06},'
+            ' "slip_laws": {"icr": {"values": {"offset": 0.1}}}}',
+            "half_gauge",
+        ),
+    ],
+)
+def test_files_without_laws(tmp_path, text, message):
+    (tmp_path / "laws.json").write_text(text)
+    with pytest.raises(LogError, match=message):
+        load_laws(tmp_path / "laws.json")
+    with pytest.raises(LogError, match="No such file"):
+        load_laws(tmp_path / "none.json")
+    (tmp_path / "latin.json").write_bytes(b"\xff\xfe{}")
+    with pytest.raises(LogError, match="not JSON"):
+        load_laws(tmp_path / "latin.json")
+
+
+def test_laws_of_another_robot_are_refused():
+    assert load_laws(SHIPPED, GEOMETRY)
+    with pytest.raises(LogError, match=r"the robot has 0\.3 m"):
+        load_laws(SHIPPED, RobotGeometry(0.3, 0.06))
+
+
+def test_the_shipped_laws_are_complete():
+    assert set(load_laws(SHIPPED)) >= {"exponential", "icr", "icr_radius"}

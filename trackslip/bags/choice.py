@@ -1,0 +1,61 @@
+"""Choice of the encoders, poses and scans to take from a bag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trackslip.errors import InvalidValueError, require
+from trackslip.kinematics import RobotGeometry
+from trackslip.localization.scan import Plate
+
+SIDES = ("left", "right")
+_TF = "tf:FRAME:FRAME, as in tf:map:base_link"
+
+
+@dataclass(frozen=True)
+class BagChoice:
+    """Topics and joints of a bag; None where the bag leaves no doubt."""
+
+    encoders: str | None = None
+    """Topic of `sensor_msgs/JointState` with the wheels or sprockets, or of `nav_msgs/Odometry` computed from them.
+
+    Several of `sensor_msgs/JointState`, separated by commas, where each has some of the joints.
+    """
+    left: tuple[str, ...] | None = None
+    """Names of the joints on the left; the mean of their speeds is used."""
+    right: tuple[str, ...] | None = None
+    """Names of the joints on the right; likewise."""
+    reversed: str | None = None
+    """Side whose encoders count backwards: left, right, both or none; None to find out."""
+    poses: str | None = None
+    """Topic of poses, or tf:PARENT:CHILD for the pose of a frame in another."""
+    imu: str | None = None
+    """Topic of `sensor_msgs/Imu` whose gyro to take; none for no gyro."""
+    scan: str | None = None
+    """Topic of `sensor_msgs/LaserScan` of a stationary scanner, in which to find the plate."""
+    plate: Plate | None = None
+    """The plate on the robot. With it, poses are the plate's in the scans."""
+    wheels: RobotGeometry | None = None
+    """The geometry by which odometry was computed from the wheels, to compute their speeds from it."""
+    dead_reckoned: bool | None = None
+    """True to take poses that repeat the dead reckoning of the wheels, too: to look at them, not to identify slip."""
+
+    def __post_init__(self) -> None:
+        for name in SIDES:
+            joints = getattr(self, name)
+            require(joints is None or (joints and all(joints)), name, joints, "names of joints")
+        if (self.left is None) != (self.right is None):
+            missing = SIDES[self.left is not None]
+            raise InvalidValueError(missing, None, f"given where {SIDES[self.left is None]} is")
+        if self.left is not None and self.right is not None and (both := set(self.left) & set(self.right)):
+            raise InvalidValueError("right", min(both), "the name of a joint that is not on the left, too")
+        require(self.reversed in (None, *SIDES, "both", "none"), "reversed", self.reversed, "left, right, both or none")
+        require(self.scan is None or self.plate is not None, "scan", self.scan, "left out without plate")
+        require(self.poses is None or self.plate is None, "poses", self.poses, "left out with plate, which gives poses")
+        if self.poses is not None and self.poses.startswith("tf:"):
+            parts = self.poses.split(":")
+            require(len(parts) == 3 and all(parts) and parts[1] != parts[2], "poses", self.poses, _TF)
+
+
+AUTOMATIC = BagChoice()
+"""The topics and joints that leave no doubt."""

@@ -1,0 +1,85 @@
+"""The yaw rate by the gyro of an IMU in a bag, wherever it is mounted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from trackslip.bags.choice import BagChoice
+from trackslip.bags.open import Bag
+from trackslip.bags.stamps import seconds, stretches
+from trackslip.bags.topics import IMU, imu_topic
+from trackslip.kinematics import Array
+from trackslip.logs.checks import CLEARLY, paired_turns
+from trackslip.logs.runlog import MAX_YAW_RATE, MEASURED, RunLog
+
+_MAX_GAP = 0.2  # longest time between readings that counts as measured [s]
+_ALONG = 0.98  # component of an axis that is one of the IMU's own: it is mounted so to within 11° [-]
+
+
+@dataclass(frozen=True)
+class Imu:
+    """Readings of the gyro of an IMU, all by one clock."""
+
+    source: str
+    """Its topic and frame, in words."""
+    stamp: np.ndarray  # (n,) int: stamps in the headers, ascending [ns]
+    rate: Array  # (n, 3) about the axes of its frame [rad/s]
+
+
+def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> list[Imu]:
+    """The gyro's readings for each stretch between restarts of the clock; empty, with a note, if there are none."""
+    topic = imu_topic(bag, choice)
+    if topic is None:
+        return []
+
+    def numbers(content: Any) -> tuple[float, ...] | None:
+        rate, measured = content.angular_velocity, content.angular_velocity_covariance[0] != -1  # "not measured"
+        return (rate.x, rate.y, rate.z) if measured else None
+
+    stamp, arrival, rates = bag.table([topic.name], numbers)
+    good = (np.abs(rates) <= MAX_YAW_RATE).all(axis=1)
+    if good.sum() < 2 or not rates[good].any():
+        notes.append(f"topic {topic.name}: it states no angular velocities: read without gyro")
+        return []
+    stamp, rates = stamp[good], rates[good]
+    parts = stretches(topic.name, stamp, arrival[good], notes)
+    frame = bag.first(topic.name, 1)[0].content.header.frame_id
+    several = f", one of {len(bag.of_type(IMU))}" if len(bag.of_type(IMU)) > 1 and choice.imu is None else ""
+    source = f"{topic.name} in {frame or 'no frame'}{several}"
+    return [Imu(source, stamp[rows], rates[rows]) for rows in parts]
+
+
+def with_gyro(log: RunLog, imu: Imu, start: int, notes: list[str]) -> tuple[RunLog, str]:
+    """The log, whose time begins at `start` [ns], with the IMU's yaw rate, and where that is from, in words.
+
+    Its axis is the one about which the IMU turns when headings do, or else the sprockets; without turns, z. `notes`
+    gets a line if no axis follows the turns, and the log is returned without gyro.
+    """
+    time = seconds(imu.stamp, start)
+    angle = cumulative_trapezoid(imu.rate, time, axis=0, initial=0.0)
+    step = np.diff(time)
+    measured = np.append(0.0, np.cumsum(np.where(step <= _MAX_GAP, step, 0.0)))
+    *turned, known = (np.interp(log.time, time, column) for column in (*angle.T, measured))
+    turn = np.where(log.has_heading, log.pose[:, 2], np.nan)
+    if not log.has_heading.any():
+        turn = np.append(0.0, np.cumsum((log.omega[1:] @ [-1, 1]) * np.diff(log.time)))
+    axis, why = np.array([0.0, 0.0, 1.0]), "assumed"
+    paired = paired_turns(log.time, np.stack(turned), turn)
+    if paired is not None:
+        turns, by_axis = paired
+        axis, why = by_axis @ turns / np.linalg.norm(by_axis @ turns), "by the turns"
+        if np.abs(axis).max() > _ALONG:
+            axis = np.where(np.abs(axis) > _ALONG, np.sign(axis), 0.0)
+        if np.corrcoef(axis @ by_axis, turns)[0, 1] < CLEARLY:
+            notes.append(f"gyro of {imu.source} left out: it doesn't follow the robot's turns")
+            return log, ""
+    rate, share = (np.diff(values) / np.diff(log.time) for values in (axis @ np.stack(turned), known))
+    gyro = np.append(np.nan, np.where((share >= MEASURED) & (np.abs(rate) <= MAX_YAW_RATE), rate, np.nan))
+    about = log.metadata["bag"] | {"gyro": imu.source}
+    shown = np.array2string(axis, precision=2, suppress_small=True)
+    words = f"; gyro: {imu.source} about {shown} ({why})"
+    return replace(log, gyro=gyro, metadata=log.metadata | {"bag": about}), words

@@ -1,0 +1,260 @@
+"""The encoders, poses and gyros that a bag offers, and the choice among them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import Enum
+
+from trackslip.bags.choice import AUTOMATIC, BagChoice
+from trackslip.bags.open import Bag, Topic, listed, short_type
+from trackslip.bags.scans import LASER_SCAN, scan_topic
+from trackslip.bags.transforms import frames_of
+from trackslip.errors import LogError
+
+JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
+FIX, IMU = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu"
+POSE_TYPES = (
+    ODOMETRY,
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/TransformStamped",
+    FIX,
+)
+"""Types of messages that poses are read from, besides transforms."""
+_TICKS = re.compile(r"std_msgs/msg/U?Int\d+(MultiArray)?")
+Sides = tuple[tuple[str, ...], tuple[str, ...]]
+"""Names of the joints on the left and on the right."""
+WHEELS: Sides = ("left wheels",), ("right wheels",)
+"""What stands for the joints in odometry."""
+
+# Words in the names of topics, joints and frames, as ROS packages of robots and localization use them.
+_WANTED = r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|waypoint|plan\b"
+_LESSER_IMU = r"camera|realsense|zed|oak|lidar|ouster|\bos\d?_|livox|velodyne|raw"
+_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+_DRIVES = re.compile(r"wheel|track|sprocket|belt|crawler|whl", re.IGNORECASE)
+_OTHERS = {"arm", "hip", "pan", "tilt", "head", "neck", "knee", "ankle", "calf"}
+_OTHERS_BEGIN = ("steer", "caster", "castor", "flipper", "finger", "gripper", "shoulder", "elbow", "wrist", "thigh")
+_LEFT = {"left", "l", "fl", "lf", "rl", "lr", "bl", "lb", "ml", "lm", "cl", "lc", "lh", "lhs"}
+_RIGHT = {"right", "r", "fr", "rf", "rr", "br", "rb", "mr", "rm", "cr", "rc", "rh", "rhs"}
+_FIXED_FRAMES = ("map", "world", "earth", "mocap", "vicon", "utm", "ned", "enu", "field")
+_BODIES = ("base_link", "base_footprint", "base", "chassis", "robot")
+_JOINT_MESSAGES, _FRAME_MESSAGES = 100, 5000  # first messages that are looked at for names
+
+
+class PoseOrigin(Enum):
+    """Origins of poses, from those independent of the wheels to those computed from them."""
+
+    CHOSEN = "as asked for"
+    MOCAP = "motion capture"
+    MATCHED = "measured poses"
+    TRANSFORMS = "transforms from a fixed frame"
+    FIX = "satellite positions"
+    TRUTH = "a simulator's truth"
+    FUSED = "fused odometry, perhaps with the wheels"
+    WHEELS = "odometry, perhaps from the wheels"
+    IMU = "headings of an IMU"
+
+
+_MARKS = {
+    PoseOrigin.MOCAP: r"vicon|optitrack|mocap|motion_capture|qualisys|vrpn|natnet|total_?station|leica",
+    PoseOrigin.TRUTH: r"ground_?truth|\btruth|gazebo|p3d|perfect",
+    PoseOrigin.FUSED: r"filtered|fused|ekf|ukf|kalman|imu",
+    PoseOrigin.MATCHED: r"slam|amcl|locali[sz]|lio|loam|icp|ndt|kiss|hdl|cartographer|rtabmap|vins|vio\b|visual"
+    r"|lidar|laser|\bzed|scan|t265",
+}
+
+
+@dataclass(frozen=True)
+class PoseSource:
+    """A topic or a pair of frames that states poses."""
+
+    name: str
+    """The topic, or tf:PARENT:CHILD."""
+    origin: PoseOrigin
+
+
+def encoder_topics(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[tuple[Topic, ...], Sides]:
+    """The topic with the encoders, or several where each has some of them, and the joints on the left and on the right.
+
+    Raises LogError if the choice doesn't fit the bag, or leaves a doubt: the message lists what there is.
+    """
+    if choice.encoders is not None:
+        chosen = tuple(bag.topic(name.strip()) for name in choice.encoders.split(","))
+        if [topic.type for topic in chosen] == [ODOMETRY]:
+            if choice.wheels is None:
+                raise LogError(
+                    f"{bag.path}: topic {chosen[0].name}: speeds of wheels need the geometry that it assumes"
+                )
+            return chosen, WHEELS
+        chosen = tuple(bag.topic(topic.name, JOINT_STATE) for topic in chosen)
+        return chosen, _joints(bag, chosen, choice)
+    topics = bag.of_type(JOINT_STATE)
+    if not topics:
+        raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{_instead(bag)}")
+    topics = [topic for topic in topics if not re.search(_WANTED, topic.name, re.IGNORECASE)] or topics
+    fitting: dict[str, tuple[tuple[Topic, ...], Sides]] = {}
+    refused = []
+    for some in (*((topic,) for topic in topics), tuple(topics)):
+        try:
+            if not fitting or len(some) == 1:
+                fitting[some[0].name] = some, _joints(bag, some, choice)
+        except LogError as error:
+            refused.append(error)
+    if not fitting:
+        raise refused[0]
+    names = sorted(fitting)
+    names = [name for name in names if name.rpartition("/")[2] == "joint_states"] or names
+    names = [name for name in names if name.strip("/") == "joint_states"] or names
+    return fitting[bag.only(names, "encoders", "--encoders TOPIC")]
+
+
+def _instead(bag: Bag) -> str:
+    """What to do with a bag without joint states."""
+    ticks = [topic for topic in bag.topics.values() if _TICKS.fullmatch(topic.type)]
+    if ticks:
+        named = listed([f"{topic.name} ({short_type(topic.type)})" for topic in ticks])
+        return (
+            f"; {named} may count ticks: publish 2π ticks / (ticks per turn) as positions of a JointState and record "
+            "again, or write a table (t, omega_l, omega_r, x, y, phi) in which omega is 2π times the ticks since the "
+            "last reading / (ticks per turn * time since then)"
+        )
+    reckoned = "; --encoders TOPIC takes odometry from the wheels" if bag.of_type(ODOMETRY) else ""
+    return f"{reckoned}; its topics are {bag.listed()}"
+
+
+def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides:
+    """The chosen joints, or the ones recognised by their names; LogError if there are none."""
+    if choice.left is not None and choice.right is not None:
+        return choice.left, choice.right
+    messages = (message for topic in topics for message in bag.first(topic.name, _JOINT_MESSAGES))
+    names = [*dict.fromkeys(name for message in messages for name in message.content.name)]
+    found = sides(names)
+    if found is None:
+        raise LogError(
+            f"{bag.path}: topic {topics[0].name}: which of its joints are left and right? It has {listed(names)}: "
+            "choose with --left NAMES --right NAMES"
+        )
+    return found
+
+
+def sides(names: Sequence[str]) -> Sides | None:
+    """Names of the driven joints on the left and on the right; None if they aren't recognised.
+
+    Joints whose names speak of wheels or tracks come before others, and arms, steering and the like don't count.
+    """
+    candidates = [name for name in names if not any(map(_drives_neither, _words(name)))]
+    for some in ([name for name in candidates if _DRIVES.search(name)], candidates):
+        left, right = (tuple(name for name in some if _side(name) == side) for side in ("left", "right"))
+        if left and len(left) == len(right):
+            return left, right
+    return None
+
+
+def _side(name: str) -> str:
+    """left, right, or an empty text if the name contains neither or both."""
+    words, plain = _words(name), name.lower()
+    left = bool(words & _LEFT) or "left" in plain
+    right = bool(words & _RIGHT) or "right" in plain
+    if left == right:
+        return ""
+    return "left" if left else "right"
+
+
+def _words(name: str) -> set[str]:
+    """The words in a name, in lower case: front, left and wheel of front_leftWheel2."""
+    return {word.lower() for word in _WORDS.findall(name)}
+
+
+def _drives_neither(word: str) -> bool:
+    """True if a word names a joint that drives neither side."""
+    return word in _OTHERS or word.startswith(_OTHERS_BEGIN)
+
+
+def pose_sources(bag: Bag) -> list[PoseSource]:
+    """All sources of poses, the best first."""
+    topics = [topic for topic in bag.of_type(*POSE_TYPES) if not re.search(_WANTED, topic.name, re.IGNORECASE)]
+    found = [*(PoseSource(topic.name, _origin(bag, topic)) for topic in topics), *_in_transforms(bag)]
+    return sorted(found, key=lambda source: list(PoseOrigin).index(source.origin))
+
+
+def pose_source(bag: Bag, choice: BagChoice) -> PoseSource:
+    """The source chosen, or the best, last the headings of an IMU; raises LogError if there is none, or a choice."""
+    if choice.poses is not None:
+        name = choice.poses if choice.poses.startswith("tf:") else bag.topic(choice.poses).name
+        return PoseSource(name, PoseOrigin.CHOSEN)
+    encoders = [bag.topic(name.strip()).name for name in (choice.encoders or "").split(",") if name]
+    sources = [source for source in pose_sources(bag) if source.name not in encoders]
+    if not sources:
+        imu = imu_topic(bag, choice)
+        if imu is not None:
+            return PoseSource(imu.name, PoseOrigin.IMU)
+        needed = f"no topic of {', '.join((*POSE_TYPES, IMU))}, and no transforms of a robot in a fixed frame"
+        raise LogError(f"{bag.path}: no poses: {needed}; its topics are {bag.listed()}")
+    best = [source for source in sources if source.origin is sources[0].origin]
+    best = [source for source in best if source.name in bag.topics] or best  # transforms repeat what topics state
+    bag.only([source.name for source in best], "poses", "--poses TOPIC")
+    return best[0]
+
+
+def _origin(bag: Bag, topic: Topic) -> PoseOrigin:
+    """The origin of a topic's poses by its name, type and frame."""
+    usual = {FIX: PoseOrigin.FIX, ODOMETRY: PoseOrigin.WHEELS}.get(topic.type, PoseOrigin.MATCHED)
+    origin = next((origin for origin, marks in _MARKS.items() if re.search(marks, topic.name, re.IGNORECASE)), usual)
+    if origin in (PoseOrigin.FUSED, PoseOrigin.WHEELS) and topic.type == ODOMETRY:
+        first = bag.first(topic.name, 1)
+        if first and _last(first[0].content.header.frame_id) in _FIXED_FRAMES:
+            return PoseOrigin.MATCHED
+    return origin
+
+
+def _in_transforms(bag: Bag) -> list[PoseSource]:
+    """The poses of robots' bodies in the frames at the roots of their transforms, if they have such frames."""
+    parents = {child: parent for parent, child in frames_of(bag, _FRAME_MESSAGES)}
+    bodies = next((some for name in _BODIES if (some := [one for one in parents if _last(one) == name])), [])
+    found = []
+    for body in sorted(bodies):
+        root, seen = body, {body}
+        while root in parents and parents[root] not in seen:
+            root = parents[root]
+            seen.add(root)
+        origin = PoseOrigin.TRANSFORMS if _last(root) in _FIXED_FRAMES else PoseOrigin.WHEELS
+        found.append(PoseSource(f"tf:{root}:{body}", origin))
+    return found
+
+
+def _last(frame: str) -> str:
+    """The last part of a frame's name, in lower case."""
+    return frame.strip("/").rpartition("/")[2].lower()
+
+
+def imu_topic(bag: Bag, choice: BagChoice) -> Topic | None:
+    """The topic chosen, or the best: an IMU of its own with most messages; None without."""
+    if choice.imu is not None:
+        return None if choice.imu == "none" else bag.topic(choice.imu, IMU)
+
+    def rank(topic: Topic) -> tuple[bool, int]:
+        return bool(re.search(_LESSER_IMU, topic.name, re.IGNORECASE)), -topic.count
+
+    return min(bag.of_type(IMU), key=rank, default=None)
+
+
+def uses(bag: Bag, choice: BagChoice) -> dict[str, str]:
+    """Possible uses of a bag's topics and frames (tf:PARENT:CHILD); a star marks those taken under the choice."""
+    found: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
+    found |= {source.name: f"poses: {source.origin.value}" for source in pose_sources(bag)}
+    found |= {topic.name: "gyro" for topic in bag.of_type(IMU)}
+    with suppress(LogError):
+        found |= dict.fromkeys((topic.name for topic in encoder_topics(bag, choice)[0]), "* encoders")
+    with suppress(LogError):
+        if choice.plate is not None:
+            found[scan_topic(bag, choice.scan).name] = "* scans of the plate"
+            return found
+        source = pose_source(bag, choice)
+        found[source.name] = f"* {found.get(source.name, 'poses')}"
+        imu = imu_topic(bag, choice)
+        if imu is not None:
+            found[imu.name] = "* gyro, headings" if source.name == imu.name else "* gyro"
+    return found

@@ -1,0 +1,196 @@
+"""A first look at drives, before any law is fitted: clocks, units, sides, gains, and what the driving can tell.
+
+What can't be used is refused in one line that names the quantity, its value and what to do. All else is reported as it
+is: a gain far from 1 is no error, as wheels may slip on ice or be smaller than thought.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.identification.clocks import NEAR, Clock, clock_of
+from trackslip.identification.gains import Gain, Gains, Steps, Window, gains_of, windows_of
+from trackslip.identification.jumps import without_jumps
+from trackslip.identification.misread import (
+    matches_of,
+    refuse_angles,
+    refuse_degrees,
+    refuse_headings,
+    refuse_sides,
+    refuse_units,
+    refuse_wrapped,
+    refuse_zeros,
+)
+from trackslip.identification.preparation import PreparedDrive
+from trackslip.identification.windows import BLOCK, FEWEST_BLOCKS
+from trackslip.kinematics import RobotGeometry
+
+DOUBTFUL = 0.5
+"""Correlation of wheels and poses below which it is doubtful that they belong together."""
+_STRAIGHT = 0.1  # turn [half gauges] per distance below which a robot drives straight
+_ONE_SIDED = 0.1  # share of the turns that makes them turns to both sides
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """Something that a user must know before trusting any law."""
+
+    kind: str
+    """A word: match, units or little."""
+    line: str
+
+
+@dataclass(frozen=True)
+class Look:
+    """What drives show before any law is fitted."""
+
+    speed: Gain | None
+    """Measured distance over that of the wheels; None where no distance can be told."""
+    turn: Gain | None
+    """Measured turn over that of the wheels; None where no turn can be told."""
+    clock: float
+    """Encoder clock minus pose clock at which both fit best, a start value [s]."""
+    left_turns: float
+    """Sum of turns to the left [rad]."""
+    right_turns: float
+    straight: float
+    """Distance driven with little turning [m]."""
+    top_speed: float
+    """Mean over 2 s [m/s]."""
+    duration: float
+    """Of all drives with poses [s]."""
+    gains: Gains
+    """Both gains, with the sensor's rough place, for `without_jumps`."""
+    notes: tuple[str, ...] = ()
+    """What the log is, one line each."""
+    alarms: tuple[Alarm, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain numbers and texts; NaN is None."""
+        content = {key: value for key, value in asdict(self).items() if key != "gains"}
+        for key in ("speed", "turn"):
+            if content[key] is not None:
+                content[key] = {name: None if np.isnan(v) else v for name, v in content[key].items()}
+        return content | {"notes": list(self.notes)}
+
+    def without_jumps(
+        self, drives: Sequence[PreparedDrive], geometry: RobotGeometry
+    ) -> tuple[list[PreparedDrive], list[str]]:
+        """The drives without wild poses, cut at lasting jumps, and a line on each kind of each drive."""
+        found = [without_jumps(drive, geometry, self.gains, self.clock) for drive in drives]
+        return [part for parts, _ in found for part in parts], [line for _, lines in found for line in lines]
+
+
+def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look:
+    """Look at drives; raises LogError, with one line that says what to do, where the log can't be used."""
+    for drive in drives:
+        refuse_zeros(drive)
+        refuse_wrapped(drive)
+    refuse_angles(drives, geometry)
+    clocks = [_checked_clock(drive, clock_of(drive)) for drive in drives]
+    offsets = [clock.offset for clock in clocks if clock.share > 0] or [0.0]
+    clock = float(np.median(offsets))
+    covered = [drive for drive in drives if len(Steps.of(drive, geometry, clock).time) > 1]
+    if not covered:
+        drive = drives[0]
+        raise LogError(f"run {drive.name!r}: encoders were read at fewer than 2 of its poses: record both together")
+    refuse_degrees(covered, geometry, clock)
+    for drive in covered:
+        refuse_headings(drive, geometry, clock)
+    refuse_sides(covered, geometry, clock)
+    gains = gains_of(covered, geometry, clock)
+    refuse_units(gains, geometry)
+    speed, turn = (gain.value if gain else 1.0 for gain in (gains.speed, gains.turn))
+    window = Window.joined([windows_of(drive, geometry, clock, turn) for drive in covered])
+    turns, distance = np.nan_to_num(window.turn), np.abs(speed * window.distance)
+    straight = np.abs(turns) * geometry.half_gauge < _STRAIGHT * distance
+    look = Look(
+        gains.speed,
+        gains.turn,
+        clock,
+        left_turns=float(turns.clip(min=0.0).sum()),
+        right_turns=float((-turns).clip(min=0.0).sum()),
+        straight=float(distance[straight].sum()),
+        top_speed=float((distance / window.duration).max(initial=0.0)),
+        duration=float(sum(drive.time[-1] - drive.time[0] for drive in covered)),
+        gains=gains,
+    )
+    return replace(look, notes=tuple(_notes(covered, look)), alarms=tuple(_alarms(covered, look, matches_of(window))))
+
+
+def _checked_clock(drive: PreparedDrive, clock: Clock) -> Clock:
+    """The clock, if encoders and poses are of one time to within what a fit finds."""
+    ahead, differ = ("pose" if clock.offset < 0 else "encoder"), abs(clock.offset)
+    if clock.distinct and differ > NEAR:
+        whose = "of the poses" if ahead == "pose" else "of the encoders"
+        raise LogError(
+            f"run {drive.name!r}: the clocks differ by {differ:.1f} s, as the {ahead} clock is ahead: subtract that "
+            f"from the times {whose}"
+        )
+    time, _ = drive.every_pose
+    if time[0] > drive.edges[-1] + NEAR or time[-1] < drive.edges[0] - NEAR:
+        raise LogError(
+            f"run {drive.name!r}: encoders (t = {drive.edges[0]:.12g} to {drive.edges[-1]:.12g} s) and poses "
+            f"({time[0]:.12g} to {time[-1]:.12g} s) don't overlap: subtract the difference of their clocks"
+        )
+    return clock
+
+
+def _alarms(drives: Sequence[PreparedDrive], look: Look, matches: Sequence[float]) -> list[Alarm]:
+    """Lines on what makes any law doubtful."""
+    alarms = []
+    match = float(np.mean(np.abs(matches))) if matches else 1.0
+    if match < DOUBTFUL:
+        alarms.append(
+            Alarm("match", f"wheels and poses hardly go together (correlation {match:.2f}): are they of one drive?")
+        )
+    for gain, what, unit in ((look.speed, "move", "x and y"), (look.turn, "turn", "phi")):
+        if gain is not None and not 0.1 <= abs(gain.value) <= 3.0:
+            alarms.append(
+                Alarm(
+                    "units",
+                    f"the poses {what} {gain.value:.3g} times as far as the wheels: check the units of {unit} and "
+                    "omega, and sprocket_radius",
+                )
+            )
+    blocks = sum(max(1, round((drive.time[-1] - drive.time[0]) / BLOCK)) for drive in drives)
+    if blocks < FEWEST_BLOCKS:
+        least = FEWEST_BLOCKS * BLOCK
+        alarms.append(
+            Alarm("little", f"{look.duration:.0f} s of driving are too few for intervals: drive {least:.0f} s")
+        )
+    return alarms
+
+
+def _notes(drives: Sequence[PreparedDrive], look: Look) -> list[str]:
+    """What the log is."""
+    notes = []
+    headed, placed = (np.mean([np.isfinite(d.pose[:, k]).any() for d in drives]) for k in (2, 0))
+    interval = float(np.median([drive.interval for drive in drives]))
+    step = float(np.median(np.concatenate([np.diff(drive.edges) for drive in drives])))
+    kind = "positions without headings" if headed == 0 else "headings without positions" if placed == 0 else "poses"
+    notes.append(f"{kind} every {interval:.3g} s, encoders every {step:.3g} s")
+    if 0 < headed < 1 or 0 < placed < 1:
+        notes.append("some runs lack headings or positions")
+    logged = sum(drive.logged for drive in drives)
+    if repeated := sum(drive.repeated for drive in drives):
+        notes.append(f"{repeated:,} of {logged:,} poses repeat the one before: each counts once")
+    if between := sum(drive.interpolated for drive in drives):
+        knots = sum(drive.logged - drive.repeated - drive.interpolated for drive in drives if drive.interpolated)
+        notes.append(f"poses are interpolated: {knots:,} knots are used, {between:,} rows between them left out")
+    if any(drive.held for drive in drives):
+        notes.append("encoders are read less often than logged: held readings count once")
+    turns = look.left_turns + look.right_turns
+    if look.speed is None and placed:
+        notes.append("gains of distances can't be told: the robot hardly drives, or poses are too rare")
+    if look.turn is None:
+        notes.append("gains of turns can't be told: the robot hardly turns, or poses are too rare")
+    elif min(look.left_turns, look.right_turns) < _ONE_SIDED * turns:
+        side = "left" if look.left_turns > look.right_turns else "right"
+        notes.append(f"turns to the {side} only: unequal sides can't be told from the turns")
+    return notes

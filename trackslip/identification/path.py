@@ -1,0 +1,233 @@
+"""The model of a drive: a law, and the effects of the sensor's mounting, its clock and the robot's lag on the poses.
+
+Its parameters are the law's, followed by EXTRAS:
+
+- sensor_x: how far ahead of the turning centre the sensor sits [m]. The centre may lie ahead of or behind the middle of
+  the tracks; the two can't be told apart.
+- sensor_y: how far to the left of the middle the sensor sits [m].
+- drift: c, outward drift in turns, a lateral speed of -c v w [s].
+- clock_offset: tau, encoder clock minus pose clock [s]: encoders show at stamp t + tau what poses show at stamp t.
+- sensor_yaw: heading of the sensor minus heading of the robot [rad].
+- lag: time constant with which the motion follows the belts [s].
+- gyro_bias, gyro_scale: a gyro reads (1 + scale) yaw rate + bias [rad/s, -].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from trackslip.identification.preparation import Timeline
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.se2 import arc_quotients
+from trackslip.slip.derivatives import twist_derivatives
+from trackslip.slip.families import LawFamily
+
+
+@dataclass(frozen=True)
+class Extra:
+    """A parameter that isn't the law's."""
+
+    unit: str
+    scale: float
+    """A change that matters."""
+    prior: float
+    """Standard deviation of the prior, around 0 or a given value; of a length, in half gauges."""
+    low: float
+    high: float
+    title: str
+
+
+EXTRAS: dict[str, Extra] = {
+    "sensor_x": Extra("m", 0.05, 2.0, -10.0, 10.0, "sensor ahead of the turning centre"),
+    "sensor_y": Extra("m", 0.02, 1.0, -10.0, 10.0, "sensor to the left"),
+    "drift": Extra("s", 0.05, 0.3, -5.0, 5.0, "outward drift in turns"),
+    "clock_offset": Extra("s", 0.05, 2.0, -10.0, 10.0, "encoder clock minus pose clock"),
+    "sensor_yaw": Extra("rad", 0.02, 1.0, -4.0, 4.0, "heading of the sensor in the robot"),
+    "lag": Extra("s", 0.05, 0.1, 0.0, 2.0, "lag of the motion behind the belts"),
+    "gyro_bias": Extra("rad/s", 0.01, 0.05, -1.0, 1.0, "bias of the gyro"),
+    "gyro_scale": Extra("", 0.02, 0.03, -0.5, 0.5, "error of the gyro's scale"),
+}
+GYRO = ("gyro_bias", "gyro_scale")
+"""The last of them, for drives with a gyro."""
+_LAG_DIFFERENCE = 1e-3  # [s]
+
+
+@dataclass(frozen=True)
+class DriveModel:
+    """A family of laws with EXTRAS, for a robot."""
+
+    family: LawFamily
+    geometry: RobotGeometry
+    gyro: bool = False
+    """True for drives with a gyro; without, the parameters GYRO are missing."""
+    radius_prior: float = 0.1
+    """Standard deviation of the prior of the errors of the sprockets' radii [-]."""
+
+    @property
+    def extras(self) -> dict[str, Extra]:
+        """The parameters that aren't the law's."""
+        return {name: extra for name, extra in EXTRAS.items() if self.gyro or name not in GYRO}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters, in the order of their values in arrays (p,)."""
+        return (*self.family.names, *self.extras)
+
+    def index(self, name: str) -> int:
+        """Place of a parameter in arrays of values."""
+        return self.names.index(name)
+
+    @property
+    def limits(self) -> Array:
+        """Lower limits, upper limits and scales (3, p)."""
+        extras = np.array([(e.low, e.high, e.scale) for e in self.extras.values()]).T
+        return np.concatenate([self.family.limits(self.geometry.half_gauge), extras], axis=1)
+
+    @property
+    def prior(self) -> Array:
+        """Standard deviations (p,) of the priors; the law's are too wide to matter where data say anything."""
+        scale, b = self.family.limits(self.geometry.half_gauge)[2], self.geometry.half_gauge
+        extras = [extra.prior * (b if extra.unit == "m" else 1.0) for extra in self.extras.values()]
+        radii = np.array([name.startswith("radius_error") for name in self.family.names], bool)
+        return np.concatenate([np.where(radii, self.radius_prior, 10 * scale), extras])
+
+    def path(self, values: Array, line: Timeline, free: np.ndarray) -> SensorPath:
+        """The path of the sensor at the poses' times by parameters (p,), with derivatives by those `free` (f,)."""
+        law = len(self.family.names)
+        extra = dict(zip(self.extras, values[law:], strict=True))
+        motion, slope = self._motion(values[:law], extra, line, free)
+        time = line.time + extra["clock_offset"]
+        path = path_at(line.edges, motion, slope, time, line.intervals(time))
+        clock = free == self.index("clock_offset")
+        path.place_slope[clock] += path.velocity
+        path.heading_slope[clock] += path.yaw_rate
+        ahead = np.exp(1j * path.heading)
+        arm = (extra["sensor_x"] + 1j * extra["sensor_y"]) * ahead
+        place_slope = path.place_slope + 1j * arm * path.heading_slope
+        place_slope[free == self.index("sensor_x")] += ahead
+        place_slope[free == self.index("sensor_y")] += 1j * ahead
+        heading_slope = path.heading_slope
+        heading_slope[free == self.index("sensor_yaw")] += 1.0
+        return SensorPath(path.place + arm, path.heading + extra["sensor_yaw"], place_slope, heading_slope)
+
+    def gyro_turns(self, values: Array, line: Timeline, free: np.ndarray) -> tuple[Array, Array, Array]:
+        """Sums (K,) of the gyro's readings until each pose, less bias [rad]; derivatives (f, K); time measured [s]."""
+        assert line.gyro is not None
+        time = line.time + values[self.index("clock_offset")]
+        turned, measured = (np.interp(time, line.gyro[:, 0], sums) for sums in line.gyro.T[1:])
+        bias = values[self.index("gyro_bias")]
+        slope = np.zeros((len(free), len(time)))
+        slope[free == self.index("gyro_bias")] = -line.time
+        return turned - bias * line.time, slope, measured
+
+    def _motion(
+        self, values: Array, extra: Mapping[str, float], line: Timeline, free: np.ndarray
+    ) -> tuple[Array, Array]:
+        """Motion (3, M) in the encoder intervals, and its derivatives (3, f, M) by the parameters `free` (f,)."""
+        law, lag, drift = len(values), extra["lag"], extra["drift"]
+        slope = np.zeros((3, len(free), len(line.omega)))
+        of_law = free < law
+        twist = self.family.law(values, self.geometry).twist(line.omega, self.geometry)
+        if of_law.any():
+            by_law = twist_derivatives(self.family, values[None], line.omega, self.geometry, twist[None])[0]
+            by_law = _lagging(np.moveaxis(by_law, 0, -1)[:, free[of_law]], line, lag)
+            slope[0, of_law], slope[2, of_law] = by_law
+        belts = np.moveaxis(twist, 0, -1)
+        v, w = lagged = _lagging(belts, line, lag)
+        at_lag = free == self.index("lag")
+        if at_lag.any():
+            later = _lagging(belts, line, lag + _LAG_DIFFERENCE)
+            slope[::2, at_lag] = ((later - lagged) / _LAG_DIFFERENCE)[:, None]
+        if drift:
+            slope[1] = -drift * (v * slope[2] + w * slope[0])
+        slope[1, free == self.index("drift")] -= v * w
+        return np.stack([v, -drift * v * w, w]), slope
+
+
+def _lagging(values: Array, line: Timeline, lag: float) -> Array:
+    """Means (..., M) in the intervals of a first-order lag [s] behind values (..., M); each drive starts settled."""
+    if lag <= 0:
+        return values
+    step, begins = np.diff(line.edges), line.begins
+    kept = np.exp(-step / lag)
+    driven = (1 - kept) * values
+    driven[..., begins] += kept[begins] * values[..., begins]
+    bands = np.stack([np.ones(len(step)), np.append(-kept[1:], 0.0)])
+    bands[1, begins[1:] - 1] = 0.0
+    flat = driven.reshape(-1, len(step)).T
+    ends = scipy.linalg.solve_banded((1, 0), bands, flat, overwrite_b=True, check_finite=False).T.reshape(driven.shape)
+    before = np.roll(ends, 1, axis=-1)
+    before[..., begins] = values[..., begins]
+    return values + (before - values) * ((lag / step) * (1 - kept))
+
+
+@dataclass(frozen=True)
+class SensorPath:
+    """A path of a sensor at K times, with derivatives by f parameters; places are x + i y."""
+
+    place: np.ndarray  # (K,) complex [m]
+    heading: Array  # (K,) [rad]
+    place_slope: np.ndarray  # (f, K) complex
+    heading_slope: Array  # (f, K)
+
+
+@dataclass(frozen=True)
+class Path:
+    """A path from the origin at given times, with derivatives by p parameters; places are x + i y."""
+
+    place: np.ndarray  # (K,) complex [m]
+    heading: Array  # (K,) [rad]
+    place_slope: np.ndarray  # (p, K) complex
+    heading_slope: Array  # (p, K)
+    velocity: np.ndarray  # (K,) complex, of the place by the time [m/s]
+    yaw_rate: Array  # (K,) [rad/s]
+
+
+def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndarray) -> Path:
+    """The path at `time` (K,) of a robot that moves with (v, u, w), forwards, to the left and turning.
+
+    `motion` (3, M) is constant in each interval between `edges` (M + 1,), its derivatives are `slope` (3, p, M). `row`
+    (K,) is the interval that each time lies in, or whose motion continues until then.
+    """
+    step = np.diff(edges)
+    turned, turned_slope = _started(motion[2] * step), _started(slope[2] * step)
+    moved, moved_slope = _displaced(motion, slope, step, turned[:-1], turned_slope[:, :-1])
+    reached, reached_slope = _started(moved), _started(moved_slope)
+    rest, here, here_slope = time - edges[row], motion[:, row], slope[..., row]
+    heading, heading_slope = turned[row], turned_slope[:, row]
+    moved, moved_slope = _displaced(here, here_slope, rest, heading, heading_slope)
+    heading = heading + here[2] * rest
+    return Path(
+        reached[row] + moved,
+        heading,
+        reached_slope[:, row] + moved_slope,
+        heading_slope + here_slope[2] * rest,
+        np.exp(1j * heading) * (here[0] + 1j * here[1]),
+        here[2],
+    )
+
+
+def _displaced(
+    motion: Array, slope: Array, step: Array, heading: Array, heading_slope: Array
+) -> tuple[np.ndarray, np.ndarray]:
+    """World displacement (M,) by motions (3, M) for `step` (M,) from headings (M,), and derivatives (p, M)."""
+    along, across, d_along, d_across = arc_quotients(motion[2] * step)
+    turned, velocity = np.exp(1j * heading), motion[0] + 1j * motion[1]
+    by_velocity = turned * (along + 1j * across) * step
+    by_turn = turned * velocity * (d_along + 1j * d_across) * step**2
+    moved = by_velocity * velocity
+    moved_slope = by_velocity * slope[0] + (1j * by_velocity) * slope[1]
+    moved_slope += by_turn * slope[2]
+    moved_slope += (1j * moved) * heading_slope
+    return moved, moved_slope
+
+
+def _started(increments: np.ndarray) -> np.ndarray:
+    """Sums (..., M + 1) from zero of increments (..., M)."""
+    sums = np.zeros((*increments.shape[:-1], increments.shape[-1] + 1), increments.dtype)
+    np.cumsum(increments, axis=-1, out=sums[..., 1:])
+    return sums

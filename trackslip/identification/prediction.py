@@ -1,0 +1,252 @@
+"""Predictions of driving: from each measured pose, by the belts, to the pose some seconds later."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.errors import counted
+from trackslip.identification.path import DriveModel
+from trackslip.identification.windows import Data
+from trackslip.kinematics import Array, RobotGeometry, wrap_angle
+from trackslip.metrics import rms
+
+HORIZONS = (1.0, 2.0, 5.0, 10.0)
+"""Times ahead [s]."""
+_TRAIL = 10.0  # time over which positions give the heading at the start, without headings [s]
+_MIN_TRAIL = 5  # number of those positions
+_MIN_WAY = 0.3  # that the positions span [m]
+_MIN_DRIVEN = 0.1  # way of the belts during which a robot moves [half gauges]
+_MIN_PAIRS = 5  # at a horizon
+_CHANCE = 1.0  # difference of errors that may be chance [standard errors]
+_UNNOTICED = 0.002  # difference of errors that doesn't matter [smallest mean error]
+_TOLD = 0.01  # share of the variance after the longest way that is slip at least: medians don't tell less [-]
+_LEAST_ERROR = 1e-3  # mean error below which no law is better [m, rad]
+_SLIP = ("slip_forward", "slip_sideways", "slip_turn")
+_FEWEST, _MUCH = 5, 0.25  # blocks whose scatter tells chance; share of the errors that may be chance in fewer
+
+
+@dataclass(frozen=True)
+class PredictionErrors:
+    """Errors of predictions for one horizon."""
+
+    count: int
+    """Number of predictions, which overlap."""
+    position_rms: float | None
+    """Root mean square error of the position [m]; None without positions."""
+    position_median: float | None
+    """Median error of the position [m]; None without positions."""
+    position_p90: float | None
+    """Error of the position that 90 % of the predictions stay below [m]; None without positions."""
+    heading_rms: float | None
+    """Root mean square error of the heading [rad]; None without headings."""
+    heading_median: float | None
+    """Median absolute error of the heading [rad]; None without headings."""
+    heading_p90: float | None
+    """Absolute error of the heading that 90 % of the predictions stay below [rad]; None without headings."""
+    way: float
+    """Median way of the belts [m]."""
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of measured poses between which the robot moves: every law predicts the second one from the first."""
+
+    data: Data
+    start: np.ndarray  # (n,) index of the pose
+    end: np.ndarray  # (n,)
+    horizon: Array  # (n,) [s]
+    way: Array  # (n,) mean way of the belts in between [m]
+
+    @classmethod
+    def of(cls, data: Data, geometry: RobotGeometry, horizons: Sequence[float] = HORIZONS) -> Pairs:
+        """All pairs that are a horizon apart, within half the interval between poses.
+
+        Where poses are rarer than all horizons, pairs are neighbours.
+        """
+        shortest = min(drive.interval for drive in data.drives)
+        if shortest > max(horizons):
+            horizons = (shortest,)
+        line = data.line
+        turned = np.concatenate([[0.0], np.cumsum(np.abs(line.omega).mean(axis=1) * np.diff(line.edges))])
+        way = geometry.sprocket_radius * np.interp(line.time, line.edges, turned)
+        found = [np.zeros((3, 0))]
+        for drive, begin in zip(data.drives, data.first, strict=False):
+            usable = np.flatnonzero(np.isfinite(drive.pose).any(axis=1))
+            time, half = drive.time[usable], drive.interval / 2
+            for horizon in horizons:
+                end = np.clip(np.searchsorted(time, time + horizon - half), 0, len(time) - 1)
+                hit = np.flatnonzero(np.abs(time[end] - time - horizon) <= half + 1e-9)
+                found.append(np.stack([begin + usable[hit], begin + usable[end[hit]], np.full(len(hit), horizon)]))
+        *rows, ahead = np.concatenate(found, axis=1)
+        start, end = np.array(rows, int)
+        kept = way[end] - way[start] > _MIN_DRIVEN * geometry.half_gauge
+        kept &= np.isin(ahead, [h for h in horizons if (ahead[kept] == h).sum() >= _MIN_PAIRS])
+        return cls(data, start[kept], end[kept], ahead[kept], (way[end] - way[start])[kept])
+
+    def errors(self, model: DriveModel, values: Array, part: np.ndarray | None = None) -> Array:
+        """Errors (n, 3) forwards, to the left and of the heading by parameters (F, p) [m, m, rad]; NaN if unknown.
+
+        `part` (n,) says which of the F predicts each pair.
+        """
+        part = np.zeros(len(self.start), int) if part is None else part
+        data, error = self.data, np.full((len(part), 3), np.nan)
+        for k, one in enumerate(values):
+            start, end = self.start[part == k], self.end[part == k]
+            path = model.path(one, data.line, np.zeros(0, int))
+            heading = _headings(data, path.place, path.heading)
+            turn = heading[start] - path.heading[start]
+            moved = (path.place[end] - path.place[start]) * np.exp(1j * turn)
+            missed = (moved - (data.place[end] - data.place[start])) * np.exp(-1j * heading[start])
+            missed[~(data.known[0][start] & data.known[0][end])] = np.nan
+            off = wrap_angle(path.heading[end] - path.heading[start] - (data.heading[end] - data.heading[start]))
+            off = np.where(data.known[1][start] & data.known[1][end], off, np.nan)
+            error[part == k] = np.column_stack([missed.real, missed.imag, off])
+        return error
+
+    def summaries(self, error: Array) -> dict[float, PredictionErrors]:
+        """PredictionErrors by horizon [s] of errors (n, 3)."""
+        size = sizes(error)
+        found = {}
+        for horizon in np.unique(self.horizon).tolist():
+            position, heading = (part[np.isfinite(part)] for part in size[self.horizon == horizon].T)
+            way = float(np.median(self.way[self.horizon == horizon]))
+            count = max(len(position), len(heading))
+            found[horizon] = PredictionErrors(count, *_summary(position), *_summary(heading), way)
+        return found
+
+
+def sizes(error: Array) -> Array:
+    """Sizes (n, 2) of errors (n, 3) of position [m] and heading [rad]."""
+    return np.column_stack([np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])])
+
+
+def _summary(size: Array) -> tuple[float | None, float | None, float | None]:
+    """Root mean square, median and 90 % quantile of errors (n,); None without any."""
+    if not len(size):
+        return None, None, None
+    return rms(size), float(np.median(size)), float(np.quantile(size, 0.9))
+
+
+def _headings(data: Data, place: np.ndarray, heading: Array) -> Array:
+    """Headings (K,) of the sensor as measured, else those at which its path (K,) fits the positions so far."""
+    found = np.where(data.known[1], data.heading, np.nan)
+    for drive, begin, end in zip(data.drives, data.first[:-1], data.first[1:], strict=True):
+        if not drive.has_heading:
+            rows = begin + np.flatnonzero(data.known[0][begin:end])
+            position = np.column_stack([data.place[rows].real, data.place[rows].imag])
+            path = np.column_stack([place[rows].real, place[rows].imag, heading[rows]])
+            found[rows] = trailing_heading(drive.time[rows - begin], position, path)
+    return found
+
+
+def trailing_heading(time: Array, position: Array, path: Array) -> Array:
+    """Headings (n,) at which dead reckoning fits the positions measured in the last seconds; NaN where these are few.
+
+    `position` (n, 2) is measured at `time` (n,), where dead reckoning from anywhere gives `path` (n, 3).
+    """
+    z, c = position[:, 0] + 1j * position[:, 1], path[:, 0] + 1j * path[:, 1]
+    sums = np.concatenate([np.zeros((4, 1)), np.cumsum([np.ones(len(z)), z, c, z * c.conj()], axis=1)], axis=1)
+    spread = np.concatenate([[0.0], np.cumsum(np.abs(c - c[0]) ** 2)])
+    offset = np.concatenate([[0.0], np.cumsum(c - c[0])])
+    low, high = np.searchsorted(time, time - _TRAIL), np.arange(1, len(time) + 1)
+    number, a, b, product = sums[:, high] - sums[:, low]
+    number = number.real
+    size = (spread[high] - spread[low]) / number - np.abs((offset[high] - offset[low]) / number) ** 2
+    turned = np.angle(product - a * b.conj() / number)
+    known = (number >= _MIN_TRAIL) & (size > (_MIN_WAY / 2) ** 2)
+    return np.asarray(np.where(known, turned + path[:, 2], np.nan))
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Laws compared by their errors, pair by pair."""
+
+    best: str
+    """The simplest of those that predict as well as any other."""
+    reason: str
+    """Why, in a sentence."""
+    score: dict[str, float]
+    """Mean over the horizons of each law's mean error, relative to the smallest [-]."""
+
+
+def ranked(errors: Mapping[str, Array], free: Mapping[str, int], pairs: Pairs) -> Ranking | None:
+    """The best of laws with errors (n, 3) of the same pairs, and numbers of `free` parameters; None without pairs.
+
+    The leader has the smallest errors at most horizons. Laws that predict as well at most of them, within a standard
+    error of the mean difference over blocks, count as equal, and of these the simplest is best. An error is the
+    distance of the predicted position plus that of the heading, in units of the smallest means of any law: a mean of
+    distances, because a pose that is wrong adds no more to it than laws differ, where squares would let it decide.
+    """
+    names, means, equal = list(errors), [], []
+    every = np.stack([sizes(error) for error in errors.values()])  # (laws, n, 2)
+    for horizon in np.unique(pairs.horizon):
+        size = every[:, pairs.horizon == horizon]
+        known = np.isfinite(size).all(axis=0)  # by every law
+        if not known.any():
+            continue
+        size = np.where(known, size, 0.0)
+        least = np.maximum((size.sum(axis=1) / np.maximum(known.sum(axis=0), 1)).min(axis=0), _LEAST_ERROR)
+        error = (size / least).sum(axis=2)
+        block = np.unique(pairs.data.blocks(horizon)[pairs.start[pairs.horizon == horizon]], return_inverse=True)[1]
+        means.append(error.mean(axis=1))
+        equal.append([_as_good_as(error, block, leader) for leader in range(len(names))])
+    if not means:
+        return None
+    score = np.mean([(mean + 1e-9) / (mean.min() + 1e-9) for mean in means], axis=0)
+    wins = np.bincount([int(mean.argmin()) for mean in means], minlength=len(names))
+    leader = min(range(len(names)), key=lambda k: (-wins[k], score[k]))
+    as_good = np.sum([one[leader] for one in equal], axis=0)
+    good = np.flatnonzero(2 * as_good > len(means)).tolist()
+    best = min(good, key=lambda k: (free[names[k]], k != leader, score[k]))
+    why = f"{names[leader]} has the smallest errors at {wins[leader]} of {counted(len(means), 'time')} ahead"
+    if best != leader:
+        why += f"; {names[best]} is as good at {as_good[best]}, within one standard error, and is simpler"
+    return Ranking(names[best], why, dict(zip(names, score.tolist(), strict=True)))
+
+
+def _as_good_as(errors: Array, block: np.ndarray, leader: int) -> np.ndarray:
+    """Laws (L,) bool whose mean errors, of (L, n), exceed the leader's by no more than chance or than matters.
+
+    Chance is a standard error, from the scatter of the sums over the independent blocks (n,); of few blocks, a share.
+    """
+    worse = errors - errors[leader]
+    mean, count = worse.mean(axis=1), int(block.max()) + 1
+    if count < _FEWEST:
+        return np.asarray(mean <= _MUCH * errors[leader].mean())
+    sums = np.array([np.bincount(block, one) for one in worse - mean[:, None]])
+    chance = np.sqrt(np.sum(sums**2, axis=1) * count / (count - 1)) / len(block)
+    return np.asarray(mean <= np.maximum(_CHANCE * chance, _UNNOTICED))
+
+
+def slip_noise(error: Array, pairs: Pairs, spread: Array) -> dict[str, float]:
+    """Slip that varies, a random walk of the pose [m/√m, m/√m, rad/√m], from errors (n, 3) of predictions.
+
+    Their variance, by medians, is that of two poses and one that grows with the way from the shortest horizon to the
+    longest. With one horizon, poses have the `spread` (3,). Errors of the first heading and of turns add to the sides.
+    """
+    horizons = np.unique(pairs.horizon)
+    rows = [pairs.horizon == horizon for horizon in horizons[[0, -1]]] if len(horizons) else []
+    if not rows:
+        return dict.fromkeys(_SLIP, 0.0)
+    way = np.array([np.median(pairs.way[one]) for one in rows])
+    moved = np.abs(pairs.data.place[pairs.end] - pairs.data.place[pairs.start]) ** 2
+    reach = np.array([np.median(moved[one]) for one in rows])  # squared
+    variance = np.array([[_robust_variance(part) for part in error[one].T] for one in rows])  # (2, 3)
+    if way[1] - way[0] < 1e-6:
+        way, reach = np.array([0.0, way[0]]), np.array([0.0, reach[0]])
+        variance = np.stack([2 * spread[[0, 0, 1]] ** 2, variance[0]])
+    per_way = np.maximum((variance[1] - variance[0]) / (way[1] - way[0]), 0.0)
+    heading = max(variance[0, 2] - per_way[2] * way[0], 0.0) / 2  # variance of one
+    aside = variance[:, 1] - (heading + per_way[2] * way / 3) * reach
+    per_way[1] = max((aside[1] - aside[0]) / (way[1] - way[0]), 0.0)
+    per_way = np.maximum(per_way, _TOLD * variance[1] / max(way[1], 1e-9))  # growth is a difference of large numbers
+    return dict(zip(_SLIP, np.sqrt(per_way).tolist(), strict=True))
+
+
+def _robust_variance(values: Array) -> float:
+    """Variance of normal numbers with the median size of these (n,), NaN left out; 0 of none."""
+    size = np.abs(values[np.isfinite(values)])
+    return float((1.4826 * np.median(size)) ** 2) if len(size) else 0.0

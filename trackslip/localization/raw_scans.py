@@ -1,0 +1,221 @@
+"""The plate in the raw scans of a stationary laser range finder.
+
+Its motion tells the plate from its surroundings. What a beam meets in most scans between which the robot has moved is
+background, and left out. In what is left, every scan is located independently, and poses that contradict the encoders
+are rejected. These need no calibration: how far the plate drives and turns per radian of the sprockets is measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from trackslip import se2
+from trackslip.errors import LogError, counted
+from trackslip.kinematics import Array
+from trackslip.localization.base import PoseEstimate
+from trackslip.localization.beams import PlateBeams
+from trackslip.localization.likelihood import PlateLikelihood
+from trackslip.localization.plate import PlateLocator
+from trackslip.localization.pose_tracker import BLIND_TURN, GATE_HEADING, GATE_POSITION, GROWTH
+from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate, returns_at, returns_of
+
+_KEY_SCANS = 400  # between which the sprockets turn equally far, to find the background: a robot may stand for long
+_FIRST_NOISE = 0.02  # assumed until the plate tells the scanner's noise [m]
+_MAX_NOISE = 0.04  # more than any scanner's: what spreads more is neither background nor plate [m]
+_ROUNDS = 3  # of the background and noise by the plate, and the plate by these
+_ABOUT = 0.1  # distance from the plate within which returns tell nothing of the background [m]
+_MIN_RETURNS = 8  # of a scan that tells the noise
+_COMPARED = (1, 2, 3, 4)  # places of the poses before and after that a pose is compared with
+_MIN_LOCATED = 12  # scans
+_TOLD = 0.3  # share of the distance driven that the front end must lead, or the rear end
+
+
+@dataclass(frozen=True)
+class RawScans:
+    """The scans of a session."""
+
+    time: Array  # (S,) of the first rays, ascending [s]
+    bearings: Array  # (B,) of the beams in the scanner's frame, equally spaced, ascending [rad]
+    ranges: np.ndarray  # (S, B) float32, NaN for no return [m]
+    lag: Array  # (B,) from the first ray to each beam [s]
+    max_range: float
+    """Nothing farther away gives a return [m]."""
+
+    @classmethod
+    def measured(cls, time: Array, ranges: np.ndarray, message: Any, upside_down: bool = False) -> RawScans:
+        """Scans (S, B) at the times (S,) of their first rays; a `sensor_msgs/LaserScan` has their angles and limits.
+
+        Nothing came back where a range is not finite, 0, below `range_min`, or not below `range_max` (REP 117). Beams
+        may run clockwise. Raises LogError for scans without beams, angles or returns.
+        """
+        beams, angle_min, angle_increment = ranges.shape[1], message.angle_min, message.angle_increment
+        span = abs(angle_increment) * (beams - 1)
+        if not (np.isfinite(angle_min) and 0 < span < 2 * np.pi + abs(angle_increment)):
+            what = f"angle_min = {angle_min:g}, angle_increment = {angle_increment:g} for {beams} beams"
+            raise LogError(f"{what}: must be at most a full circle [rad]")
+        reach = np.float32(message.range_max if message.range_max > 0 else np.inf)
+        returned = (ranges > 0) & (ranges >= np.float32(message.range_min)) & (ranges < reach)
+        if not returned.any():
+            raise LogError("its scans have no return")
+        bearings = (angle_min + angle_increment * np.arange(beams)) * (-1.0 if upside_down else 1.0)
+        order, lag = np.argsort(bearings), max(message.time_increment, 0.0) * np.arange(beams)
+        kept = np.where(returned, ranges, np.float32(np.nan))[:, order]
+        return cls(np.asarray(time, float), bearings[order], kept, lag[order], float(reach))
+
+    def seen(self, level: Array, noise: float, rows: np.ndarray | slice = slice(None)) -> Scan:
+        """The scans `rows` before a background (B,); at an edge, a beam may meet that of its neighbours."""
+        beside = np.pad(level, 1, constant_values=np.nan)
+        levels, ranges = np.stack([level, beside[:-2], beside[2:]]), self.ranges[rows].astype(float)
+        return Scan(self.bearings, ranges, noise, np.zeros(3), self.max_range, background=levels)
+
+    def opened(self, busy: np.ndarray) -> RawScans:
+        """A full circle that begins amid the quarter where least moves, so that the plate isn't across its ends.
+
+        `busy` (B,) counts what moves in each beam. Scans of less than a full circle stay as they are.
+        """
+        beams, span = len(busy), self.bearings[-1] - self.bearings[0]
+        step = span / (beams - 1)
+        if span < 2 * np.pi - 1.5 * step:
+            return self
+        around = np.convolve(np.tile(busy, 3), np.ones(beams // 4), "same")[beams : 2 * beams]
+        order = np.roll(np.arange(beams), -int(np.argmin(around)))
+        bearings = self.bearings[order[0]] + step * np.arange(beams)
+        return replace(self, bearings=bearings, ranges=self.ranges[:, order], lag=self.lag[order])
+
+
+@dataclass(frozen=True)
+class FollowedPlate:
+    """The plate in each of S scans, in the scanner's frame."""
+
+    time: Array  # (S,) when the beams met the plate [s]
+    estimate: PoseEstimate  # (S,) headings unwrapped, with the end ahead that leads when the sprockets turn forwards
+    cluster: Cluster  # (S,) the returns from the plate
+    scanner: Scan
+    """Bearings and noise of the scanner, without ranges."""
+    notes: tuple[str, ...]  # a line for each doubt
+
+
+def follow_plate(raw: RawScans, angle: Array, plate: Plate) -> FollowedPlate:
+    """The poses of a plate of known size in all scans.
+
+    `angle` (S, 2) is by how much the sprockets have turned when the scans are taken [rad]. Raises LogError if they
+    hardly turn, or no such plate moves as they say.
+    """
+    turned = np.append(0.0, np.abs(np.diff(angle, axis=0)).max(axis=1).cumsum())
+    keys = np.unique(np.searchsorted(turned, np.linspace(0.0, turned[-1], _KEY_SCANS)))
+    moving = returns_of(raw.seen(background(raw.ranges[keys]), _FIRST_NOISE, keys))
+    raw = raw.opened(np.bincount(moving.beam, minlength=len(raw.bearings)))
+    level, noise = background(raw.ranges[keys]), _FIRST_NOISE
+    for _ in range(_ROUNDS):
+        scan = raw.seen(level, noise, keys)
+        estimate = PlateLocator(plate).locate(scan)
+        level, noise = background(_without_plate(scan, plate, estimate)), _scatter(scan, plate, estimate)
+    scan = raw.seen(level, noise)
+    estimate = PlateLocator(plate).locate(scan)
+    tracks, turn = _driven(angle, estimate)
+    estimate.valid[:] = _plausible(tracks, turn, estimate)
+    if noise > _MAX_NOISE or estimate.valid.sum() < _MIN_LOCATED:
+        size = f"{plate.length:g}x{plate.thickness:g} m"
+        raise LogError(f"no plate of {size} moves as the encoders say in its {counted(len(raw.time), 'scan')}")
+    notes = []
+    if np.sum(np.diff(turn) * np.diff(angle[:, 1] - angle[:, 0])) < 0:
+        notes.append("the plate turns against the sprockets: are left and right swapped, or the scanner upside down?")
+    if not _turn_round(tracks, turn, estimate):
+        notes.append("the robot only turns on the spot: which end of the plate is the front one isn't known")
+    rows = np.flatnonzero(estimate.valid)
+    between = np.stack([np.interp(raw.time, raw.time[rows], column) for column in estimate.pose[rows].T], axis=-1)
+    sight = np.arctan2(between[:, 1], between[:, 0])
+    time = raw.time + np.interp(raw.bearings[0] + (sight - raw.bearings[0]) % (2 * np.pi), raw.bearings, raw.lag)
+    scanner = replace(scan, ranges=scan.ranges[:0], background=None)
+    return FollowedPlate(time, estimate, returns_at(scan, plate, between), scanner, tuple(notes))
+
+
+def background(ranges: np.ndarray) -> Array:
+    """Ranges (B,) of the background in scans (S, B) between which the robot has moved; NaN where there is none.
+
+    That is the median, if most returns are close to it. Ranges are NaN for no return, and -inf for a beam that met the
+    plate, which tells nothing.
+    """
+    seen = np.where(np.isnan(ranges), np.inf, ranges)
+    seen[ranges == -np.inf] = np.nan
+    seen[:, np.isnan(seen).all(axis=0)] = np.inf
+    level = np.nanmedian(seen, axis=0)
+    known = np.isfinite(level)
+    known[known] = 1.4826 * np.nanmedian(np.abs(seen[:, known] - level[known]), axis=0) < _MAX_NOISE
+    return np.where(known, level, np.nan)
+
+
+def _without_plate(scan: Scan, plate: Plate, estimate: PoseEstimate) -> Array:
+    """Ranges (S, B) with -inf for the returns from around the plates found."""
+    returns, ranges = returns_of(replace(scan, background=None)), scan.ranges.copy()
+    near = estimate.valid[returns.row] & (plate.outside(estimate.pose, returns.row, returns.x, returns.y) < _ABOUT)
+    ranges[returns.row[near], returns.beam[near]] = -np.inf
+    return ranges
+
+
+def _scatter(scan: Scan, plate: Plate, estimate: PoseEstimate) -> float:
+    """Standard deviation of the ranges about the plates found [m]; the noise of the scan if there are hardly any."""
+    pose, ranges = estimate.pose[estimate.valid], scan.ranges[estimate.valid]
+    cluster = extract_plate(replace(scan, ranges=ranges), plate, pose)
+    full = np.flatnonzero(cluster.count >= _MIN_RETURNS)
+    if not full.size:
+        return scan.noise
+    beams, count = PlateBeams.of(scan, cluster.take(full)), cluster.count[full]
+    squares = PlateLikelihood(plate, np.inf).misfit(beams, pose[full]) ** 2 * count
+    freedom = count - 2  # the fit of a face takes two
+    median = freedom * (1 - 2 / (9 * freedom)) ** 3  # of chi squared (Wilson and Hilferty, 1931)
+    return beams.noise * float(np.sqrt(np.median(squares / median)))
+
+
+def _driven(angle: Array, estimate: PoseEstimate) -> tuple[Array, Array]:
+    """How far the tracks (S, 2) have driven [m] and the plate (S,) has turned [rad], by the encoders."""
+    rows = np.flatnonzero(estimate.valid)
+    moved, (left, right) = estimate.pose[rows[2:]] - estimate.pose[rows[:-2]], (angle[rows[2:]] - angle[rows[:-2]]).T
+    distance = _median_ratio(np.hypot(moved[:, 0], moved[:, 1]), np.abs(left + right) / 2)
+    turn = _median_ratio(se2.wrap_angle(2 * moved[:, 2]) / 2, right - left)
+    return distance * angle, turn * (angle[:, 1] - angle[:, 0])
+
+
+def _median_ratio(y: Array, x: Array) -> float:
+    """The median of y / x, weighted by |x|: the slope with the smallest absolute residuals; 0 if x is 0."""
+    moves = np.abs(x) > 1e-9
+    ratio, weight = y[moves] / x[moves], np.abs(x[moves])
+    order = np.argsort(ratio)
+    middle = np.searchsorted(np.cumsum(weight[order]), weight.sum() / 2)
+    return float(ratio[order[middle]]) if moves.any() else 0.0
+
+
+def _plausible(tracks: Array, turn: Array, estimate: PoseEstimate) -> np.ndarray:
+    """(S,) bool: valid poses that agree with most of those around them.
+
+    From one to the other, the plate turns as the encoders say, and gets no farther than the faster track.
+    """
+    rows = np.flatnonzero(estimate.valid)
+    votes = np.zeros(len(turn))
+    for apart in _COMPARED:
+        first, second = rows[:-apart], rows[apart:]
+        moved, turned = estimate.pose[second] - estimate.pose[first], turn[second] - turn[first]
+        reach = (1 + GROWTH) * np.abs(tracks[second] - tracks[first]).max(axis=1)
+        agree = np.hypot(moved[:, 0], moved[:, 1]) < GATE_POSITION + reach
+        agree &= np.abs(se2.wrap_angle(2 * (moved[:, 2] - turned)) / 2) < GATE_HEADING + GROWTH * np.abs(turned)
+        votes[first] += np.where(agree, 1, -1)
+        votes[second] += np.where(agree, 1, -1)
+    return estimate.valid & (votes > 0)
+
+
+def _turn_round(tracks: Array, turn: Array, estimate: PoseEstimate) -> bool:
+    """Turn valid headings round, in place, so that they are unwrapped and the front leads; False if it isn't known.
+
+    The encoders tell the half turns between poses. Where that is too far, a new piece begins, whose own driving tells.
+    """
+    rows = np.flatnonzero(estimate.valid)
+    piece = np.append(0, np.cumsum(GROWTH * np.abs(np.diff(turn[rows])) > BLIND_TURN))
+    heading = np.unwrap(estimate.pose[rows, 2] - turn[rows], period=np.pi) + turn[rows]
+    moved, driven = np.diff(estimate.pose[rows, :2], axis=0), np.diff(tracks[rows].mean(axis=1))
+    ahead = np.sum(moved * se2.direction(heading[1:]), axis=1) * np.sign(driven)
+    led, whole = (np.bincount(piece[1:], x * (np.diff(piece) == 0), piece[-1] + 1) for x in (ahead, np.abs(driven)))
+    estimate.pose[rows, 2] = heading + np.where(led < -_TOLD * whole, np.pi, 0.0)[piece]
+    return bool((np.abs(led) > _TOLD * whole).any())
