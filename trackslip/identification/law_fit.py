@@ -24,6 +24,7 @@ FOLDS = 5
 _COMPARED = (1.0, 5.0)  # horizons of the predictions that choose the length [s]
 _NO_WORSE = 1.01  # ratio of errors of predictions that doesn't matter
 _MACHINED = 0.02  # error of an effective radius that is taken to be possible where the driving doesn't tell it [-]
+_NEAR = 0.3  # difference that doesn't matter [significant changes]: a fit may stop before it reaches a limit
 _VAGUE = 0.5  # share of the prior's width that a standard error has where the driving doesn't tell a parameter
 
 
@@ -52,10 +53,11 @@ class DriveFit(FittedLaw):
 
     @property
     def at_limit(self) -> tuple[str, ...]:
-        """Names of the law's parameters at a limit."""
+        """Names of the law's parameters at a limit, or so near that the difference doesn't matter; 0 is no limit."""
         low, high, scale = self.fit.model.limits[:, : len(self.values)]
         values = self.fit.values[: len(self.values)]
-        bound = (values < low + 1e-3 * scale) | (values > high - 1e-3 * scale)
+        near = _NEAR * scale
+        bound = ((values < low + near) & (low != 0)) | (values > high - near)
         return tuple(name for name, at in zip(self.values, bound, strict=True) if at)
 
 
