@@ -26,6 +26,7 @@ from trackslip.slip.law_file import laws_content
 
 Method = Literal["steady", "drive"]
 """Ways to identify laws: from stretches of constant sprocket speeds, or from whole drives."""
+_MATTERS = 0.1  # difference of two answers that matters to a user [significant changes]: 0.1 % in ε
 _REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
 _SHOWN = 3  # laws in a repr
 _UNSTORED = ("name", "law", "fit")  # fields of fits
@@ -75,7 +76,7 @@ class Identification:
         return []
 
     def _contradiction(self) -> list[Alarm]:
-        """Steady stretches and whole drives whose values of a law exclude each other."""
+        """Steady stretches and whole drives whose values of a law exclude each other, and differ by what matters."""
         if (
             self.steady is None
             or self.drive is None
@@ -85,8 +86,11 @@ class Identification:
             return []
         steady, drive = self.steady.laws[REFERENCE], self.drive.laws[REFERENCE]
         apart = []
-        for name, (low, high) in drive.interval95.items():
-            if name in steady.interval95 and (steady.interval95[name][1] < low or steady.interval95[name][0] > high):
+        changes = dict(zip(drive.values, FAMILIES[REFERENCE].limits(self.geometry.half_gauge)[2], strict=True))
+        for name, change in changes.items():
+            ends = [fit.interval95.get(name, (-np.inf, np.inf)) for fit in (steady, drive)]
+            low, high = max(end[0] for end in ends), min(end[1] for end in ends)
+            if low > high and abs(steady.values[name] - drive.values[name]) > _MATTERS * change:
                 apart.append(f"{name} {steady.values[name]:.3g} and {drive.values[name]:.3g}")
         line = (
             f"steady stretches and whole drives contradict each other ({', '.join(apart)}): look at both in the report"
