@@ -1,4 +1,4 @@
-"""Groups of repeated runs: of the same radius, speed or load, and folds of a cross-validation."""
+"""Groups of repeated runs: of the same radius or speed, and folds of a cross-validation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist
 _TOLERANCE = 0.02  # maximum relative difference of the commands (curvatures or speeds) of repeated runs
 _MIN_ANGLE = 0.1  # angle of a command below which the tolerance no longer shrinks with it [rad]
 _MIN_SPEED = 0.05  # likewise of the speed, relative to the fastest run
-_MIN_LOAD = 0.05  # likewise of the traction per unit load [-]
 _WIDEST = 5.0  # width of a group of commands, in tolerances, above which they are no repeats but a range
 _FOLDS = 10  # maximum number of folds of a cross-validation
 
@@ -45,14 +44,6 @@ def by_speed(omega: Array) -> np.ndarray:
     """Labels (n,) of runs with the same speed of the faster sprocket (n, 2)."""
     speed = np.abs(omega).max(axis=1)
     return group_labels(speed, _MIN_SPEED * float(speed.max()))
-
-
-def by_load(labels: np.ndarray, load: Array | None) -> np.ndarray:
-    """The groups (n,) of runs, divided by the tractions per unit load (n, 2) where these are known."""
-    if load is None:
-        return labels
-    divided = np.column_stack([labels, *(group_labels(component, _MIN_LOAD) for component in load.T)])
-    return np.unique(divided, axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def folds(labels: np.ndarray) -> np.ndarray:
