@@ -1,4 +1,4 @@
-"""A slip law of your own: fitted, compared with the built-in laws, and shown in the report with its formula."""
+"""A slip law of your own: fitted, compared with the built-in laws, and shown in the report."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 
 import sim
 import trackslip
-from trackslip.slip.families import FAMILIES, LawFamily, Look, Parameter
+from trackslip.laws.families import FAMILIES, LawFamily, Parameter
 
 
 @dataclass(frozen=True)
@@ -27,12 +27,11 @@ PARAMETERS = {
     "offset": Parameter((0.0,), -0.5, 0.5, 0.01, "", "o", "slip on a straight path"),
     "gain": Parameter((0.3,), -5.0, 5.0, 0.3, "m", "k", "growth of slip with curvature"),
 }
-LOOK = Look("linear in curvature", "#7A4E00", (0, (1, 1)), ("outer: o + k / R", "inner: o − k / R"))
 
 
 def main(report: Path = Path("own_slip_law.html")) -> None:
     """Once its family is known, `identify` fits it with all others."""
-    FAMILIES["linear"] = LawFamily("linear in curvature", PARAMETERS, lambda p, _: Linear(**p), LOOK)
+    FAMILIES["linear"] = LawFamily("linear in curvature", PARAMETERS, lambda p, _: Linear(**p))
     robot = sim.load_robot()
     omega = trackslip.NoSlip().sprocket_speeds([(0.15, 0.15 / r) for r in (0.6, 0.8, 1.0, 1.5, 2.0)], robot.geometry)
     fleet = sim.Fleet(robot, np.zeros((len(omega), 3)))

@@ -10,7 +10,7 @@ from experiments.common.options import Exclusion, Needs, Options, default_is
 from experiments.common.results import write_output
 from trackslip.deploy.deploy import deployed
 from trackslip.errors import OutputError
-from trackslip.slip.law_file import SHIPPED
+from trackslip.laws.file import SHIPPED
 
 EXAMPLES = (
     ("parameters of diff_drive_controller", "trackslip deploy out/identify"),

@@ -14,8 +14,8 @@ from sim.run_recorder import RunRecorder
 from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import RunFailedError, TrackslipError
 from trackslip.kinematics import Array, advance
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.compensation import Compensation, FixedLaw, SensesLoad
+from trackslip.laws.base import SlipLaw
+from trackslip.online.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference
 
 

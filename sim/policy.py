@@ -20,8 +20,8 @@ from sim.path_tracking.observation import TrackingLayout
 from sim.task import from_options
 from trackslip.errors import LogError, require
 from trackslip.kinematics import Array
+from trackslip.laws.file import number
 from trackslip.metrics import body_errors
-from trackslip.slip.law_file import number
 from trackslip.trajectory.base import Reference
 
 _FORMAT = "trackslip policy 1"

@@ -15,11 +15,11 @@ from sim.scanner.feed import ScannerFeed
 from trackslip.errors import RunFailedError as RunFailedError
 from trackslip.errors import require
 from trackslip.kinematics import Array
+from trackslip.laws.base import SlipLaw
 from trackslip.localization.base import PoseEstimate
 from trackslip.localization.scan import Cluster
 from trackslip.logs.runlog import RunLog, Truth
 from trackslip.logs.scanlog import ScanLog
-from trackslip.slip.base import SlipLaw
 
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""

@@ -24,10 +24,10 @@ from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller
 from trackslip.errors import InvalidValueError
+from trackslip.laws.file import SHIPPED
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import expense, tracking_errors
-from trackslip.slip.compensation import Compensation
-from trackslip.slip.law_file import SHIPPED
+from trackslip.online.compensation import Compensation
 
 _NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
 _SPACING = 0.05  # of the points of a path that patches may lie on [s]

@@ -2,16 +2,52 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
-from experiments.common.colours import BLACK
+from experiments.common.colours import BLACK, BLUE, GREY
 from experiments.common.table import Cell, number
 from trackslip.identification.comparison import GAINS, TODAY
 from trackslip.identification.path import EXTRAS
-from trackslip.slip.families import FAMILIES, Look
+from trackslip.laws.families import FAMILIES
 
+_TURN_LOSS, _TRACTION = "s: the belts' mean speed, tan θ = (b + D) w / s", "t: traction over load"
+
+
+@dataclass(frozen=True)
+class Look:
+    """Appearance of a slip law, of a compensation by a law, or of another model of the motion."""
+
+    label: str
+    """What it is, in a few words."""
+    colour: str = "#009E73"
+    """Colour of its lines, with a contrast of at least 3 : 1 on light pages and on dark ones, which invert figures."""
+    dashes: Any = "-"
+    """Its line style in matplotlib, unique so that lines differ without colour."""
+    formula: tuple[str, ...] = ("-",)
+    """Lines."""
+
+
+_LOOKS: dict[str, tuple[Any, ...]] = {
+    "none": ("#C1272D", (0, (12, 1.5)), ("i = 0",)),
+    "constant": (GREY, (0, (6, 2)), ("i the same at every radius",)),
+    "exponential": ("#CC79A7", "-.", ("i = α exp(β R)",)),
+    "exponential_speed": ("#C98200", (0, (6, 1.5, 1, 1.5, 1, 1.5)), ("i = (α + γ v) exp(β R)",)),
+    "icr": ("#3A93C9", (0, (2, 1)), ("outer: D / (R + b + D)", "inner: −D / (R − b − D)")),
+    "icr_radius": (BLUE, "-", ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)")),
+    "turn_loss": ("#A63D6F", (0, (8, 2, 2, 2)), ("w as above, v = s (1 − g sin²θ)", _TURN_LOSS)),
+    "turn_loss_sides": ("#B5651D", (0, (4, 1.5, 1, 1.5, 1, 1.5)), ("as turn_loss, with ε of each track",)),
+    "centrifugal": ("#5F7F1F", (0, (1, 2)), ("as turn_loss, with v (1 + κ |v w|) for v", "and w (1 + κ |v w|) for w")),
+    "icr_load": (
+        "#2B7A78",
+        (0, (10, 2, 2, 2, 2, 2)),
+        ("as icr_radius, with v + t √((C v)² + (S w)²) for v", _TRACTION),
+    ),
+    "icr_sides": ("#6A3D9A", (0, (2, 2.5)), ("as icr_radius, with D and ε of each track",)),
+}
+"""Colour, line style and formula of the built-in laws."""
 _OTHERS = {
-    "published": Look("the paper's Eq. 11", BLACK, "--", FAMILIES["exponential"].look.formula),
+    "published": Look("the paper's Eq. 11", BLACK, "--", ("i = α exp(β R)",)),
     "online": Look("online", "#117733", (0, (5, 1))),
     "online_load": Look("online, with slip under load", "#4B6A1E", (0, (5, 1, 2, 1))),
     "online_cold": Look("online, from nothing", "#999933", (0, (5, 1, 1, 1))),
@@ -30,7 +66,7 @@ _MAX_DIGITS = 4  # decimals
 
 def law_looks() -> dict[str, Look]:
     """The looks of all laws and other compensations, by name; their labels describe them."""
-    return {name: law.look for name, law in FAMILIES.items()} | _OTHERS
+    return {name: Look(law.title, *_LOOKS.get(name, ())) for name, law in FAMILIES.items()} | _OTHERS
 
 
 def shown(name: str) -> Look:

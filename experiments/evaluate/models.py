@@ -23,14 +23,14 @@ from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
 from trackslip.identification.preparation import PreparedDrive, drives_of
 from trackslip.identification.source import Source
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.families import FAMILIES, drive_laws
+from trackslip.laws.file import NO_SLIP
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import estimated_trajectory, trajectory_of
 from trackslip.odometry.identified import LawInUse, identified_law, no_slip
 from trackslip.odometry.trajectory_errors import Trajectory
 from trackslip.odometry.uncertainty import Gyro
 from trackslip.se2 import Mounting
-from trackslip.slip.families import FAMILIES, drive_laws
-from trackslip.slip.law_file import NO_SLIP
 
 ROBOT, CALIBRATED = "robot", "calibrated"
 """Names of simulated robots."""

@@ -19,8 +19,8 @@ from experiments.evaluate.prediction import AHEAD, Prediction, winner
 from sim.calibration.calibration import Calibration
 from trackslip.errors import counted
 from trackslip.identification.comparison import TODAY
+from trackslip.laws.file import NO_SLIP
 from trackslip.odometry.evaluation import RelativeErrors
-from trackslip.slip.law_file import NO_SLIP
 
 _HEADER = ("ahead", "model", "pairs", "position", "90 %", "rms [m]", "heading", "90 %", "rms [deg]", "rate")
 _NOTE = (

@@ -11,8 +11,8 @@ from trackslip.identification.comparison import TODAY
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.law_fit import REFERENCE
 from trackslip.identification.result import Identification
+from trackslip.laws.families import FAMILIES
 from trackslip.logs.runlog import in_few_lines
-from trackslip.slip.families import FAMILIES
 
 LINES = 25
 """On the terminal at most, with the line of the report."""

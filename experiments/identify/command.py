@@ -12,8 +12,8 @@ from experiments.identify.page import page, print_all
 from trackslip.identification.identify import identify_source
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.source import ReadOptions, Source, origin, read_source
+from trackslip.laws.families import drive_laws
 from trackslip.se2 import Mounting
-from trackslip.slip.families import drive_laws
 
 
 def run(config: Config) -> None:

@@ -15,7 +15,7 @@ from trackslip.errors import counted
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.result import Identification
 from trackslip.kinematics import RobotGeometry
-from trackslip.slip.families import FAMILIES
+from trackslip.laws.families import FAMILIES
 
 INTRO = Markup(
     "The slip of a track is i = 1 − V / (r ω), where V is its true speed over the ground, r the sprocket radius and ω "

@@ -11,8 +11,8 @@ from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.path import EXTRAS
 from trackslip.identification.weighting import relative_errors
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.exponential import PUBLISHED
 from trackslip.metrics import rms
-from trackslip.slip.exponential import PUBLISHED
 
 _STEADY_NOTE = "Intervals: Student's, of errors of measurement and of one scatter between the runs."
 _DRIVE_NOTE = "Intervals: Student's, from fits without one block of driving each."

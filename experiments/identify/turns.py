@@ -7,7 +7,7 @@ import numpy as np
 
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
-from trackslip.slip.base import SlipLaw
+from trackslip.laws.base import SlipLaw
 
 TRACKS = ("inner", "outer")
 """Order of the tracks on the last axis, here and in the figures."""

@@ -25,9 +25,9 @@ from trackslip.errors import RunFailedError, counted
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import usable_samples
+from trackslip.laws.exponential import PUBLISHED
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.compensation import KNOWN_LAWS, FixedLaw
-from trackslip.slip.exponential import PUBLISHED
+from trackslip.online.compensation import KNOWN_LAWS, FixedLaw
 from trackslip.trajectory.segmented import paper_reference
 
 CONTROLLERS = ("feedforward", "linear")

@@ -7,7 +7,7 @@ from experiments.common.table import MISSING, Table, number, pair
 from experiments.simulate.grid_summary import GridSummary
 from experiments.simulate.tracking import TrackingResult
 from trackslip.identification.result import Identification
-from trackslip.slip.exponential import PUBLISHED
+from trackslip.laws.exponential import PUBLISHED
 
 _NOTE = (
     "In the laws, R is in metres; slips and their errors are dimensionless. A dash means that the paper gives no "

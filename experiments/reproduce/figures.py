@@ -13,11 +13,11 @@ from experiments.identify.turns import TRACKS, Turns, slip_at
 from experiments.simulate.grid_summary import RadiusSummary
 from trackslip.identification.fitted import SteadyFit
 from trackslip.kinematics import Array, curvature, track_slip
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.exponential import PUBLISHED
 from trackslip.logs.runlog import RunLog, stored_geometry
 from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.exponential import PUBLISHED
 from trackslip.trajectory.segmented import paper_reference
 
 _MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which measured slip is noise [rad/s]

@@ -19,7 +19,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.seeds import generator
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.compensation import Compensation
+from trackslip.online.compensation import Compensation
 from trackslip.trajectory.base import Reference
 
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from trackslip.identification.samples import SlipSamples, true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
+from trackslip.laws.exponential import PUBLISHED
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
-from trackslip.slip.exponential import PUBLISHED
 
 T = TypeVar("T")
 

@@ -18,8 +18,8 @@ from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import plate_scans
 from trackslip import se2
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.icr import ConstantIcr
 
 _SLIPS = {"white": WHITE, "lasting": LASTING, "none": SlipVariation()}
 _POSE_MESSAGES = {"mocap": "PoseStamped", "odometry": "Odometry"}

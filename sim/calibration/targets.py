@@ -21,11 +21,11 @@ from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sprocket_speeds, track_slip
+from trackslip.laws.exponential import PUBLISHED
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 from trackslip.skid_theory import steady_twist
-from trackslip.slip.exponential import PUBLISHED
 
 SLIP_SCALE = 0.007
 """Scale of the slip errors of a table of turns [-]: about the residual of the best fit to the published slips."""

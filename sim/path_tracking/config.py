@@ -19,7 +19,7 @@ from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
 from sim.task import MAX_WEIGHT
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
-from trackslip.slip.base import SlipLaw
+from trackslip.laws.base import SlipLaw
 
 PERIOD = 0.05
 """Control period: time between actions, and between scans [s]."""

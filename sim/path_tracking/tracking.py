@@ -18,10 +18,10 @@ from sim.restorable import Restorable
 from sim.robot.robot import load_robot
 from sim.task import Element, clipped_actions
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.file import SHIPPED
 from trackslip.metrics import LOST, body_errors
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.compensation import Compensation, SensesLoad, known_law, named_compensation
-from trackslip.slip.law_file import SHIPPED
+from trackslip.online.compensation import Compensation, SensesLoad, known_law, named_compensation
 
 _TIPPED = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
 _STANDING = 0.05  # sprocket speed below which the slip of a track is taken as 0 [rad/s]

@@ -10,7 +10,7 @@ import scipy
 from trackslip import se2
 from trackslip.errors import require_finite, require_non_negative, require_positive
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.slip.base import SlipLaw
+from trackslip.laws.base import SlipLaw
 
 _STEP = 0.005  # longest step of integration [s]
 

@@ -30,8 +30,8 @@ from sim.stopwatch import Stopwatch
 from sim.terrain import Course, Flat
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import sprocket_speeds
-from trackslip.slip.compensation import KNOWN_LAWS, FixedLaw
-from trackslip.slip.law_file import load_laws
+from trackslip.laws.file import load_laws
+from trackslip.online.compensation import KNOWN_LAWS, FixedLaw
 from trackslip.trajectory.segmented import circle, paper_reference
 
 SECONDS = 20.0  # simulated time of all robots together in a round, of which slow cases drive a part [s]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from pages import file
 
-from trackslip.slip.families import FAMILIES
+from trackslip.laws.families import FAMILIES
 
 FOLDER = Path(__file__).parents[2] / "examples"
 

@@ -5,8 +5,8 @@ from figures import assert_readable
 from experiments.cli import main
 from experiments.predict import _MODULI, Config, draw_prediction, predicted_world
 from sim.ground.ground import Ground
+from trackslip.laws.file import load_laws
 from trackslip.skid_theory import Load, line_contact, steady_turns
-from trackslip.slip.law_file import load_laws
 
 
 def test_the_default_is_the_simulated_robot(robot, trackslip):

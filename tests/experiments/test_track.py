@@ -7,9 +7,9 @@ import pytest
 
 from experiments.cli import main
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.file import save_laws
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.logfile import read_runs
-from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.law_file import save_laws
 
 CIRCLE = ("--reference", "circle", "--circle-duration", "6")
 STUBBORN = """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.slip.law_file import StoredLaws, laws_content, stored_laws
+from trackslip.laws.file import StoredLaws, laws_content, stored_laws
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 VALUES = {

@@ -13,10 +13,10 @@ from sim.wander.pose_source import PoseSource
 from trackslip.identification.law_fit import REFERENCE
 from trackslip.identification.path import DriveModel
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.families import FAMILIES
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.families import FAMILIES
-from trackslip.slip.icr import ConstantIcr
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 ICR = ConstantIcr(0.045, 0.168, 0.0066)

@@ -12,8 +12,8 @@ from trackslip.identification.result import Identification
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_prediction import CrossValidation, RunPredictions
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import Refused
-from trackslip.slip.icr import ConstantIcr
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAWS = ("none", "constant", "exponential", "icr", "icr_radius")

@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow as pa
 
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.base import SlipLaw
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table_reader import runs_from_table
-from trackslip.slip.base import SlipLaw
 
 ENCODER_STEP = 0.02
 """Time between rows with encoders [s]."""

@@ -7,9 +7,9 @@ import numpy as np
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.families import FAMILIES
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.runlog import stored_geometry
-from trackslip.slip.families import FAMILIES
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 RADII = (0.63, 1.27, 1.90, 2.53, 3.16)

@@ -10,8 +10,8 @@ from trackslip.identification.first_look import first_look
 from trackslip.identification.law_fit import prepared
 from trackslip.identification.result import Identification
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.icr import ConstantIcr
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAWS = ("none", "icr", "icr_radius")

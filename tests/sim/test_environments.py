@@ -32,9 +32,9 @@ from sim.traverse.outcome import Limits
 from sim.traverse.reflex import Reflex
 from sim.traverse.states import Servos
 from trackslip.errors import InvalidValueError, TrackslipError
-from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.icr_load import IcrLoad
-from trackslip.slip.law_file import load_laws, save_laws
+from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.file import load_laws, save_laws
+from trackslip.laws.icr_load import IcrLoad
 
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
 TWIST = {"action": "twist", "compensation": "icr_radius"}

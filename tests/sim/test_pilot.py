@@ -7,8 +7,8 @@ from sim.run_recorder import RunRecorder
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.error_feedback import Feedforward, LinearTimeVarying
 from trackslip.kinematics import advance
-from trackslip.slip.compensation import FixedLaw, OnlineIcr
-from trackslip.slip.icr import ConstantIcr
+from trackslip.laws.icr import ConstantIcr
+from trackslip.online.compensation import FixedLaw, OnlineIcr
 from trackslip.trajectory.segmented import paper_reference
 
 START = np.array([[0.0, 0.0, 1.5], [0.05, 0.0, 1.6], [0.0, 0.1, 1.4], [-0.05, 0.1, 1.7]])

@@ -12,11 +12,11 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.controllers.error_feedback import Feedforward, LinearTimeVarying
 from trackslip.errors import InvalidValueError, RunFailedError
+from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import tracking_errors
+from trackslip.online.compensation import FixedLaw, OnlineIcr
 from trackslip.skid_theory import line_contact, steady_twist
-from trackslip.slip.compensation import FixedLaw, OnlineIcr
-from trackslip.slip.icr import ConstantIcr
 from trackslip.trajectory.segmented import Segment, SegmentedReference
 
 START = np.array([[-1.5, 0.0, 0.0]] * 2)

@@ -15,8 +15,8 @@ from plain_drives import HUSKY, Drive, drive_of, log_of, measured
 from trials import LAW, Estimate, Estimates, identified, outcomes, plausible_shares, share_text
 
 from experiments.common.table import Table
+from trackslip.laws.turn_loss import TurnLoss
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.turn_loss import TurnLoss
 
 pytestmark = pytest.mark.slow
 REPEATS = 200

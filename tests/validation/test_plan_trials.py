@@ -27,12 +27,12 @@ from sim.wander.motion import LawMotion, SlipVariation
 from sim.wander.pose_source import SOURCES
 from trackslip import se2
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.families import FAMILIES
 from trackslip.metrics import rms
 from trackslip.planning.information import PoseQuality
 from trackslip.planning.limits import DriveLimits
 from trackslip.planning.maneuvers import RATE
 from trackslip.planning.plan import PAPER_DURATION, DrivePlan, expected_of_paper, paper_runs, plan_drive
-from trackslip.slip.families import FAMILIES
 
 pytestmark = pytest.mark.slow
 GEOMETRY = RobotGeometry(0.168, 0.06)

@@ -26,7 +26,7 @@ from sim.seeds import generator
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
 from trackslip.kinematics import RobotGeometry
-from trackslip.slip.families import FAMILIES
+from trackslip.laws.families import FAMILIES
 
 pytestmark = pytest.mark.slow
 REPEATS = 100

@@ -18,8 +18,8 @@ from trackslip.deploy.differential_drive import (
 from trackslip.deploy.facts import alarms_of, json_text
 from trackslip.deploy.programs import c_text, python_text
 from trackslip.errors import InvalidValueError, TrackslipError
-from trackslip.slip.families import FAMILIES
-from trackslip.slip.law_file import SHIPPED, read_stored, stored_laws
+from trackslip.laws.families import FAMILIES
+from trackslip.laws.file import SHIPPED, read_stored, stored_laws
 
 if TYPE_CHECKING:
     from trackslip.identification.result import Identification

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from trackslip.deploy.facts import comment, fact_lines
 from trackslip.errors import require
-from trackslip.slip.families import FAMILIES
-from trackslip.slip.law_file import NO_SLIP, StoredLaws, number, text
+from trackslip.laws.families import FAMILIES
+from trackslip.laws.file import NO_SLIP, StoredLaws, number, text
 
 CONTROLLER = "diff_drive_controller"
 """Name of a controller, unless a robot has given it another."""

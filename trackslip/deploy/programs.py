@@ -1,6 +1,6 @@
 """A law as a program: a C header that needs only <math.h>, or a Python module that needs only `math`.
 
-Their functions are the equations of `trackslip.slip`, from the folder `templates`; the law's numbers are written in
+Their functions are the equations of `trackslip.laws`, from the folder `templates`; the law's numbers are written in
 front of them as constants.
 """
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from trackslip.deploy.differential_drive import constant_icrs, expressible
 from trackslip.deploy.facts import comment, fact_lines
-from trackslip.slip.law_file import StoredLaws
+from trackslip.laws.file import StoredLaws
 
 _TEMPLATES = Path(__file__).parent / "templates"
 

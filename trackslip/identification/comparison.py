@@ -19,8 +19,8 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_prediction import CrossValidation, RunPredictions, best_predictors
 from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry, body_twist
+from trackslip.laws.families import FAMILIES, drive_laws
 from trackslip.se2 import Mounting
-from trackslip.slip.families import FAMILIES, drive_laws
 
 Fit = TypeVar("Fit", bound=FittedLaw)
 TODAY, GAINS = "today", "two_gains"

@@ -16,10 +16,10 @@ from trackslip.identification.steady_fit import Fits, fit
 from trackslip.identification.weighting import MIN_SCATTER, WeightedRuns, relative_errors
 from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.derivatives import twist_derivatives
+from trackslip.laws.families import family
 from trackslip.metrics import rms
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.derivatives import twist_derivatives
-from trackslip.slip.families import family
 
 _TRIED, _REFINED = 60, 6  # number of scatters tried at once, and how often the grid about the best is made finer
 

@@ -13,9 +13,9 @@ from trackslip.identification.prediction import Pairs, sizes, slip_noise
 from trackslip.identification.preparation import PreparedDrive, drives_of
 from trackslip.identification.windows import FEWEST_BLOCKS, LENGTHS, Data, WindowFit, fit_windows
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.families import FAMILIES, family
 from trackslip.logs.runlog import RunLog
 from trackslip.se2 import Mounting
-from trackslip.slip.families import FAMILIES, family
 
 REFERENCE = "icr_radius"
 """The law that is fitted first: the others start from it, with windows of the same length."""

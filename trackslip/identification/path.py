@@ -22,9 +22,9 @@ import scipy
 
 from trackslip.identification.preparation import Timeline
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.derivatives import twist_derivatives
+from trackslip.laws.families import LawFamily
 from trackslip.se2 import arc_quotients
-from trackslip.slip.derivatives import twist_derivatives
-from trackslip.slip.families import LawFamily
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,10 @@ from trackslip.identification.gains import Gain
 from trackslip.identification.law_fit import REFERENCE
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.families import FAMILIES
+from trackslip.laws.file import laws_content
 from trackslip.logs.runlog import Refused, RunLog
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.families import FAMILIES
-from trackslip.slip.law_file import laws_content
 
 Method = Literal["steady", "drive"]
 """Ways to identify laws: from stretches of constant sprocket speeds, or from whole drives."""

@@ -10,9 +10,9 @@ import numpy as np
 from trackslip.identification.solver import CONVERGED, ITERATIONS, Minimum, least_squares
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.derivatives import twist_derivatives
-from trackslip.slip.families import LawFamily
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.derivatives import twist_derivatives
+from trackslip.laws.families import LawFamily
 
 _FIRST_SCATTER = 0.003  # initial guess of the scatter of slip [-]
 _ROUNDS = 8  # maximum number of alternating fits and scatter estimates

@@ -13,8 +13,8 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_fit import fit
 from trackslip.identification.weighting import WeightedRuns, relative_errors
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.families import FAMILIES
 from trackslip.metrics import rms
-from trackslip.slip.families import FAMILIES
 
 _MIN_RADII = 3  # minimum number of folds of radii to judge laws by
 _MIN_RUNS = 6  # minimum number of runs to judge laws by

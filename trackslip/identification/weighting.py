@@ -22,7 +22,7 @@ import scipy
 
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
-from trackslip.slip.base import SlipLaw
+from trackslip.laws.base import SlipLaw
 
 MIN_SCATTER = 1e-9  # tau of samples that follow a law to within rounding, and their least relative error [-]
 _MAX_SCATTER = 10.0

@@ -10,12 +10,12 @@ from trackslip.errors import LogError, TrackslipError, require_finite
 from trackslip.files import reason
 from trackslip.identification.result import Identification, identification_to_json
 from trackslip.kinematics import RobotGeometry, wrap_angle
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.constant import NoSlip
+from trackslip.laws.file import NO_SLIP, StoredLaws, read_stored, stored_laws
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
 from trackslip.se2 import Mounting
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.constant import NoSlip
-from trackslip.slip.law_file import NO_SLIP, StoredLaws, read_stored, stored_laws
 
 
 @dataclass(frozen=True)

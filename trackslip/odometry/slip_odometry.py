@@ -24,9 +24,9 @@ from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, require_finite
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.base import SlipLaw
 from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
 from trackslip.se2 import arc_quotients
-from trackslip.slip.base import SlipLaw
 
 _STILL = 1e-3  # sprocket speed of a robot at rest [rad/s]
 _MAX_DRIFT = 0.05  # reading of a gyro at rest, less its bias [rad/s]

@@ -10,8 +10,8 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError, require_finite, require_non_negative
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.derivatives import parameter_derivatives
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.derivatives import parameter_derivatives
 
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")  # entries of DriveFit.noise
 _NORMAL_95 = 1.959963984540054  # half width of a 95 % interval [standard deviations]

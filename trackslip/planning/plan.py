@@ -10,6 +10,7 @@ import numpy as np
 from trackslip.errors import InvalidValueError
 from trackslip.identification.path import DriveModel
 from trackslip.kinematics import Array, RobotGeometry, twist_of_tracks
+from trackslip.laws.families import LawFamily, drive_laws, family
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.planning.information import (
@@ -24,7 +25,6 @@ from trackslip.planning.limits import DriveLimits, Knowledge, first_knowledge
 from trackslip.planning.maneuvers import RATE, Maneuvers
 from trackslip.planning.route import Extent, PlacedRoute, Route, path, placed
 from trackslip.planning.search import best_route
-from trackslip.slip.families import LawFamily, drive_laws, family
 
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
 """Laws that a drive can be planned for."""

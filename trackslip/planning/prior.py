@@ -10,9 +10,9 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.files import reason
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.file import NO_SLIP, StoredLaws, read_stored
 from trackslip.odometry.uncertainty import LawErrors, SlipNoise
 from trackslip.planning.limits import Knowledge, first_knowledge
-from trackslip.slip.law_file import NO_SLIP, StoredLaws, read_stored
 
 _PATH_LAW = "icr_radius"  # by which paths are predicted
 _SIDES = "icr_sides"

@@ -16,8 +16,8 @@ import pytest
 from experiments.cli import main
 from experiments.common.manifest import relative
 from experiments.common.results import file_names, results_folder
+from trackslip.laws.file import SHIPPED
 from trackslip.logs.file_format import FORMAT
-from trackslip.slip.law_file import SHIPPED
 
 ROOT = Path(__file__).parents[3]
 TRACK = ("track", "--reference", "circle", "--circle-duration", "5", "--localization", "truth")

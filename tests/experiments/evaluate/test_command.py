@@ -14,8 +14,8 @@ from wandered import identified_from, wandered
 from experiments.common.plain_json import write_json
 from sim.wander.motion import LASTING
 from trackslip.identification.result import identification_to_json
+from trackslip.laws.file import save_laws
 from trackslip.logs.logfile import write_parquet
-from trackslip.slip.law_file import save_laws
 
 SIZE = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
 

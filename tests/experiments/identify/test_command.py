@@ -8,7 +8,7 @@ from wandered import wandered
 
 from trackslip.identification.identify import identify
 from trackslip.kinematics import RobotGeometry, advance
-from trackslip.slip.icr import ConstantIcr
+from trackslip.laws.icr import ConstantIcr
 
 pytestmark = pytest.mark.usefixtures("without_figures")
 ROBOT = RobotGeometry(half_gauge=0.3, sprocket_radius=0.08)

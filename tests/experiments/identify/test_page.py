@@ -17,7 +17,7 @@ from experiments.identify.library import identification_page
 from experiments.identify.page import page, print_all
 from experiments.identify.turns import Turns
 from trackslip.identification.first_look import Alarm
-from trackslip.slip.families import FAMILIES
+from trackslip.laws.families import FAMILIES
 
 OF_STEADY = ["fig06_slip_laws", "fig05_slip_over_speed"]
 OF_DRIVES = ["drive_path"]

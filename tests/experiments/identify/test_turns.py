@@ -5,8 +5,8 @@ import pytest
 from identifications import GEOMETRY, driven, grid
 
 from experiments.identify.turns import Turns, slip_at
-from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.icr import IcrSides
+from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.icr import IcrSides
 
 
 def test_left_and_right_turns_have_the_same_inner_and_outer_slips():

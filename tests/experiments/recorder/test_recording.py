@@ -14,10 +14,10 @@ from experiments.recorder.run import parameters_of
 from experiments.recorder.traces import Traces
 from sim.robot.parameters import RobotParameters
 from trackslip.kinematics import RobotGeometry, track_slip
+from trackslip.laws.exponential import ExponentialSpeed
 from trackslip.localization.scan import Plate
 from trackslip.logs.logfile import read_runs, write_csv
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.exponential import ExponentialSpeed
 
 
 @pytest.fixture(scope="module")

@@ -17,10 +17,10 @@ from experiments.reproduce import figures
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.identification.source import origin, read_source
+from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import body_errors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
-from trackslip.slip.law_file import SHIPPED, load_laws
 from trackslip.trajectory.segmented import paper_reference
 
 

@@ -15,11 +15,11 @@ from sim.robot.robot import load_robot
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.controllers.error_feedback import LinearTimeVarying
+from trackslip.laws.icr import ConstantIcr
+from trackslip.laws.icr_load import IcrLoad
 from trackslip.localization.plate import PlateLocator
+from trackslip.online.compensation import FixedLaw, LoadedLaw
 from trackslip.skid_theory import line_contact, steady_twist
-from trackslip.slip.compensation import FixedLaw, LoadedLaw
-from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.icr_load import IcrLoad
 from trackslip.trajectory.segmented import Segment, SegmentedReference
 
 TEN_DEGREES = float(np.radians(10.0))

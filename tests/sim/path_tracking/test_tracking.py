@@ -20,11 +20,11 @@ from trackslip import se2
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import wrap_angle
+from trackslip.laws.file import load_laws, save_laws
+from trackslip.laws.icr_load import IcrLoad
 from trackslip.metrics import tracking_errors
+from trackslip.online.compensation import named_compensation
 from trackslip.skid_theory import Load, line_contact, steady_twist
-from trackslip.slip.compensation import named_compensation
-from trackslip.slip.icr_load import IcrLoad
-from trackslip.slip.law_file import load_laws, save_laws
 from trackslip.trajectory.named import REFERENCES, named_reference
 
 

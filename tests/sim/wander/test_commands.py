@@ -12,8 +12,8 @@ from sim.wander.log import encoder_log, joined_log, quantised
 from sim.wander.motion import LawMotion
 from trackslip import se2
 from trackslip.kinematics import RobotGeometry, twist_of_tracks
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.icr import ConstantIcr
 
 RATE = 50.0
 

@@ -12,7 +12,7 @@ from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
 from trackslip import se2
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, advance
-from trackslip.slip.icr import ConstantIcr
+from trackslip.laws.icr import ConstantIcr
 
 RNG = np.random.default_rng(4)
 

@@ -16,8 +16,8 @@ from sim.wander.motion import LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import PoseSource, plate_ranges, plate_scans
 from trackslip import se2
 from trackslip.kinematics import RobotGeometry, wrap_angle
+from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.scan import Plate
-from trackslip.slip.icr import ConstantIcr
 
 PERFECT = PoseSource(rate=10.0)
 

@@ -16,9 +16,9 @@ from trackslip.deploy.programs import c_text
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.samples import Sampling
-from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.families import FAMILIES
-from trackslip.slip.law_file import load_laws, read_stored
+from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.families import FAMILIES
+from trackslip.laws.file import load_laws, read_stored
 
 NASTY = '*/ int x; /* ??/ \\ \n\r\x00 */ é # : - "\'\'\'""" %s {0} \u2028 tail\\'
 DRIVE = {"method": "drive", "best": "icr_radius", "made_by": NASTY, "alarms": [{"kind": "bound", "line": NASTY + " ±"}]}

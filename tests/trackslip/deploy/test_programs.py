@@ -11,9 +11,9 @@ from deployed import GEOMETRY, stored, twists
 from trackslip.deploy.deploy import deploy_law
 from trackslip.deploy.programs import c_text, python_text
 from trackslip.errors import TrackslipError
-from trackslip.slip.families import FAMILIES
-from trackslip.slip.icr_load import IcrLoad
-from trackslip.slip.law_file import load_laws, save_laws
+from trackslip.laws.families import FAMILIES
+from trackslip.laws.file import load_laws, save_laws
+from trackslip.laws.icr_load import IcrLoad
 
 LAWS = stored()
 OTHERS = stored(

@@ -5,9 +5,9 @@ from slip_data import ERRORS, GEOMETRY, RADII, coverage, grid
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples
-from trackslip.slip.constant import Constant, NoSlip
-from trackslip.slip.exponential import PUBLISHED, ExponentialSpeed
-from trackslip.slip.icr import ConstantIcr, IcrSides
+from trackslip.laws.constant import Constant, NoSlip
+from trackslip.laws.exponential import PUBLISHED, ExponentialSpeed
+from trackslip.laws.icr import ConstantIcr, IcrSides
 
 ICR = ConstantIcr(0.045, 0.168, 0.0067)
 SPEED = ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)

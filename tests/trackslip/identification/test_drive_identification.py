@@ -14,8 +14,8 @@ from trackslip.identification.identify import identify, identify_source
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import Sampling
 from trackslip.identification.source import Source
+from trackslip.laws.file import load_laws
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.law_file import load_laws
 
 DRIVEN = 12.0  # [s]
 

@@ -13,8 +13,8 @@ from trackslip.identification.fitted import fit_law
 from trackslip.identification.groups import by_command, folds, group_labels
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry, track_slip
-from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.turn_loss import Centrifugal, TurnLoss, TurnLossSides
+from trackslip.laws.icr import ConstantIcr
+from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
 GEOMETRY = RobotGeometry(0.28, 0.16)
 LAW = TurnLoss(0.30, 0.28, 0.02, 0.35)

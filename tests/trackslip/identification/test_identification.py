@@ -6,9 +6,9 @@ from trackslip.identification.comparison import compare_laws
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
 from trackslip.kinematics import RobotGeometry, advance, body_twist
+from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.icr import ConstantIcr
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 KAPPA = np.array([1.6, 0.8, 0.5, 0.4, 0.3, -1.0, -0.35])

@@ -10,11 +10,11 @@ from sim.wander.motion import WHITE
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.law_fit import REFERENCE, fit_drives
+from trackslip.laws.constant import NoSlip
+from trackslip.laws.families import FAMILIES, drive_laws
+from trackslip.laws.icr import ConstantIcr, IcrSides
+from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 from trackslip.se2 import Mounting
-from trackslip.slip.constant import NoSlip
-from trackslip.slip.families import FAMILIES, drive_laws
-from trackslip.slip.icr import ConstantIcr, IcrSides
-from trackslip.slip.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
 GNSS = PoseSource(rate=5.0, position_noise=0.02, heading=False)
 MOUNTED = replace(SLAM, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)

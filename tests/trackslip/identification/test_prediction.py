@@ -13,7 +13,7 @@ from trackslip.identification.law_fit import fit_drives, folds, held_out
 from trackslip.identification.prediction import HORIZONS, Pairs, ranked, slip_noise, trailing_heading
 from trackslip.identification.preparation import drive_of
 from trackslip.identification.windows import Data
-from trackslip.slip.icr import ConstantIcr
+from trackslip.laws.icr import ConstantIcr
 
 TRUTH = np.array([[ICR.offset, ICR.radius_error, *np.zeros(6)]])
 

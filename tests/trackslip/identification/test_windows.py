@@ -11,7 +11,7 @@ from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.path import DriveModel
 from trackslip.identification.preparation import PreparedDrive, drive_of
 from trackslip.identification.windows import Data, Windows, fit_windows, residuals
-from trackslip.slip.families import FAMILIES
+from trackslip.laws.families import FAMILIES
 
 LAWS = {
     "icr_radius": [0.045, 0.0066],

@@ -6,9 +6,9 @@ import pytest
 from trackslip.errors import LogError
 from trackslip.identification.samples import usable_samples
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.icr_load import IcrLoad
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import load_pieces, steady_part
-from trackslip.slip.icr_load import IcrLoad
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAW = IcrLoad(0.04, 0.168, 0.01, 0.1, 0.2)

@@ -9,11 +9,11 @@ from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.kinematics import advance, body_twist
+from trackslip.laws.constant import NoSlip
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import LENGTHS, odometry_errors, trajectory_of
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.se2 import Mounting
-from trackslip.slip.constant import NoSlip
 
 BY_LAW, BY_NONE = SlipOdometry(ICR, GEOMETRY), SlipOdometry(NoSlip(), GEOMETRY)
 PLACE = Mounting(0.3, -0.1, 0.2)

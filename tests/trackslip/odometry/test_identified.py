@@ -16,13 +16,13 @@ from trackslip.identification.identify import identify
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.result import identification_to_json
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.constant import NoSlip
+from trackslip.laws.file import save_laws
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.identified import identified_law, no_slip
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.uncertainty import LawErrors, SlipNoise
-from trackslip.slip.constant import NoSlip
-from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.law_file import save_laws
 
 
 @pytest.fixture(scope="module")

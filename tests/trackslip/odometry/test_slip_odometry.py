@@ -10,12 +10,12 @@ from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import WHITE, LawMotion, SlipVariation
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
+from trackslip.laws.constant import NoSlip
+from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.icr import ConstantIcr
+from trackslip.laws.turn_loss import Centrifugal, TurnLoss
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.uncertainty import LawErrors, SlipNoise
-from trackslip.slip.constant import NoSlip
-from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.turn_loss import Centrifugal, TurnLoss
 
 NOISE = SlipNoise(WHITE.along, WHITE.across, WHITE.turning)
 ERRORS = LawErrors(("offset", "radius_error"), np.outer((1e-3, 4e-3), (1e-3, 4e-3)) * [[1, 0.6], [0.6, 1]])

@@ -11,9 +11,9 @@ from sim.wander.motion import LawMotion, SlipVariation
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.path import DriveModel
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.families import FAMILIES
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.information import PoseQuality, drive_to_measure, expected, with_extras
-from trackslip.slip.families import FAMILIES
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 MODEL = DriveModel(FAMILIES["icr_radius"], GEOMETRY)

@@ -10,6 +10,7 @@ import pytest
 from trackslip.errors import InvalidValueError
 from trackslip.identification.path import DriveModel
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.families import FAMILIES, drive_laws
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning import plan as planning
 from trackslip.planning.information import PoseQuality, drive_to_measure, expected, with_extras
@@ -17,7 +18,6 @@ from trackslip.planning.limits import DriveLimits, first_knowledge
 from trackslip.planning.maneuvers import RATE, Maneuvers
 from trackslip.planning.plan import PLANNED_LAWS, expected_alone, expected_of_paper, paper_runs, plan_drive
 from trackslip.planning.route import path
-from trackslip.slip.families import FAMILIES, drive_laws
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(max_speed=0.3, acceleration=0.5, area=(3.0, 3.0), duration=40.0)

@@ -11,14 +11,14 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.constant import NoSlip
+from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.file import SHIPPED, load_laws
+from trackslip.laws.icr import ConstantIcr
+from trackslip.laws.icr_load import MAX_LOAD, IcrLoad
 from trackslip.localization.base import PoseEstimate
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.constant import NoSlip
-from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.icr_load import MAX_LOAD, IcrLoad
-from trackslip.slip.law_file import SHIPPED, load_laws
-from trackslip.slip.online import FilterTuning, IcrFilter
+from trackslip.online.filter import FilterTuning, IcrFilter
 
 KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
 """The paper's compensations, slip laws that need no identification."""

@@ -27,8 +27,8 @@ from numpy.typing import ArrayLike
 from trackslip import se2
 from trackslip.errors import require, require_non_negative, require_positive
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
+from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.base import PoseEstimate
-from trackslip.slip.icr import ConstantIcr
 
 _LIMITS = np.array([(0.05, -0.5, -1.0), (10.0, 0.5, 1.0)])  # of g [-], epsilon [-] and c [m]
 

@@ -5,11 +5,11 @@ from hypothesis import strategies as st
 
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, body_twist, track_speeds
-from trackslip.slip.compensation import known_law
-from trackslip.slip.constant import Constant, NoSlip
-from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
-from trackslip.slip.icr import ConstantIcr, IcrSides
-from trackslip.slip.turn_loss import Centrifugal, TurnLoss, TurnLossSides
+from trackslip.laws.constant import Constant, NoSlip
+from trackslip.laws.exponential import PUBLISHED, Exponential, ExponentialSpeed
+from trackslip.laws.icr import ConstantIcr, IcrSides
+from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
+from trackslip.online.compensation import known_law
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAWS = [

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array, RobotGeometry, body_twist, twist_of_tracks
-from trackslip.slip.base import SlipLaw, by_side, require_slips
+from trackslip.laws.base import SlipLaw, by_side, require_slips
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ import numpy as np
 from trackslip.errors import InvalidValueError, LogError, OutputError
 from trackslip.files import read_json, reason
 from trackslip.kinematics import RobotGeometry
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.constant import NoSlip
+from trackslip.laws.families import FAMILIES, RETIRED, family, law_from_values, retired_note
 from trackslip.logs.file_format import FORMAT, known_manifest, require_known_format
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.constant import NoSlip
-from trackslip.slip.families import FAMILIES, RETIRED, family, law_from_values, retired_note
 
 NO_SLIP = "none"
 """Name of the law of a robot that doesn't slip."""

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.families import LawFamily
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.families import LawFamily
 
 _DIFFERENCE = 1e-6  # step of differences, relative to the scales of the parameters and to the twist
 

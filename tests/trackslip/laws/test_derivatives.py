@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from slip_data import GEOMETRY, grid
 
-from trackslip.slip.derivatives import twist_derivatives
-from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.families import FAMILIES
+from trackslip.laws.derivatives import twist_derivatives
+from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.families import FAMILIES
 
 
 @pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if family.names])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array, curvature
-from trackslip.slip.base import SlipLaw, by_side, radius_of, require_between, require_slips
+from trackslip.laws.base import SlipLaw, by_side, radius_of, require_between, require_slips
 
 
 @dataclass(frozen=True)

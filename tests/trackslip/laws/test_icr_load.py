@@ -9,11 +9,11 @@ from trackslip.identification.comparison import compare_laws
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry, body_twist
+from trackslip.laws.icr import ConstantIcr
+from trackslip.laws.icr_load import MAX_LOAD, IcrLoad
 from trackslip.localization.base import PoseEstimate
-from trackslip.slip.compensation import MAX_CRAB_ANGLE, LoadedLaw, LoadedOnlineIcr
-from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.icr_load import MAX_LOAD, IcrLoad
-from trackslip.slip.online import FilterTuning
+from trackslip.online.compensation import MAX_CRAB_ANGLE, LoadedLaw, LoadedOnlineIcr
+from trackslip.online.filter import FilterTuning
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAW = IcrLoad(0.04, GEOMETRY.half_gauge, 0.01, 0.1, 0.2)

@@ -1,6 +1,6 @@
-"""The slip laws that can be fitted, one entry each: parameters, limits, symbols, looks and deployment targets.
+"""The slip laws that can be fitted, one entry each: parameters, limits, symbols and deployment targets.
 
-To add a law, write it in `trackslip.slip` and an entry here; `examples/own_slip_law.py` does both in a file of its own.
+To add a law, write it in `trackslip.laws` and an entry here; `examples/own_slip_law.py` does both in a file of its own.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.constant import Constant, NoSlip
-from trackslip.slip.exponential import Exponential, ExponentialSpeed
-from trackslip.slip.icr import ConstantIcr, IcrSides
-from trackslip.slip.icr_load import MAX_COMPLIANCE, IcrLoad
-from trackslip.slip.turn_loss import Centrifugal, TurnLoss, TurnLossSides
+from trackslip.laws.base import SlipLaw
+from trackslip.laws.constant import Constant, NoSlip
+from trackslip.laws.exponential import Exponential, ExponentialSpeed
+from trackslip.laws.icr import ConstantIcr, IcrSides
+from trackslip.laws.icr_load import MAX_COMPLIANCE, IcrLoad
+from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
 
 @dataclass(frozen=True)
@@ -42,20 +42,6 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Look:
-    """Appearance of a slip law, or of a compensation by one, in reports."""
-
-    label: str
-    """Its name in tables and legends."""
-    colour: str = "#009E73"
-    """Colour of its lines, with a contrast of at least 3 : 1 on light pages and on dark ones, which invert figures."""
-    dashes: Any = "-"
-    """Its line style in matplotlib, unique so that lines differ without colour."""
-    formula: tuple[str, ...] = ("-",)
-    """Lines."""
-
-
-@dataclass(frozen=True)
 class LawFamily:
     """Slip laws that differ only in the values of their parameters."""
 
@@ -65,8 +51,6 @@ class LawFamily:
     """Free parameters by name, in the order of their values in arrays."""
     build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
     """Builds a law from values of the parameters: numbers, or arrays of one shape."""
-    look: Look
-    """Its appearance in reports."""
     targets: tuple[str, ...] = ("json",)
     """Its deployment targets, out of `trackslip.deploy.TARGETS`."""
     loaded: bool = False
@@ -152,35 +136,29 @@ _PROGRAMS = ("json", "c", "python")
 _EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
 
 FAMILIES: dict[str, LawFamily] = {
-    "none": LawFamily(
-        "no slip", {}, _build(NoSlip), Look("no slip assumed", "#C1272D", (0, (12, 1.5)), ("i = 0",)), _EVERYTHING
-    ),
+    "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
     "constant": LawFamily(
         "the same slip at every radius",
         _CONSTANT,
         _build(Constant),
-        Look("constant slip", "#8a8a8a", (0, (6, 2)), ("i the same at every radius",)),
         of_drives=False,
     ),
     "exponential": LawFamily(
         "exponential in radius, the paper's",
         _EXPONENTIAL,
         _build(Exponential),
-        Look("exponential", "#CC79A7", "-.", ("i = α exp(β R)",)),
         of_drives=False,
     ),
     "exponential_speed": LawFamily(
         "exponential in radius, with a term of speed",
         _SPEED,
         _build(ExponentialSpeed),
-        Look("exponential with speed", "#C98200", (0, (6, 1.5, 1, 1.5, 1, 1.5)), ("i = (α + γ v) exp(β R)",)),
         of_drives=False,
     ),
     "icr": LawFamily(
         "constant ICR",
         {"offset": _OFFSET},
         _build(ConstantIcr, gauge=True),
-        Look("constant ICR", "#3A93C9", (0, (2, 1)), ("outer: D / (R + b + D)", "inner: −D / (R − b − D)")),
         _EVERYTHING,
         of_drives=False,
     ),
@@ -188,36 +166,18 @@ FAMILIES: dict[str, LawFamily] = {
         "constant ICR, with an error of the effective sprocket radius",
         _RADIUS,
         _build(ConstantIcr, gauge=True),
-        Look(
-            "constant ICR with ε",
-            "#0072B2",
-            "-",
-            ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
-        ),
         _EVERYTHING,
     ),
     "turn_loss": LawFamily(
         "constant ICR, with a loss of speed in turns",
         _LOSS,
         _build(TurnLoss, gauge=True),
-        Look(
-            "constant ICR with turn loss",
-            "#A63D6F",
-            (0, (8, 2, 2, 2)),
-            ("w as above, v = s (1 − g sin²θ)", "s: the belts' mean speed, tan θ = (b + D) w / s"),
-        ),
         _PROGRAMS,
     ),
     "turn_loss_sides": LawFamily(
         "constant ICR, with a loss of speed in turns and ε of each side",
         _LOSS_SIDES,
         _build(TurnLossSides, gauge=True),
-        Look(
-            "constant ICR with turn loss, two-sided",
-            "#B5651D",
-            (0, (4, 1.5, 1, 1.5, 1, 1.5)),
-            ("as turn_loss, with ε of the left and the right track",),
-        ),
         _PROGRAMS,
         two_sided=True,
     ),
@@ -225,24 +185,12 @@ FAMILIES: dict[str, LawFamily] = {
         "constant ICR, with a loss of speed in turns and slip in proportion to the lateral acceleration",
         _FAST,
         _build(Centrifugal, gauge=True),
-        Look(
-            "constant ICR with turn loss and centrifugal slip",
-            "#5F7F1F",
-            (0, (1, 2)),
-            ("as turn_loss, with v (1 + κ |v w|) for v", "and w (1 + κ |v w|) for w"),
-        ),
         fast=True,
     ),
     "icr_load": LawFamily(
         "constant ICR, with slip in proportion to the traction",
         _LOAD,
         _build(IcrLoad, gauge=True),
-        Look(
-            "constant ICR with slip under load",
-            "#2B7A78",
-            (0, (10, 2, 2, 2, 2, 2)),
-            ("as icr_radius, with v + t √((C v)² + (S w)²) for v", "t: traction over load"),
-        ),
         loaded=True,
         of_drives=False,
     ),
@@ -250,12 +198,6 @@ FAMILIES: dict[str, LawFamily] = {
         "constant ICR, left and right different",
         _SIDES,
         _build(IcrSides, gauge=True),
-        Look(
-            "constant ICR, two-sided",
-            "#6A3D9A",
-            (0, (2, 2.5)),
-            ("as icr_radius, with D and ε", "of the left and the right track"),
-        ),
         _EVERYTHING,
         two_sided=True,
     ),

@@ -9,8 +9,8 @@ from trackslip.errors import LogError
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.result import laws_to_json
 from trackslip.kinematics import RobotGeometry
-from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.law_file import SHIPPED, load_laws
+from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.file import SHIPPED, load_laws
 
 
 def test_laws_survive_their_file(tmp_path):

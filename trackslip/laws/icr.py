@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
-from trackslip.slip.base import SlipLaw, require_between
+from trackslip.laws.base import SlipLaw, require_between
 
 
 class IcrLaw(SlipLaw):

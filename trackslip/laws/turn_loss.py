@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import SIDES, Array, RobotGeometry
-from trackslip.slip.base import require_between
-from trackslip.slip.icr import IcrLaw, of_both_sides
+from trackslip.laws.base import require_between
+from trackslip.laws.icr import IcrLaw, of_both_sides
 
 _MIN_LOSS, _MAX_LOSS = -8.0, 1.0  # between these, v grows with the belts' mean speed at every difference
 _ITERATIONS = 60

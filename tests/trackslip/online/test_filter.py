@@ -7,10 +7,10 @@ from scipy.stats import chi2
 from trackslip import se2
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, advance
+from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.base import PoseEstimate
-from trackslip.slip.compensation import OnlineIcr
-from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.online import FilterTuning, IcrFilter, icr_motion
+from trackslip.online.compensation import OnlineIcr
+from trackslip.online.filter import FilterTuning, IcrFilter, icr_motion
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 TRUE = ConstantIcr(0.045, GEOMETRY.half_gauge, 0.0067)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.slip.base import require_between
-from trackslip.slip.icr import ConstantIcr, IcrLaw
+from trackslip.laws.base import require_between
+from trackslip.laws.icr import ConstantIcr, IcrLaw
 
 MAX_COMPLIANCE = 1.2
 """Largest slip per traction over load [-]."""
