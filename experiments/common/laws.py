@@ -7,9 +7,9 @@ from typing import Any
 
 from experiments.common.colours import BLACK, BLUE, GREY
 from experiments.common.table import Cell, number
-from trackslip.identification.comparison import GAINS, TODAY
+from trackslip.identification.comparison import TODAY
 from trackslip.identification.path import EXTRAS
-from trackslip.laws.families import FAMILIES
+from trackslip.laws.families import FAMILIES, GAINS
 
 _TURN_LOSS, _TRACTION = "s: the belts' mean speed, tan θ = (b + D) w / s", "t: traction over load"
 
@@ -35,6 +35,7 @@ _LOOKS: dict[str, tuple[Any, ...]] = {
     "exponential_speed": ("#C98200", (0, (6, 1.5, 1, 1.5, 1, 1.5)), ("i = (α + γ v) exp(β R)",)),
     "icr": ("#3A93C9", (0, (2, 1)), ("outer: D / (R + b + D)", "inner: −D / (R − b − D)")),
     "icr_radius": (BLUE, "-", ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)")),
+    GAINS: ("#6A51A3", (0, (3, 3)), ("as icr_radius",)),
     "turn_loss": ("#A63D6F", (0, (8, 2, 2, 2)), ("w as above, v = s (1 − g sin²θ)", _TURN_LOSS)),
     "turn_loss_sides": ("#B5651D", (0, (4, 1.5, 1, 1.5, 1, 1.5)), ("as turn_loss, with ε of each track",)),
     "centrifugal": ("#5F7F1F", (0, (1, 2)), ("as turn_loss, with v (1 + κ |v w|) for v", "and w (1 + κ |v w|) for w")),
@@ -52,7 +53,6 @@ _OTHERS = {
     "online_load": Look("online, with slip under load", "#4B6A1E", (0, (5, 1, 2, 1))),
     "online_cold": Look("online, from nothing", "#999933", (0, (5, 1, 1, 1))),
     TODAY: Look("dead reckoning as it drives today", "#8B5A2B", (0, (8, 2, 1, 2))),
-    GAINS: Look("factors on speed and yaw rate", "#6A51A3", (0, (3, 3))),
     "robot": Look("the simulated robot", "#007A5A", (0, (6, 2, 1, 2, 1, 2))),
     "calibrated": Look("the simulated robot, fitted", "#1a1a1a", (0, (9, 1))),
 }

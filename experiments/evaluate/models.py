@@ -17,13 +17,13 @@ from sim.calibration.targets import Drives
 from sim.log_replay import Replayer
 from sim.robot.named import load_parameters
 from trackslip.errors import InvalidValueError
-from trackslip.identification.comparison import GAINS, TODAY, gains, start_of
+from trackslip.identification.comparison import TODAY, gains, start_of
 from trackslip.identification.first_look import Look, first_look
 from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
 from trackslip.identification.preparation import PreparedDrive, drives_of
 from trackslip.identification.source import Source
 from trackslip.kinematics import RobotGeometry
-from trackslip.laws.families import FAMILIES, drive_laws
+from trackslip.laws.families import FAMILIES, GAINS, drive_laws
 from trackslip.laws.file import NO_SLIP
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import estimated_trajectory, trajectory_of

@@ -6,12 +6,13 @@ from math import degrees
 from experiments.common.laws import law_cell, symbol, unit_of, with_interval
 from experiments.common.table import MISSING, Cell, Table, number, pair
 from trackslip.errors import counted
-from trackslip.identification.comparison import GAINS, TODAY, Comparison, DriveComparison, SteadyComparison
+from trackslip.identification.comparison import TODAY, Comparison, DriveComparison, SteadyComparison
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.path import EXTRAS
 from trackslip.identification.weighting import relative_errors
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.families import GAINS
 from trackslip.metrics import rms
 
 _STEADY_NOTE = "Intervals: Student's, of errors of measurement and of one scatter between the runs."
@@ -80,7 +81,8 @@ def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Tab
 def prediction_table(drive: DriveComparison) -> Table:
     """Median errors of held-out prediction: without identification, then the best law first."""
     ahead, rows = tuple(drive.errors[drive.best]), list[tuple[str | Cell, ...]]()
-    for name in [*(name for name in (TODAY, GAINS) if name in drive.errors), *drive.ranking]:
+    today = [name for name in (TODAY, GAINS) if name in drive.errors and name != drive.best]
+    for name in [*today, *drive.ranking]:
         cells = []
         for errors in map(drive.errors[name].get, ahead):
             sizes = [(getattr(errors, f"{key}_median", None), *unit) for key, unit in _UNITS.items()]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.identification.first_look import Alarm, Look
 from trackslip.identification.fitted import FittedLaw, SteadyFit, fit_law
+from trackslip.identification.gains import Gain
 from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives, held_out
 from trackslip.identification.path import DriveModel
 from trackslip.identification.prediction import Pairs, PredictionErrors, ranked, sizes
@@ -19,12 +20,12 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_prediction import CrossValidation, RunPredictions, best_predictors
 from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry, body_twist
-from trackslip.laws.families import FAMILIES, drive_laws
+from trackslip.laws.families import FAMILIES, GAINS, drive_laws
 from trackslip.se2 import Mounting
 
 Fit = TypeVar("Fit", bound=FittedLaw)
-TODAY, GAINS = "today", "two_gains"
-"""Names of the predictions without identification: dead reckoning without slip, and two gains of the first look."""
+TODAY = "today"
+"""Name of the prediction without identification: dead reckoning without slip."""
 BASELINES = ("none", "exponential", "icr")
 """Laws that are always reported, for others to be compared with."""
 _WITHOUT_RADIUS = ("none", "constant")  # laws that do not describe turning
@@ -119,7 +120,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
     fast = _turns_fast(samples.omega, geometry)
     for name, family in FAMILIES.items():
-        if family.fast and not fast:
+        if not family.of_runs or (family.fast and not fast):
             continue
         if family.two_sided and min((sides > 0).sum(), (sides < 0).sum()) < 2:
             continue
@@ -188,6 +189,14 @@ def compare_drives(
     linear = _expressible(laws)
     among = ranked({name: errors[name] for name in linear}, free, pairs)
     alarms = [*look.alarms, *_alarms(laws[best], errors[best], known, pairs)]
+    expressible = best if best in linear or among is None else among.best
+    reason = ranking.reason if ranking else "no motion can be predicted: the drives are too short"
+    low, high, _ = FAMILIES[GAINS].limits(geometry.half_gauge)
+    possible = bool(np.all((low <= [*two.values()]) & ([*two.values()] <= high)))
+    if possible and any(alarm.kind == "gains" for alarm in alarms):
+        laws[GAINS] = _gains_fit(look, two, reference)
+        best = expressible = GAINS
+        reason = "gains by regression predict better than every law that was fitted"
     return DriveComparison(
         drives=tuple(drives),
         look=look,
@@ -195,8 +204,8 @@ def compare_drives(
         errors={name: pairs.summaries(error) for name, error in {**known, **errors}.items()},
         score=ranking.score if ranking else {},
         best=best,
-        reason=ranking.reason if ranking else "no motion can be predicted: the drives are too short",
-        expressible=best if best in linear or among is None else among.best,
+        reason=reason,
+        expressible=expressible,
         alarms=tuple(alarms),
         warnings=look.notes,
     )
@@ -207,6 +216,26 @@ def gains(look: Look, geometry: RobotGeometry) -> dict[str, float]:
     speed = look.speed.value if look.speed else 1.0
     turn = look.turn.value if look.turn else speed
     return {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
+
+
+def _gains_fit(look: Look, values: dict[str, float], reference: DriveFit) -> DriveFit:
+    """The gains of a first look as a law."""
+    model = reference.fit.model
+    speed, turn = (gain or Gain(1.0, np.nan, np.nan) for gain in (look.speed, look.turn))
+    wide = model.geometry.half_gauge * speed.value / turn.value
+    slope = np.array([[wide / speed.value, -wide / turn.value], [1.0, 0.0]])
+    covariance = slope @ np.diag([speed.error**2, turn.error**2]) @ slope.T  # of half widths of intervals
+    half = dict(zip(values, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    return replace(
+        reference,
+        name=GAINS,
+        law=FAMILIES[GAINS].build(values, model.geometry),
+        values=values,
+        stderr={name: width / 2 for name, width in half.items()},
+        interval95={name: (values[name] - width, values[name] + width) for name, width in half.items()},
+        correlation=covariance / np.outer([*half.values()], [*half.values()]),
+        fit=replace(reference.fit, values=_placed(model, None, reference.extras | values)),
+    )
 
 
 def start_of(look: Look, geometry: RobotGeometry) -> dict[str, float]:
@@ -231,7 +260,7 @@ def _alarms(law: DriveFit, error: Array, known: Mapping[str, Array], pairs: Pair
     ]
     if law.blocks < FEWEST_BLOCKS:
         what = f"{law.blocks} independent parts of driving are too few for an interval, which takes {FEWEST_BLOCKS}"
-        alarms.append(Alarm("blocks", f"{what}: drive for a minute or more"))
+        return [*alarms, Alarm("blocks", f"{what}: drive for a minute or more")]
     for name, kind in ((TODAY, "worse"), (GAINS, "gains")):
         for horizon in np.unique(pairs.horizon):
             rows = pairs.horizon == horizon

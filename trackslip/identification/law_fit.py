@@ -131,7 +131,7 @@ def _reference(
     start: Mapping[str, float],
     lag: bool,
 ) -> DriveFit:
-    """The fit of REFERENCE with the longest windows that predict no worse and determine the parameters better."""
+    """The fit of REFERENCE with the longest windows that predict no worse and leave enough blocks for intervals."""
     prior = _MACHINED if start and "radius_error" not in start else DriveModel.radius_prior
     model = DriveModel(FAMILIES[REFERENCE], geometry, data.line.gyro is not None, prior)
     fixed = _held(model, data, sensor, held, lag)
@@ -150,12 +150,13 @@ def _reference(
         if fits and length > longest:
             break
         fit = fit_windows(model, data, length, values, free, mean, spread, rounds=1)
+        if fits and len(fit.score) < min(FEWEST_BLOCKS, len(fits[0][1].score)):
+            break
         few = len(fit.score) < FEWEST_BLOCKS
         missed = _missed(pairs.errors(model, fit.values[None]) if few else held_out(fit, pairs), pairs)
         fits.append((missed, fit))
         if missed <= _NO_WORSE * least:  # else windows so short that a path of any law fits them as well
-            values, spread = fit.values, fit.spread
-            best = fit if best is None or _width(fit) < _width(best) else best
+            best, values, spread = fit, fit.values, fit.spread
         least = min(least, missed)
     if best is None:
         _, best = min(fits, key=lambda pair: pair[0])
@@ -169,13 +170,6 @@ def _missed(error: Array, pairs: Pairs) -> float:
     means = [np.nanmean(size[pairs.horizon == h, k]) for h in np.unique(pairs.horizon) for k in (0, 1)
              if np.isfinite(size[pairs.horizon == h, k]).any()]  # fmt: skip
     return float(np.exp(np.mean(np.log(means)))) if means else 0.0
-
-
-def _width(fit: WindowFit) -> float:
-    """Mean logarithm of the standard errors of the law's parameters."""
-    law = fit.free < len(fit.model.family.names)
-    variance = np.diag(fit.covariance)[law]
-    return float(np.log(variance).mean()) if np.isfinite(variance).all() else -fit.length
 
 
 def _held(

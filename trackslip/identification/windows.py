@@ -245,25 +245,26 @@ class WindowFit:
 
     @property
     def covariance(self) -> Array:
-        """(f, f) of the free parameters: by leaving out blocks (CR3), and of the priors; NaN for few blocks.
-
-        Blocks that follow each other share windows, and slip that lasts: where they agree by more than chance, the
-        variance grows by twice their covariance.
-        """
+        """(f, f) of the free parameters: by leaving out blocks (CR3), and of the priors; NaN for few blocks."""
         count, free = len(self.score), self.free
         if count < FEWEST_BLOCKS:
             return np.full((len(free), len(free)), np.nan)
         apart = (self.without(np.eye(count, dtype=bool)) - self.values)[:, free]
-        shared = 2 * np.maximum(np.sum(apart[1:] * apart[:-1], axis=0), 0.0)
-        wider = np.sqrt(1 + shared / np.maximum(np.sum(apart**2, axis=0), 1e-300))
         inverse = self._inverse
-        scatter = (count - 1) / count * apart.T @ apart * np.outer(wider, wider)
-        return scatter + inverse @ (self.prior[:, None] * inverse)
+        return (count - 1) / count * apart.T @ apart + inverse @ (self.prior[:, None] * inverse)
 
     @property
-    def quantile(self) -> float:
-        """Half width of a 95 % interval over the standard error: Student's t."""
-        return float(stdtrit(max(len(self.score) - 1, 1), 0.975))
+    def quantile(self) -> Array:
+        """Half widths (f,) of 95 % intervals over the standard errors: Student's t, of less degrees than blocks.
+
+        A parameter that few blocks tell has as few degrees of freedom: those of a sum of squares whose expected sizes
+        are the blocks' shares of its information (G. W. Imbens and M. Kolesár, *Robust Standard Errors in Small
+        Samples*, 2016).
+        """
+        inverse = np.linalg.inv(self._normal)
+        share = np.einsum("ab,gbc,ca->ga", inverse, self.normal, inverse)
+        effective = share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300)
+        return np.asarray(stdtrit(np.maximum(effective - 1, 1.0), 0.975))
 
     @property
     def _normal(self) -> Array:
@@ -313,7 +314,7 @@ def fit_windows(
                 break
         weight, spread = found.alignment(spread), found.spread
     found = residuals(model, data, windows, values, free, weight)
-    block = data.blocks(length)
+    block = data.blocks(2 * length)  # where windows that overlap share little
     middle = (windows.first + np.append(windows.first[1:], len(windows.pose)) - 1) // 2
     pull = found.weights(spread)
     normal, score = _by_block(found, pull, block[windows.pose[middle]][windows.of])

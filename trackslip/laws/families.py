@@ -59,8 +59,10 @@ class LawFamily:
     """True if left and right turns slip differently, so that fits need turns to both sides."""
     fast: bool = False
     """True if slip depends on the lateral acceleration, which must then be a few tenths of a m/s² for it to show."""
+    of_runs: bool = True
+    """True if it is fitted to steady runs."""
     of_drives: bool = True
-    """True if it is fitted to whole drives, too."""
+    """True if it is fitted to whole drives."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -135,6 +137,8 @@ _LOSS_SIDES = {
 _PROGRAMS = ("json", "c", "python")
 _EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
 
+GAINS = "two_gains"
+"""Family of the gains that people compute by hand: the yardstick of all others."""
 FAMILIES: dict[str, LawFamily] = {
     "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
     "constant": LawFamily(
@@ -167,6 +171,14 @@ FAMILIES: dict[str, LawFamily] = {
         _RADIUS,
         _build(ConstantIcr, gauge=True),
         _EVERYTHING,
+    ),
+    GAINS: LawFamily(
+        "constant ICR, from gains of speed and yaw rate by regression",
+        _RADIUS,
+        _build(ConstantIcr, gauge=True),
+        _EVERYTHING,
+        of_runs=False,
+        of_drives=False,
     ),
     "turn_loss": LawFamily(
         "constant ICR, with a loss of speed in turns",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.maneuvers import RATE
 
 _LENGTHS = (2.0, 10.0)  # of windows [s], for fine and for coarse poses
-_WALK = 0.1  # variance of the slope of n residuals of a random walk over that of white ones, per n and way
 _TOLD = 0.5  # share of the prior's width that a standard error has at most where the driving tells a parameter
 
 
@@ -86,11 +85,17 @@ def expected(
     if "offset_left" in model.names:
         held.add("sensor_y")  # can't be told from unequal ICRs
     names = [name for name in model.names if name not in held]
-    matrix = information(model, values, drives, poses, slip, names)
+    free = np.array([model.index(name) for name in names])
+    prior = np.diag(1 / model.prior[free] ** 2)
     if known is not None:
         at = [names.index(name) for name in known.names]
-        matrix[np.ix_(at, at)] += np.linalg.inv(known.covariance)
-    errors = np.sqrt(np.diag(np.linalg.inv(matrix)))
+        prior[np.ix_(at, at)] += np.linalg.inv(known.covariance)
+    data = Data.of(drives)
+    path = model.path(values, data.line, np.zeros(0, int))
+    data = replace(data, place=path.place, heading=path.heading)
+    covariances = [_covariance(model, values, data, length, poses, slip, free, prior) for length in _LENGTHS]
+    covariance = min(covariances, key=lambda matrix: float(np.linalg.slogdet(matrix)[1]))
+    errors = np.sqrt(np.diag(covariance))
     told = errors < _TOLD * model.prior[[model.index(name) for name in names]]
     return Expectation(
         {name: float(error) for name, error, kept in zip(names, errors, told, strict=True) if kept},
@@ -98,25 +103,7 @@ def expected(
     )
 
 
-def information(
-    model: DriveModel,
-    values: Array,
-    drives: Sequence[PreparedDrive],
-    poses: PoseQuality,
-    slip: Sequence[float],
-    names: Sequence[str],
-) -> Array:
-    """Information (f, f) on the parameters `names` of drives cut into windows, and of the priors.
-
-    Of windows that are short or long, those that tell more are taken, as identification does.
-    """
-    free = np.array([model.index(name) for name in names])
-    prior = np.diag(1 / model.prior[free] ** 2)
-    told = [_of_windows(model, values, Data.of(drives), length, poses, slip, free) + prior for length in _LENGTHS]
-    return max(told, key=lambda matrix: float(np.linalg.slogdet(matrix)[1]))
-
-
-def _of_windows(
+def _covariance(
     model: DriveModel,
     values: Array,
     data: Data,
@@ -124,27 +111,50 @@ def _of_windows(
     poses: PoseQuality,
     slip: Sequence[float],
     free: np.ndarray,
+    prior: Array,
 ) -> Array:
-    """Information (f, f) of windows of a length [s] on the parameters `free` (f,).
+    """Covariance (f, f) of the parameters `free` (f,) fitted to windows of a length [s], with precisions of a prior.
 
-    Slip that varies is a random walk of the pose, so that residuals of a window depend on each other: n of them that
-    drive a way L have the variance of white ones plus 0.1 n L times that of the walk, for whatever grows with the way.
+    Residuals of windows depend on each other, as slip that varies is a random walk of the pose: each step of it pulls
+    at all later poses of its windows. So the scatter of the scores is not that of their slopes.
     """
-    windows = Windows.cut(data, length, twice=False)
-    variance = np.array([poses.position, poses.heading or np.inf]) ** 2
-    weight = data.known[:, windows.pose] / variance[:, None]
-    found = residuals(model, data, windows, values, free, weight)
-    line = data.line
+    windows, rows = (cut := Windows.cut(data, length)), cut.pose
+    line, radius = data.line, model.geometry.sprocket_radius
     driven = np.append(0.0, np.cumsum(np.abs(line.omega).mean(axis=1) * np.diff(line.edges)))
-    way = model.geometry.sprocket_radius * np.interp(line.time, line.edges, driven)[windows.pose]
-    count, first = np.diff(np.append(windows.first, len(windows.pose))), windows.first
-    way = way[first + count - 1] - way[first]
-    forward, sideways, turn = (walk**2 * way for walk in slip)
-    walk = np.stack([forward, sideways + turn * way**2 / 12, turn])  # a turn moves what lies ahead sideways
-    white = np.array([poses.position, poses.position, poses.heading or 1.0])[:, None] ** 2
-    total = (white + _WALK * count * walk)[:, windows.of]
-    pull = np.where(found.known[:3], 1 / total, 0.0)
-    return np.asarray(np.einsum("kfr,kr,kgr->fg", found.slope[:3], pull, found.slope[:3], optimize=True))
+    way = radius * np.interp(line.time, line.edges, driven)
+    last = np.append(windows.first[1:], len(rows)) - 1
+    white = np.array([poses.position, poses.position, poses.heading or 1.0]) ** 2
+    typical = np.median(way[rows[last]] - way[rows[windows.first]])
+    variance = white + np.square(slip) * typical / 6  # of a random walk less its mean
+    weight = data.known[:, rows] / variance[1:, None]
+    found = residuals(model, data, windows, values, free, weight)
+    pull = found.slope[:3] * np.where(found.known[:3], 1 / variance[:, None], 0.0)[:, None]
+    normal = np.einsum("kfr,kgr->fg", pull, found.slope[:3], optimize=True) + prior
+
+    ahead, place = np.exp(1j * data.heading[rows]), data.place[rows]
+    at_place, at_heading = (pull[0] + 1j * pull[1]) * ahead, pull[2]
+    along = _later(at_place, windows.first, last)
+    turning = _later(at_heading + (np.conj(at_place) * 1j * place).real, windows.first, last)
+    by_step = [(np.conj(along) * ahead).real, (np.conj(along) * 1j * ahead).real]
+    by_step.append(turning - (np.conj(along) * 1j * place).real)
+    step = np.maximum(np.diff(way, prepend=way[:1]), 0.0)
+    scatter = prior.copy()
+    for score, size in [
+        *zip((at_place.real, at_place.imag, at_heading), white[:, None], strict=True),
+        *zip(by_step, np.square(slip)[:, None] * step, strict=True),
+    ]:
+        total = np.stack([np.bincount(rows, each, len(line.time)) for each in score])
+        scatter += (total * size) @ total.T
+    inverse = np.linalg.inv(normal)
+    return np.asarray(inverse @ scatter @ inverse)
+
+
+def _later(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Sums (f, R) over the rest of each window, from each row on, of values (f, R); 0 for the first rows."""
+    sums = np.cumsum(values, axis=1)
+    rest = np.repeat(sums[:, last], last - first + 1, axis=1) - sums + values
+    rest[:, first] = 0.0
+    return rest
 
 
 def with_extras(law: Array) -> Array:

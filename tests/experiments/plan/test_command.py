@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from experiments.common.table import significant
 from trackslip.planning import plan as planning
 
 SHORT = ("--half-gauge", "0.168", "--sprocket-radius", "0.06", "--duration", "30")
@@ -44,7 +45,7 @@ def test_its_page_answers_how_well_the_law_will_be_known_and_what_to_run_next(tr
     result = trackslip("plan", *SHORT)
     assert {path.name for path in (result.folder / "figures").iterdir()} == {"plan_path.svg", "plan_belts.svg"}
     report = (result.folder / "report.html").read_text()
-    error = f"{1e3 * result.summary['stderr']['offset']:.2g} mm"
+    error = significant(1e3 * result.summary["stderr"]["offset"], "mm")
     assert f"30 s of driving will tell D ± {error} and ε ± " in report
     command = "trackslip identify LOG --half-gauge 0.168 --sprocket-radius 0.06"
     assert command in report

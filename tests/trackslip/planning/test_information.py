@@ -33,7 +33,7 @@ def test_fits_miss_the_law_by_about_what_is_expected(poses):
     stated = expected(MODEL, with_extras(TRUTH), [drive], poses, SLIP).stderr
     law = LawMotion(FAMILIES["icr_radius"].law(TRUTH, GEOMETRY), GEOMETRY, SlipVariation(*SLIP))
     missed = []
-    for seed in range(12):
+    for seed in range(16):
         rng = np.random.default_rng(seed)
         motion, _ = law.drive(np.concatenate([speeds[:1], speeds]) / 0.06, RATE, rng)
         noise = rng.normal(size=drive.pose.shape) * [poses.position, poses.position, poses.heading or np.nan]
@@ -41,7 +41,7 @@ def test_fits_miss_the_law_by_about_what_is_expected(poses):
         missed.append(
             [(value - true) / stated[name] for (name, value), true in zip(fit.values.items(), TRUTH, strict=True)]
         )
-    np.testing.assert_allclose(np.sqrt(np.mean(np.square(missed), axis=0)), 1.0, atol=0.5)
+    np.testing.assert_allclose(np.sqrt(np.mean(np.square(missed), axis=0)), 1.0, atol=0.4)  # of 16 drives, 0.18
 
 
 def test_thinned_poses_tell_about_as_much():
