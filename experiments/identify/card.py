@@ -28,10 +28,10 @@ def card(found: Identification, out: str | None = None, taken: Sequence[str] = (
     answer = found.answer.items()
     facts = [(key, with_interval(gain.value, gain.ends)) for key, gain in answer if key.endswith("multiplier")]
     facts[:1] = [(key, current + value) for key, value in facts[:1]]
-    if name is not None:
-        facts += _parameters(fits[name])
-    if found.best != name:
-        facts += [(f"{found.best}: {letter}", value) for letter, value in _parameters(fits[found.best])]
+    shown = dict.fromkeys(law for law in (name, found.best) if law is not None)
+    for law in shown:
+        prefix = f"{law}: " if len(shown) > 1 else ""
+        facts += [(f"{prefix}{letter}", value) for letter, value in _parameters(fits[law])]
     facts.append(("best law", f"{found.best}, {FAMILIES[found.best].title}: {found.reason}"))
     if name not in (None, found.best):
         facts.append(("deployed", f"{name}, the best law that diff_drive_controller can express; the values are its"))

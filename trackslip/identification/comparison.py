@@ -13,7 +13,7 @@ from trackslip.identification.first_look import Alarm, Look
 from trackslip.identification.fitted import FittedLaw, SteadyFit, fit_law
 from trackslip.identification.gains import Gain
 from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives, held_out
-from trackslip.identification.path import DriveModel
+from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import Pairs, PredictionErrors, ranked, sizes
 from trackslip.identification.preparation import PreparedDrive
 from trackslip.identification.samples import SlipSamples
@@ -172,9 +172,11 @@ def compare_drives(
     fast = names is not None or _turns_fast(np.concatenate([drive.omega for drive in drives]), geometry)
     two = gains(look, geometry)
     reference = fit_drives(REFERENCE, drives, geometry, sensor, start=start_of(look, geometry), lag=lag)
-    laws = {}
+    laws, notes = {}, list(look.notes)
     for name in names or drive_laws():
-        if fast or not FAMILIES[name].fast:
+        if names is None and "offset_left" in FAMILIES[name].names and _sits_aside(reference):
+            notes.append(f"law {name} isn't fitted: a sensor off the middle looks like unequal ICRs; give --sensor")
+        elif fast or not FAMILIES[name].fast:
             laws[name] = fit_drives(name, drives, geometry, sensor, reference=reference, lag=lag)
         step(1.0)
     pairs = Pairs.of(reference.fit.data, geometry)
@@ -207,7 +209,7 @@ def compare_drives(
         reason=reason,
         expressible=expressible,
         alarms=tuple(alarms),
-        warnings=look.notes,
+        warnings=tuple(notes),
     )
 
 
@@ -242,6 +244,13 @@ def start_of(look: Look, geometry: RobotGeometry) -> dict[str, float]:
     """Values from which to fit laws, by name."""
     known = gains(look, geometry) if look.speed else {}
     return {**known, "clock_offset": look.clock}
+
+
+def _sits_aside(fit: DriveFit) -> bool:
+    """True if the driving says that the sensor is off the middle, or that the ICRs of both sides differ as much."""
+    low, high = fit.interval95.get("sensor_y", (-np.inf, np.inf))
+    matters = EXTRAS["sensor_y"].scale
+    return low > matters or high < -matters
 
 
 def _placed(model: DriveModel, sensor: Mounting | None, law: Mapping[str, float]) -> Array:

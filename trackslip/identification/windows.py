@@ -328,9 +328,10 @@ def _by_block(found: Residuals, pull: Array, block: np.ndarray) -> tuple[Array, 
     _, block = np.unique(block, return_inverse=True)
     count, size = int(block.max()) + 1, found.slope.shape[1]
     score, normal = np.zeros((count, size)), np.zeros((count, size, size))
-    for value, slope, weight in zip(found.value, found.slope, pull, strict=True):
-        np.add.at(score, block, (slope * (weight * value)).T)
-        for a in range(size):
-            for b in range(a + 1):
-                normal[:, a, b] += np.bincount(block, slope[a] * slope[b] * weight, count)
-    return normal + np.tril(normal, -1).swapaxes(1, 2), score
+    weighted = found.slope * pull[:, None]
+    ends = np.flatnonzero(np.diff(block, prepend=-1, append=-1))
+    for begin, end in pairwise(ends.tolist()):  # rows of a block follow each other
+        rows, part = weighted[:, :, begin:end], block[begin]
+        normal[part] += np.tensordot(rows, found.slope[:, :, begin:end], ([0, 2], [0, 2]))
+        score[part] += np.tensordot(rows, found.value[:, begin:end], ([0, 2], [0, 1]))
+    return normal, score
