@@ -3,12 +3,21 @@
 import os
 import signal
 import sys
+from importlib.util import find_spec
 from types import FrameType
 from typing import NoReturn
+
+PACKAGES = ("models", "sim", "trackslip")
+"""Packages that a module of the same name, earlier on Python's path, would hide."""
 
 
 def main() -> None:
     """Load the command line and run it."""
+    for name in PACKAGES:
+        spec = find_spec(name)
+        if spec is not None and spec.submodule_search_locations is None:
+            print(f"trackslip: {spec.origin} hides the package {name}: rename or move it", file=sys.stderr)
+            sys.exit(2)
     signals: list[int] = []
 
     def stop(number: int, frame: FrameType | None) -> NoReturn:

@@ -96,6 +96,14 @@ def test_an_interrupt_prints_one_line_while_modules_are_imported():
         assert (process.returncode, said) == (130, "trackslip: interrupted\n"), module
 
 
+def test_a_module_that_hides_a_package_is_named(tmp_path):
+    (tmp_path / "sim.py").touch()
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\nimport experiments.__main__ as start\nstart.main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr.split()[1]) == (2, str(tmp_path / "sim.py"))
+    assert done.stderr.count("\n") == 1
+
+
 @pytest.mark.parametrize("name", ["bag", "export", "localize", "replay", "reality", "coverage", "sensitivity", "bench"])
 def test_a_command_that_is_gone_names_what_to_use(name, capsys):
     with pytest.raises(SystemExit) as stop:

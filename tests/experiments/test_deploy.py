@@ -45,7 +45,10 @@ def test_the_default_is_the_shipped_law_for_ros2_control(capsys):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--law turn_loss", "ros2_control can only express constant ICRs; those in laws.json: icr, icr_radius, icr_s"),
+        (
+            "--law turn_loss",
+            "ros2_control can only express constant ICRs; those in laws.json: icr, icr_radius, two_gains, icr_s",
+        ),
         ("--law exponential --to c", "c can express constant ICRs and turn loss; those in laws.json: icr, icr_radius"),
         ("", "laws.json: says nothing of which law is best: choose one of"),
         ("--law icr --out laws.json", "laws.json: exists already; --overwrite replaces it"),

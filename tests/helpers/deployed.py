@@ -11,6 +11,7 @@ GEOMETRY = RobotGeometry(0.168, 0.06)
 VALUES = {
     "icr": {"offset": 0.0436},
     "icr_radius": {"offset": 0.045, "radius_error": 0.0067},
+    "two_gains": {"offset": 0.045, "radius_error": 0.0067},
     "icr_sides": {
         "offset_left": 0.04,
         "offset_right": 0.05,

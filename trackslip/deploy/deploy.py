@@ -19,7 +19,7 @@ from trackslip.deploy.facts import alarms_of, json_text
 from trackslip.deploy.programs import c_text, python_text
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.families import FAMILIES
-from trackslip.laws.file import SHIPPED, read_stored, stored_laws
+from trackslip.laws.file import read_stored, stored_laws
 
 if TYPE_CHECKING:
     from trackslip.identification.result import Identification
@@ -47,7 +47,7 @@ class Deployed:
 
 
 def deploy_law(
-    source: str | Path | Identification = SHIPPED,
+    source: str | Path | Identification,
     to: str = "ros2_control",
     law: str | None = None,
     controller: str = CONTROLLER,
@@ -58,7 +58,7 @@ def deploy_law(
     Its comments state the law, its intervals, its origin, and the alarms that its identification raised.
 
     Args:
-        source: a folder of results, a JSON file of laws, or an identification; by default the shipped laws.
+        source: a folder of results, a JSON file of laws, or an identification.
         to: `ros2_control`: parameters of diff_drive_controller as YAML; `ros_control`: the same for ROS 1; `json`;
             `c`: a header with functions from twist to sprocket speeds and back; `python`: the same as a module that
             needs nothing but `math`.

@@ -12,6 +12,7 @@ from trackslip.deploy.deploy import deploy_law
 from trackslip.deploy.differential_drive import diff_drive_text, yaml_number
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import advance
+from trackslip.laws.file import SHIPPED
 
 STORED = stored()
 EVEN_SIDES = {"offset_left": 0.04, "offset_right": 0.04, "radius_error_left": 0.01, "radius_error_right": -0.02}
@@ -62,7 +63,7 @@ def test_variances_of_twists_add_up_to_the_slip_that_varies():
 
 
 def test_ros_1_takes_the_same_parameters_in_its_own_form():
-    two, one = (deploy_law(law="icr_radius", to=to) for to in ("ros2_control", "ros_control"))
+    two, one = (deploy_law(SHIPPED, to, "icr_radius") for to in ("ros2_control", "ros_control"))
     assert read_yaml(one) == {"diff_drive_controller": parameters_in(two)}
 
 
@@ -87,7 +88,9 @@ def test_the_law_that_identification_named_stands_in_for_a_best_one_that_cannot_
 
 
 def test_the_five_numbers_say_what_they_mean():
-    about = dict(line.strip().split(":", 1) for line in deploy_law().splitlines() if "wheel" in line and "  # " in line)
+    about = dict(
+        line.strip().split(":", 1) for line in deploy_law(SHIPPED).splitlines() if "wheel" in line and "  # " in line
+    )
     assert {name: text.split("# ")[1][:11] for name, text in about.items()} == {
         "wheel_separation": "2 b, distan",
         "wheel_radius": "r, radius o",
@@ -98,5 +101,5 @@ def test_the_five_numbers_say_what_they_mean():
 
 
 def test_a_controller_keeps_its_name():
-    ours, theirs = deploy_law(), deploy_law(controller="platform_velocity_controller")
+    ours, theirs = deploy_law(SHIPPED), deploy_law(SHIPPED, controller="platform_velocity_controller")
     assert theirs == ours.replace("diff_drive_controller:", "platform_velocity_controller:")
