@@ -185,11 +185,11 @@ def compare_drives(
     models = {name: DriveModel(FAMILIES[law], geometry, reference.fit.model.gyro) for name, law in plain.items()}
     values = {name: _placed(models[name], sensor, two if name == GAINS else {}) for name in plain}
     known = {name: pairs.errors(models[name], values[name][None]) for name in plain}
-    free = {name: len(law.values) for name, law in laws.items()}
-    ranking = ranked(errors, free, pairs)
-    best = ranking.best if ranking else REFERENCE
     linear = _expressible(laws)
-    among = ranked({name: errors[name] for name in linear}, free, pairs)
+    terms = {name: len(law.values) + 0.5 * (name not in linear) for name, law in laws.items()}
+    ranking = ranked(errors, terms, pairs)
+    best = ranking.best if ranking else REFERENCE
+    among = ranked({name: errors[name] for name in linear}, terms, pairs)
     alarms = [*look.alarms, *_alarms(laws[best], errors[best], known, pairs)]
     expressible = best if best in linear or among is None else among.best
     reason = ranking.reason if ranking else "no motion can be predicted: the drives are too short"

@@ -172,8 +172,8 @@ class Ranking:
     """Mean over the horizons of each law's mean error, relative to the smallest [-]."""
 
 
-def ranked(errors: Mapping[str, Array], free: Mapping[str, int], pairs: Pairs) -> Ranking | None:
-    """The best of laws with errors (n, 3) of the same pairs, and numbers of `free` parameters; None without pairs.
+def ranked(errors: Mapping[str, Array], terms: Mapping[str, float], pairs: Pairs) -> Ranking | None:
+    """The best of laws with errors (n, 3) of the same pairs, the simpler the fewer their `terms`; None without pairs.
 
     The leader has the smallest errors at most horizons. Laws that predict as well at most of them, within a standard
     error of the mean difference over blocks, count as equal, and of these the simplest is best. An error is the
@@ -200,10 +200,10 @@ def ranked(errors: Mapping[str, Array], free: Mapping[str, int], pairs: Pairs) -
     leader = min(range(len(names)), key=lambda k: (-wins[k], score[k]))
     as_good = np.sum([one[leader] for one in equal], axis=0)
     good = np.flatnonzero(2 * as_good > len(means)).tolist()
-    best = min(good, key=lambda k: (free[names[k]], k != leader, score[k]))
+    best = min(good, key=lambda k: (terms[names[k]], k != leader, score[k]))
     why = f"{names[leader]} has the smallest errors at {wins[leader]} of {counted(len(means), 'time')} ahead"
     if best != leader:
-        why += f"; {names[best]} is as good at {as_good[best]}, within one standard error, and is simpler"
+        why += f"; {names[best]} is as good at {as_good[best]}, within one standard error, and simpler to use"
     return Ranking(names[best], why, dict(zip(names, score.tolist(), strict=True)))
 
 
