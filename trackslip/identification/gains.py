@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from trackslip.identification.preparation import PreparedDrive, reckoned
-from trackslip.identification.windows import BLOCK, FEWEST_BLOCKS
+from trackslip.identification.windows import BLOCK, FEWEST_BLOCKS, student
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 
 WINDOW = 2.0
@@ -193,17 +192,17 @@ def gains_of(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: fl
     if _tells(window.turn[known], 0.1):
         columns = np.column_stack([window.turn, late[:, 1]])[known]
         fit = _regression(columns, window.turned[known], window.block[known], np.array([0.0, _OFF**-2]))
-        turn = _gain(fit[0][0], fit[1][:, 0])
+        turn = _gain(fit[0][0], fit[1][:, 0], fit[2])
     known = np.isfinite(window.moved) & np.isfinite(window.turned)
     if _tells(window.distance[known], 0.2 * geometry.half_gauge):
         prior = np.array([0.0, (2 * geometry.half_gauge) ** -2, _OFF**-2])  # of the sensor's place
         if _collinear(window.distance[known], window.turned[known]):
             prior[1] = 1e12  # an offset to the side looks like a gain
         columns = np.column_stack([window.distance, window.turned, late[:, 0]])[known]
-        (along, aside, _), without = _regression(columns, window.moved[known], window.block[known], prior)
+        (along, aside, _), without, quantile = _regression(columns, window.moved[known], window.block[known], prior)
         ahead = along / abs(along)
         sign = -1.0 if ahead.real < 0 else 1.0
-        speed = _gain(sign * abs(along), sign * (without[:, 0] / ahead).real)
+        speed = _gain(sign * abs(along), sign * (without[:, 0] / ahead).real, quantile)
         heading, arm = float(-np.angle(sign * ahead)), complex(aside / 1j / (sign * ahead))
     return Gains(speed, turn, heading, arm)
 
@@ -231,13 +230,13 @@ def _of_positions(drives: Sequence[PreparedDrive], geometry: RobotGeometry, cloc
                 break
             fit = _regression(slope[used, None], off[used], window.block[used], np.zeros(1))
             step = float(np.clip(fit[0][0], -0.3, 0.3))
-            turn = _gain(value + step, value + fit[1][:, 0])
+            turn = _gain(value + step, value + fit[1][:, 0], fit[2])
             value += step
     window, speed = windows(value), None
     known = np.isfinite(window.moved)
     if _tells(window.distance[known], 0.2 * geometry.half_gauge):
         fit = _regression(window.distance[known, None], window.moved[known].real, window.block[known], np.zeros(1))
-        speed = _gain(fit[0][0], fit[1][:, 0])
+        speed = _gain(fit[0][0], fit[1][:, 0], fit[2])
     return Gains(speed, turn)
 
 
@@ -255,10 +254,13 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.abs(values) ** 2))) if len(values) else 0.0
 
 
-def _regression(columns: Array, values: np.ndarray, block: np.ndarray, prior: Array) -> tuple[np.ndarray, np.ndarray]:
+def _regression(
+    columns: Array, values: np.ndarray, block: np.ndarray, prior: Array
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Coefficients (k,) of columns (n, k) for values (n,) by Huber's loss, and those without each block (G, k).
 
-    Values may be complex, and so are their coefficients. `prior` (k,) are precisions around 0.
+    Last comes Student's t for an interval of the first. Values may be complex, and so are their coefficients. `prior`
+    (k,) are precisions around 0.
     """
     weight = np.ones(len(values))
     scale, fit = 1.0, np.zeros(columns.shape[1], values.dtype)
@@ -277,15 +279,16 @@ def _regression(columns: Array, values: np.ndarray, block: np.ndarray, prior: Ar
     np.add.at(hessian, number, bend[:, None, None] * columns[:, :, None] * columns[:, None, :])
     score = np.zeros((count, columns.shape[1]), fit.dtype)
     np.add.at(score, number, (weight * (values - columns @ fit))[:, None] * columns)
-    rest = hessian.sum(axis=0) - hessian + np.diag(prior * scale**2 + 1e-12)
-    return fit, fit - np.linalg.solve(rest, score[..., None])[..., 0]
+    normal = hessian.sum(axis=0) + np.diag(prior * scale**2 + 1e-12)
+    without = fit - np.linalg.solve(normal - hessian, score[..., None])[..., 0]
+    return fit, without, float(student(hessian, normal)[0])
 
 
-def _gain(value: float, without: Array) -> Gain:
-    """A gain with its interval, from values (G,) without each block of driving."""
+def _gain(value: float, without: Array, quantile: float) -> Gain:
+    """A gain with its interval, from values (G,) without each block of driving and Student's t."""
     count = len(without)
     if count < FEWEST_BLOCKS:
         return Gain(float(value), np.nan, np.nan)
     error = np.sqrt((count - 1) / count * np.sum((without - value) ** 2))
-    half = float(scipy.special.stdtrit(count - 1, 0.975) * error)  # Student's t; scipy.stats takes seconds to import
+    half = float(quantile * error)
     return Gain(float(value), float(value) - half, float(value) + half)

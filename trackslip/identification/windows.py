@@ -255,16 +255,8 @@ class WindowFit:
 
     @property
     def quantile(self) -> Array:
-        """Half widths (f,) of 95 % intervals over the standard errors: Student's t, of less degrees than blocks.
-
-        A parameter that few blocks tell has as few degrees of freedom: those of a sum of squares whose expected sizes
-        are the blocks' shares of its information (G. W. Imbens and M. Kolesár, *Robust Standard Errors in Small
-        Samples*, 2016).
-        """
-        inverse = np.linalg.inv(self._normal)
-        share = np.einsum("ab,gbc,ca->ga", inverse, self.normal, inverse)
-        effective = share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300)
-        return np.asarray(stdtrit(np.maximum(effective - 1, 1.0), 0.975))
+        """Half widths (f,) of 95 % intervals over the standard errors."""
+        return student(self.normal, self._normal)
 
     @property
     def _normal(self) -> Array:
@@ -277,6 +269,18 @@ class WindowFit:
         normal, bend = (matrix / np.outer(scale, scale) for matrix in (self._normal, self.bend + np.diag(self.prior)))
         values, axes = eigh(bend, normal + 1e-12 * np.eye(len(scale)))
         return (axes / np.maximum(values, _BENDS)) @ axes.T / np.outer(scale, scale)
+
+
+def student(blocks: Array, normal: Array) -> Array:
+    """Student's t (f,) for 95 % intervals of f parameters, by the normal equations (G, f, f) of blocks and in all.
+
+    A parameter that few blocks determine has few degrees of freedom: one less than the effective number of blocks, by
+    their shares of its information (G. W. Imbens and M. Kolesár, *Robust Standard Errors in Small Samples*, 2016).
+    """
+    inverse = np.linalg.inv(normal)
+    share = np.einsum("ab,gbc,ca->ga", inverse, blocks, inverse)
+    effective = share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300)
+    return np.asarray(stdtrit(np.maximum(effective - 1, 1.0), 0.975))
 
 
 def fit_windows(
