@@ -292,13 +292,14 @@ def fit_windows(
     mean: Array,
     spread: Array | None = None,
     rounds: int = 3,
+    twice: bool = True,
 ) -> WindowFit:
     """Fit the parameters `free` (f,) to windows of a length [s].
 
     It begins at `values` (p,) and the `spread` (3,) of residuals there, which it estimates again in `rounds`;
-    `mean` (p,) is that of the priors.
+    `mean` (p,) is that of the priors; `twice` is as for `Windows.cut`.
     """
-    windows, values = Windows.cut(data, length), values.copy()
+    windows, values = Windows.cut(data, length, twice), values.copy()
     low, high, _ = model.limits[:, free]
     prior = 1 / model.prior[free] ** 2
     weight = data.known[:, windows.pose].astype(float)
