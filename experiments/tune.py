@@ -18,7 +18,7 @@ from experiments.benchmark.gains import GAINS_FILE, specified
 from experiments.benchmark.rows import score
 from experiments.common.choices import COMPENSATIONS, CONTROLLER_NAMES, TRAINING_PATHS
 from experiments.common.lookup import tunable
-from experiments.common.manifest import digest, relative
+from experiments.common.manifest import digest
 from experiments.common.options import Distinct, Whole
 from experiments.common.plain_json import write_json
 from experiments.common.pool import Workers, processors, workers
@@ -206,7 +206,8 @@ def gains_table(rows: Sequence[Row]) -> Table:
     header = ("controller", "compensation", "error [mm]", "by default", "rough [rad/s²]", "by default", "gains")
     cells = [
         [
-            *(relative(row["controller"]), row["compensation"]),
+            row["controller"],
+            row["compensation"],
             *(f"{1e3 * row[name]:.1f}" for name in ("error", "default_error")),
             *(number(row[name], 2) for name in ("roughness", "default_roughness")),
             ", ".join(f"{name} {value:g}" for name, value in row["arguments"].items()),

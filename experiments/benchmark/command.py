@@ -10,7 +10,6 @@ from experiments.benchmark.gains import Gains
 from experiments.benchmark.page import BOARD_LEGEND, answer, board_table, page
 from experiments.benchmark.rows import board, over_seeds, score
 from experiments.common.choices import SHIPPED
-from experiments.common.manifest import relative
 from experiments.common.plain_json import plain
 from experiments.common.results import REPORT_FILE, RUNS_FILE
 from experiments.common.sweep import Row, drive_missing, resumable
@@ -34,7 +33,7 @@ def run(config: Config) -> None:
         runs = [store.rows[case.id] for case in cases]
         rows, entries = over_seeds(runs), board(runs)
         failures = [{"run": row["run"], "error": row["error"]} for row in runs if row["error"] is not None]
-        grounds = {relative(name): plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
+        grounds = {name: plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
         about = run.manifest(**loops.world.about | {"ground": grounds, "seed": sorted({case.seed for case in cases})})
         best = answer(entries, _track_command(config, gains, entries[0]))
         lines = [f"{failure['run']}: {failure['error']}" for failure in failures]
@@ -61,4 +60,4 @@ def _track_command(config: Config, gains: Gains, best: Row) -> str:
     words = ["trackslip", "track", "--controller", controller, "--compensation", best["compensation"], "--rrd"]
     words += ["--laws", str(config.laws)] if config.laws else []
     words += ["--robot", config.robot] if config.robot != SHIPPED else []
-    return shlex.join(map(relative, words))
+    return shlex.join(words)

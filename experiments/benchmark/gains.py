@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
-from experiments.common.manifest import relative
 from trackslip.errors import InvalidValueError
 
 GAINS_FILE = "gains.json"
@@ -35,7 +34,7 @@ class Gains:
             return cls({pair: {name: float(value) for name, value in row.items()} for pair, row in gains.items()})
         except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError):
             allowed = "tuned, default, or a folder or file that trackslip tune wrote"
-            raise InvalidValueError("gains", relative(source), allowed) from None
+            raise InvalidValueError("gains", source, allowed) from None
 
     def specification(self, controller: str, compensation: str) -> str:
         """A controller's name with its tuned arguments; unchanged if there are none.

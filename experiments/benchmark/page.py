@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.benchmark.rows import ENTRY, SETTING
-from experiments.common.manifest import command_line, relative
+from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.style import key, law_line, log_ticks, styled
 from experiments.common.sweep import Row
@@ -69,7 +69,7 @@ def _name(entry: Row, entries: Sequence[Row]) -> str:
     """What is compared: controller, compensation and, where there are several, the start."""
     several = len({other["start"] for other in entries}) > 1
     start = f", start {entry['start']}" if several else ""
-    return f"{relative(entry['controller'])} with {entry['compensation']}{start}"
+    return f"{entry['controller']} with {entry['compensation']}{start}"
 
 
 def _millimetres(value: float, ends: Sequence[float] | None = None) -> str:
@@ -91,9 +91,7 @@ def board_table(entries: Sequence[Row]) -> Table:
 
 
 def _table(title: str, rows: Sequence[Row], names: Sequence[str], numbers: Sequence[str], note: str = "") -> Table:
-    cells = [
-        [*(relative(str(row[name])) for name in names), *(_cell(row, header) for header in numbers)] for row in rows
-    ]
+    cells = [[*(str(row[name]) for name in names), *(_cell(row, header) for header in numbers)] for row in rows]
     return Table(title, (*names, *numbers), cells, align="l" * len(names) + "r", note=note)
 
 
@@ -144,7 +142,7 @@ def board_figure(entries: Sequence[Row]) -> Figure:
     axes.set(xscale="log", xlabel="rms position error [mm], log scale", ylim=(len(lines) - 0.5, -0.5))
     log_ticks(axes.xaxis)
     several = len({start for _, start in lines}) > 1
-    names = [relative(name) + (f", start {start}" if several else "") for name, start in lines]
+    names = [name + (f", start {start}" if several else "") for name, start in lines]
     axes.set_yticks(range(len(lines)), [textwrap.fill(name, 40) for name in names])
     keys = [key(name, **look | {"linestyle": "none"}) for name, look in looks.items()]
     figure.legend(handles=keys, loc="outside lower center", ncols=5)

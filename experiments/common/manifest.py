@@ -5,9 +5,7 @@ import functools
 import hashlib
 import importlib.metadata
 import json
-import os
 import platform
-import re
 import shlex
 import subprocess
 import sys
@@ -22,15 +20,12 @@ _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "
 
 
 def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict[str, Any]:
-    """Everything needed to reproduce a result: resolved options, versions, git state, and `more`.
-
-    Paths are relative to the current folder, so that a manifest says nothing about the machine's folders.
-    """
+    """Everything needed to reproduce a result: resolved options, versions, git state, and `more`."""
     return {
         "format": FORMAT,
         "command": command,
-        "arguments": [relative(argument) for argument in sys.argv[1:]],
-        "config": _relative_paths(plain(config)),
+        "arguments": sys.argv[1:],
+        "config": plain(config),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "wall_s": round(wall_s, 3),
         "versions": versions(),
@@ -51,27 +46,8 @@ def versions() -> dict[str, str | None]:
 
 
 def command_line(command: str) -> str:
-    """The command as it was given, with all its paths relative to the current folder."""
-    return shlex.join(["trackslip", *(map(relative, sys.argv[1:] or [command]))])
-
-
-def relative(text: str) -> str:
-    """An absolute path, also one after NAME= or NAME:, relative to the current folder; other text as it is."""
-    path = re.sub(r"^[\w.-]+[=:](?=/[^/])", "", text)
-    if not os.path.isabs(path) or not Path(*Path(path).parts[:2]).exists():
-        return text
-    with contextlib.suppress(ValueError):  # on another drive
-        return text.removesuffix(path) + os.path.relpath(path)
-    return text
-
-
-def _relative_paths(value: Any) -> Any:
-    """JSON whose texts are `relative`."""
-    if isinstance(value, dict):
-        return {key: _relative_paths(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_relative_paths(item) for item in value]
-    return relative(value) if isinstance(value, str) else value
+    """The command as it was given."""
+    return shlex.join(["trackslip", *(sys.argv[1:] or [command])])
 
 
 def digest(value: Any) -> str:

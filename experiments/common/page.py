@@ -14,7 +14,6 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments.common.manifest import relative
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
 from experiments.common.table import MISSING, Table
 
@@ -204,7 +203,7 @@ def conditions(manifest: Mapping[str, Any], command: str) -> str:
 def _ground(ground: Mapping[str, Any]) -> str:
     """Friction, shear and slope of one ground, or the names of several."""
     if "along" not in ground:
-        return f"grounds {', '.join(map(relative, ground))}"
+        return f"grounds {', '.join(ground)}"
     text = f"ground: friction {ground['along']:g} along, {ground['across']:g} across"
     if ground.get("shear"):
         text += f", shear {1e3 * ground['shear']:g} mm"
@@ -222,7 +221,7 @@ def flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
     """Dotted names and printed values of everything in nested mappings."""
     if isinstance(value, Mapping) and value:
         for key, item in value.items():
-            yield from flatten(item, f"{path}.{relative(str(key))}" if path else str(key))
+            yield from flatten(item, f"{path}.{key!s}" if path else str(key))
     elif path:
         items = value if isinstance(value, list | tuple) else [] if value is None or value == {} else [value]
-        yield path, ", ".join(relative(str(item)) for item in items) or MISSING
+        yield path, ", ".join(str(item) for item in items) or MISSING

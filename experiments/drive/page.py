@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from matplotlib.markers import TICKLEFT, TICKRIGHT
 
 from experiments.common.colours import BLUE, GREY, ORANGE
-from experiments.common.manifest import relative
 from experiments.common.page import Answer, Page, Pictures, Plot, Section
 from experiments.common.results import PICTURES_FOLDER
 from experiments.common.style import styled, thin
@@ -72,7 +71,7 @@ def answer(run: DrivenCourse, result: Mapping[str, Any], out: Path) -> Answer:
         ("penetration", f"up to {deepest}, 99 %: {usual}"),
         ("work of the belts", number(result["energy"], 0, "J")),
     )
-    return Answer(heading, facts, lines, next=(f"trackslip view {shlex.quote(relative(str(out)))}",))
+    return Answer(heading, facts, lines, next=(f"trackslip view {shlex.quote(str(out))}",))
 
 
 def tracks_table(result: Mapping[str, Any]) -> Table:

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
 from markupsafe import Markup
 
 from experiments.common.page import Bullets, Page, Plot, Section
@@ -12,7 +11,6 @@ from experiments.identify import figures, tables
 from experiments.identify.card import card
 from experiments.identify.turns import Turns
 from trackslip.errors import counted
-from trackslip.identification.comparison import Comparison
 from trackslip.identification.result import Identification
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
@@ -88,7 +86,7 @@ def steady_slip(found: Identification) -> Section | None:
             partial(figures.fitted_laws, turns, comparison),
             "Slip laws (the paper's Fig. 6)",
             "Slip against observed radius with every fitted law and the published one, which is not fitted. Thick: the "
-            f"best law. {_error_bars(turns)}",
+            "best law. Bars: standard errors of measurement, where they are known.",
         )
         speeds = Plot(
             "fig05_slip_over_speed",
@@ -103,7 +101,7 @@ def steady_slip(found: Identification) -> Section | None:
             laws,
             tables.criteria_table(comparison, found.geometry),
             speeds,
-            tables.parameters_table(comparison, names_of(comparison)),
+            tables.parameters_table(comparison),
         ],
         folded=found.method == "drive",
     )
@@ -117,13 +115,6 @@ def _driven(runs: int, turns: Turns) -> str:
     where = "at observed radii from {} to {} m and speeds from {} to {} m/s".format(*ends)
     straight = f", and {counted(runs - len(turns), 'nearly straight run')}" if runs > len(turns) else ""
     return f"{counted(len(turns), 'turn')} {where}{straight}, each with one mean slip per track."
-
-
-def _error_bars(turns: Turns) -> str:
-    if turns.slip_error is None or turns.radius_error is None:
-        return "There are no error bars because the samples came without errors of measurement."
-    slip, radius = np.median(turns.slip_error), np.median(turns.radius_error)
-    return f"Bars are standard errors of measurement, typically {slip:.2g} in slip and {1e3 * radius:.2g} mm in radius."
 
 
 def whole_drives(found: Identification) -> Section | None:
@@ -149,7 +140,7 @@ def whole_drives(found: Identification) -> Section | None:
             driven,
             tables.prediction_table(drive) if drive.errors.get(drive.best) else None,
             path,
-            tables.parameters_table(drive, names_of(drive)),
+            tables.parameters_table(drive),
         ],
         folded=found.method == "steady",
     )
@@ -158,16 +149,11 @@ def whole_drives(found: Identification) -> Section | None:
 def print_all(found: Identification) -> None:
     """Print the tables of every law, and all notes."""
     if found.method == "drive" and found.drive is not None:
-        tables.parameters_table(found.drive, names_of(found.drive)).print()
+        tables.parameters_table(found.drive).print()
         if found.drive.errors.get(found.best):
             tables.prediction_table(found.drive).print()
     else:
-        tables.parameters_table(found.comparison, names_of(found.comparison)).print()
+        tables.parameters_table(found.comparison).print()
         tables.criteria_table(found.comparison, found.geometry).print()
     for warning in found.warnings:
         print(f"note: {warning}")
-
-
-def names_of(comparison: Comparison) -> list[str]:
-    """The laws with parameters, the best first."""
-    return [name for name in comparison.ranking if comparison.laws[name].values]

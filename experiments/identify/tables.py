@@ -1,6 +1,5 @@
 """Tables and sentences of an identification: parameters, comparison of the laws, errors of prediction."""
 
-from collections.abc import Iterable, Iterator
 from math import degrees
 
 from experiments.common.laws import law_cell, symbol, unit_of, with_interval
@@ -30,9 +29,14 @@ _PREDICTION_NOTE = (
 _UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}  # m and degrees from SI, and decimals
 
 
-def parameters_table(comparison: Comparison, names: Iterable[str]) -> Table:
-    """The parameters of some laws; of drives, also sensor and clock by the best one."""
-    rows = [row for name in names for row in _law_rows(comparison, name)]
+def parameters_table(comparison: Comparison) -> Table:
+    """The parameters of the laws, the best first; of drives, also sensor and clock by the best one."""
+    rows: list[tuple[str | Cell, ...]] = []
+    for fit in (comparison.laws[name] for name in comparison.ranking):
+        law: str | Cell = law_cell(fit.name, fit.name == comparison.best)
+        for key in fit.values:
+            rows.append((law, symbol(fit.name, key), value_text(fit, key)))
+            law = ""
     header = ("law", "parameter", "value (95 % interval)")
     if isinstance(comparison, SteadyComparison):
         title = f"Slip laws from {counted(len(comparison.samples), 'steady sample')}"
@@ -42,12 +46,6 @@ def parameters_table(comparison: Comparison, names: Iterable[str]) -> Table:
     rows += [(EXTRAS[key].title, symbol(fit.name, key), value_text(fit, key)) for key in fit.extras]
     title = f"Slip laws from {counted(len(comparison.drives), 'whole drive')}, sensor and clock by {comparison.best}"
     return Table(title, header, rows, "llr", _DRIVE_NOTE)
-
-
-def _law_rows(comparison: Comparison, name: str) -> Iterator[tuple[str | Cell, ...]]:
-    fit = comparison.laws[name]
-    for k, key in enumerate(fit.values):
-        yield (law_cell(name, name == comparison.best) if k == 0 else "", symbol(name, key), value_text(fit, key))
 
 
 def value_text(fit: FittedLaw, name: str) -> str:

@@ -14,7 +14,6 @@ import pyarrow.parquet
 import pytest
 
 from experiments.cli import main
-from experiments.common.manifest import relative
 from experiments.common.results import file_names, results_folder
 from trackslip.laws.file import SHIPPED
 from trackslip.logs.file_format import FORMAT
@@ -148,31 +147,3 @@ def test_results_of_a_newer_version_are_told_from_this_ones(refused, old, tmp_pa
     table = table.replace_schema_metadata({b"trackslip": json.dumps(stored | {"format": 2})})
     pyarrow.parquet.write_table(table, tmp_path / "runs.parquet")
     assert "runs.parquet: written by a newer trackslip in format 2; " in refused("identify", "runs.parquet")
-
-
-def test_results_say_nothing_about_the_machines_folders(trackslip, tmp_path, monkeypatch):
-    """Neither the output folder nor files given by absolute paths."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")
-    (tmp_path / "ground.toml").write_text("along = 0.5\nacross = 0.6\n")
-    arguments = [
-        *("benchmark", "--controllers", "feedforward", "--compensations", "none", "--starts", "zero", "--seeds", "0"),
-        *("--references", str(tmp_path / "bend.csv"), "--grounds", str(tmp_path / "ground.toml"), "--jobs", "1"),
-        *("--localization", "truth", "--out", str(tmp_path / "out")),
-    ]
-    monkeypatch.setattr("sys.argv", ["trackslip", *arguments])
-    result = trackslip(*arguments)
-    assert result.manifest["config"]["out"] == "out"
-    assert result.manifest["config"]["references"] == ["bend.csv"]
-    assert result.manifest["arguments"][-1] == "out"
-    assert list(result.manifest["ground"]) == ["ground.toml"]
-    assert str(tmp_path) not in json.dumps(result.manifest)
-    assert str(tmp_path) not in (result.folder / "report.html").read_text(encoding="utf-8")
-
-
-def test_paths_in_results_are_relative_and_topics_stay(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert relative(str(tmp_path / "log.csv")) == "log.csv"
-    assert relative(f"ground={tmp_path / 'ice.toml'}") == "ground=ice.toml"
-    for text in ("/cmd_vel", "/joint_states/filtered", "tf:map:base_link", "log.csv"):
-        assert relative(text) == text
