@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
-from trackslip.identification.plausibility import NEARLY_STANDING, require_plausible
-from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
+from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, track_slip, track_speeds
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.motion.constant_speed import SETTLE
 from trackslip.motion.methods import MOTION_METHODS, best_method
@@ -24,7 +24,14 @@ from trackslip.motion.steady import (
     steady_parts,
 )
 
-_OPTIONAL = ("covariance", "lateral", "lateral_stderr", "load")  # fields of SlipSamples
+_COLUMNS = ("omega", "twist", "slip", "covariance", "lateral", "load")  # arrays of SlipSamples
+_NEARLY_STANDING = 0.02  # ratio of sprocket speeds below which the slower track's slip is meaningless [-]
+_REPEATED = 0.01  # difference of commands that are repeats: of their angles [rad], and speeds over the fastest [-]
+_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # shares of speed and yaw rate, least and most: slip up to 0.8 either way
+_ASIDE = (
+    0.1  # deviation from the command, over the faster track's speed, of radii that differ or a sensor off the centre
+)
+_SIGNIFICANT = 4.0  # standard errors of a twist that are no chance
 
 
 @dataclass(frozen=True)
@@ -37,7 +44,6 @@ class SlipSamples:
     run: tuple[str, ...]  # (n,) names
     covariance: Array | None = None  # (n, 2, 2) of the errors of the twists, if known
     lateral: Array | None = None  # (n,) speed to the left in the frame of the measured heading, if measured [m/s]
-    lateral_stderr: Array | None = None  # (n,) its standard errors [m/s]
     load: Array | None = None  # (n, 2) mean tractions per unit load, along and to the left, if known [-]
 
     def __len__(self) -> int:
@@ -63,45 +69,84 @@ class SlipSamples:
         run: Sequence[str],
         covariance: Array | None = None,
         lateral: Array | None = None,
-        lateral_stderr: Array | None = None,
         load: Array | None = None,
     ) -> SlipSamples:
-        """Samples from steady sprocket speeds and twists (n, 2); Eqs. 2-3.
-
-        With covariances (n, 2, 2) of the twists, lateral speeds (n,), their standard errors (n,) and tractions per
-        unit load (n, 2) if known.
+        """Samples from steady sprocket speeds and twists (n, 2), and more where it is known; Eqs. 2-3.
 
         The slip of a track whose sprocket stands, or nearly so, is undefined: NaN. Raises LogError if both stand or the
         motion is implausible.
         """
         size = np.abs(omega)
-        standing = size < NEARLY_STANDING * size.max(axis=1, keepdims=True)
+        standing = size < _NEARLY_STANDING * size.max(axis=1, keepdims=True)
         slip = np.where(standing, np.nan, track_slip(omega, twist, geometry))
-        yaw_stderr = np.zeros(len(twist)) if covariance is None else np.sqrt(np.maximum(covariance[:, 1, 1], 0.0))
-        require_plausible(omega, twist, slip, geometry, run, yaw_stderr)
-        return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr, load)
+        samples = cls(omega, twist, slip, tuple(run), covariance, lateral, load)
+        _require_plausible(samples, geometry)
+        return samples
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
-        """Concatenate samples."""
-
-        def known(name: str) -> Array | None:
-            values = [value for part in parts if (value := getattr(part, name)) is not None]
-            return np.concatenate(values) if len(values) == len(parts) else None
-
-        return cls(
-            omega=np.concatenate([part.omega for part in parts]),
-            twist=np.concatenate([part.twist for part in parts]),
-            slip=np.concatenate([part.slip for part in parts]),
-            run=tuple(name for part in parts for name in part.run),
-            **{name: known(name) for name in _OPTIONAL},
-        )
+        """Concatenate samples; what some parts lack is left out."""
+        columns: dict[str, Any] = {"run": tuple(name for part in parts for name in part.run)}
+        for name in _COLUMNS:
+            values = [getattr(part, name) for part in parts]
+            columns[name] = None if any(value is None for value in values) else np.concatenate(values)
+        return cls(**columns)
 
     def take(self, rows: np.ndarray) -> SlipSamples:
         """The samples `rows`."""
-        run = tuple(np.array(self.run, object)[rows])
-        optional = {name: None if (values := getattr(self, name)) is None else values[rows] for name in _OPTIONAL}
-        return SlipSamples(self.omega[rows], self.twist[rows], self.slip[rows], run, **optional)
+        columns = {name: None if (values := getattr(self, name)) is None else values[rows] for name in _COLUMNS}
+        return replace(self, run=tuple(np.array(self.run, object)[rows]), **columns)
+
+    def relative_errors(self, twist: Array, geometry: RobotGeometry) -> Array:
+        """Errors (n, 2) of the track speeds of predicted twists (n, 2), relative to the faster sprocket's."""
+        missed = track_speeds(twist - self.twist, geometry.half_gauge)
+        return missed / (geometry.sprocket_radius * np.abs(self.omega).max(axis=1, keepdims=True))
+
+    def by_command(self, geometry: RobotGeometry) -> np.ndarray:
+        """Labels (n,), in order, of runs with the same ratio of sprocket speeds and thus the same radius."""
+        commanded = body_twist(self.omega, 0.0, geometry)
+        return _labels(np.arctan2(geometry.half_gauge * commanded[:, 1], commanded[:, 0]))
+
+    def by_speed(self) -> np.ndarray:
+        """Labels (n,), in order, of runs with the same speed of the faster sprocket."""
+        speed = np.abs(self.omega).max(axis=1)
+        return _labels(speed / speed.max())
+
+
+def _labels(values: Array) -> np.ndarray:
+    """Labels (n,) of values (n,) that exceed the smallest of their group by less than repeats do."""
+    labels, label, first = np.zeros(len(values), int), -1, -np.inf
+    for k in np.argsort(values):
+        if values[k] > first + _REPEATED:
+            label, first = label + 1, values[k]
+        labels[k] = label
+    return labels
+
+
+def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
+    """Raise LogError for a run that doesn't move about as its sprockets say: wrong units, signs, sides or gears.
+
+    A robot may lose much of its yaw rate, and its inner track may even be dragged forwards.
+    """
+    length = np.array([1.0, geometry.half_gauge])
+    commanded = body_twist(samples.omega, 0.0, geometry)
+    along, size = length * np.sign(commanded) * samples.twist, length * np.abs(commanded)  # (n, 2) [m/s]
+    covariance = 0.0 if samples.covariance is None else np.einsum("nkk->nk", samples.covariance)
+    error = _SIGNIFICANT * length * np.sqrt(covariance)
+    plausible = (along >= _KEPT[0] * size - error) & (along <= _KEPT[1] * size + error)
+    fastest = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1, keepdims=True)
+    plausible |= np.abs(along - size) <= _ASIDE * fastest
+    for name, omega, by_sprockets, twist, usable in zip(
+        samples.run, samples.omega, commanded, samples.twist, plausible.all(axis=1), strict=True
+    ):
+        if not omega.any():
+            raise LogError(f"run {name!r}: the sprockets stand still")
+        if not usable:
+            moves, says = (f"{v:.3g} m/s and {w:+.3g} rad/s" for v, w in (twist, by_sprockets))
+            raise LogError(
+                f"run {name!r}: it moves at {moves}, but its sprockets say {says}: check the units (rad/s, m/s), the "
+                f"gear, sprocket_radius = {geometry.sprocket_radius:g} m, left and right, and the signs"
+            )
 
 
 @dataclass(frozen=True)
@@ -219,15 +264,10 @@ def true_samples(
 def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSamples:
     """The sample of a steady stretch."""
     steady = MOTION_METHODS[method](part.log, part.window)
+    lateral = None if steady.lateral is None else np.array([steady.lateral])
+    load = None if part.load is None else part.load[None]
     return SlipSamples.of(
-        part.omega[None],
-        steady.twist[None],
-        geometry,
-        [part.name],
-        steady.covariance[None],
-        None if steady.lateral is None else np.array([steady.lateral]),
-        None if steady.lateral_stderr is None else np.array([steady.lateral_stderr]),
-        None if part.load is None else part.load[None],
+        part.omega[None], steady.twist[None], geometry, [part.name], steady.covariance[None], lateral, load
     )
 
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.comparison import compare_laws
-from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
+from trackslip.identification.steady_comparison import compare_laws
+from trackslip.identification.steady_fit import fit_law
 from trackslip.kinematics import RobotGeometry, advance, body_twist
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.icr import ConstantIcr
