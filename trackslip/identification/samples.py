@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -24,13 +22,10 @@ from trackslip.motion.steady import (
     steady_parts,
 )
 
-_COLUMNS = ("omega", "twist", "slip", "covariance", "lateral", "load")  # arrays of SlipSamples
 _NEARLY_STANDING = 0.02  # ratio of sprocket speeds below which the slower track's slip is meaningless [-]
 _REPEATED = 0.01  # difference of commands that are repeats: of their angles [rad], and speeds over the fastest [-]
 _KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # shares of speed and yaw rate, least and most: slip up to 0.8 either way
-_ASIDE = (
-    0.1  # deviation from the command, over the faster track's speed, of radii that differ or a sensor off the centre
-)
+_ASIDE = 0.1  # deviation over the faster track's speed, where sprockets differ or the sensor is off the centre [-]
 _SIGNIFICANT = 4.0  # standard errors of a twist that are no chance
 
 
@@ -83,19 +78,24 @@ class SlipSamples:
         _require_plausible(samples, geometry)
         return samples
 
+    @property
+    def known(self) -> dict[str, Array]:
+        """The arrays that are known, by name."""
+        columns = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "run"}
+        return {name: values for name, values in columns.items() if values is not None}
+
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
         """Concatenate samples; what some parts lack is left out."""
-        columns: dict[str, Any] = {"run": tuple(name for part in parts for name in part.run)}
-        for name in _COLUMNS:
-            values = [getattr(part, name) for part in parts]
-            columns[name] = None if any(value is None for value in values) else np.concatenate(values)
-        return cls(**columns)
+        known = [part.known for part in parts]
+        names = set.intersection(*map(set, known))
+        run = tuple(name for part in parts for name in part.run)
+        return cls(run=run, **{name: np.concatenate([columns[name] for columns in known]) for name in names})
 
     def take(self, rows: np.ndarray) -> SlipSamples:
         """The samples `rows`."""
-        columns = {name: None if (values := getattr(self, name)) is None else values[rows] for name in _COLUMNS}
-        return replace(self, run=tuple(np.array(self.run, object)[rows]), **columns)
+        run = tuple(np.array(self.run, object)[rows])
+        return SlipSamples(run=run, **{name: values[rows] for name, values in self.known.items()})
 
     def relative_errors(self, twist: Array, geometry: RobotGeometry) -> Array:
         """Errors (n, 2) of the track speeds of predicted twists (n, 2), relative to the faster sprocket's."""
@@ -130,7 +130,8 @@ def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
     """
     length = np.array([1.0, geometry.half_gauge])
     commanded = body_twist(samples.omega, 0.0, geometry)
-    along, size = length * np.sign(commanded) * samples.twist, length * np.abs(commanded)  # (n, 2) [m/s]
+    along = length * np.where(commanded < 0, -samples.twist, samples.twist)  # (n, 2) [m/s]
+    size = length * np.abs(commanded)
     covariance = 0.0 if samples.covariance is None else np.einsum("nkk->nk", samples.covariance)
     error = _SIGNIFICANT * length * np.sqrt(covariance)
     plausible = (along >= _KEPT[0] * size - error) & (along <= _KEPT[1] * size + error)
@@ -162,6 +163,15 @@ class Sampling:
     steady_share: float = 1.0
     """Share of the time of driving that is in steady stretches, settling included [-]."""
 
+    @classmethod
+    def of(
+        cls, usable: Sequence[SlipSamples], refused: Sequence[Refused], notes: Sequence[str] = (), share: float = 1.0
+    ) -> Sampling:
+        """The usable samples; raises LogError if there are none."""
+        if not usable:
+            raise LogError(none_usable(refused))
+        return cls(SlipSamples.joined(usable), tuple(refused), tuple(notes), share)
+
 
 def usable_samples(
     logs: Sequence[RunLog],
@@ -173,18 +183,11 @@ def usable_samples(
 ) -> Sampling:
     """The samples of all steady stretches of all runs, and why others give none.
 
-    Args:
-        logs: runs.
-        geometry: of the robot.
-        settle: time at the start of each stretch that is left out [s].
-        method: one of MOTION_METHODS; by default the most accurate that each run allows.
-        refused: runs that were left out before.
-        longest: whether only the longest stretch of each run counts; else a run with several stretches gives as many
-            samples, named by when they begin.
+    Left out are `settle` [s] at the start of each stretch, and runs that were `refused` before. `method` is one of
+    MOTION_METHODS, by default the most accurate that each run allows. With `longest`, only the longest stretch of each
+    run counts; else a run with several stretches gives as many samples, named by when they begin.
 
-    Raises:
-        LogError: if no run gives a sample.
-        InvalidValueError: for an invalid `settle` or `method`.
+    Raises LogError if no run gives a sample, InvalidValueError for an invalid `settle` or `method`.
     """
     require_non_negative("settle", settle)
     if method is not None and method not in MOTION_METHODS:
@@ -211,31 +214,7 @@ def usable_samples(
                     left_out.append(replace(Refused.of(log.run, error), run=piece.name))
         notes += parts[0].notes if len(usable) > before else ()
     moving = sum(_moving_time(log) for log in logs)
-    return _sampling(usable, left_out, notes, min(1.0, steady / moving) if moving > 0 else 1.0)
-
-
-def usable_rows(
-    omega: Array,
-    twist: Array,
-    geometry: RobotGeometry,
-    unread: Mapping[int, str] = MappingProxyType({}),
-    lateral: Array | None = None,
-) -> Sampling:
-    """The usable samples of steady sprocket speeds and twists (n, 2), named row 1, row 2, ...; LogError if none is.
-
-    `unread` are rows that cannot be read, with the reason; `lateral` (n,) are speeds to the left, NaN if unknown [m/s].
-    """
-    left_out, usable = list[Refused](), list[SlipSamples]()
-    for k in range(len(omega)):
-        name = f"row {k + 1}"
-        try:
-            if k in unread:
-                raise LogError(unread[k])
-            left = None if lateral is None else lateral[[k]]
-            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name], lateral=left))
-        except LogError as error:
-            left_out.append(Refused.of(name, error))
-    return _sampling(usable, left_out)
+    return Sampling.of(usable, left_out, notes, min(1.0, steady / moving) if moving > 0 else 1.0)
 
 
 def true_samples(
@@ -269,14 +248,6 @@ def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSampl
     return SlipSamples.of(
         part.omega[None], steady.twist[None], geometry, [part.name], steady.covariance[None], lateral, load
     )
-
-
-def _sampling(
-    usable: Sequence[SlipSamples], left_out: Sequence[Refused], notes: Sequence[str] = (), share: float = 1.0
-) -> Sampling:
-    if not usable:
-        raise LogError(none_usable(left_out))
-    return Sampling(SlipSamples.joined(usable), tuple(left_out), tuple(notes), share)
 
 
 def _moving_time(log: RunLog) -> float:

@@ -119,15 +119,12 @@ def left_out(law: SteadyFit) -> dict[str, Array | None]:
         "speed": folds(samples.by_speed()),
         "run": np.arange(len(samples)) % _FOLDS,
     }
-    twists: dict[str, Array | None] = {}
+    twists: dict[str, Array | None] = dict.fromkeys(ways)
     for way, labels in ways.items():
         rest = len(labels) - np.bincount(labels).max()
         if 2 * rest > len(fit.values):
-            values = fit.without(labels)[labels]
-            twist = fit.family.law(values, geometry).twist(samples.omega, geometry)
-            twists[way] = np.broadcast_to(twist, samples.twist.shape)
-        else:
-            twists[way] = None
+            law_of_run = fit.family.law(fit.without(labels)[labels], geometry)
+            twists[way] = np.broadcast_to(law_of_run.twist(samples.omega, geometry), samples.twist.shape)
     return twists
 
 
@@ -151,22 +148,14 @@ def _best(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Mapping[str, Ar
         return min(scores, key=lambda name: (len(laws[name].values), scores[name]))
 
     fit = next(iter(laws.values())).fit
-    samples, geometry = fit.samples, fit.geometry
-    noise = fit.measurement.mean(axis=1) + max(_NEGLIGIBLE, min(law.scatter for law in laws.values())) ** 2
-    weight = 1 / noise / np.mean(1 / noise)
-    squares: dict[str, dict[str, Array]] = {"radius": {}, "run": {}}  # weighted, (n,), of relative errors
-    for name in laws:
-        for way, of_laws in squares.items():
-            if (twist := predicted[name][way]) is not None:
-                of_laws[name] = weight * np.mean(samples.relative_errors(twist, geometry) ** 2, axis=1)
-    radii = samples.by_command(geometry).max() + 1
-    way = "radius" if radii >= _FEWEST_RADII and squares["radius"] else "run"
-    if len(samples) >= FEWEST_BLOCKS and squares[way]:
-        good = _as_good(squares[way])
-        good = _as_good({name: squares["run"][name] for name in good if name in squares["run"]}) or good
-        what = "radii" if way == "radius" else "runs"
+    radii, runs = (_squares(laws, {name: predicted[name][way] for name in laws}) for way in ("radius", "run"))
+    many = fit.samples.by_command(fit.geometry).max() + 1 >= _FEWEST_RADII
+    squares, what = (radii, "radii") if radii and many else (runs, "runs")
+    if squares and len(fit.samples) >= FEWEST_BLOCKS:
+        good = _as_good(squares)
+        good = _as_good({name: runs[name] for name in good if name in runs}) or good
         why = f"it is the simplest of those that predict left-out {what} as well as any, within a standard error"
-        return simplest({name: float(squares[way][name].mean()) for name in good}), why
+        return simplest({name: float(squares[name].mean()) for name in good}), why
     aicc = {name: law.aicc for name, law in laws.items() if law.aicc is not None}
     if aicc:
         near = {name: value for name, value in aicc.items() if value <= min(aicc.values()) + _INDISTINCT}
@@ -174,6 +163,18 @@ def _best(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Mapping[str, Ar
         return simplest(near), why
     least = min(laws, key=lambda name: laws[name].scatter)
     return least, "it scatters least; the runs are too few for anything else"
+
+
+def _squares(laws: Mapping[str, SteadyFit], twists: Mapping[str, Array | None]) -> dict[str, Array]:
+    """Mean squares (n,) of the relative errors of the track speeds by law, weighted by the runs' variances."""
+    fit = next(iter(laws.values())).fit
+    scatter = max(_NEGLIGIBLE, min(law.scatter for law in laws.values()))
+    weight = 1 / (fit.measurement.mean(axis=1) + scatter**2)
+    return {
+        name: weight / weight.mean() * np.mean(fit.samples.relative_errors(twist, fit.geometry) ** 2, axis=1)
+        for name, twist in twists.items()
+        if twist is not None
+    }
 
 
 def _as_good(squares: Mapping[str, Array]) -> list[str]:
