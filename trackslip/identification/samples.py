@@ -225,7 +225,7 @@ def true_samples(
     `of_plate` takes the motion of the scanned plate, which leans outwards with the robot: it moves along a wider
     circle, faster by the yaw rate times the lean. Raises LogError if a run has no truth or no steady stretch.
     """
-    found = []
+    samples = []
     for log in logs:
         truth = log.truth
         if truth is None or (of_plate and truth.lean is None):
@@ -236,8 +236,8 @@ def true_samples(
             twist = np.column_stack([twist[:, 0] - twist[:, 1] * truth.lean[part.rows], twist[:, 1]])
         load = None if part.load is None else part.load[None]
         mean = twist.mean(axis=0)[None]
-        found.append(SlipSamples.of(part.omega[None], mean, geometry, [part.name], load=load))
-    return SlipSamples.joined(found)
+        samples.append(SlipSamples.of(part.omega[None], mean, geometry, [part.name], load=load))
+    return SlipSamples.joined(samples)
 
 
 def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSamples:

@@ -33,8 +33,8 @@ from trackslip.metrics import rms
 
 _EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
 _MOST = 50  # steps of a fit, and fits with a new scatter; where samples determine a law, 20 and 6 do
-_STEPS = 4  # steps of a fit to a part of the runs, from the fit to all: a fifth changes no digit that is printed
-_SETTLED = 1e-5  # relative change of the scatter at which a fit has converged; of chi-square, its square
+_STEPS = 4  # steps of a fit to a part of the runs, from the fit to all; errors of laws that fit change by 1e-3
+_SETTLED = 1e-4  # relative change of the scatter at which a fit has converged; of chi-square, its square
 _SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_fast_robots)
 _VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_identification)
 
@@ -172,10 +172,10 @@ class Fit:
         def jacobian(values: Array) -> Array:
             return -(self._slopes(values[None])[0] / error[..., None]).reshape(-1, len(values))
 
-        found = least_squares(
+        result = least_squares(
             residual, self.values, jacobian, (low, high), "dogbox", _SETTLED**2, x_scale=scale, max_nfev=_MOST
         )
-        return replace(self, values=found.x)
+        return replace(self, values=result.x)
 
     def expected_scatter(self) -> float:
         """tau at which chi-square equals its expectation, after Paule and Mandel (1982).
