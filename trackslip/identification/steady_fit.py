@@ -32,10 +32,10 @@ from trackslip.laws.families import LawFamily, family
 from trackslip.metrics import rms
 
 _EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
-_MOST = 50  # steps of a fit, and fits with a new scatter; where samples determine a law, 20 and 6 do
-_STEPS = 4  # steps of a fit to a part of the runs, from the fit to all; errors of laws that fit change by 1e-3
+_MOST = 50  # steps of a fit; up to 30 where the samples determine the law
+_STEPS = 4  # steps from the fit to all runs to that of a part; errors of laws that fit are right to 1e-3
 _SETTLED = 1e-4  # relative change of the scatter at which a fit has converged; of chi-square, its square
-_SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_fast_robots)
+_SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_identification)
 _VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_identification)
 
 
@@ -127,7 +127,7 @@ class Fit:
         axes, measurement = vectors.swapaxes(1, 2) @ to_tracks, np.maximum(measurement, _EXACT**2)
         starts = (cls(family, samples, geometry, axes, measurement, x, 1.0) for x in family.starts(geometry.half_gauge))
         fit = min((start.minimum() for start in starts), key=lambda fit: np.sum(fit.missed**2 / fit.variance))
-        for _ in range(10):
+        for _ in range(10):  # 2 or 3 where the samples determine the law
             scatter = fit.expected_scatter()
             if abs(scatter - fit.scatter) <= _SETTLED * scatter:
                 break
