@@ -23,8 +23,8 @@ from trackslip.motion.steady import (
 )
 
 _NEARLY_STANDING = 0.02  # ratio of sprocket speeds below which the slower track's slip is meaningless [-]
-_REPEATED = 0.01  # difference of commands that are repeats: of their angles [rad], and speeds over the fastest [-]
-_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # shares of speed and yaw rate, least and most: slip up to 0.8 either way
+_REPEATED = 0.01  # difference of repeats (test_samples): of commands' angles [rad], of speeds over the fastest [-]
+_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and most share of speed, yaw rate (test_samples)
 _ASIDE = 0.1  # deviation over the faster track's speed, where sprockets differ or the sensor is off the centre [-]
 _SIGNIFICANT = 4.0  # standard errors of a twist that are no chance
 

@@ -18,7 +18,7 @@ from trackslip.metrics import rms
 
 BASELINES = ("none", "exponential", "icr")
 """Laws that are always reported, for others to be compared with."""
-_FOLDS = 10  # most parts that samples are divided into for a cross-validation
+_FOLDS = 10  # most parts of a cross-validation (Kohavi, 1995)
 _FEWEST_RADII = 3  # parts by radius from which laws are judged by radii
 _NEGLIGIBLE = 1e-3  # relative error of the track speeds that no ground and no encoder repeats, and no law need predict
 _INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred (Burnham and Anderson, 2002)
