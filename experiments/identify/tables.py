@@ -5,10 +5,10 @@ from math import degrees
 from experiments.common.laws import law_cell, symbol, unit_of, with_interval
 from experiments.common.table import MISSING, Cell, Table, number, pair
 from trackslip.errors import counted
-from trackslip.identification.comparison import TODAY, Comparison, DriveComparison, SteadyComparison
+from trackslip.identification.comparison import TODAY, Comparison, DriveComparison
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.path import EXTRAS
-from trackslip.identification.weighting import relative_errors
+from trackslip.identification.steady_comparison import SteadyComparison
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.families import GAINS
@@ -57,20 +57,20 @@ def value_text(fit: FittedLaw, name: str) -> str:
 
 def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Table:
     """The fitted laws by AICc, the smallest first; the published one last."""
-    least = min((value for value in comparison.aicc.values() if value is not None), default=0.0)
+    least = min((law.aicc for law in comparison.laws.values() if law.aicc is not None), default=0.0)
     rows: list[tuple[str | Cell, ...]] = []
     for name in comparison.ranking:
-        fit, aicc, errors = comparison.laws[name], comparison.aicc[name], comparison.validation[name]
+        fit, errors = comparison.laws[name], comparison.validation[name]
         cells = (
             str(len(fit.values)),
             number(fit.rms, 5),
-            number(None if aicc is None else aicc - least, 1),
+            number(None if fit.aicc is None else fit.aicc - least, 1),
             *(number(error, 5) for error in (errors.radius, errors.speed, errors.run)),
             *(number(None if error is None else 1e3 * error, 2) for error in (errors.linear_speed, errors.yaw_rate)),
         )
         rows.append((law_cell(name, name == comparison.best, formula=False), *cells))
     samples = comparison.samples
-    residual = rms(relative_errors(PUBLISHED.twist(samples.omega, geometry), samples, geometry))
+    residual = rms(samples.relative_errors(PUBLISHED.twist(samples.omega, geometry), geometry))
     rows.append((law_cell("published", formula=False), "0", number(residual, 5), *[MISSING] * 6))
     header = ("law", "free", "rms", "AICc", "cv radius", "cv speed", "cv run", "cv v [mm/s]", "cv w [mrad/s]")
     return Table("Laws compared, by AICc", header, rows, note=_CRITERIA_NOTE)

@@ -12,8 +12,8 @@ from sim.ground.named import load_ground
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.identification.comparison import compare_laws
 from trackslip.identification.law_fit import fit_drives, prepared
+from trackslip.identification.steady_comparison import compare_laws
 from trackslip.localization.plate import PlateLocator
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import steady_parts

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
-from trackslip.identification.comparison import SteadyComparison
-from trackslip.identification.fitted import fit_law
 from trackslip.identification.result import Identification
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.steady_prediction import CrossValidation, RunPredictions
+from trackslip.identification.steady_comparison import CrossValidation, SteadyComparison, left_out
+from trackslip.identification.steady_fit import fit_law
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import Refused
@@ -38,19 +38,17 @@ def grid(*, side=1):
 def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determined=True):
     """Laws fitted to samples; `determined=False` imitates samples too few for a comparison."""
     laws = {name: fit_law(name, samples, GEOMETRY) for name in names}
-    aicc = {name: law.aicc(len(samples)) if determined else None for name, law in laws.items()}
+    if not determined:
+        laws = {name: replace(law, aicc=None) for name, law in laws.items()}
     unknown = CrossValidation(None, None, None, None, None)
     comparison = SteadyComparison(
         samples=samples,
         laws=laws,
-        aicc=aicc,
-        weight={name: (1.0 if name == best else 0.0) if determined else None for name in laws},
         validation={
-            name: RunPredictions.of(law, samples, GEOMETRY).errors(samples, GEOMETRY) if determined else unknown
+            name: CrossValidation.of(left_out(law), samples, GEOMETRY) if determined else unknown
             for name, law in laws.items()
         },
         best=best,
-        criterion="left-out radii" if determined else "scatter",
         reason="it predicts best",
         expressible=best,
         warnings=("law exponential_speed: the samples don't determine gamma_outer",),

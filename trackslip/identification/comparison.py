@@ -8,16 +8,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from trackslip.errors import LogError
 from trackslip.identification.first_look import Alarm, Look
-from trackslip.identification.fitted import FittedLaw, SteadyFit, fit_law
+from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.gains import Gain
 from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives, held_out
 from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import Pairs, PredictionErrors, ranked, sizes
 from trackslip.identification.preparation import PreparedDrive
-from trackslip.identification.samples import SlipSamples
-from trackslip.identification.steady_prediction import CrossValidation, RunPredictions, best_predictors
 from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
@@ -26,19 +23,8 @@ from trackslip.se2 import Mounting
 Fit = TypeVar("Fit", bound=FittedLaw)
 TODAY = "today"
 """Name of the prediction without identification: dead reckoning without slip."""
-BASELINES = ("none", "exponential", "icr")
-"""Laws that are always reported, for others to be compared with."""
-_WITHOUT_RADIUS = ("none", "constant")  # laws that do not describe turning
-_INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred
-_MIN_LOADS = 1e-3  # range of the tractions per unit load from which their effect may show [-]
 _WORSE = 1.1  # ratio of median errors that is worse
 _LEAST_ERROR = 1e-3  # difference of errors that nobody notices [m, rad]
-_WHY = {
-    "left-out radii": "it is the simplest of those that predict left-out radii as well as any, within a standard error",
-    "left-out runs": "it is the simplest of those that predict left-out runs as well as any, within a standard error",
-    "AICc": "it is the simplest of those whose AICc is within 2 of the smallest; the runs are too few for predictions",
-    "scatter": "it scatters least; the runs are too few for anything else",
-}
 _FAST, _OFTEN = 0.5, 0.05  # lateral acceleration from which slip by it may show [m/s^2], and share of the driving
 
 
@@ -64,30 +50,6 @@ class Comparison:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SteadyComparison(Comparison):
-    """Laws identified from steady samples."""
-
-    samples: SlipSamples
-    """The samples that the laws were fitted to."""
-    laws: Mapping[str, SteadyFit]
-    """Fits by name of the law."""
-    aicc: Mapping[str, float | None]
-    """Corrected Akaike information criterion; None for too few samples."""
-    weight: Mapping[str, float | None]
-    """Akaike weights: the probability of each law to predict best among these [-]."""
-    validation: Mapping[str, CrossValidation]
-    """Cross-validation by name of the law."""
-    criterion: str
-    """Criterion of the best law: `left-out radii`, `left-out runs`, `AICc` or `scatter`, as the samples allow."""
-
-    @property
-    def ranking(self) -> tuple[str, ...]:
-        """Names of the laws in order of AICc, smallest first; those without one follow in order of scatter."""
-        aicc = {name: np.inf if value is None else value for name, value in self.aicc.items()}
-        return tuple(sorted(self.laws, key=lambda name: (aicc[name], self.laws[name].scatter)))
-
-
-@dataclass(frozen=True, kw_only=True)
 class DriveComparison(Comparison):
     """Laws identified from drives, and compared by predictions of driving that they were not fitted to."""
 
@@ -110,52 +72,6 @@ class DriveComparison(Comparison):
         return tuple(sorted(self.laws, key=lambda name: (name != self.best, self.score.get(name, 0.0))))
 
 
-def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyComparison:
-    """Fit all families that the samples determine, and the baselines in any case, and compare them.
-
-    Raises LogError if the samples determine no law of turning.
-    """
-    laws: dict[str, SteadyFit] = {}
-    warnings: list[str] = []
-    sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
-    fast = _turns_fast(samples.omega, geometry)
-    for name, family in FAMILIES.items():
-        if not family.of_runs or (family.fast and not fast):
-            continue
-        if family.two_sided and min((sides > 0).sum(), (sides < 0).sum()) < 2:
-            continue
-        if family.loaded and (samples.load is None or np.ptp(samples.load) < _MIN_LOADS):
-            continue
-        try:
-            laws[name] = fit_law(name, samples, geometry, vague=name in BASELINES)
-            warnings += laws[name].notes
-        except LogError as error:
-            warnings.append(str(error))
-    if not any(law.determined for name, law in laws.items() if name not in _WITHOUT_RADIUS):
-        raise LogError(next(why for why in warnings if why.startswith("law icr:")))
-    predictions = {name: RunPredictions.of(law, samples, geometry) for name, law in laws.items()}
-    validation = {name: one.errors(samples, geometry) for name, one in predictions.items()}
-    aicc = {name: law.aicc(len(samples)) for name, law in laws.items()}
-    known = {name: law for name, law in laws.items() if law.determined}
-    scatter = min(law.scatter for law in known.values())
-    predictors = best_predictors({name: predictions[name] for name in known}, samples, geometry, scatter)
-    best, criterion = _best_of_samples(known, predictors, aicc)
-    linear = _expressible(known)
-    predictors = best_predictors({name: predictions[name] for name in linear}, samples, geometry, scatter)
-    return SteadyComparison(
-        samples=samples,
-        laws=laws,
-        aicc=aicc,
-        weight=_weights(aicc),
-        validation=validation,
-        best=best,
-        criterion=criterion,
-        reason=_WHY[criterion],
-        expressible=best if best in linear else _best_of_samples(linear, predictors, aicc)[0],
-        warnings=tuple(warnings),
-    )
-
-
 def compare_drives(
     drives: Sequence[PreparedDrive],
     geometry: RobotGeometry,
@@ -169,7 +85,7 @@ def compare_drives(
 
     By default, all families that are made for drives. Raises LogError if no law can be fitted.
     """
-    fast = names is not None or _turns_fast(np.concatenate([drive.omega for drive in drives]), geometry)
+    fast = names is not None or turns_fast(np.concatenate([drive.omega for drive in drives]), geometry)
     two = gains(look, geometry)
     reference = fit_drives(REFERENCE, drives, geometry, sensor, start=start_of(look, geometry), lag=lag)
     laws, notes = {}, list(look.notes)
@@ -185,19 +101,19 @@ def compare_drives(
     models = {name: DriveModel(FAMILIES[law], geometry, reference.fit.model.gyro) for name, law in plain.items()}
     values = {name: _placed(models[name], sensor, two if name == GAINS else {}) for name in plain}
     known = {name: pairs.errors(models[name], values[name][None]) for name in plain}
-    linear = _expressible(laws)
+    linear = expressible(laws)
     terms = {name: len(law.values) + 0.5 * (name not in linear) for name, law in laws.items()}
     ranking = ranked(errors, terms, pairs)
     best = ranking.best if ranking else REFERENCE
     among = ranked({name: errors[name] for name in linear}, terms, pairs)
     alarms = [*look.alarms, *_alarms(laws[best], errors[best], known, pairs)]
-    expressible = best if best in linear or among is None else among.best
+    deployed = best if best in linear or among is None else among.best
     reason = ranking.reason if ranking else "no motion can be predicted: the drives are too short"
     low, high, _ = FAMILIES[GAINS].limits(geometry.half_gauge)
     possible = bool(np.all((low <= [*two.values()]) & ([*two.values()] <= high)))
     if possible and any(alarm.kind == "gains" for alarm in alarms):
         laws[GAINS] = _gains_fit(look, two, reference)
-        best = expressible = GAINS
+        best = deployed = GAINS
         reason = "gains by regression predict better than every law that was fitted"
     return DriveComparison(
         drives=tuple(drives),
@@ -207,7 +123,7 @@ def compare_drives(
         score=ranking.score if ranking else {},
         best=best,
         reason=reason,
-        expressible=expressible,
+        expressible=deployed,
         alarms=tuple(alarms),
         warnings=tuple(notes),
     )
@@ -289,41 +205,12 @@ def _alarms(law: DriveFit, error: Array, known: Mapping[str, Array], pairs: Pair
     return alarms
 
 
-def _expressible(laws: Mapping[str, Fit]) -> dict[str, Fit]:
+def expressible(laws: Mapping[str, Fit]) -> dict[str, Fit]:
     """The laws that a differential drive's odometry can express."""
     return {name: law for name, law in laws.items() if "ros2_control" in FAMILIES[name].targets}
 
 
-def _turns_fast(omega: Array, geometry: RobotGeometry) -> bool:
+def turns_fast(omega: Array, geometry: RobotGeometry) -> bool:
     """True if sprocket speeds (n, 2) [rad/s] often demand a lateral acceleration that makes robots skid."""
     v, w = body_twist(omega, 0.0, geometry).T
     return bool(np.mean(np.abs(v * w) > _FAST) > _OFTEN)
-
-
-def _weights(aicc: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Akaike weights; None where the criterion is not known."""
-    known = {name: value for name, value in aicc.items() if value is not None}
-    least = min(known.values(), default=0.0)
-    likelihood = {name: float(np.exp((least - value) / 2)) for name, value in known.items()}
-    total = sum(likelihood.values())
-    return {name: likelihood[name] / total if name in likelihood else None for name in aicc}
-
-
-def _best_of_samples(
-    laws: Mapping[str, SteadyFit],
-    predictors: tuple[Mapping[str, float], str] | None,
-    aicc: Mapping[str, float | None],
-) -> tuple[str, str]:
-    """The best law, and what it was chosen by.
-
-    It is the simplest of the laws that predict as well as any other and, of equally simple ones, the one that predicts
-    best. Where the samples are too few for predictions, the criterion, or else the scatter, stands in.
-    """
-    if predictors is not None:
-        errors, criterion = predictors
-        return min(errors, key=lambda name: (len(laws[name].values), errors[name])), criterion
-    known = {name: value for name in laws if (value := aicc[name]) is not None}
-    if known:
-        near = [name for name, value in known.items() if value <= min(known.values()) + _INDISTINCT]
-        return min(near, key=lambda name: (len(laws[name].values), known[name])), "AICc"
-    return min(laws, key=lambda name: laws[name].scatter), "scatter"

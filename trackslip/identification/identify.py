@@ -8,12 +8,13 @@ from pathlib import Path
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.comparison import DriveComparison, compare_drives, compare_laws
+from trackslip.identification.comparison import DriveComparison, compare_drives
 from trackslip.identification.first_look import first_look
 from trackslip.identification.preparation import drives_of
 from trackslip.identification.result import Identification, Method
 from trackslip.identification.samples import Sampling
 from trackslip.identification.source import ReadOptions, Source, read_source, source_of_runs
+from trackslip.identification.steady_comparison import compare_laws
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.motion.constant_speed import SETTLE

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from html import escape
 from importlib.metadata import entry_points
@@ -12,12 +12,13 @@ from typing import Any, Literal
 import numpy as np
 
 from trackslip.errors import OutputError, TrackslipError, counted
-from trackslip.identification.comparison import Comparison, DriveComparison, SteadyComparison
+from trackslip.identification.comparison import Comparison, DriveComparison
 from trackslip.identification.first_look import Alarm
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.gains import Gain
 from trackslip.identification.law_fit import REFERENCE
 from trackslip.identification.samples import SlipSamples
+from trackslip.identification.steady_comparison import SteadyComparison
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
@@ -270,7 +271,7 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
             "reason": drive.reason,
             "drives": [one.name for one in drive.drives],
             "score": dict(drive.score),
-            "laws": {name: _content(law, _UNSTORED) for name, law in drive.laws.items()},
+            "laws": {name: _content(law) for name, law in drive.laws.items()},
         }
         content["look"] = drive.look.to_json()
         content["prediction"] = {
@@ -287,11 +288,10 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
 
 def _steady_law(name: str, found: SteadyComparison) -> dict[str, Any]:
     errors = {f"cv_{key}": error for key, error in asdict(found.validation[name]).items()}
-    law = _content(found.laws[name], (*_UNSTORED, "likelihood"))
-    return law | {"aicc": found.aicc[name], "weight": found.weight[name]} | errors
+    return _content(found.laws[name]) | errors
 
 
-def _content(law: FittedLaw, unstored: Sequence[str]) -> dict[str, Any]:
+def _content(law: FittedLaw) -> dict[str, Any]:
     """The fields of a fit, but for some."""
-    found = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in unstored}
+    found = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in _UNSTORED}
     return found | {"correlation": law.correlation.tolist()}

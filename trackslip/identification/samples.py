@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
-from trackslip.identification.plausibility import NEARLY_STANDING, require_plausible
-from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
+from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, track_slip, track_speeds
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.motion.constant_speed import SETTLE
 from trackslip.motion.methods import MOTION_METHODS, best_method
@@ -24,7 +22,11 @@ from trackslip.motion.steady import (
     steady_parts,
 )
 
-_OPTIONAL = ("covariance", "lateral", "lateral_stderr", "load")  # fields of SlipSamples
+_NEARLY_STANDING = 0.02  # ratio of sprocket speeds below which the slower track's slip is meaningless [-]
+_REPEATED = 0.01  # difference of repeats (test_samples): of commands' angles [rad], of speeds over the fastest [-]
+_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and most share of speed, yaw rate (test_samples)
+_ASIDE = 0.1  # deviation over the faster track's speed, where sprockets differ or the sensor is off the centre [-]
+_SIGNIFICANT = 4.0  # standard errors of a twist that are no chance
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,6 @@ class SlipSamples:
     run: tuple[str, ...]  # (n,) names
     covariance: Array | None = None  # (n, 2, 2) of the errors of the twists, if known
     lateral: Array | None = None  # (n,) speed to the left in the frame of the measured heading, if measured [m/s]
-    lateral_stderr: Array | None = None  # (n,) its standard errors [m/s]
     load: Array | None = None  # (n, 2) mean tractions per unit load, along and to the left, if known [-]
 
     def __len__(self) -> int:
@@ -63,45 +64,90 @@ class SlipSamples:
         run: Sequence[str],
         covariance: Array | None = None,
         lateral: Array | None = None,
-        lateral_stderr: Array | None = None,
         load: Array | None = None,
     ) -> SlipSamples:
-        """Samples from steady sprocket speeds and twists (n, 2); Eqs. 2-3.
-
-        With covariances (n, 2, 2) of the twists, lateral speeds (n,), their standard errors (n,) and tractions per
-        unit load (n, 2) if known.
+        """Samples from steady sprocket speeds and twists (n, 2), and more where it is known; Eqs. 2-3.
 
         The slip of a track whose sprocket stands, or nearly so, is undefined: NaN. Raises LogError if both stand or the
         motion is implausible.
         """
         size = np.abs(omega)
-        standing = size < NEARLY_STANDING * size.max(axis=1, keepdims=True)
+        standing = size < _NEARLY_STANDING * size.max(axis=1, keepdims=True)
         slip = np.where(standing, np.nan, track_slip(omega, twist, geometry))
-        yaw_stderr = np.zeros(len(twist)) if covariance is None else np.sqrt(np.maximum(covariance[:, 1, 1], 0.0))
-        require_plausible(omega, twist, slip, geometry, run, yaw_stderr)
-        return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr, load)
+        samples = cls(omega, twist, slip, tuple(run), covariance, lateral, load)
+        _require_plausible(samples, geometry)
+        return samples
+
+    @property
+    def known(self) -> dict[str, Array]:
+        """The arrays that are known, by name."""
+        columns = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "run"}
+        return {name: values for name, values in columns.items() if values is not None}
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
-        """Concatenate samples."""
-
-        def known(name: str) -> Array | None:
-            values = [value for part in parts if (value := getattr(part, name)) is not None]
-            return np.concatenate(values) if len(values) == len(parts) else None
-
-        return cls(
-            omega=np.concatenate([part.omega for part in parts]),
-            twist=np.concatenate([part.twist for part in parts]),
-            slip=np.concatenate([part.slip for part in parts]),
-            run=tuple(name for part in parts for name in part.run),
-            **{name: known(name) for name in _OPTIONAL},
-        )
+        """Concatenate samples; what some parts lack is left out."""
+        known = [part.known for part in parts]
+        names = set.intersection(*map(set, known))
+        run = tuple(name for part in parts for name in part.run)
+        return cls(run=run, **{name: np.concatenate([columns[name] for columns in known]) for name in names})
 
     def take(self, rows: np.ndarray) -> SlipSamples:
         """The samples `rows`."""
         run = tuple(np.array(self.run, object)[rows])
-        optional = {name: None if (values := getattr(self, name)) is None else values[rows] for name in _OPTIONAL}
-        return SlipSamples(self.omega[rows], self.twist[rows], self.slip[rows], run, **optional)
+        return SlipSamples(run=run, **{name: values[rows] for name, values in self.known.items()})
+
+    def relative_errors(self, twist: Array, geometry: RobotGeometry) -> Array:
+        """Errors (n, 2) of the track speeds of predicted twists (n, 2), relative to the faster sprocket's."""
+        missed = track_speeds(twist - self.twist, geometry.half_gauge)
+        return missed / (geometry.sprocket_radius * np.abs(self.omega).max(axis=1, keepdims=True))
+
+    def by_command(self, geometry: RobotGeometry) -> np.ndarray:
+        """Labels (n,), in order, of runs with the same ratio of sprocket speeds and thus the same radius."""
+        commanded = body_twist(self.omega, 0.0, geometry)
+        return _labels(np.arctan2(geometry.half_gauge * commanded[:, 1], commanded[:, 0]))
+
+    def by_speed(self) -> np.ndarray:
+        """Labels (n,), in order, of runs with the same speed of the faster sprocket."""
+        speed = np.abs(self.omega).max(axis=1)
+        return _labels(speed / speed.max())
+
+
+def _labels(values: Array) -> np.ndarray:
+    """Labels (n,) of values (n,) that exceed the smallest of their group by less than repeats do."""
+    labels, label, first = np.zeros(len(values), int), -1, -np.inf
+    for k in np.argsort(values):
+        if values[k] > first + _REPEATED:
+            label, first = label + 1, values[k]
+        labels[k] = label
+    return labels
+
+
+def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
+    """Raise LogError for a run that doesn't move about as its sprockets say: wrong units, signs, sides or gears.
+
+    A robot may lose much of its yaw rate, and its inner track may even be dragged forwards.
+    """
+    length = np.array([1.0, geometry.half_gauge])
+    commanded = body_twist(samples.omega, 0.0, geometry)
+    along = length * np.where(commanded < 0, -samples.twist, samples.twist)  # (n, 2) [m/s]
+    size = length * np.abs(commanded)
+    covariance = 0.0 if samples.covariance is None else np.einsum("nkk->nk", samples.covariance)
+    error = _SIGNIFICANT * length * np.sqrt(covariance)
+    plausible = (along >= _KEPT[0] * size - error) & (along <= _KEPT[1] * size + error)
+    fastest = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1, keepdims=True)
+    plausible |= np.abs(along - size) <= _ASIDE * fastest
+    for name, omega, by_sprockets, twist, usable in zip(
+        samples.run, samples.omega, commanded, samples.twist, plausible.all(axis=1), strict=True
+    ):
+        if not omega.any():
+            raise LogError(f"run {name!r}: the sprockets stand still")
+        if not usable:
+            moves, says = (f"{v:.3g} m/s and {w:+.3g} rad/s" for v, w in (twist, by_sprockets))
+            raise LogError(
+                f"run {name!r}: it moves at {moves}, but its sprockets say {says}: check the units (rad/s, m/s), the "
+                f"gear, sprocket_radius = {geometry.sprocket_radius:g} m, left and right, and the signs"
+            )
 
 
 @dataclass(frozen=True)
@@ -117,6 +163,15 @@ class Sampling:
     steady_share: float = 1.0
     """Share of the time of driving that is in steady stretches, settling included [-]."""
 
+    @classmethod
+    def of(
+        cls, usable: Sequence[SlipSamples], refused: Sequence[Refused], notes: Sequence[str] = (), share: float = 1.0
+    ) -> Sampling:
+        """The usable samples; raises LogError if there are none."""
+        if not usable:
+            raise LogError(none_usable(refused))
+        return cls(SlipSamples.joined(usable), tuple(refused), tuple(notes), share)
+
 
 def usable_samples(
     logs: Sequence[RunLog],
@@ -128,18 +183,11 @@ def usable_samples(
 ) -> Sampling:
     """The samples of all steady stretches of all runs, and why others give none.
 
-    Args:
-        logs: runs.
-        geometry: of the robot.
-        settle: time at the start of each stretch that is left out [s].
-        method: one of MOTION_METHODS; by default the most accurate that each run allows.
-        refused: runs that were left out before.
-        longest: whether only the longest stretch of each run counts; else a run with several stretches gives as many
-            samples, named by when they begin.
+    Left out are `settle` [s] at the start of each stretch, and runs that were `refused` before. `method` is one of
+    MOTION_METHODS, by default the most accurate that each run allows. With `longest`, only the longest stretch of each
+    run counts; else a run with several stretches gives as many samples, named by when they begin.
 
-    Raises:
-        LogError: if no run gives a sample.
-        InvalidValueError: for an invalid `settle` or `method`.
+    Raises LogError if no run gives a sample, InvalidValueError for an invalid `settle` or `method`.
     """
     require_non_negative("settle", settle)
     if method is not None and method not in MOTION_METHODS:
@@ -166,31 +214,7 @@ def usable_samples(
                     left_out.append(replace(Refused.of(log.run, error), run=piece.name))
         notes += parts[0].notes if len(usable) > before else ()
     moving = sum(_moving_time(log) for log in logs)
-    return _sampling(usable, left_out, notes, min(1.0, steady / moving) if moving > 0 else 1.0)
-
-
-def usable_rows(
-    omega: Array,
-    twist: Array,
-    geometry: RobotGeometry,
-    unread: Mapping[int, str] = MappingProxyType({}),
-    lateral: Array | None = None,
-) -> Sampling:
-    """The usable samples of steady sprocket speeds and twists (n, 2), named row 1, row 2, ...; LogError if none is.
-
-    `unread` are rows that cannot be read, with the reason; `lateral` (n,) are speeds to the left, NaN if unknown [m/s].
-    """
-    left_out, usable = list[Refused](), list[SlipSamples]()
-    for k in range(len(omega)):
-        name = f"row {k + 1}"
-        try:
-            if k in unread:
-                raise LogError(unread[k])
-            left = None if lateral is None else lateral[[k]]
-            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name], lateral=left))
-        except LogError as error:
-            left_out.append(Refused.of(name, error))
-    return _sampling(usable, left_out)
+    return Sampling.of(usable, left_out, notes, min(1.0, steady / moving) if moving > 0 else 1.0)
 
 
 def true_samples(
@@ -201,7 +225,7 @@ def true_samples(
     `of_plate` takes the motion of the scanned plate, which leans outwards with the robot: it moves along a wider
     circle, faster by the yaw rate times the lean. Raises LogError if a run has no truth or no steady stretch.
     """
-    found = []
+    samples = []
     for log in logs:
         truth = log.truth
         if truth is None or (of_plate and truth.lean is None):
@@ -212,31 +236,18 @@ def true_samples(
             twist = np.column_stack([twist[:, 0] - twist[:, 1] * truth.lean[part.rows], twist[:, 1]])
         load = None if part.load is None else part.load[None]
         mean = twist.mean(axis=0)[None]
-        found.append(SlipSamples.of(part.omega[None], mean, geometry, [part.name], load=load))
-    return SlipSamples.joined(found)
+        samples.append(SlipSamples.of(part.omega[None], mean, geometry, [part.name], load=load))
+    return SlipSamples.joined(samples)
 
 
 def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSamples:
     """The sample of a steady stretch."""
     steady = MOTION_METHODS[method](part.log, part.window)
+    lateral = None if steady.lateral is None else np.array([steady.lateral])
+    load = None if part.load is None else part.load[None]
     return SlipSamples.of(
-        part.omega[None],
-        steady.twist[None],
-        geometry,
-        [part.name],
-        steady.covariance[None],
-        None if steady.lateral is None else np.array([steady.lateral]),
-        None if steady.lateral_stderr is None else np.array([steady.lateral_stderr]),
-        None if part.load is None else part.load[None],
+        part.omega[None], steady.twist[None], geometry, [part.name], steady.covariance[None], lateral, load
     )
-
-
-def _sampling(
-    usable: Sequence[SlipSamples], left_out: Sequence[Refused], notes: Sequence[str] = (), share: float = 1.0
-) -> Sampling:
-    if not usable:
-        raise LogError(none_usable(left_out))
-    return Sampling(SlipSamples.joined(usable), tuple(left_out), tuple(notes), share)
 
 
 def _moving_time(log: RunLog) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.errors import InvalidValueError, LogError, counted, require_within
-from trackslip.identification.samples import Sampling, usable_rows, usable_samples
+from trackslip.identification.samples import Sampling, SlipSamples, usable_samples
 from trackslip.kinematics import GEARS, Array, RobotGeometry
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table, runs_file
@@ -196,17 +196,23 @@ def _of_bags(path: Path, reading: ReadOptions, chosen: Callable[[Path], Collecti
 
 
 def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) -> Sampling:
-    """The samples in a table of steady samples."""
+    """The usable samples in a table of steady samples, named row 1, row 2, and so on."""
     columns.require(SAMPLE_COLUMNS)
     values = np.stack([columns.cells(name).values for name in SAMPLE_COLUMNS], axis=-1)
     if not len(values):
         raise LogError("no rows")
-    bad = np.argwhere(np.isnan(values))
-    complaints = {int(row): columns.complaint(SAMPLE_COLUMNS[column], int(row)) for row, column in reversed(bad)}
-    unread = {row: complaint.removeprefix(f"row {row + 1}, ") for row, complaint in complaints.items()}
+    omega, twist = reading.sprocket_speeds(values[:, :2]), values[:, 2:]
     lateral = columns.optional((LATERAL,))
-    left = None if lateral is None else lateral[:, 0]
-    return usable_rows(reading.sprocket_speeds(values[:, :2]), values[:, 2:], geometry, unread, left)
+    refused, usable = list[Refused](), list[SlipSamples]()
+    for k, row in enumerate(values):
+        name, left = f"row {k + 1}", None if lateral is None else lateral[[k], 0]
+        try:
+            for column in np.flatnonzero(np.isnan(row)):
+                raise LogError(columns.complaint(SAMPLE_COLUMNS[column], k).removeprefix(f"{name}, "))
+            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name], lateral=left))
+        except LogError as error:
+            refused.append(Refused.of(name, error))
+    return Sampling.of(usable, refused)
 
 
 def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]:

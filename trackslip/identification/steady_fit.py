@@ -1,133 +1,266 @@
-"""Weighted fits of a family of laws, with covariance and scatter, to many sets of runs at once."""
+"""Laws fitted to steady runs: values, errors, and the scatter between the runs.
+
+The measured twist of a run is random; its sprocket speeds are known. A law predicts the twist from these speeds, so
+slip and radius, both functions of the measured twist with correlated errors, need not be treated separately: the
+residual of a run is the measured minus the predicted speed V of either track, (2,) [m/s]. Its covariance is
+
+    C = B P B^T + tau^2 s^2 I,    s = r max |omega|
+
+P is the covariance of the measured twist, B maps twists to track speeds, and tau is the scatter of the track speeds
+beyond the measurement errors, relative to s, the speed of the faster sprocket: effects outside the law (uneven ground,
+speed, its wrong shape). They act on the robot as a whole, so a slow sprocket is not predicted better than a fast one,
+and one that stands still is as good as any.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq, least_squares
+from scipy.special import stdtrit
 
-from trackslip.identification.solver import CONVERGED, ITERATIONS, Minimum, least_squares
-from trackslip.identification.weighting import WeightedRuns
-from trackslip.kinematics import Array
-from trackslip.laws.base import SlipLaw
+from trackslip.errors import LogError, counted
+from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.samples import SlipSamples
+from trackslip.identification.windows import FEWEST_BLOCKS
+from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.derivatives import twist_derivatives
-from trackslip.laws.families import LawFamily
+from trackslip.laws.families import LawFamily, family
+from trackslip.metrics import rms
 
-_FIRST_SCATTER = 0.003  # initial guess of the scatter of slip [-]
-_ROUNDS = 8  # maximum number of alternating fits and scatter estimates
-_SETTLED = 1e-4  # relative change of the scatter at convergence
-_ROUGHLY = 1e-6  # tolerance of fits with the initial guess
+_EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
+_MOST = 50  # steps of a fit; up to 30 where the samples determine the law
+_STEPS = 4  # steps from the fit to all runs to that of a part; errors of laws that fit are right to 1e-3
+_SETTLED = 1e-4  # relative change of the scatter at which a fit has converged; of chi-square, its square
+_SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_identification)
+_VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_identification)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteadyFit(FittedLaw):
+    """A law fitted to steady samples; intervals are Student's."""
+
+    rms: float
+    """Root mean square error of the track speeds predicted, relative to the speed of the faster sprocket [-]."""
+    scatter: float
+    """tau, scatter of the track speeds about the law beyond the measurement errors, relative likewise [-]."""
+    aicc: float | None
+    """Akaike's criterion, corrected for few data; None for too few."""
+    fit: Fit
+    """The fit in matrices."""
+    notes: tuple[str, ...] = ()
+    """Reasons why the samples do not determine the law, whose values then mean nothing; empty if they do."""
+
+    @property
+    def determined(self) -> bool:
+        """True if the samples determine the law."""
+        return not self.notes
+
+    @property
+    def stored(self) -> dict[str, Any]:
+        """The entry of the law in the `slip_laws` of a file."""
+        return super().stored | {"rms": self.rms}
+
+
+def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, vague: bool = False) -> SteadyFit:
+    """Weighted least-squares fit to the measured motions, with intervals.
+
+    `geometry` is the robot's nominal one. Raises LogError if the samples do not determine every parameter, unless a
+    `vague` law is wanted that says so in its `notes`, and InvalidValueError for an unknown law.
+    """
+    model = family(name)
+    names, free = model.names, len(model.names)
+    if 2 * len(samples) <= free:
+        raise LogError(
+            f"law {name}: {counted(len(samples), 'sample')} of two tracks can't determine its {free} parameters"
+        )
+    fit = Fit.of(model.under(samples.load), samples, geometry)
+    covariance = fit.covariance
+    error = np.sqrt(np.diag(covariance))
+    doubt = fit.undetermined(error)
+    notes = (f"law {name}: {doubt}",) if doubt else ()
+    if notes and not vague:
+        raise LogError(notes[0])
+    low, high, _ = model.limits(geometry.half_gauge)
+    width = error * stdtrit(fit.freedom, 0.975)
+    ends = np.column_stack([np.maximum(fit.values - width, low), np.minimum(fit.values + width, high)])
+    values = dict(zip(names, fit.values.tolist(), strict=True))
+    with np.errstate(invalid="ignore"):
+        correlation = covariance / np.outer(error, error)
+    return SteadyFit(
+        name=name,
+        law=model.build(values, geometry),
+        values=values,
+        stderr=dict(zip(names, error.tolist(), strict=True)),
+        interval95=dict(zip(names, map(tuple, ends.tolist()), strict=True)),
+        correlation=correlation,
+        rms=rms(samples.relative_errors(fit.family.law(fit.values, geometry).twist(samples.omega, geometry), geometry)),
+        scatter=fit.scatter,
+        aicc=fit.aicc,
+        fit=fit,
+        notes=notes,
+    )
 
 
 @dataclass(frozen=True)
-class Fits:
-    """A family fitted to M sets of runs."""
+class Fit:
+    """A family fitted to steady runs; along the axes, errors of measurement of a run's track speeds are independent."""
 
     family: LawFamily
-    runs: WeightedRuns
-    values: Array  # (M, p)
-    scatter: Array  # (M,) tau, scatter of slip beyond the measurement errors [-]
-    cost: Array  # (M,) chi-square
-    hessian: Array  # (M, p, p) of half of it, from the slopes of the twists
+    samples: SlipSamples
+    geometry: RobotGeometry
+    axes: Array  # (n, 2, 2) from twists to the axes, in the speed of the faster sprocket
+    measurement: Array  # (n, 2) variances of the errors of measurement along the axes
+    values: Array  # (p,)
+    scatter: float  # tau [-]
+
+    @classmethod
+    def of(cls, family: LawFamily, samples: SlipSamples, geometry: RobotGeometry) -> Fit:
+        """Values and scatter in turn, at first from all starting values and as if all errors were scatter."""
+        speed = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1)
+        to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge]) / speed[:, None, None]
+        known = np.zeros((len(samples), 2, 2)) if samples.covariance is None else samples.covariance
+        measurement, vectors = np.linalg.eigh(to_tracks @ known @ to_tracks.swapaxes(1, 2))
+        axes, measurement = vectors.swapaxes(1, 2) @ to_tracks, np.maximum(measurement, _EXACT**2)
+        starts = (cls(family, samples, geometry, axes, measurement, x, 1.0) for x in family.starts(geometry.half_gauge))
+        fit = min((start.minimum() for start in starts), key=lambda fit: np.sum(fit.missed**2 / fit.variance))
+        for _ in range(10):  # 2 or 3 where the samples determine the law
+            scatter = fit.expected_scatter()
+            if abs(scatter - fit.scatter) <= _SETTLED * scatter:
+                break
+            fit = replace(fit, scatter=scatter).minimum()
+        return fit
+
+    @property
+    def variance(self) -> Array:
+        """Variances (n, 2) along the axes."""
+        return self.measurement + self.scatter**2
 
     @cached_property
-    def law(self) -> SlipLaw:
-        """The M laws, with parameters (M, 1)."""
-        return self.family.law(self.values[:, None, :], self.runs.geometry)
-
-    @cached_property
-    def twist(self) -> Array:
-        """Twists (M, n, 2), or (n, 2) if they have no parameters, that the laws predict."""
-        return self.law.twist(self.runs.omega, self.runs.geometry)
-
-    @cached_property
-    def deviation(self) -> Array:
-        """Residuals (M, n, 2) along the eigenvectors, relative to the speed of the faster sprocket."""
-        return self.runs.missed(self.twist)
+    def missed(self) -> Array:
+        """Residuals (n, 2) along the axes."""
+        return self._missed(self.values[None])[0]
 
     @property
     def freedom(self) -> int:
         """Degrees of freedom."""
-        return 2 * self.runs.runs - self.values.shape[1]
+        return self.missed.size - len(self.values)
+
+    def _missed(self, values: Array) -> Array:
+        """Residuals (m, n, 2) along the axes, by laws with values (m, p)."""
+        twist = self.family.law(values[:, None], self.geometry).twist(self.samples.omega, self.geometry)
+        twist = np.broadcast_to(twist, (len(values), *self.samples.twist.shape))  # of laws without parameters, too
+        return np.einsum("nij,mnj->mni", self.axes, self.samples.twist - twist)
+
+    def _slopes(self, values: Array) -> Array:
+        """Derivatives (m, n, 2, p) of what laws with values (m, p) predict along the axes."""
+        return self.axes @ twist_derivatives(self.family, values, self.samples.omega, self.geometry)
+
+    def minimum(self) -> Fit:
+        """The minimum of chi-square at this scatter, from these values."""
+        if not self.family.names:
+            return self
+        low, high, scale = self.family.limits(self.geometry.half_gauge)
+        error = np.sqrt(self.variance)
+
+        def residual(values: Array) -> Array:
+            return np.nan_to_num(self._missed(values[None])[0] / error, nan=1e8, posinf=1e8, neginf=-1e8).ravel()
+
+        def jacobian(values: Array) -> Array:
+            return -(self._slopes(values[None])[0] / error[..., None]).reshape(-1, len(values))
+
+        result = least_squares(
+            residual, self.values, jacobian, (low, high), "dogbox", _SETTLED**2, x_scale=scale, max_nfev=_MOST
+        )
+        return replace(self, values=result.x)
+
+    def expected_scatter(self) -> float:
+        """tau at which chi-square equals its expectation, after Paule and Mandel (1982).
+
+        It is 0 if the measurement errors explain chi-square.
+        """
+
+        def excess(log_tau: float) -> float:
+            return float(np.sum(self.missed**2 / (self.measurement + np.exp(2 * log_tau)))) - self.freedom
+
+        low, high = np.log(_EXACT), np.log(1 + np.sqrt(np.sum(self.missed**2)))
+        return float(np.exp(brentq(excess, low, high))) if excess(low) > 0 else 0.0
+
+    def _normal(self, values: Array, used: Array) -> tuple[Array, Array, Array]:
+        """Normal equations (m, p, p), right sides (m, p) and units (m, p) of the parameters, at values (m or 1, p).
+
+        They are those of the runs used (m, n). In the units, the diagonals are 1.
+        """
+        slope = self._slopes(values)
+        weighted = slope / self.variance[..., None]
+        normal = np.einsum("mn,mnpq->mpq", used, np.einsum("mnkp,mnkq->mnpq", weighted, slope))
+        pull = np.einsum("mn,mnp->mp", used, np.einsum("mnkp,mnk->mnp", weighted, self._missed(values)))
+        unit = 1 / np.sqrt(np.maximum(np.einsum("mpp->mp", normal), 1e-300))
+        return normal * unit[:, :, None] * unit[:, None, :], pull * unit, unit
+
+    def without(self, labels: np.ndarray, steps: int = _STEPS) -> Array:
+        """Values (G, p) without the runs of each label (n,), by steps of Gauss and Newton from those of all runs."""
+        used = (labels != np.arange(labels.max() + 1)[:, None]).astype(float)  # (G, n)
+        low, high, _ = self.family.limits(self.geometry.half_gauge)
+        values = self.values[None]
+        for _ in range(steps):
+            normal, pull, unit = self._normal(values, used)
+            regular = normal + np.eye(len(low)) / _SINGULAR
+            values = np.clip(values + np.linalg.solve(regular, pull[..., None])[..., 0] * unit, low, high)
+        return values
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariances (M, p, p) of the values: the inverse of the Hessian, scaled beforehand; infinite if singular."""
-        root = np.sqrt(np.maximum(np.einsum("mii->mi", self.hessian), 1e-300))
-        scaled = self.hessian / root[:, :, None] / root[:, None, :]
-        regular = np.linalg.cond(scaled) < 1e14 if scaled.shape[1] else np.ones(len(scaled), bool)
-        result = np.full(scaled.shape, np.inf)
-        result[regular] = np.linalg.inv(scaled[regular])
-        return result / root[:, :, None] / root[:, None, :]
+        """Covariance (p, p) of the values; infinite if they stand in for each other.
 
+        Repeats of a command may share what the law does not know. Standard errors are at least those by leaving out a
+        command each (CR3, as in `windows`), or a run each where commands are few.
+        """
+        (normal,), _, (unit,) = self._normal(self.values[None], np.ones((1, len(self.samples))))
+        if len(unit) and not np.linalg.cond(normal) < _SINGULAR:
+            return np.full(normal.shape, np.inf)
+        covariance = np.linalg.inv(normal) * np.outer(unit, unit)
+        labels = self.samples.by_command(self.geometry)
+        if labels.max() + 1 < FEWEST_BLOCKS:
+            labels = np.arange(len(labels))
+        count = labels.max() + 1
+        if count < FEWEST_BLOCKS:
+            return covariance
+        apart = self.without(labels, steps=1) - self.values
+        variance = (count - 1) / count * np.sum(apart**2, axis=0)
+        wider = np.sqrt(np.maximum(1.0, variance / np.diag(covariance)))
+        return covariance * np.outer(wider, wider)
 
-def fit(
-    family: LawFamily,
-    runs: WeightedRuns,
-    start: Array | None = None,
-    scatter: Array | None = None,
-    tolerance: float = CONVERGED,
-) -> Fits:
-    """Minimise the squared residuals of the runs, in units of their standard deviations (see `weighting`).
+    @property
+    def aicc(self) -> float | None:
+        """Akaike's criterion, corrected for few data (two per run); None for too few. The scatter is a parameter."""
+        free, data = len(self.values) + 1, self.missed.size
+        if data - free - 1 <= 0:
+            return None
+        deviance = float(np.sum(self.missed**2 / self.variance + np.log(self.variance)))
+        return deviance + 2 * free + 2 * free * (free + 1) / (data - free - 1)
 
-    By default, the best of the fits from the family's own starting values is kept, and tau (M,) is estimated,
-    alternating with the values. For `tolerance` see `least_squares`.
-    """
-    family = family.under(runs.load)
-    sets = max(len(runs.speeds), len(runs.weight))
-    if scatter is not None:
-        return _at(family, runs, np.broadcast_to(scatter, (sets,)), start, tolerance)
-    found = _at(family, runs, np.full(sets, _FIRST_SCATTER), start, _ROUGHLY)
-    for _ in range(_ROUNDS):
-        scatter = runs.scatter(found.deviation, found.freedom)
-        change = np.abs(scatter - found.scatter) / np.maximum(np.maximum(scatter, found.scatter), 1e-12)
-        found = _at(family, runs, scatter, found.values, tolerance)
-        if change.max(initial=0.0) < _SETTLED:
-            break
-    return found
-
-
-def minimise(
-    family: LawFamily,
-    runs: WeightedRuns,
-    scatter: Array,
-    start: Array,
-    sets: np.ndarray,
-    held: np.ndarray | None = None,
-    tolerance: Array | float = CONVERGED,
-    iterations: int = ITERATIONS,
-) -> Minimum:
-    """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs; see `least_squares`."""
-    low, high, scale = family.limits(runs.geometry.half_gauge)
-    last = np.empty((len(start), *runs.omega.shape))  # twists
-
-    def residual(values: Array, rows: np.ndarray) -> Array:
-        chosen = sets[rows]
-        last[rows] = family.law(values[:, None, :], runs.geometry).twist(runs.omega, runs.geometry)
-        return runs.whiten(runs.missed(last[rows], chosen), scatter[chosen], chosen)
-
-    def jacobian(values: Array, rows: np.ndarray) -> Array:
-        chosen = sets[rows]
-        slopes = -runs.of_twists @ twist_derivatives(family, values, runs.omega, runs.geometry, last[rows])
-        return (slopes * runs.roots(scatter[chosen], chosen)[..., None]).reshape(len(rows), -1, values.shape[1])
-
-    if not family.names:
-        cost = np.sum(residual(start, np.arange(len(start))) ** 2, axis=1)
-        return Minimum(start, cost, np.zeros((len(start), 0, 0)))
-    return least_squares(residual, start, low, high, scale, held, jacobian, tolerance, iterations)
-
-
-def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None, tolerance: float) -> Fits:
-    """The fits at scatters (M,), from `start` or from the best that the starting values of the family reach."""
-    sets = np.arange(len(scatter))
-    if start is None:
-        starts = family.starts(runs.geometry.half_gauge)  # (K, p)
-        k = len(starts)
-        each = np.tile(starts, (len(sets), 1))
-        reached = minimise(family, runs, scatter, each, np.repeat(sets, k), tolerance=tolerance)
-        best = reached.cost.reshape(-1, k).argmin(axis=1) + k * sets
-        found = Minimum(reached.values[best], reached.cost[best], reached.hessian[best])
-    else:
-        found = minimise(family, runs, scatter, start, sets, tolerance=tolerance)
-    return Fits(family, runs, found.values, scatter, found.cost, found.hessian)
+    def undetermined(self, error: Array) -> str:
+        """A parameter that the samples do not determine by its standard error (p,), and why; empty if there is none."""
+        limits = self.family.limits(self.geometry.half_gauge)
+        for key, value, spread, low, high, scale in zip(self.family.names, self.values, error, *limits, strict=True):
+            at_limit = value in (low, high)
+            if not at_limit and spread < max(_VAGUE * scale, abs(value) / 2):
+                continue
+            if self.samples.by_command(self.geometry).max() == 0:
+                why = "it takes runs of different radii"
+            elif key.startswith("gamma") and self.samples.by_speed().max() == 0:
+                why = "it takes runs of different speeds"
+            elif self.family.loaded and (self.samples.load is None or np.ptp(self.samples.load) == 0):
+                why = "it takes runs under loads"
+            elif at_limit:
+                why = f"no value {'above' if value == low else 'below'} {value:.4g} fits, so they don't follow this law"
+            else:
+                why = (
+                    "others make up for any value of it" if np.isinf(spread) else f"its standard error is {spread:.2g}"
+                )
+            return f"the {len(self.samples)} samples don't determine {key} (the fit stopped at {value:.3g}): {why}"
+        return ""

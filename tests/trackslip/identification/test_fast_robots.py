@@ -8,10 +8,9 @@ from slip_data import GEOMETRY as SLOW
 from slip_data import grid
 
 from trackslip.errors import LogError
-from trackslip.identification.comparison import BASELINES, compare_laws
-from trackslip.identification.fitted import fit_law
-from trackslip.identification.groups import by_command, folds, group_labels
 from trackslip.identification.samples import SlipSamples
+from trackslip.identification.steady_comparison import BASELINES, compare_laws
+from trackslip.identification.steady_fit import fit_law
 from trackslip.kinematics import RobotGeometry, track_slip
 from trackslip.laws.icr import ConstantIcr
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
@@ -44,7 +43,7 @@ def found():
 
 def test_the_best_law_is_the_one_that_predicts_motion_best(found):
     assert found.best == "turn_loss"
-    assert found.criterion == "left-out radii"
+    assert "left-out radii" in found.reason
     best, law = found.validation["turn_loss"], found.laws["turn_loss"]
     for name, one in found.validation.items():
         if name != "turn_loss":
@@ -102,13 +101,3 @@ def test_exact_samples_are_no_trouble(count, told):
         warnings.simplefilter("error")
         found = compare_laws(samples, GEOMETRY)
     assert found.laws["icr"].values["offset"] == pytest.approx(0.3, abs=1e-6)
-
-
-def test_groups_of_commands():
-    np.testing.assert_array_equal(group_labels(np.array([1.0, 0.5, 1.01, 0.505, -1.0]), 0.1), [2, 1, 2, 1, 0])
-    evenly = group_labels(np.linspace(0.2, 2.0, 2000), 0.1)  # no gaps: cut into pieces of about 2 %
-    assert 90 < evenly.max() < 150
-    many = driven(count=300)
-    labels = folds(by_command(many.omega, GEOMETRY))
-    assert labels.max() + 1 == 10
-    assert np.bincount(labels).min() > 15

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.comparison import compare_laws
-from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
+from trackslip.identification.steady_comparison import compare_laws
+from trackslip.identification.steady_fit import fit_law
 from trackslip.kinematics import RobotGeometry, advance, body_twist
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.icr import ConstantIcr
@@ -66,6 +66,18 @@ def test_parameters_that_the_samples_do_not_determine_are_not_reported():
     few = compare_laws(samples_of(ConstantIcr(0.045, 0.168, 0.01), KAPPA[:2], noise=1e-4), GEOMETRY)
     assert {"icr", "icr_radius"} <= set(few.laws) <= {"none", "constant", "icr", "icr_radius", "turn_loss"}
     assert {warning.split(":")[0] for warning in few.warnings} >= {"law exponential", "law exponential_speed"}
+
+
+def test_a_law_takes_radii_that_differ_and_errors_that_are_small():
+    law = ConstantIcr(0.045, 0.168)
+    for name in ("exponential", "turn_loss"):
+        fit_law(name, samples_of(law, 0.5 * (1 + 1e-3 * np.arange(7))), GEOMETRY)
+        with pytest.raises(LogError, match="different radii"):  # parameters stand in for each other
+            fit_law(name, samples_of(law, 0.5 * (1 + 1e-4 * np.arange(7))), GEOMETRY)
+    nearly_straight = np.linspace(-0.01, 0.01, 8)
+    assert fit_law("icr", samples_of(law, nearly_straight, noise=0.001), GEOMETRY).stderr["offset"] > 0.05
+    with pytest.raises(LogError, match="don't determine offset"):  # standard error 0.28 m
+        fit_law("icr", samples_of(law, nearly_straight, noise=0.003), GEOMETRY)
 
 
 @pytest.mark.parametrize("tight", [0.25, 0.23, 0.19, -0.25])

@@ -6,8 +6,8 @@ import pytest
 from slip_data import GEOMETRY, grid
 
 from trackslip.errors import LogError
-from trackslip.identification.comparison import compare_laws
 from trackslip.identification.result import laws_to_json
+from trackslip.identification.steady_comparison import compare_laws
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
