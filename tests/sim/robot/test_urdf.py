@@ -170,6 +170,86 @@ def test_tracks_replace_the_wheels(tmp_path, wheel, limits):
     assert listed.hull == robot.hull
 
 
+def carried_rover(kind, axis="0 1 0", limits="", nested=False):
+    """A rover whose wheels hang on two carriers, one of each side or more, with near-square plates near the middle."""
+    parts = [link("base", 10, '<box size="0.4 0.2 0.05"/>', "0 0 0.15")]
+    for side, sign in (("left", 1), ("right", -1)):
+        plate = link(f"{side}_{kind}", 1, '<box size="0.2 0.04 0.19"/>', "0 0 0.05")
+        at = joint("base", f"{side}_{kind}", f"0 {0.2 * sign} 0", "revolute" if limits else "continuous", limits)
+        parts += [plate, at.replace("0 1 0", axis)]
+        if nested:
+            parts += [link(f"{side}_bogie", 1, '<cylinder radius="0.12" length="0.02"/>', "0 0 0.1")]
+            parts += [joint(f"{side}_{kind}", f"{side}_bogie", "0 0 0", "revolute", limits)]
+        for end, x in (("front", 0.2), ("rear", -0.2)):
+            carrier = f"{side}_bogie" if nested and end == "rear" else f"{side}_{kind}"
+            parts += [link(f"{side}_{end}", 1, '<sphere radius="0.1"/>')]
+            parts += [joint(carrier, f"{side}_{end}", f"{x} {0.1 * sign} 0")]
+    return parts
+
+
+LIMITS = '<limit lower="-0.3" upper="0.3" effort="1" velocity="1"/>'
+
+
+@pytest.mark.parametrize(
+    "carried",
+    [
+        ("rocker", "0 1 0", LIMITS),
+        ("rocker", "0 1 0", ""),
+        ("knuckle", "0 0 1", LIMITS),
+        ("knuckle", "0 0 1", ""),
+        ("rocker", "0 1 0", LIMITS, True),
+    ],
+)
+def test_what_carries_wheels_is_locked_and_no_wheel(tmp_path, carried):
+    parts = carried_rover(*carried)
+    with pytest.raises(TrackslipError, match=r"hangs on 'left_.*list it to lock it, wheels = \[.*\]") as refused:
+        build_tracked(load_tracked(write(tmp_path, parts)))
+    advised = str(refused.value).partition("lock it, ")[2].partition(", or in")[0]
+    robot = load_tracked(write(tmp_path, parts, advised + "\n"))
+    assert robot.half_gauge == pytest.approx(0.3)
+    np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)])
+    made = build_tracked(robot)
+    assert made.model.nv == 6
+    assert robot.lowest == pytest.approx(-0.1)
+
+
+def test_listed_wheels_may_be_fixed_and_what_else_is_listed_is_none(tmp_path):
+    parts = [part.replace("continuous", "fixed") for part in rover()]
+    belts = [link("belt", 1, '<box size="0.6 0.1 0.2"/>', "0 0.25 0.02"), joint("base", "belt", "0 0 0", "fixed")]
+    listed = [f"{side}_{end}" for side, end in WHEELS]
+    robot = load_tracked(write(tmp_path, [*parts, *belts], f"wheels = {[*listed, 'belt']}\n"))
+    assert robot.half_gauge == pytest.approx(0.25)
+    np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)])
+
+
+def test_wheels_a_hair_apart_are_alike(tmp_path):
+    """Four like wheels whose heights differ by 0.1 mm, those in front the higher on the left and the lower right."""
+    heights = {("left", "front"): 1e-4, ("right", "rear"): 1e-4}
+    for stacked in (False, True):  # a roller above each wheel, at the same x but for 0.1 mm
+        parts = [link("base", 10, '<box size="0.4 0.3 0.05"/>', "0 0 0.1")]
+        for side, end in WHEELS:
+            x, y, up = 0.2 if end == "front" else -0.2, 0.25 if side == "left" else -0.25, heights.get((side, end), 0)
+            parts += [
+                link(f"{side}_{end}", 1, '<sphere radius="0.1"/>'),
+                joint("base", f"{side}_{end}", f"{x} {y} {up}"),
+            ]
+            if stacked:
+                name = f"{side}_{end}_roller"
+                parts += [link(name, 1, '<sphere radius="0.03"/>'), joint("base", name, f"{x + up} {y} 0.12")]
+        robot = load_tracked(write(tmp_path, parts))
+        assert robot.half_gauge == pytest.approx(0.25)
+        np.testing.assert_allclose(
+            sorted(robot.hull, key=lambda w: (-w[2], w[0]))[:2], [(-0.2, 0, 0.1), (0.2, 0, 0.1)], atol=1e-4
+        )
+
+
+def test_a_listed_link_that_spins_and_is_not_round_is_refused(tmp_path):
+    parts = [*rover(), link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "0 0 0.2")]
+    listed = [f"{side}_{end}" for side, end in WHEELS]
+    with pytest.raises(TrackslipError, match="wheels = 'radar': turns endlessly, must be round to be a wheel"):
+        load_tracked(write(tmp_path, parts, f"wheels = {[*listed, 'radar']}\n"))
+
+
 def test_other_wheels_are_refused(tmp_path):
     for parts, text, said in (
         ([base()], 'wheels = "replace"', "wheels = replace: must be round links .* found are none"),
