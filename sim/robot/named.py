@@ -163,7 +163,7 @@ class PlainRobot(TrackedRobot):
 def _read(source: str | Path) -> tuple[Path, dict[str, Any]]:
     """Path and content of a robot's file."""
     name = str(_FILES.get(str(source), source))
-    is_model = name.lower().endswith((".urdf", ".xacro", ".xml"))
+    is_model = name.lower().endswith((".urdf", ".xacro", ".xml", ".sdf"))
     require(not is_model, "robot", name, "a .toml file that names this model and its tracks: see docs/your_robot.md")
     return Path(name), read_named("robot", name, ROBOTS)
 

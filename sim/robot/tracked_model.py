@@ -292,9 +292,19 @@ def _require_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRob
         up = data.geom_xmat[geom].reshape(3, 3)[2]
         low = data.geom_xpos[geom, 2] + up @ centre - np.abs(up) @ half - data.xpos[body, 2]
         if low < robot.lowest + _CLEAR:
-            what = f"{robot.model}: geom {model.geom(geom).name or geom} reaches down to {low:.3g} m"
-            allowed = f"what touches must stay above the tracks' lowest point, at {robot.lowest:.3g} m"
-            raise TrackslipError(f"{what} in the frame of {model.body(body).name}; {allowed}")
+            frame = model.body(body).name
+            what = f"{robot.model}: {_named(model, int(geom))} reaches down to {low:.3g} m in the frame of {frame}"
+            allowed = f"must stay above the tracks' lowest point, at {robot.lowest:.3g} m"
+            allowed += "; if tracks replace it, list its link in `wheels`"
+            raise TrackslipError(f"{what}; what touches {allowed}")
+
+
+def _named(model: mujoco.MjModel, geom: int) -> str:
+    """A geom as its author knows it: its link, and its own name or its mesh's."""
+    link, name, mesh = model.body(model.geom_bodyid[geom]).name, model.geom(geom).name, int(model.geom_dataid[geom])
+    if not name and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        return f"mesh {model.mesh(mesh).name} of link {link}"
+    return f"geom {name} of link {link}" if name else f"link {link}"
 
 
 def clear_angles(tracked: TrackedModel, angles: Array) -> Array:

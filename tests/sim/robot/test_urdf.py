@@ -131,6 +131,105 @@ def test_meshes_of_ascii_stl_are_left_out_or_missed(tmp_path):
     assert build_tracked(colliding).model.nmesh == 1
 
 
+POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 32184\n"
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "dae", "msh"])
+def test_git_lfs_pointers_are_named(tmp_path, suffix):
+    (tmp_path / "rover_description" / "meshes").mkdir(parents=True)
+    mesh = tmp_path / "rover_description" / "meshes" / f"a.{suffix}"
+    mesh.write_text(POINTER)
+    with pytest.raises(TrackslipError, match=f"link 'base' needs .*but a.{suffix} is a Git LFS pointer .*git lfs pull"):
+        build_tracked(load_tracked(write(tmp_path, [base(f'<mesh filename="../meshes/a.{suffix}"/>')], TRACKS)))
+    seen = load_tracked(write(tmp_path, [base(look=f"../meshes/a.{suffix}")], TRACKS))
+    with pytest.warns(RobotWarning, match=f"without 1 mesh file .*; a.{suffix} is a Git LFS pointer"):
+        build_tracked(seen, looks=True)
+
+
+def test_models_and_textures_that_are_git_lfs_pointers_are_named(tmp_path):
+    body = '<body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 .3"/></body>'
+    (tmp_path / "paint.png").write_text(POINTER)
+    (tmp_path / "r.toml").write_text('model = "r.xml"\n' + TRACKS)
+    texture = '<asset><texture name="paint" type="2d" file="paint.png"/></asset>'
+    for text, said in (
+        (POINTER, r"r\.xml: is a Git LFS pointer"),
+        (
+            f"<mujoco>{texture}<worldbody>{body}</worldbody></mujoco>",
+            "texture 'paint' needs paint.png, but it is a Git LFS",
+        ),
+    ):
+        (tmp_path / "r.xml").write_text(text)
+        with pytest.raises(TrackslipError, match=said):
+            build_tracked(load_tracked(tmp_path / "r.toml"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            '<?xml version="1.0"?><!-- <robot --><sdf version="1.7"><plugin><robotNamespace/></plugin></sdf>',
+            "XML of <sdf>",
+        ),
+        ("#usda 1.0", "is no XML"),
+        ("<html><body/></html>", "XML of <html>"),
+    ],
+)
+def test_files_that_are_neither_mjcf_nor_urdf_are_named(tmp_path, text, said):
+    (tmp_path / "r.sdf").write_text(text)
+    (tmp_path / "r.toml").write_text('model = "r.sdf"\n' + TRACKS)
+    with pytest.raises(TrackslipError, match=rf"r\.sdf: .*{said}; `model` must be an MJCF \(<mujoco>\) or URDF"):
+        build_tracked(load_tracked(tmp_path / "r.toml"))
+    with pytest.raises(TrackslipError, match=r"a \.toml file that names this model"):
+        load_tracked(str(tmp_path / "r.sdf"))
+
+
+@pytest.mark.parametrize("unit", ["0.1", "2.54e-2", "1", ""])
+def test_a_converted_mesh_has_the_unit_of_its_dae_or_is_refused(tmp_path, unit):
+    (tmp_path / "rover_description" / "meshes").mkdir(parents=True)
+    mesh = tmp_path / "rover_description" / "meshes" / "wheel.dae"
+    meter = f'<unit name="u" meter="{unit}"/>' if unit else ""
+    mesh.write_text(f"<COLLADA><asset>{meter}</asset></COLLADA>")
+    mesh.with_suffix(".obj").write_text(CUBE)
+    file = write(tmp_path, rover('<mesh filename="../meshes/wheel.dae"/>'))
+    if unit in ("1", ""):
+        assert load_tracked(file).hull[0][2] == pytest.approx(0.1)
+        return
+    with pytest.raises(
+        TrackslipError, match=f"wheel.dae is in units of {unit} m, and wheel.obj has no unit: name wheel.obj"
+    ):
+        load_tracked(file)
+    named = rover(f'<mesh filename="../meshes/wheel.obj" scale="{unit} {unit} {unit}"/>')
+    assert load_tracked(write(tmp_path, named)).hull[0][2] == pytest.approx(0.1 * float(unit), rel=1e-3)
+
+
+def test_a_file_that_a_package_lacks_is_named(tmp_path):
+    (tmp_path / "deep" / "other").mkdir(parents=True)
+    (tmp_path / "deep" / "other" / "package.xml").write_text("<package><name>named</name></package>")
+    for name, packages in (("named", '["deep/other"]'), ("other", '["deep/other"]'), ("other", '["deep"]')):
+        text = f"packages = {packages}\n{TRACKS}"
+        file = write(tmp_path, [base(f'<mesh filename="package://{name}/meshes/a.stl"/>')], text)
+        with pytest.raises(TrackslipError, match=f"package {name} in .*deep/other has no meshes/a.stl") as refused:
+            build_tracked(load_tracked(file))
+        assert "`packages`" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("shape", "said"),
+    [
+        ('<box size="0.3 0.1 0.02"/>', "link plate reaches down to -0.12 m in the frame of base"),
+        ('<mesh filename="../meshes/a.obj"/>', "mesh a of link plate reaches down to -0.21 m"),
+    ],
+)
+def test_what_reaches_below_the_tracks_is_named(tmp_path, shape, said):
+    (tmp_path / "rover_description" / "meshes").mkdir(parents=True)
+    (tmp_path / "rover_description" / "meshes" / "a.obj").write_text(CUBE)
+    parts = [base(), link("plate", 0, shape), joint("base", "plate", "0 0 -0.11", "fixed")]
+    with pytest.raises(TrackslipError, match=said):
+        build_tracked(load_tracked(write(tmp_path, parts, TRACKS)))
+    text = f'wheels = ["plate"]\n{TRACKS}'
+    assert build_tracked(load_tracked(write(tmp_path, parts, text))).model.nv == 6
+
+
 def test_masses_are_those_of_the_urdf(tmp_path):
     rider, point = link("rider", 0, '<box size="1 1 1"/>', "0 0 1"), link("point", 0, '<sphere radius="0"/>')
     fixed = [joint("base", name, "0 0 0", "fixed") for name in ("rider", "point")]
