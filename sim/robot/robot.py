@@ -13,6 +13,7 @@ import numpy as np
 import models
 from sim.robot.pads import lay_pads, shearing_points
 from sim.robot.parameters import RobotParameters
+from sim.tracks.presets import require_impedances
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate
@@ -128,6 +129,7 @@ def load_robot(
             _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
         model = spec.compile()
         robot = _read(model, sprocket_radius, digest, single_contacts)
+        require_impedances(model, np.arange(robot.pads.start, robot.pads.stop))
         robot = replace(robot, patch_length=2 * robot.contact_half_length)
         if shape.axles:
             half, patches = shape.contact_length / 2, len(shape.axles)
