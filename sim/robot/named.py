@@ -12,6 +12,7 @@ import numpy as np
 
 import models
 from sim.ground.ground import Ground
+from sim.robot.inertia import composite
 from sim.robot.parameters import BELT_LOOKS, TRACKS, RobotParameters
 from sim.robot.tracked import TrackedRobot, Wheels
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
@@ -100,11 +101,7 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     own = np.flatnonzero(model.body_rootid == built.body)
-    mass, centre = float(model.body_subtreemass[built.body]), data.subtree_com[built.body]
-    turned, away = data.ximat[own].reshape(-1, 3, 3), data.xipos[own] - centre
-    inertia = (turned * model.body_inertia[own, None]) @ turned.swapaxes(1, 2)
-    square = (away**2).sum(axis=1)[:, None, None] * np.eye(3) - away[:, :, None] * away[:, None]
-    total = (inertia + model.body_mass[own, None, None] * square).sum(axis=0)
+    mass, centre, total = composite(model, data, own)
     geoms = np.flatnonzero(model.body_rootid[model.geom_bodyid] == built.body)
     reach = np.abs(data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]) * model.geom_aabb[geoms, 3:]
     middle = np.einsum("gi,gi->g", data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2], model.geom_aabb[geoms, :3])

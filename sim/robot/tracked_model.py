@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.robot.bogies import add_to_bogies, require_across
+from sim.robot.inertia import warn_of_inertia
 from sim.robot.robot import VISUAL_GROUP
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import find_meshes, said_of, some, weightless
@@ -105,6 +106,7 @@ def build_tracked(
         model = spec.compile()
     if not looks and model.nu == len(motors):
         _warn_of_loose_joints(model, robot)
+    warn_of_inertia(model, model.body(chassis_name).id, robot.model)
     return _read(model, robot, tracks, chassis_name, motors)
 
 
@@ -304,7 +306,7 @@ def _named(model: mujoco.MjModel, geom: int) -> str:
     link, name, mesh = model.body(model.geom_bodyid[geom]).name, model.geom(geom).name, int(model.geom_dataid[geom])
     if not name and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         return f"mesh {model.mesh(mesh).name} of link {link}"
-    return f"geom {name} of link {link}" if name else f"link {link}"
+    return f"geom {name} of link {link}" if name else f"a geom of link {link}"
 
 
 def clear_angles(tracked: TrackedModel, angles: Array) -> Array:

@@ -1,5 +1,6 @@
 """Models as their authors publish them: packages, meshes, xacro, wheels of their own, bogies, and what is refused."""
 
+import re
 import time
 import warnings
 
@@ -216,7 +217,7 @@ def test_a_file_that_a_package_lacks_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("shape", "said"),
     [
-        ('<box size="0.3 0.1 0.02"/>', "link plate reaches down to -0.12 m in the frame of base"),
+        ('<box size="0.3 0.1 0.02"/>', "a geom of link plate reaches down to -0.12 m in the frame of base"),
         ('<mesh filename="../meshes/a.obj"/>', "mesh a of link plate reaches down to -0.21 m"),
     ],
 )
@@ -235,6 +236,27 @@ def test_masses_are_those_of_the_urdf(tmp_path):
     fixed = [joint("base", name, "0 0 0", "fixed") for name in ("rider", "point")]
     made = build_tracked(load_tracked(write(tmp_path, [base(), rider, point, *fixed], TRACKS)))
     assert made.model.body_subtreemass[made.body] == pytest.approx(10)
+
+
+@pytest.mark.parametrize(("wheel", "chassis"), [(0.004, 50.0), (5.0, 0.4)])
+def test_inertias_that_no_body_can_have_are_said(tmp_path, wheel, chassis):
+    """A robot of 14 kg that reaches 0.4 m: as heavy at its ends, it had 2.2 kg m^2."""
+    parts = rover()
+    for k, text in enumerate(parts):
+        if "inertia" in text:
+            value = chassis if k == 0 else wheel
+            parts[k] = re.sub(r'(ixx|iyy|izz)="[^"]*"', rf'\1="{value}"', text)
+    said = f"inertia of link {'base' if chassis > 1 else '(left|right)_(front|rear)'} = {max(wheel, chassis):g} kg m"
+    robot = load_tracked(write(tmp_path, parts))
+    for looks in (False, True):
+        with pytest.warns(
+            RobotWarning, match=said + r".*: with it, 14 kg have a radius of gyration of .* m, and reach only"
+        ):
+            build_tracked(robot, looks=looks)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for name in ("rescue", "box", "maxxii", "shipped"):
+            build_tracked(load_tracked(name))
 
 
 def test_xacro_is_said_clearly(tmp_path):
@@ -362,6 +384,7 @@ def test_other_wheels_are_refused(tmp_path):
             load_tracked(write(tmp_path, parts, text))
 
 
+@pytest.mark.filterwarnings("ignore:.*inertia of link")
 def test_hinges_that_swing_freely_are_said(tmp_path):
     file = write(tmp_path, rover('<sphere radius="0.05"/>'), TRACKS)
     with pytest.warns(RobotWarning, match=r"nothing drives or holds 4 hinges without limits, left_front_joint, "):
