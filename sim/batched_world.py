@@ -33,6 +33,8 @@ class BatchedWorld(Restorable):
         require(threads >= 0, "threads", threads, "0 (one per processor) or more")
         self.size = size
         self.batch = batch.Batch(model, size, nthread=threads)
+        if model.nkey:
+            self.batch.qpos[0], self.batch.ctrl[0] = model.key_qpos[0], model.key_ctrl[0]
         self._fresh = self.batch.state[0].copy()  # of a robot that has not moved yet
         self._pose = slice(free, free + 7)
 

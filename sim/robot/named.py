@@ -13,6 +13,7 @@ import numpy as np
 import models
 from sim.ground.ground import Ground
 from sim.robot.inertia import composite
+from sim.robot.keyframe import start
 from sim.robot.parameters import BELT_LOOKS, TRACKS, RobotParameters
 from sim.robot.tracked import TrackedRobot, Wheels
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
@@ -94,7 +95,7 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
         TrackslipError: for a model that can't be compiled.
     """
     built = build_tracked(robot, looks=True)
-    model, data = built.model, mujoco.MjData(built.model)
+    model, data = built.model, start(built.model)
     first = built.free[0]
     data.qpos[first : first + 7] = [-robot.middle, 0.0, -robot.lowest, 1.0, 0.0, 0.0, 0.0]
     data.qpos[built.flipper_qpos] = built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sim.robot.bogies import add_to_bogies, require_across
 from sim.robot.inertia import warn_of_inertia
+from sim.robot.keyframe import add_start, warn_of_keyframes
 from sim.robot.robot import VISUAL_GROUP
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import find_meshes, said_of, some, weightless
@@ -103,6 +104,7 @@ def build_tracked(
         for one in tracks:
             one.connect(spec, names)
         chassis_name, motors = chassis.name, [(f.body, joint, motor) for f, joint, motor in flippers]
+        add_start(spec, robot)
         model = spec.compile()
     if not looks and model.nu == len(motors):
         _warn_of_loose_joints(model, robot)
@@ -111,18 +113,21 @@ def build_tracked(
 
 
 def load_spec(robot: TrackedRobot, looks: bool = False) -> Any:
-    """Load the robot's model without its scene and keyframes, which a free joint would invalidate.
+    """Load the robot's model without its scene and keyframes, which a free joint invalidates: see `add_start`.
 
     Its meshes are found and its own wheels switched off; geoms that are only looked at remain with `looks`.
     """
     spec = robot.spec()
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
-    for thing in (*spec.worldbody.geoms, *spec.worldbody.lights, *spec.keys):
+    for thing in (*spec.worldbody.geoms, *spec.worldbody.lights):
         spec.delete(thing)
     for geom in [] if looks else [geom for geom in spec.geoms if geom.group == VISUAL_GROUP]:
         if weightless(spec, geom):
             spec.delete(geom)
     switch_off(spec, robot)
+    warn_of_keyframes(spec, robot)
+    for key in list(spec.keys):
+        spec.delete(key)
     find_meshes(spec, robot.model, robot.packages)
     spec.copy().compile()  # so that what is wrong with the file is said of the file
     return spec
