@@ -151,7 +151,7 @@ class PlainRobot(TrackedRobot):
             spec.delete(thing)
         for geom in [one for one in spec.geoms if "_pad" in one.name or one.name in BELT_LOOKS]:
             spec.delete(geom)
-        spec.option.timestep, spec.option.disableflags = mujoco.MjSpec().option.timestep, 0  # those were for pads
+        spec.option.timestep = mujoco.MjSpec().option.timestep  # that of the file is for pads
         spec.authored.option = 0
         hull = spec.geom("hull")
         hull.contype = hull.conaffinity = 1
