@@ -25,9 +25,7 @@ def add_start(spec: Any, robot: TrackedRobot) -> None:
         return
     plain = robot.spec()
     plain.compiler.fusestatic = False
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # said of the complete model
-        find_meshes(plain, robot.model, robot.packages)
+    find_meshes(plain, robot.model, robot.packages)
     own, model = plain.compile(), spec.copy().compile()
     names = [own.key(k).name for k in range(own.nkey)]
     if robot.key not in names:

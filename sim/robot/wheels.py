@@ -75,53 +75,77 @@ def _delete_joint(spec: Any, joint: Any) -> None:
 def own_wheels(spec: Any, chassis: str, robot: TrackedRobot) -> dict[str, Any]:
     """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, as the model's own wheels tell them.
 
-    Wheels are round and turn endlessly about the chassis' y; those in `robot.wheels` may have limits, or be fixed.
-    Links that carry wheels, such as rockers and knuckles, are none. Without `robot.wheels`, all wheels are listed
-    together with bogies and flippers. Raises TrackslipError unless there are any, alike on the left and right.
+    These are the wheels in `robot.wheels`, or else all that turn endlessly, together with bogies and flippers. Raises
+    TrackslipError unless there are any, alike on the left and right.
     """
     listed = [_link(spec, robot, name).name for name in robot.wheels if name not in robot.limbs]
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    base = data.body(chassis)
-    about_y = (model.jnt_type == _HINGE) & (np.abs(data.xaxis @ base.xmat.reshape(3, 3)[:, 1]) > _AXIS)
-    turning, spinning = (set(model.jnt_bodyid[about_y & which].tolist()) for which in (True, endless(model)))
-    if listed:
-        bodies = [body for body in (model.body(name).id for name in listed)]
-        candidates = [body for body in bodies if body in turning or not model.body_jntnum[body]]
-    else:
-        candidates = bodies = [body for body in sorted(spinning) if model.body(body).name not in robot.limbs]
-    places = {body: _extent(model, data, base, body) for body in _outermost(model, candidates, bodies)}
-    wheels = {body: place for body, place in places.items() if _is_round(*(place[1] - place[0]))}
-    for body in spinning & places.keys() - wheels.keys() if listed else ():
-        allowed = "round to be a wheel; give `hull` and `half_gauge`"
-        raise TrackslipError(f"{robot.model}: wheels = {model.body(body).name!r}: turns endlessly, must be {allowed}")
-    names = [model.body(body).name for body in wheels]
+    wheels = _wheels(spec.compile(), chassis, robot, listed)
     low, high = np.reshape(list(wheels.values()), (-1, 2, 3)).transpose(1, 0, 2)
     (x, y, z), half = ((low + high) / 2).T, (high - low) / 2
     shapes = np.column_stack([x, z, half[:, [0, 2]].mean(axis=1), np.abs(y)])
     outer = np.abs(y) > _MIDDLE * np.abs(y).max(initial=0.0)
     pairs = _mirrored(shapes[outer & (y > 0)], shapes[outer & (y < 0)])
     if not len(pairs):
-        given = (
-            f"{', '.join(listed) or 'replace'}: must be round links on endless hinges about y, alike on the left and"
+        given = ", ".join(listed) or "replace"
+        allowed = "round links on endless hinges about y, alike on the left and right"
+        found = f"found are {', '.join(wheels) or 'none'}"
+        raise TrackslipError(
+            f"{robot.model}: wheels = {given}: must be {allowed}; {found}; give `hull` and `half_gauge`"
         )
-        found = f"found are {', '.join(names) or 'none'}"
-        raise TrackslipError(f"{robot.model}: wheels = {given} right; {found}; give `hull` and `half_gauge`")
     hull = pairs.mean(axis=1)
-    hull = hull[np.argsort(hull[:, 0])]
-    gauge = round(float(shapes[outer, 3].mean()), 6)
-    hull = tuple(map(tuple, hull[:, :3].round(6).tolist()))
-    return {"wheels": robot.wheels or (*names, *robot.limbs), "half_gauge": gauge, "hull": hull}
+    hull = hull[np.argsort(hull[:, 0]), :3]
+    return {
+        "wheels": robot.wheels or (*wheels, *robot.limbs),
+        "half_gauge": round(float(shapes[outer, 3].mean()), 6),
+        "hull": tuple(map(tuple, hull.round(6).tolist())),
+    }
 
 
-def _outermost(model: mujoco.MjModel, candidates: Sequence[int], bodies: Sequence[int]) -> list[int]:
-    """The candidates that carry none of the `bodies`."""
-    carriers = set()
+def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Sequence[str]) -> dict[str, Array]:
+    """Extents (2, 3) of wheels in the chassis' frame by name [m].
+
+    Wheels are round and turn endlessly about the chassis' y; those that are `listed` may have limits, or be fixed.
+    Links that carry wheels, such as rockers and knuckles, are none. Raises TrackslipError for links that are listed,
+    turn endlessly about y, and aren't round.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    base = data.body(chassis)
+    about_y = (model.jnt_type == _HINGE) & (np.abs(data.xaxis @ base.xmat.reshape(3, 3)[:, 1]) > _AXIS)
+    spinning = set(model.jnt_bodyid[about_y & endless(model)].tolist())
+    if listed:
+        bodies = [int(model.body(name).id) for name in listed]
+        turning = set(model.jnt_bodyid[about_y].tolist())
+        candidates = [body for body in bodies if body in turning or not model.body_jntnum[body]]
+    else:
+        candidates = bodies = [body for body in sorted(spinning) if model.body(body).name not in robot.limbs]
+    carriers: set[int] = set()
     for body in bodies:
-        while body := int(model.body_parentid[body]):
-            carriers.add(body)
-    return [body for body in candidates if body not in carriers]
+        root = int(model.body_weldid[body])
+        if root != body and root in spinning and root in bodies:  # a part of a wheel
+            candidates = [other for other in candidates if other != body]
+        else:
+            carriers.update(_carriers(model, body))
+    wheels = {}
+    for body in candidates:
+        if body in carriers:
+            continue
+        name, place = model.body(body).name, _extent(model, data, base, body)
+        if _is_round(*(place[1] - place[0])):
+            wheels[name] = place
+        elif listed and body in spinning:
+            allowed = "round to be a wheel; give `hull` and `half_gauge`"
+            raise TrackslipError(f"{robot.model}: wheels = {name!r}: turns endlessly, must be {allowed}")
+    return wheels
+
+
+def _carriers(model: mujoco.MjModel, body: int) -> list[int]:
+    """The bodies between a body and the world."""
+    carriers = []
+    while parent := int(model.body_parentid[body]):
+        carriers.append(parent)
+        body = parent
+    return carriers
 
 
 def _mirrored(left: Array, right: Array) -> Array:

@@ -177,7 +177,7 @@ def soft_contacts(model: mujoco.MjModel) -> dict[str, float]:
     pairs = {f"pair {_pair_name(model, k)}": impedance for k, impedance in enumerate(_impedances(model.pair_solimp))}
     collide = (model.geom_contype | model.geom_conaffinity) > 0
     geoms = {
-        f"geom {model.geom(k).name or k}": impedance
+        f"geom {_geom_name(model, k)}": impedance
         for k, impedance in enumerate(_impedances(model.geom_solimp))
         if collide[k]
     }
@@ -198,5 +198,10 @@ def _impedances(solimp: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _pair_name(model: mujoco.MjModel, pair: int) -> str:
-    first, second = (model.geom(ids[pair]).name for ids in (model.pair_geom1, model.pair_geom2))
+    first, second = (_geom_name(model, int(ids[pair])) for ids in (model.pair_geom1, model.pair_geom2))
     return model.pair(pair).name or f"{first}/{second}"
+
+
+def _geom_name(model: mujoco.MjModel, geom: int) -> str:
+    """Name of a geom, or its number and body."""
+    return model.geom(geom).name or f"{geom} of body {model.body(model.geom_bodyid[geom]).name}"

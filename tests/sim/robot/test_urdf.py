@@ -336,10 +336,23 @@ def test_what_carries_wheels_is_locked_and_no_wheel(tmp_path, carried):
 
 def test_listed_wheels_may_be_fixed_and_what_else_is_listed_is_none(tmp_path):
     parts = [part.replace("continuous", "fixed") for part in rover()]
+    parts = [part.replace('parent link="base"', 'parent link="block"') for part in parts]
+    parts += [link("block", 1, '<box size="0.3 0.3 0.3"/>', "0 0.2 0.2"), joint("base", "block", "0 0 0", "fixed")]
     belts = [link("belt", 1, '<box size="0.6 0.1 0.2"/>', "0 0.25 0.02"), joint("base", "belt", "0 0 0", "fixed")]
     listed = [f"{side}_{end}" for side, end in WHEELS]
-    robot = load_tracked(write(tmp_path, [*parts, *belts], f"wheels = {[*listed, 'belt']}\n"))
+    robot = load_tracked(write(tmp_path, [*parts, *belts], f"wheels = {[*listed, 'belt', 'block']}\n"))
     assert robot.half_gauge == pytest.approx(0.25)
+    np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)])
+
+
+@pytest.mark.parametrize("listed", [True, False])
+def test_what_is_fixed_to_a_wheel_is_part_of_it(tmp_path, listed):
+    parts, names = rover(), [f"{side}_{end}" for side, end in WHEELS]
+    for name in names:
+        parts += [link(f"{name}_cap", 1, '<sphere radius="0.03"/>'), joint(name, f"{name}_cap", "0 0 0", "fixed")]
+    every = [*names, *(f"{name}_cap" for name in names)]
+    robot = load_tracked(write(tmp_path, parts, f"wheels = {every}\n" if listed else 'wheels = "replace"\n'))
+    assert (robot.half_gauge, len(robot.hull)) == (pytest.approx(0.25), 2)
     np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)])
 
 
