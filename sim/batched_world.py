@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import mujoco
@@ -12,6 +14,32 @@ from mujoco import batch
 from sim.restorable import Restorable
 from trackslip.errors import require
 from trackslip.kinematics import Array
+
+
+class _Silence:
+    """What the engine's log was set to, for the whole process, before the first of the threads that silence it."""
+
+    lock = threading.Lock()
+    threads = 0
+    before: mujoco.MjLogConfig
+
+
+@contextmanager
+def quietly() -> Iterator[None]:
+    """Silence the engine's warnings, on the console and in MUJOCO_LOG.TXT; the caller reads their counters."""
+    with _Silence.lock:
+        if _Silence.threads == 0:
+            _Silence.before, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+            quiet.logto_console = quiet.logto_file = False
+            quiet.set()
+        _Silence.threads += 1
+    try:
+        yield
+    finally:
+        with _Silence.lock:
+            _Silence.threads -= 1
+            if _Silence.threads == 0:
+                _Silence.before.set()
 
 
 class BatchedWorld(Restorable):
@@ -33,6 +61,8 @@ class BatchedWorld(Restorable):
         require(threads >= 0, "threads", threads, "0 (one per processor) or more")
         self.size = size
         self.batch = batch.Batch(model, size, nthread=threads)
+        if model.nkey:
+            self.batch.qpos[0], self.batch.ctrl[0] = model.key_qpos[0], model.key_ctrl[0]
         self._fresh = self.batch.state[0].copy()  # of a robot that has not moved yet
         self._pose = slice(free, free + 7)
 

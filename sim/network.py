@@ -17,6 +17,7 @@ from trackslip.files import regular_file
 from trackslip.kinematics import Array
 
 _MOST = 256_000_000  # bytes of a policy's numbers
+_PRODUCTS = 100_000  # of rows and weights at a time, which fit into a processor's cache
 _LARGEST = 1e6  # of these numbers
 
 
@@ -30,8 +31,10 @@ class Network:
     def __call__(self, x: Array) -> Array:
         """Outputs (N, m) of inputs (N, n)."""
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            # a matrix product would round differently for different N
-            x = np.add.reduce(x[:, :, None] * weight, axis=1) + bias
+            # a matrix product would round differently for different N; blocks of rows bound the memory
+            rows = max(1, _PRODUCTS // weight.size)
+            blocks = [x[first : first + rows] for first in range(0, max(len(x), 1), rows)]
+            x = np.concatenate([np.add.reduce(block[:, :, None] * weight, axis=1) for block in blocks]) + bias
             if k < len(self.weights) - 1:
                 x = np.tanh(x)
         return x

@@ -17,7 +17,7 @@ from trackslip.errors import InvalidValueError, TrackslipError
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 except ImportError as error:
-    raise TrackslipError(f"sim.sb3: {error}; pip install 'trackslip[rl]'") from error
+    raise TrackslipError(f'sim.sb3: {error}; pip install -e ".[rl]"') from error
 
 
 class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]

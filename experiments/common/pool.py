@@ -95,7 +95,7 @@ def _cluster(name: str, patience: float = 10.0) -> Iterator[Workers]:
         client.wait_for_workers(1, timeout=patience)
         client.run(exec, "import sim.fleet")
     except ImportError as error:
-        raise TrackslipError(f'--executor {name}: {error}; pip install "trackslip[dask]" here and there') from error
+        raise TrackslipError(f'--executor {name}: {error}; pip install -e ".[dask]" here and there') from error
     except OSError as error:
         raise TrackslipError(f"--executor {name}: no workers answer there ({first_line(error)})") from error
     with client:

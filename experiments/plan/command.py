@@ -43,7 +43,7 @@ def run(config: Config) -> None:
     if bag:
         print(f"{bag_file}: commands on {config.topic}; send them with {play}")
     elif config.bag:
-        print("no ROS 2 bag of the commands, as the package rosbags is missing: pip install 'trackslip[ros]'")
+        print('no ROS 2 bag of the commands, as the package rosbags is missing: pip install -e ".[ros]"')
     print(f"next: drive it, then {identify}")
 
 

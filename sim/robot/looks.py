@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from sim.robot.keyframe import start, with_joints_of
 from sim.robot.named import load_tracked
 from sim.robot.parameters import BELT_LOOKS, BODY_LOOKS, RobotParameters
 from sim.robot.robot import FIELD
@@ -91,7 +92,8 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
         (name, model.body(_ATTACHED + built.model.body(carrier).name).id, look)
         for name, (carrier, look) in zip(names, track_looks(built), strict=True)
     ]
-    rest, angles = model.qpos0.copy(), built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))
+    rest = with_joints_of(built.model, start(built.model).qpos, model, model.qpos0, _ATTACHED)
+    angles = built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))
     hinges = [model.body_jntadr[model.body(_ATTACHED + flipper.body).id] for flipper in robot.flippers]
     rest[model.jnt_qposadr[hinges]] = angles
     return RobotLooks(model, tracks, built.track_side, rest)

@@ -12,6 +12,8 @@ import numpy as np
 
 import models
 from sim.ground.ground import Ground
+from sim.robot.inertia import composite
+from sim.robot.keyframe import start
 from sim.robot.parameters import BELT_LOOKS, TRACKS, RobotParameters
 from sim.robot.tracked import TrackedRobot, Wheels
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
@@ -93,18 +95,14 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
         TrackslipError: for a model that can't be compiled.
     """
     built = build_tracked(robot, looks=True)
-    model, data = built.model, mujoco.MjData(built.model)
+    model, data = built.model, start(built.model)
     first = built.free[0]
     data.qpos[first : first + 7] = [-robot.middle, 0.0, -robot.lowest, 1.0, 0.0, 0.0, 0.0]
     data.qpos[built.flipper_qpos] = built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     own = np.flatnonzero(model.body_rootid == built.body)
-    mass, centre = float(model.body_subtreemass[built.body]), data.subtree_com[built.body]
-    turned, away = data.ximat[own].reshape(-1, 3, 3), data.xipos[own] - centre
-    inertia = (turned * model.body_inertia[own, None]) @ turned.swapaxes(1, 2)
-    square = (away**2).sum(axis=1)[:, None, None] * np.eye(3) - away[:, :, None] * away[:, None]
-    total = (inertia + model.body_mass[own, None, None] * square).sum(axis=0)
+    mass, centre, total = composite(model, data, own)
     geoms = np.flatnonzero(model.body_rootid[model.geom_bodyid] == built.body)
     reach = np.abs(data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]) * model.geom_aabb[geoms, 3:]
     middle = np.einsum("gi,gi->g", data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2], model.geom_aabb[geoms, :3])
@@ -153,7 +151,7 @@ class PlainRobot(TrackedRobot):
             spec.delete(thing)
         for geom in [one for one in spec.geoms if "_pad" in one.name or one.name in BELT_LOOKS]:
             spec.delete(geom)
-        spec.option.timestep, spec.option.disableflags = mujoco.MjSpec().option.timestep, 0  # those were for pads
+        spec.option.timestep = mujoco.MjSpec().option.timestep  # that of the file is for pads
         spec.authored.option = 0
         hull = spec.geom("hull")
         hull.contype = hull.conaffinity = 1
@@ -163,7 +161,7 @@ class PlainRobot(TrackedRobot):
 def _read(source: str | Path) -> tuple[Path, dict[str, Any]]:
     """Path and content of a robot's file."""
     name = str(_FILES.get(str(source), source))
-    is_model = name.lower().endswith((".urdf", ".xacro", ".xml"))
+    is_model = name.lower().endswith((".urdf", ".xacro", ".xml", ".sdf"))
     require(not is_model, "robot", name, "a .toml file that names this model and its tracks: see docs/your_robot.md")
     return Path(name), read_named("robot", name, ROBOTS)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.tracks.presets import LEAST_ODDS
 from sim.width import WIDEST
 from trackslip.kinematics import SIDES, Array
 
@@ -15,9 +16,9 @@ _TILT = np.radians(45.0)  # of a pad with one point: its lower end touches, and 
 _LENGTH = 0.02  # between the ends of such a pad [m]
 _POINTS, _GROWTH = 10, 1.6  # points of a track as long as the gauge, and the power of the gauge with which they grow
 _ENOUGH = 1.2  # gauge over contact length up to which those of a track as long as the gauge will do [-]
-_SHEARING = 6  # points of a wheel's patch on shearing ground
-_CALMER = 25.0  # tracks' load shifted to points that slide, over wheels' [-]
-_FASTER = 2.0  # grip of more pads than a model has, over that of its own [-]
+_SHEARING = 4  # points of a wheel's patch on shearing ground
+_CALMER = 25.0  # tracks' load shifted to points that slide, over wheels', at most [-]
+_FASTER = 2.0  # grip of wide tracks over that of others [-]
 
 
 def points_per_track(half_gauge: float, contact_length: float) -> int:
@@ -35,11 +36,15 @@ def lay_wheels(spec: Any, axles: Sequence[float], patch_length: float) -> None:
     """Replace the pads of a model by one under each wheel, whose two points spread as a uniform patch does.
 
     Wheels don't press harder where they slide faster by as much as tracks do, for their robots are faster; impratio
-    makes up for it, so that creep is the same.
+    makes up for it, so that creep is the same. The more axles, the less so, as the engine knows no softer points than
+    those of shearing ground then are.
     """
     chassis = spec.body("chassis")
-    lay_pads(spec, at=_in_patches(axles, patch_length, np.array([-1, 1]) / math.sqrt(12)), calmer=_CALMER)
-    spec.option.impratio *= _CALMER
+    pads = [geom.name for geom in chassis.geoms if "_pad" in geom.name]  # as many as a side has points
+    odds = _odds(next(pair for pair in spec.pairs if pair.geomname2 == pads[0])) * len(pads)
+    calmer = min(_CALMER, odds / (_SHEARING * len(axles)) / LEAST_ODDS)
+    lay_pads(spec, at=_in_patches(axles, patch_length, np.array([-1, 1]) / math.sqrt(12)), calmer=calmer)
+    spec.option.impratio *= calmer
     for site in (site for site in chassis.sites if "_footprint" in site.name):
         site.size[0] = np.abs(axles).max() + patch_length
 
@@ -54,19 +59,28 @@ def _in_patches(axles: Sequence[float], patch_length: float, share: Array) -> Ar
     return np.asarray(np.add.outer(axles, patch_length * share).ravel())
 
 
+def lay_wide_tracks(spec: Any, points: int) -> None:
+    """Replace the pads of a model by more, with `points` a track.
+
+    They grip faster: near the middle of a short track the time that the grip takes, at the speed of the robot, is a way
+    that counts.
+    """
+    lay_pads(spec, points, faster=_FASTER)
+
+
 def lay_pads(
     spec: Any,
     points: int | None = None,
     single: bool = False,
     at: Array | None = None,
+    faster: float = 1.0,
     calmer: float = 1.0,
 ) -> None:
     """Replace the pads of a model by others that touch the ground at `points` points a track.
 
     The points are the middles of equal segments of the tracks, by default as many as before, unless those of a side
     are `at` given places [m]; a pad has two of them, unless it is `single`. All points together carry the robot at the
-    same depth, and creep as slowly, as before. More points than before grip faster: near the middle of a short track
-    the time that the grip takes, at the speed of the robot, is a way that counts. `calmer` is for `_softer`.
+    same depth, and creep as slowly, as before. `faster` and `calmer` are for `_softer`.
     """
     chassis = spec.body("chassis")
     pads = [geom for geom in chassis.geoms if "_pad" in geom.name]
@@ -74,7 +88,7 @@ def lay_pads(
     ends = np.concatenate([np.reshape(pad.fromto, (2, 3)) for pad in pads])
     old, like, (_, half_gauge, height) = len(ends) // 2, pads[0], np.abs(ends[0])
     x = _spread(ends[:, 0].min(), ends[:, 0].max(), old, points or old) if at is None else at
-    softer = _softer(pairs[like.name], old / len(x), _FASTER if len(x) > old else 1.0, calmer)
+    softer = _softer(pairs[like.name], old / len(x), faster, calmer)
     raised = _LENGTH * np.array([np.cos(_TILT), 0.0, np.sin(_TILT)])
     for side, y in zip(("left", "right"), half_gauge * -SIDES, strict=True):
         place = np.stack([x, np.full_like(x, y), np.full_like(x, height)], axis=1)
@@ -106,11 +120,15 @@ def _softer(pair: Any, share: float, faster: float, calmer: float) -> dict[str, 
     The impedance falls by both, and by how much `calmer` the loads of points are to be where these slide. Stiffness,
     damping and the rate of the grip are all multiplied by the impedance, which doesn't change with depth.
     """
-    impedance = pair.solimp[0]
-    ratio = share / (faster * calmer)
-    scaled = ratio * impedance / (1 - impedance + ratio * impedance)
+    impedance, odds = pair.solimp[0], _odds(pair) * share / (faster * calmer)
+    scaled = odds / (1 + odds)
     factor = faster * scaled / impedance
     solref, solreffriction, solimp = (np.array(getattr(pair, n)) for n in ("solref", "solreffriction", "solimp"))
     solimp[:2] = scaled
     solreffriction[1] *= factor
     return {"solref": solref * (factor * calmer), "solreffriction": solreffriction, "solimp": solimp}
+
+
+def _odds(pair: Any) -> float:
+    """Impedance d of a pair as d / (1 - d), which points share."""
+    return float(pair.solimp[0] / (1 - pair.solimp[0]))

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive
 from sim.ground.ground import UNLESS_ZERO, Ground
-from sim.robot.pads import lay_pads, lay_wheels, points_per_track
+from sim.robot.pads import lay_wheels, lay_wide_tracks, points_per_track
 from sim.width import warn_if_unverified
 from trackslip.errors import (
     require,
@@ -199,7 +199,7 @@ class RobotParameters:
         elif (points := points_per_track(self.half_gauge, self.contact_length)) > points_per_track(
             default.half_gauge, default.contact_length
         ):
-            lay_pads(spec, points)
+            lay_wide_tracks(spec, points)
         raised = [0.0, 0.0, self.plate_height - default.plate_height]
         mast = spec.geom("mast")
         mast.pos = np.add(mast.pos, np.divide(raised, 2))

@@ -13,6 +13,7 @@ import numpy as np
 import models
 from sim.robot.pads import lay_pads, shearing_points
 from sim.robot.parameters import RobotParameters
+from sim.tracks.presets import require_impedances
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate
@@ -28,6 +29,8 @@ CONTACT_POINTS = 2
 CONTACT_WIDTH = 9
 """Numbers that a contact sensor gives per point, in this order: force, position in the world, velocity; force and
 velocity are normal to the ground, along the pad and across it."""
+_Bit = mujoco.mjtDisableBit
+_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # which one on its own lacks, for speed
 _FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
 
 
@@ -113,6 +116,8 @@ def load_robot(
     """
     try:
         spec = mujoco.MjSpec.from_file(str(path))
+        if [joint.type for joint in spec.joints] == [mujoco.mjtJoint.mjJNT_FREE]:
+            spec.option.disableflags |= _NOT_FOR_A_BODY
         if parameters is not None:
             parameters.apply(spec)
         sprocket_radius = float(spec.geom("left_sprocket").size[0])
@@ -128,6 +133,7 @@ def load_robot(
             _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
         model = spec.compile()
         robot = _read(model, sprocket_radius, digest, single_contacts)
+        require_impedances(model, np.arange(robot.pads.start, robot.pads.stop))
         robot = replace(robot, patch_length=2 * robot.contact_half_length)
         if shape.axles:
             half, patches = shape.contact_length / 2, len(shape.axles)

@@ -89,6 +89,8 @@ class TrackedRobot(_Belts):
     packages: tuple[Path, ...] = ()
     """Folders of the packages in package://NAME/FILE, or folders that these lie in, besides those above the model; in
     a robot file relative to that file."""
+    key: str = field(default="", metadata={"stored_unless": ""})
+    """Keyframe of an MJCF in which runs begin, as far as it concerns joints and motors; by default they begin at 0."""
     name: str = "robot"
     """Name of the robot: its robot file's without .toml."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})

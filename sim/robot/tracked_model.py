@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.robot.bogies import add_to_bogies, require_across
+from sim.robot.inertia import warn_of_inertia
+from sim.robot.keyframe import add_start, warn_of_keyframes
 from sim.robot.robot import VISUAL_GROUP
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import find_meshes, said_of, some, weightless
@@ -102,25 +104,30 @@ def build_tracked(
         for one in tracks:
             one.connect(spec, names)
         chassis_name, motors = chassis.name, [(f.body, joint, motor) for f, joint, motor in flippers]
+        add_start(spec, robot)
         model = spec.compile()
     if not looks and model.nu == len(motors):
         _warn_of_loose_joints(model, robot)
+    warn_of_inertia(model, model.body(chassis_name).id, robot.model)
     return _read(model, robot, tracks, chassis_name, motors)
 
 
 def load_spec(robot: TrackedRobot, looks: bool = False) -> Any:
-    """Load the robot's model without its scene and keyframes, which a free joint would invalidate.
+    """Load the robot's model without its scene and keyframes, which a free joint invalidates: see `add_start`.
 
     Its meshes are found and its own wheels switched off; geoms that are only looked at remain with `looks`.
     """
     spec = robot.spec()
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
-    for thing in (*spec.worldbody.geoms, *spec.worldbody.lights, *spec.keys):
+    for thing in (*spec.worldbody.geoms, *spec.worldbody.lights):
         spec.delete(thing)
     for geom in [] if looks else [geom for geom in spec.geoms if geom.group == VISUAL_GROUP]:
         if weightless(spec, geom):
             spec.delete(geom)
     switch_off(spec, robot)
+    warn_of_keyframes(spec, robot)
+    for key in list(spec.keys):
+        spec.delete(key)
     find_meshes(spec, robot.model, robot.packages)
     spec.copy().compile()  # so that what is wrong with the file is said of the file
     return spec
@@ -292,9 +299,19 @@ def _require_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRob
         up = data.geom_xmat[geom].reshape(3, 3)[2]
         low = data.geom_xpos[geom, 2] + up @ centre - np.abs(up) @ half - data.xpos[body, 2]
         if low < robot.lowest + _CLEAR:
-            what = f"{robot.model}: geom {model.geom(geom).name or geom} reaches down to {low:.3g} m"
-            allowed = f"what touches must stay above the tracks' lowest point, at {robot.lowest:.3g} m"
-            raise TrackslipError(f"{what} in the frame of {model.body(body).name}; {allowed}")
+            frame = model.body(body).name
+            what = f"{robot.model}: {_named(model, int(geom))} reaches down to {low:.3g} m in the frame of {frame}"
+            allowed = f"must stay above the tracks' lowest point, at {robot.lowest:.3g} m"
+            allowed += "; if tracks replace it, list its link in `wheels`"
+            raise TrackslipError(f"{what}; what touches {allowed}")
+
+
+def _named(model: mujoco.MjModel, geom: int) -> str:
+    """A geom as its author knows it: its link, and its own name or its mesh's."""
+    link, name, mesh = model.body(model.geom_bodyid[geom]).name, model.geom(geom).name, int(model.geom_dataid[geom])
+    if not name and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        return f"mesh {model.mesh(mesh).name} of link {link}"
+    return f"geom {name} of link {link}" if name else f"a geom of link {link}"
 
 
 def clear_angles(tracked: TrackedModel, angles: Array) -> Array:

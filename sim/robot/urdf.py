@@ -18,20 +18,30 @@ _READABLE = (".stl", ".obj", ".msh")
 _COMPILER = '<compiler strippath="false" discardvisual="false" '
 _MAX_FACES = 200_000  # of MuJoCo's, in an .stl
 _SHOWN = 3  # names in a message
+_POINTER = b"version https://git-lfs"
+_UNIT = "has no unit"
+_UNFETCHED = "a Git LFS pointer to the file: run `git lfs pull`"
 _FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
 
 
 def read_model(path: Path) -> Any:
     """An MJCF or URDF as a `mujoco.MjSpec`; meshes of a URDF keep their folders, and only links with <inertial> weigh.
 
-    Raises TrackslipError if there is no such file, and for xacro.
+    Raises TrackslipError if there is no such file, for xacro, and for files of other kinds.
     """
     if not os.path.isfile(path):  # Path.is_file fails for long names
         raise TrackslipError(f"{path}: no such file; `model` must name the robot's MJCF or URDF file")
+    if _is_pointer(path):
+        raise TrackslipError(f"{path}: is {_UNFETCHED}")
     text = _text(path)
     if "<xacro:" in text:
         raise TrackslipError(f"{path}: is xacro; run `xacro {path.name} > robot.urdf`, and name its result as `model`")
-    if "<robot" not in text:
+    element = re.search(r"<([A-Za-z][\w:.-]*)", text)
+    root = element[1] if element else ""
+    if root not in ("mujoco", "robot"):
+        kind = f"is XML of <{root}>" if root else "is no XML"
+        raise TrackslipError(f"{path}: {kind}; `model` must be an MJCF (<mujoco>) or URDF (<robot>): convert it")
+    if root == "mujoco":
         return mujoco.MjSpec.from_file(str(path))
     spec = mujoco.MjSpec.from_string(_unstripped(text))
     stated = any(body.explicitinertial for body in spec.bodies)
@@ -71,7 +81,17 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path]) -> None:
 
     Raises TrackslipError for a mesh without a file that collides or has mass.
     """
-    left_out = set()
+    folder = model.absolute().parent
+    for kind, things, place in (
+        ("texture", spec.textures, spec.texturedir),
+        ("height field", spec.hfields, spec.meshdir),
+    ):
+        for thing in things:
+            if thing.file and _is_pointer(folder / place / thing.file):
+                raise TrackslipError(
+                    f"{model}: {kind} {thing.name!r} needs {thing.file[-100:]}, but it is {_UNFETCHED}"
+                )
+    left_out: dict[str, str] = {}
     for mesh in [mesh for mesh in spec.meshes if mesh.file]:
         geoms = [geom for geom in spec.geoms if geom.meshname == mesh.name]
         found, wrong = _mesh_file(mesh.file, model, packages, spec.meshdir) if geoms else (None, "")
@@ -82,13 +102,14 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path]) -> None:
             if not weightless(spec, geom):
                 link = f"{model}: link {geom.parent.name!r} needs {mesh.file[-100:]} to collide or for its mass"
                 raise TrackslipError(f"{link}, but {wrong}")
-            left_out.add(mesh.file.rpartition("/")[2])
+            left_out[mesh.file.rpartition("/")[2]] = wrong
             spec.delete(geom)
         spec.delete(mesh)
     if left_out:
         files = f"{counted(len(left_out), 'mesh file')} ({some(sorted(left_out))})"
         why = "missing, or of a kind that MuJoCo doesn't read"
-        warnings.warn(f"{model}: shown without {files}: {why}", RobotWarning, stacklevel=2)
+        special = sorted({wrong for wrong in left_out.values() if _UNFETCHED in wrong or _UNIT in wrong})
+        warnings.warn(f"{model}: shown without {files}: {'; '.join([why, *special[:1]])}", RobotWarning, stacklevel=2)
 
 
 def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -> tuple[Path | None, str]:
@@ -98,9 +119,12 @@ def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -
     if scheme in ("package", "model"):
         name, _, rest = rest.partition("/")
         homes = (*packages, folder, *folder.parents)
-        tried = [home / rest for home in homes if name in (home.name, _package_name(home))]
-        tried += [home / name / rest for home in homes]
+        folders = [home for home in homes if name in (home.name, _package_name(home))] + [home / name for home in homes]
+        tried = [each / rest for each in folders]
+        there = next((each for each in folders if each.is_dir()), None)
         wrong = f"there is none; `packages` must list the folder of {name}, or the one it lies in"
+        if there:
+            wrong = f"package {name} in {str(there)[-100:]} has no {rest[-100:]}"
     else:
         tried = [folder / meshdir / rest, folder / rest, folder / meshdir / Path(rest).name]
         wrong = f"there is no {str(tried[0])[-100:]}"
@@ -108,17 +132,42 @@ def _mesh_file(file: str, model: Path, packages: Sequence[Path], meshdir: str) -
         beside = [Path(os.path.splitext(path)[0] + suffix) for suffix in _READABLE]
         for each in (path, *beside):
             if os.path.isfile(each) and _is_readable(each):
-                return each, ""
+                unit = _unit(path)
+                scale = f'name {each.name} in the model, scale="{unit} {unit} {unit}" unless its numbers are in metres'
+                differs = float(unit) != 1 and each != path
+                return (
+                    (None, f"{path.name} is in units of {unit} m, and {each.name} {_UNIT}: {scale}")
+                    if differs
+                    else (each, "")
+                )
         if os.path.isfile(path):
+            if _is_pointer(path):
+                return None, f"{path.name} is {_UNFETCHED}"
             kind = "such an .stl (ASCII, or over 200,000 faces)" if path.suffix.lower() == ".stl" else path.suffix
             return None, f"MuJoCo doesn't read {kind}; convert it to an .obj or .stl of the same name beside it"
     return None, wrong
 
 
+def _is_pointer(path: Path) -> bool:
+    """True for what Git LFS leaves in the place of a file that it hasn't fetched."""
+    if not os.path.isfile(path):
+        return False
+    with path.open("rb") as file:
+        return file.read(len(_POINTER)) == _POINTER
+
+
+def _unit(path: Path) -> str:
+    """The unit [m] of a COLLADA file, which converted meshes don't keep; "1" for other files."""
+    if path.suffix.lower() != ".dae" or not os.path.isfile(path):
+        return "1"
+    found = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']\s*([\d.]+(?:[eE][+-]?\d+)?)", _text(path))
+    return found[1] if found else "1"
+
+
 def _is_readable(path: Path) -> bool:
     """True for a file that MuJoCo reads; of .stl those that are binary, with 200,000 faces at most."""
     if path.suffix.lower() != ".stl":
-        return path.suffix.lower() in _READABLE
+        return path.suffix.lower() in _READABLE and not _is_pointer(path)
     with path.open("rb") as file:
         return 0 < int.from_bytes(file.read(84)[80:], "little") <= _MAX_FACES
 

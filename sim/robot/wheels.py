@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sim.robot.tracked import TrackedRobot
@@ -34,13 +37,22 @@ def switch_off(spec: Any, robot: TrackedRobot) -> None:
                 geom.contype, geom.conaffinity, geom.group = 0, 0, 3
         for joint in [joint for joint in link.joints if joint.type != _FREE and name not in robot.limbs]:
             _delete_joint(spec, joint)
-    for name in robot.wheels:
-        carrier = spec.body(name)
-        while not carrier.joints and carrier.parent.name != "world":
-            carrier = carrier.parent
-        if carrier.parent.name != "world" and carrier.name not in robot.limbs:
-            allowed = f"fixed to the chassis or a bogie; list {carrier.name!r} in `wheels` to lock it, or in `bogies`"
-            raise TrackslipError(f"{robot.model}: wheels = {name!r}: hangs on {carrier.name!r}, must be {allowed}")
+    carriers = {name: moving for name in robot.wheels if (moving := _moving_carriers(spec.body(name), robot))}
+    if carriers:
+        name, first = next((name, moving[0]) for name, moving in carriers.items())
+        every = dict.fromkeys((*robot.wheels, *(each for moving in carriers.values() for each in moving)))
+        allowed = f"fixed to the chassis; list it to lock it, wheels = {json.dumps(list(every))}, or in `bogies`"
+        raise TrackslipError(f"{robot.model}: wheels = {name!r}: hangs on {first!r}, must be {allowed}")
+
+
+def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
+    """Names of the bodies between a link and the chassis, or its bogie, that have joints."""
+    moving = []
+    while link.parent.name != "world" and link.name not in robot.limbs:
+        if link.joints:
+            moving.append(link.name)
+        link = link.parent
+    return moving
 
 
 def _link(spec: Any, robot: TrackedRobot, name: str) -> Any:
@@ -63,33 +75,88 @@ def _delete_joint(spec: Any, joint: Any) -> None:
 def own_wheels(spec: Any, chassis: str, robot: TrackedRobot) -> dict[str, Any]:
     """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, as the model's own wheels tell them.
 
-    These are the links in `robot.wheels`, or else all that turn endlessly about the chassis' y and are round, together
-    with bogies and flippers. Raises TrackslipError unless there are any, alike on the left and right.
+    These are the wheels in `robot.wheels`, or else all that turn endlessly, together with bogies and flippers. Raises
+    TrackslipError unless there are any, alike on the left and right.
     """
-    links = [_link(spec, robot, name).name for name in robot.wheels if name not in robot.limbs]
-    model = spec.compile()
+    listed = [_link(spec, robot, name).name for name in robot.wheels if name not in robot.limbs]
+    wheels = _wheels(spec.compile(), chassis, robot, listed)
+    low, high = np.reshape(list(wheels.values()), (-1, 2, 3)).transpose(1, 0, 2)
+    (x, y, z), half = ((low + high) / 2).T, (high - low) / 2
+    shapes = np.column_stack([x, z, half[:, [0, 2]].mean(axis=1), np.abs(y)])
+    outer = np.abs(y) > _MIDDLE * np.abs(y).max(initial=0.0)
+    pairs = _mirrored(shapes[outer & (y > 0)], shapes[outer & (y < 0)])
+    if not len(pairs):
+        given = ", ".join(listed) or "replace"
+        allowed = "round links on endless hinges about y, alike on the left and right"
+        found = f"found are {', '.join(wheels) or 'none'}"
+        raise TrackslipError(
+            f"{robot.model}: wheels = {given}: must be {allowed}; {found}; give `hull` and `half_gauge`"
+        )
+    hull = pairs.mean(axis=1)
+    hull = hull[np.argsort(hull[:, 0]), :3]
+    return {
+        "wheels": robot.wheels or (*wheels, *robot.limbs),
+        "half_gauge": round(float(shapes[outer, 3].mean()), 6),
+        "hull": tuple(map(tuple, hull.round(6).tolist())),
+    }
+
+
+def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Sequence[str]) -> dict[str, Array]:
+    """Extents (2, 3) of wheels in the chassis' frame by name [m].
+
+    Wheels are round and turn endlessly about the chassis' y; those that are `listed` may have limits, or be fixed.
+    Links that carry wheels, such as rockers and knuckles, are none. Raises TrackslipError for links that are listed,
+    turn endlessly about y, and aren't round.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = data.body(chassis)
-    if links:
-        places = {name: _extent(model, data, base, model.body(name).id) for name in links}
+    about_y = (model.jnt_type == _HINGE) & (np.abs(data.xaxis @ base.xmat.reshape(3, 3)[:, 1]) > _AXIS)
+    spinning = set(model.jnt_bodyid[about_y & endless(model)].tolist())
+    if listed:
+        bodies = [int(model.body(name).id) for name in listed]
+        turning = set(model.jnt_bodyid[about_y].tolist())
+        candidates = [body for body in bodies if body in turning or not model.body_jntnum[body]]
     else:
-        turning = np.abs(data.xaxis @ base.xmat.reshape(3, 3)[:, 1]) > _AXIS
-        bodies = model.jnt_bodyid[(model.jnt_type == _HINGE) & endless(model) & turning]
-        places = {model.body(body).name: _extent(model, data, base, body) for body in bodies}
-        places = {name: at for name, at in places.items() if name not in robot.limbs and _is_round(*(at[1] - at[0]))}
-    low, high = np.reshape(list(places.values()), (-1, 2, 3)).transpose(1, 0, 2)
-    (x, y, z), half = ((low + high) / 2).T, (high - low) / 2
-    wheels = np.column_stack([x, z, half[:, [0, 2]].mean(axis=1), np.abs(y)])
-    outer = np.abs(y) > _MIDDLE * np.abs(y).max(initial=0.0)
-    left, right = (wheels[outer & side][np.lexsort(wheels[outer & side].T[:2])] for side in (y > 0, y < 0))
-    if not len(left) or left.shape != right.shape or not (np.abs(left - right) < _MIRRORED).all():
-        given = f"{', '.join(links) or 'replace'}: must be round links on endless hinges about y, alike on the left and"
-        found = "these aren't" if links else f"found are {', '.join(places) or 'none'}"
-        raise TrackslipError(f"{robot.model}: wheels = {given} right; {found}; give `hull` and `half_gauge`")
-    hull = tuple(map(tuple, left[:, :3].round(6).tolist()))
-    gauge = round(float(wheels[outer, 3].mean()), 6)
-    return {"wheels": robot.wheels or (*places, *robot.limbs), "half_gauge": gauge, "hull": hull}
+        candidates = bodies = [body for body in sorted(spinning) if model.body(body).name not in robot.limbs]
+    carriers: set[int] = set()
+    for body in bodies:
+        root = int(model.body_weldid[body])
+        if root != body and root in spinning and root in bodies:  # a part of a wheel
+            candidates = [other for other in candidates if other != body]
+        else:
+            carriers.update(_carriers(model, body))
+    wheels = {}
+    for body in candidates:
+        if body in carriers:
+            continue
+        name, place = model.body(body).name, _extent(model, data, base, body)
+        if _is_round(*(place[1] - place[0])):
+            wheels[name] = place
+        elif listed and body in spinning:
+            allowed = "round to be a wheel; give `hull` and `half_gauge`"
+            raise TrackslipError(f"{robot.model}: wheels = {name!r}: turns endlessly, must be {allowed}")
+    return wheels
+
+
+def _carriers(model: mujoco.MjModel, body: int) -> list[int]:
+    """The bodies between a body and the world."""
+    carriers = []
+    while parent := int(model.body_parentid[body]):
+        carriers.append(parent)
+        body = parent
+    return carriers
+
+
+def _mirrored(left: Array, right: Array) -> Array:
+    """Pairs (P, 2, 4) of wheels on the left and right, (P, 4) each: x, z, radius and |y| [m]; none unless alike."""
+    if left.shape != right.shape:
+        return np.empty((0, 2, 4))
+    apart = np.abs(left[:, None] - right).max(axis=-1)
+    rows, columns = scipy.optimize.linear_sum_assignment(apart)
+    if (apart[rows, columns] >= _MIRRORED).any():
+        return np.empty((0, 2, 4))
+    return np.stack([left[rows], right[columns]], axis=1)
 
 
 def endless(model: mujoco.MjModel) -> NDArray[np.bool_]:

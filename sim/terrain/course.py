@@ -13,6 +13,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 import models
 from sim.seeds import generator
@@ -36,6 +37,7 @@ _MAX_SOLIDS, _MAX_COURSE = 2000, 1000.0  # and its length [m]
 _CLEARANCE = 0.3  # of the floor below the lowest point of the course [m]
 _CELL = 0.02  # of the table that `elevation` looks up, for courses of moderate size [m]
 _MAX_CELLS = 2_000_000
+_TILE = 16  # cells of that table along x and y whose heights are found together
 _FLOOR = (0.40, 0.43, 0.40, 1.0)
 _FLOOR_SIZE = 50.0  # half of the floor's drawn size; it has no end [m]
 _START_BEFORE = 1.0  # of the start before the first piece [m]
@@ -165,12 +167,12 @@ class Course:
         return look_up([self], points.reshape(1, -1, 2)).reshape(points.shape[:-1])
 
     @cached_property
-    def table(self) -> tuple[Array, Array, float]:
-        """Heights on a grid that extends beyond the course, position of the first one, and cells per metre."""
+    def table(self) -> _Table:
+        """Heights on a grid that extends beyond the course."""
         low, high = self.bounds[:, :2]
         cell = max(_CELL, math.sqrt(float(np.prod(high - low)) / _MAX_CELLS))
         x, y = (np.arange(low[k] - 2 * cell, high[k] + 3 * cell, cell) for k in range(2))
-        return self.height(x[:, None], y), np.array([x[0], y[0]]), 1 / cell
+        return _Table(self, x, y, 1 / cell)
 
     def add_to(
         self,
@@ -217,11 +219,37 @@ class Course:
         return names
 
 
+class _Table:
+    """Heights of a course on a grid, found by rays in tiles where they are looked up first."""
+
+    def __init__(self, course: Course, x: Array, y: Array, per_metre: float) -> None:
+        self._course, self._x, self._y = course, x, y
+        self._heights = np.full((len(x), len(y)), np.nan)
+        self.shape = self._heights.shape
+        self.origin = np.array([x[0], y[0]])
+        """Position of the first height [m]."""
+        self.per_metre = per_metre
+        """Cells per metre."""
+
+    def take(self, places: NDArray[np.int_]) -> Array:
+        """Heights (...) at places (...) in the flattened grid [m]."""
+        heights = self._heights.take(places)
+        if np.isnan(heights).any():
+            tiles = np.stack(np.unravel_index(places[np.isnan(heights)], self.shape), axis=-1) // _TILE
+            first = _TILE * np.unique(tiles, axis=0).T[..., None, None]  # (2, tiles, 1, 1)
+            row = np.minimum(first[0] + np.arange(_TILE)[:, None], self.shape[0] - 1)
+            column = np.minimum(first[1] + np.arange(_TILE), self.shape[1] - 1)
+            self._heights[row, column] = self._course.height(self._x[row], self._y[column])
+            heights = self._heights.take(places)
+        return heights
+
+
 def look_up(courses: Sequence[Course], points: Array) -> Array:
     """Heights (N, P) of N courses, each at its own of `points` (N, P, 2) [m]; see `Course.elevation`."""
-    tables, origins, per_metre = zip(*(course.table for course in courses), strict=True)
+    tables = [course.table for course in courses]
     shape = np.array([table.shape for table in tables])[:, None]  # (N, 1, 2)
-    at = (points - np.array(origins)[:, None]) * np.array(per_metre)[:, None, None]
+    at = points - np.array([table.origin for table in tables])[:, None]
+    at = at * np.array([table.per_metre for table in tables])[:, None, None]
     at = np.clip(at, 0.0, shape - 1.001)
     cell = at.astype(int)
     first = cell[..., 0] * shape[..., 1] + cell[..., 1]

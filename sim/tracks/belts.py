@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sim.tracks.motors import MotorReading, Motors
 from sim.tracks.parts import TrackParts
-from sim.tracks.presets import require_options, require_stable
+from sim.tracks.presets import require_impedances, require_options, require_stable
 from trackslip.errors import InvalidValueError, require
 
 SENSED_WIDTH = 14
@@ -40,6 +40,7 @@ class _Map:
         except KeyError:
             raise InvalidValueError("tracks", self.names, "in the model: compile the spec they were added to") from None
         require_options(model.opt)
+        require_impedances(model, self.geoms)
         counts = [len(names) for each in tracks for names in each.geoms]
         self.track = np.repeat(np.arange(len(self.names)), counts)
         self.direction = np.array([part.direction for each in tracks for _ in each.names for part in each.parts])

@@ -14,6 +14,7 @@ from sim.tracks.presets import ContactParameters, set_options
 from trackslip.errors import InvalidValueError, TrackslipError, in_one_line, require, require_at_most, require_positive
 
 _MAX_FRICTION = 10.0
+_MAX_PAIRS = 20_000  # about 0.3 ms a step, five times as much as everything else of a robot
 _FINER = 10.0  # impratio over the least, for the slower sliding next to the pivot of a wide robot [-]
 
 
@@ -44,11 +45,20 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
     rocks = max(mobility(model, tracks, mass), 1.0)  # a robot that is held, as on a test rig, has none
     own, core = float(model.body_invweight0[body.id, 0]), tracks.preset.core()
+    pairs = sum(1 + part.cored for part in tracks.parts) * len(tracks.names) * len(grounds)
+    allowed = f"at most {_MAX_PAIRS:,}, each of which takes time in every step: name what is in reach, or fewer geoms"
+    require(
+        pairs <= _MAX_PAIRS,
+        "terrain",
+        f"{len(grounds):,} geoms, {pairs:,} contact pairs with {tracks.names[0]}",
+        allowed,
+    )
+    lightest = min(part.weight for part in tracks.parts)
     for ground in grounds:
         terrain_geom = model.geom(ground.name)
         share = mass * (own + float(model.body_invweight0[terrain_geom.bodyid[0], 0])) / tracks.points
         field = terrain_geom.type[0] == mujoco.mjtGeom.mjGEOM_HFIELD  # a point of it may touch any number of times
-        regularisation = tracks.preset.regularise(gravity, np.inf if field else rocks)
+        regularisation = tracks.preset.regularise(gravity, np.inf if field else rocks, share * lightest)
         for names in tracks.geoms:
             for name, part in zip(names, tracks.parts, strict=True):
                 along, across = tracks.friction[::-1] if part.crosswise else tracks.friction

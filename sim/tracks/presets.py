@@ -19,11 +19,14 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from trackslip.errors import require
 
 IMPRATIO = 1e4
 """Ratio of frictional to normal constraint impedance [-]."""
+LEAST_ODDS = 1.001 * mujoco.mjMINIMP
+"""Least d / (1 - d) of a contact [-]; the engine raises lower impedances d, and the contact then has other rates."""
 _MAX_TAKEN = 2.0  # share of its speed that landing takes from a robot in one physics step [-]
 _CORE_IMPEDANCE = 0.95  # [-]
 _CORE_PUSH = 0.4  # share of its depth by which a core is pushed out in one physics step [-]
@@ -57,16 +60,17 @@ class Preset:
         """The same at the edges of wide belts, whose few springs would let a robot lean far before it tips over [m]."""
         return _EDGE * self.sink
 
-    def regularise(self, gravity: float, mobility: float) -> float:
-        """Regularisation with which landing creates no energy.
+    def regularise(self, gravity: float, mobility: float, least_share: float) -> float:
+        """Regularisation with which landing creates no energy, and no impedance is below the engine's least.
 
         Args:
             gravity: acceleration of gravity [m/s^2].
             mobility: l above, which may be infinite [-].
+            least_share: m A / N above, of the point that carries least [-].
         """
         stiffness, damping = self._rates(gravity)
         taken = self.timestep * damping + self.timestep**2 * stiffness
-        return max(self.regularisation, taken / _MAX_TAKEN - 1 / mobility)
+        return max(self.regularisation, taken / _MAX_TAKEN - 1 / mobility, LEAST_ODDS / least_share)
 
     def contact(self, gravity: float, share: float, regularisation: float) -> ContactParameters:
         """Parameters of a contact.
@@ -163,3 +167,41 @@ def require_options(option: Any) -> None:
 def _require_own_contacts(option: Any) -> None:
     override = option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
     require(not override, "flag override", "enable", "disable: the contacts of tracks have parameters of their own")
+
+
+def soft_contacts(model: mujoco.MjModel) -> dict[str, float]:
+    """Impedances of contact pairs and geoms below the engine's least, by "pair NAME" or "geom NAME".
+
+    The engine raises them, so that these contacts have other rates than their model asks for.
+    """
+    pairs = {f"pair {_pair_name(model, k)}": impedance for k, impedance in enumerate(_impedances(model.pair_solimp))}
+    collide = (model.geom_contype | model.geom_conaffinity) > 0
+    geoms = {
+        f"geom {_geom_name(model, k)}": impedance
+        for k, impedance in enumerate(_impedances(model.geom_solimp))
+        if collide[k]
+    }
+    return {name: impedance for name, impedance in (pairs | geoms).items() if impedance < mujoco.mjMINIMP}
+
+
+def require_impedances(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> None:
+    """Raise InvalidValueError for contact pairs of these geoms whose impedance is below the engine's least."""
+    low = _impedances(model.pair_solimp) < mujoco.mjMINIMP
+    for k in np.flatnonzero(low & (np.isin(model.pair_geom1, geoms) | np.isin(model.pair_geom2, geoms))).tolist():
+        allowed = f"at least {mujoco.mjMINIMP:g}, the least that the engine knows: use fewer contact points"
+        require(False, f"solimp of pair {_pair_name(model, k)}", model.pair_solimp[k, :2].min(), allowed)
+
+
+def _impedances(solimp: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Least impedance (K,) of contacts with parameters (K, 5), at any depth."""
+    return np.asarray(solimp[:, :2].min(axis=1))
+
+
+def _pair_name(model: mujoco.MjModel, pair: int) -> str:
+    first, second = (_geom_name(model, int(ids[pair])) for ids in (model.pair_geom1, model.pair_geom2))
+    return model.pair(pair).name or f"{first}/{second}"
+
+
+def _geom_name(model: mujoco.MjModel, geom: int) -> str:
+    """Name of a geom, or its number and body."""
+    return model.geom(geom).name or f"{geom} of body {model.body(model.geom_bodyid[geom]).name}"

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import mujoco
 import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
-from sim.batched_world import BatchedWorld
+from sim.batched_world import BatchedWorld, quietly
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
@@ -275,15 +273,3 @@ def _multiple(name: str, value: float, of: str, unit: float) -> int:
     count = round(value / unit)
     require(count >= 1 and abs(count * unit - value) < 1e-9, name, value, f"a multiple of {of}, {unit:g} s")
     return count
-
-
-@contextmanager
-def quietly() -> Iterator[None]:
-    """Silence the engine's warnings, on the console and in MUJOCO_LOG.TXT; the caller reads their counters."""
-    before, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
-    quiet.logto_console = quiet.logto_file = False
-    quiet.set()
-    try:
-        yield
-    finally:
-        before.set()

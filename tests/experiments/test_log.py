@@ -165,7 +165,7 @@ def test_a_grids_bags_have_its_scans_and_change_no_number(trackslip, grid):
 
 def test_without_rosbags_nothing_is_driven(refused, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    assert refused("wander", "--bag") == "bags need the package rosbags: pip install 'trackslip[ros]'"
+    assert refused("wander", "--bag") == 'bags need the package rosbags: pip install -e ".[ros]"'
 
 
 @pytest.mark.parametrize("source", ["slam", "gnss"])

@@ -1,4 +1,5 @@
 import json
+import tracemalloc
 from itertools import pairwise
 
 import numpy as np
@@ -134,3 +135,18 @@ def test_a_stored_policy_is_the_same(tmp_path):
             np.testing.assert_array_equal(stored.action(seen), policy.action(seen))
             assert stored.options == policy.options
             assert getattr(stored, "authority", None) == getattr(policy, "authority", None)
+
+
+def test_many_rows_take_little_memory_and_have_the_bits_of_one():
+    rng = np.random.default_rng(0)
+    layers = ((50, 64), (64, 64), (64, 2))
+    made = Network(tuple(rng.normal(size=shape) for shape in layers), tuple(rng.normal(size=n) for _, n in layers))
+    x = rng.normal(size=(5000, 50))
+    tracemalloc.start()
+    every = made(x)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 5 * x.nbytes  # a row of a layer has 64 x 64 products
+    for k in (0, 1, 24, 2500, 4999):
+        np.testing.assert_array_equal(every[k], made(x[k : k + 1])[0])
+    assert made(x[:0]).shape == (0, 2)

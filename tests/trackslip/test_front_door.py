@@ -1,4 +1,5 @@
 import json
+import re
 import subprocess
 import sys
 import tomllib
@@ -144,3 +145,14 @@ def test_laws_are_saved_and_loaded(found, tmp_path):
         trackslip.save_laws(file, {"icr": LAW}, GEOMETRY)
     with pytest.raises(trackslip.OutputError, match="cannot be written"):
         trackslip.save_laws(tmp_path / "nowhere" / "laws.json", found.laws, GEOMETRY)
+
+
+def test_extras_are_installed_from_a_checkout():
+    """No index has a distribution called trackslip: messages and docs install it, and only extras that there are."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    folders = ("trackslip", "sim", "experiments", "docs", "examples")
+    files = [file for folder in folders for kind in ("py", "md") for file in (ROOT / folder).rglob(f"*.{kind}")]
+    text = "\n".join(file.read_text() for file in (*files, ROOT / "README.md"))
+    assert not re.findall(r"trackslip\[[a-z,]+\]", text)
+    named = {name for listed in re.findall(r'pip install -e "\.\[([a-z,]+)\]"', text) for name in listed.split(",")}
+    assert {"mpc", "rl", "dask", "ros"} <= named <= extras.keys()

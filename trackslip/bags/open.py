@@ -166,7 +166,7 @@ def short_type(name: str) -> str:
 
 
 def has_rosbags() -> bool:
-    """True if rosbags is installed, and what else `trackslip[ros]` installs."""
+    """True if rosbags is installed, and what else the extra `ros` installs."""
     try:
         for package in ("rosbags.typesys", "mcap", "pymap3d"):
             importlib.import_module(package)
@@ -178,7 +178,7 @@ def has_rosbags() -> bool:
 def require_rosbags() -> None:
     """Raise TrackslipError unless rosbags is installed."""
     if not has_rosbags():
-        raise TrackslipError("bags need the package rosbags: pip install 'trackslip[ros]'")
+        raise TrackslipError('bags need the package rosbags: pip install -e ".[ros]"')
 
 
 def is_bag(path: Path) -> bool:

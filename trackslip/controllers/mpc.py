@@ -1,4 +1,4 @@
-"""Nonlinear model predictive control of the unicycle, with CasADi (optional: `pip install "trackslip[mpc]"`).
+"""Nonlinear model predictive control of the unicycle, with CasADi (optional: `pip install -e ".[mpc]"`).
 
 M. Diehl, H. G. Bock and J. P. Schlöder, "A real-time iteration scheme for nonlinear optimization in optimal feedback
 control", SIAM J. Control and Optimization 43(5), 2005.
@@ -75,7 +75,7 @@ class _Program:
         try:
             import casadi
         except ImportError:
-            raise TrackslipError('model predictive control needs CasADi: pip install "trackslip[mpc]"') from None
+            raise TrackslipError('model predictive control needs CasADi: pip install -e ".[mpc]"') from None
         count = controller.intervals
         poses, wanted_poses = casadi.SX.sym("poses", 3, count + 1), casadi.SX.sym("wanted_poses", 3, count + 1)
         speeds, wanted_speeds = casadi.SX.sym("speeds", 2, count), casadi.SX.sym("wanted_speeds", 2, count)

@@ -1,15 +1,19 @@
 """Robots with tracks: robot files, and what is made of them."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from tracked_files import ROBOT, URDF, write_robot
 
-from sim.robot.named import ROBOTS, load_tracked
+from sim.robot.looks import robot_looks
+from sim.robot.named import ROBOTS, load_parameters, load_tracked
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain import load_course
 from sim.tracks import bind
-from trackslip.errors import TrackslipError
+from sim.traverse.world import Traverse
+from trackslip.errors import RobotWarning, TrackslipError
 
 G = 9.81
 
@@ -164,3 +168,62 @@ def test_what_is_wrong_with_a_model_is_said_of_its_file(tmp_path, body, said):
     model = f'<mujoco><worldbody><body name="base">{body}</body></worldbody></mujoco>'
     with pytest.raises(TrackslipError, match=rf"mine\.urdf: .*{said}"):
         build_tracked(load_tracked(write_robot(tmp_path, ROBOT.split("[[flippers]]")[0], model)))
+
+
+ARM = """<mujoco><default><default class="big"><joint armature="0.1" damping="20" range="-180 180"/>
+  <position kp="3000" forcerange="-150 150"/></default></default><worldbody><body name="base" pos="0 0 0.1"><freejoint/>
+  <geom type="box" size="0.3 0.15 0.05" pos="0 0 0.12" mass="25"/>
+  <body name="wheel" pos="0 0 0.2"><joint name="spin" axis="0 1 0"/><geom size="0.02" mass="0.1"/></body>
+  <body name="upper" pos="0.2 0 0.33"><joint name="lift" class="big" axis="0 -1 0"/>
+    <geom type="capsule" size="0.05" fromto="0 0 0 0.42 0 0" mass="8"/><body name="fore" pos="0.42 0 0">
+    <joint class="big" axis="0 -1 0"/><geom type="capsule" size="0.04" fromto="0 0 0 0.4 0 0" mass="5"/></body></body>
+  </body></worldbody><actuator><velocity name="spin" joint="spin"/>
+  <position class="big" name="lift" joint="lift"/></actuator>
+  <keyframe><key name="out" qpos="0 0 0 1 0 0 0 0 0 0"/>
+  <key name="home" qpos="9 9 9 1 0 0 0 0.5 1.57 2.9" ctrl="1 1.57"/></keyframe></mujoco>"""
+
+
+def test_runs_begin_in_a_keyframe(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    tracks = (
+        'model = "arm.xml"\nwheels = ["wheel"]\nhalf_gauge = 0.22\nhull = [[-0.4, 0.08, 0.08], [0.4, 0.08, 0.08]]\n'
+    )
+    (tmp_path / "arm.toml").write_text(tracks)
+    plain = load_tracked(tmp_path / "arm.toml")
+    with pytest.warns(RobotWarning, match='its keyframes, out, home, are not used.*; key = "out" in the robot file'):
+        assert build_tracked(plain).model.nkey == 0
+    with pytest.raises(TrackslipError, match="key = 'hom': must be one of its keyframes, out, home"):
+        build_tracked(replace(plain, key="hom"))
+    (tmp_path / "home.toml").write_text(f'{tracks}key = "home"\n')
+    world = Traverse(load_tracked(tmp_path / "home.toml"), [load_course("flat")], 2)
+    np.testing.assert_allclose(world.batch.qpos[:, 7:], [[1.57, 2.9]] * 2)
+    np.testing.assert_allclose(world.batch.ctrl, [[1.57]] * 2)
+    assert world.batch.qpos[0, 0] == load_course("flat").start[0]
+    parameters, _ = load_parameters(str(tmp_path / "home.toml"))
+    elbow = 0.2 + 0.42 * np.cos(1.57)
+    arm = 8 * (0.2 + elbow) / 2 + 5 * (elbow + 0.2 * np.cos(4.47))
+    assert parameters.com_x == pytest.approx(arm / 38.1, abs=1e-6)
+    np.testing.assert_allclose(robot_looks(parameters).rest[-2:], [1.57, 2.9])
+
+
+@pytest.mark.parametrize(("torque", "lifts"), [(30, False), (40, True)])
+def test_flippers_lift_a_robot_as_far_as_the_urdf_limits_their_torque(tmp_path, torque, lifts):
+    """Four flippers of 0.35 m lift 40 kg off its tracks with 34 N m each."""
+    links = '<link name="base"><inertial><origin xyz="0 0 0.15"/><mass value="36"/>{0}</inertial></link>'
+    limit = f'<axis xyz="0 1 0"/><limit lower="-3.1" upper="3.1" effort="{torque}" velocity="10"/>'
+    text = 'model = "r.urdf"\nhalf_gauge = 0.2\nhull = [[-0.25, 0.09, 0.09], [0.25, 0.09, 0.09]]\n'
+    for name, x, side in (("fl", 1, "left"), ("fr", 1, "right"), ("rl", -1, "left"), ("rr", -1, "right")):
+        y = 0.3 if side == "left" else -0.3
+        links += f'<link name="{name}"><inertial><origin xyz="{0.15 * x} 0 0"/><mass value="1"/>{{1}}</inertial></link>'
+        links += f'<joint name="j{name}" type="revolute"><parent link="base"/><child link="{name}"/>'
+        links += f'<origin xyz="{0.25 * x} {y} 0.09"/>{limit}</joint>'
+        text += f'[[flippers]]\nbody = "{name}"\nside = "{side}"\nhull = [[0.0, 0.0, 0.09], [{0.35 * x}, 0.0, 0.03]]\n'
+    inertia = [f'<inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/>' for i in (1.0, 0.01)]
+    (tmp_path / "r.urdf").write_text(f'<robot name="r">{links.format(*inertia)}</robot>')
+    (tmp_path / "r.toml").write_text(text)
+    tracked = build_tracked(load_tracked(tmp_path / "r.toml"))
+    model, data = tracked.model, mujoco.MjData(tracked.model)
+    for k in range(2000):
+        data.ctrl[tracked.flipper_motor] = tracked.flipper_control(np.full(4, -0.6 * min(1.0, k / 1000)))
+        mujoco.mj_step(model, data)
+    assert (data.qpos[2] > 0.01) == lifts

@@ -1,5 +1,6 @@
 """Models as their authors publish them: packages, meshes, xacro, wheels of their own, bogies, and what is refused."""
 
+import re
 import time
 import warnings
 
@@ -131,11 +132,131 @@ def test_meshes_of_ascii_stl_are_left_out_or_missed(tmp_path):
     assert build_tracked(colliding).model.nmesh == 1
 
 
+POINTER = f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 32184\n"
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "dae", "msh"])
+def test_git_lfs_pointers_are_named(tmp_path, suffix):
+    (tmp_path / "rover_description" / "meshes").mkdir(parents=True)
+    mesh = tmp_path / "rover_description" / "meshes" / f"a.{suffix}"
+    mesh.write_text(POINTER)
+    with pytest.raises(TrackslipError, match=f"link 'base' needs .*but a.{suffix} is a Git LFS pointer .*git lfs pull"):
+        build_tracked(load_tracked(write(tmp_path, [base(f'<mesh filename="../meshes/a.{suffix}"/>')], TRACKS)))
+    seen = load_tracked(write(tmp_path, [base(look=f"../meshes/a.{suffix}")], TRACKS))
+    with pytest.warns(RobotWarning, match=f"without 1 mesh file .*; a.{suffix} is a Git LFS pointer"):
+        build_tracked(seen, looks=True)
+
+
+def test_models_and_textures_that_are_git_lfs_pointers_are_named(tmp_path):
+    body = '<body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 .3"/></body>'
+    (tmp_path / "paint.png").write_text(POINTER)
+    (tmp_path / "r.toml").write_text('model = "r.xml"\n' + TRACKS)
+    texture = '<asset><texture name="paint" type="2d" file="paint.png"/></asset>'
+    for text, said in (
+        (POINTER, r"r\.xml: is a Git LFS pointer"),
+        (
+            f"<mujoco>{texture}<worldbody>{body}</worldbody></mujoco>",
+            "texture 'paint' needs paint.png, but it is a Git LFS",
+        ),
+    ):
+        (tmp_path / "r.xml").write_text(text)
+        with pytest.raises(TrackslipError, match=said):
+            build_tracked(load_tracked(tmp_path / "r.toml"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            '<?xml version="1.0"?><!-- <robot --><sdf version="1.7"><plugin><robotNamespace/></plugin></sdf>',
+            "XML of <sdf>",
+        ),
+        ("#usda 1.0", "is no XML"),
+        ("<html><body/></html>", "XML of <html>"),
+    ],
+)
+def test_files_that_are_neither_mjcf_nor_urdf_are_named(tmp_path, text, said):
+    (tmp_path / "r.sdf").write_text(text)
+    (tmp_path / "r.toml").write_text('model = "r.sdf"\n' + TRACKS)
+    with pytest.raises(TrackslipError, match=rf"r\.sdf: .*{said}; `model` must be an MJCF \(<mujoco>\) or URDF"):
+        build_tracked(load_tracked(tmp_path / "r.toml"))
+    with pytest.raises(TrackslipError, match=r"a \.toml file that names this model"):
+        load_tracked(str(tmp_path / "r.sdf"))
+
+
+@pytest.mark.parametrize("unit", ["0.1", "2.54e-2", "1", ""])
+def test_a_converted_mesh_has_the_unit_of_its_dae_or_is_refused(tmp_path, unit):
+    (tmp_path / "rover_description" / "meshes").mkdir(parents=True)
+    mesh = tmp_path / "rover_description" / "meshes" / "wheel.dae"
+    meter = f'<unit name="u" meter="{unit}"/>' if unit else ""
+    mesh.write_text(f"<COLLADA><asset>{meter}</asset></COLLADA>")
+    mesh.with_suffix(".obj").write_text(CUBE)
+    file = write(tmp_path, rover('<mesh filename="../meshes/wheel.dae"/>'))
+    if unit in ("1", ""):
+        assert load_tracked(file).hull[0][2] == pytest.approx(0.1)
+        return
+    with pytest.raises(
+        TrackslipError, match=f"wheel.dae is in units of {unit} m, and wheel.obj has no unit: name wheel.obj"
+    ):
+        load_tracked(file)
+    named = rover(f'<mesh filename="../meshes/wheel.obj" scale="{unit} {unit} {unit}"/>')
+    assert load_tracked(write(tmp_path, named)).hull[0][2] == pytest.approx(0.1 * float(unit), rel=1e-3)
+
+
+def test_a_file_that_a_package_lacks_is_named(tmp_path):
+    (tmp_path / "deep" / "other").mkdir(parents=True)
+    (tmp_path / "deep" / "other" / "package.xml").write_text("<package><name>named</name></package>")
+    for name, packages in (("named", '["deep/other"]'), ("other", '["deep/other"]'), ("other", '["deep"]')):
+        text = f"packages = {packages}\n{TRACKS}"
+        file = write(tmp_path, [base(f'<mesh filename="package://{name}/meshes/a.stl"/>')], text)
+        with pytest.raises(TrackslipError, match=f"package {name} in .*deep/other has no meshes/a.stl") as refused:
+            build_tracked(load_tracked(file))
+        assert "`packages`" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("shape", "said"),
+    [
+        ('<box size="0.3 0.1 0.02"/>', "a geom of link plate reaches down to -0.12 m in the frame of base"),
+        ('<mesh filename="../meshes/a.obj"/>', "mesh a of link plate reaches down to -0.21 m"),
+    ],
+)
+def test_what_reaches_below_the_tracks_is_named(tmp_path, shape, said):
+    (tmp_path / "rover_description" / "meshes").mkdir(parents=True)
+    (tmp_path / "rover_description" / "meshes" / "a.obj").write_text(CUBE)
+    parts = [base(), link("plate", 0, shape), joint("base", "plate", "0 0 -0.11", "fixed")]
+    with pytest.raises(TrackslipError, match=said):
+        build_tracked(load_tracked(write(tmp_path, parts, TRACKS)))
+    text = f'wheels = ["plate"]\n{TRACKS}'
+    assert build_tracked(load_tracked(write(tmp_path, parts, text))).model.nv == 6
+
+
 def test_masses_are_those_of_the_urdf(tmp_path):
     rider, point = link("rider", 0, '<box size="1 1 1"/>', "0 0 1"), link("point", 0, '<sphere radius="0"/>')
     fixed = [joint("base", name, "0 0 0", "fixed") for name in ("rider", "point")]
     made = build_tracked(load_tracked(write(tmp_path, [base(), rider, point, *fixed], TRACKS)))
     assert made.model.body_subtreemass[made.body] == pytest.approx(10)
+
+
+@pytest.mark.parametrize(("wheel", "chassis"), [(0.004, 50.0), (5.0, 0.4)])
+def test_inertias_that_no_body_can_have_are_said(tmp_path, wheel, chassis):
+    """A robot of 14 kg that reaches 0.4 m: as heavy at its ends, it had 2.2 kg m^2."""
+    parts = rover()
+    for k, text in enumerate(parts):
+        if "inertia" in text:
+            value = chassis if k == 0 else wheel
+            parts[k] = re.sub(r'(ixx|iyy|izz)="[^"]*"', rf'\1="{value}"', text)
+    said = f"inertia of link {'base' if chassis > 1 else '(left|right)_(front|rear)'} = {max(wheel, chassis):g} kg m"
+    robot = load_tracked(write(tmp_path, parts))
+    for looks in (False, True):
+        with pytest.warns(
+            RobotWarning, match=said + r".*: with it, 14 kg have a radius of gyration of .* m, and reach only"
+        ):
+            build_tracked(robot, looks=looks)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for name in ("rescue", "box", "maxxii", "shipped"):
+            build_tracked(load_tracked(name))
 
 
 def test_xacro_is_said_clearly(tmp_path):
@@ -170,6 +291,99 @@ def test_tracks_replace_the_wheels(tmp_path, wheel, limits):
     assert listed.hull == robot.hull
 
 
+def carried_rover(kind, axis="0 1 0", limits="", nested=False):
+    """A rover whose wheels hang on two carriers, one of each side or more, with near-square plates near the middle."""
+    parts = [link("base", 10, '<box size="0.4 0.2 0.05"/>', "0 0 0.15")]
+    for side, sign in (("left", 1), ("right", -1)):
+        plate = link(f"{side}_{kind}", 1, '<box size="0.2 0.04 0.19"/>', "0 0 0.05")
+        at = joint("base", f"{side}_{kind}", f"0 {0.2 * sign} 0", "revolute" if limits else "continuous", limits)
+        parts += [plate, at.replace("0 1 0", axis)]
+        if nested:
+            parts += [link(f"{side}_bogie", 1, '<cylinder radius="0.12" length="0.02"/>', "0 0 0.1")]
+            parts += [joint(f"{side}_{kind}", f"{side}_bogie", "0 0 0", "revolute", limits)]
+        for end, x in (("front", 0.2), ("rear", -0.2)):
+            carrier = f"{side}_bogie" if nested and end == "rear" else f"{side}_{kind}"
+            parts += [link(f"{side}_{end}", 1, '<sphere radius="0.1"/>')]
+            parts += [joint(carrier, f"{side}_{end}", f"{x} {0.1 * sign} 0")]
+    return parts
+
+
+LIMITS = '<limit lower="-0.3" upper="0.3" effort="1" velocity="1"/>'
+
+
+@pytest.mark.parametrize(
+    "carried",
+    [
+        ("rocker", "0 1 0", LIMITS),
+        ("rocker", "0 1 0", ""),
+        ("knuckle", "0 0 1", LIMITS),
+        ("knuckle", "0 0 1", ""),
+        ("rocker", "0 1 0", LIMITS, True),
+    ],
+)
+def test_what_carries_wheels_is_locked_and_no_wheel(tmp_path, carried):
+    parts = carried_rover(*carried)
+    with pytest.raises(TrackslipError, match=r"hangs on 'left_.*list it to lock it, wheels = \[.*\]") as refused:
+        build_tracked(load_tracked(write(tmp_path, parts)))
+    advised = str(refused.value).partition("lock it, ")[2].partition(", or in")[0]
+    robot = load_tracked(write(tmp_path, parts, advised + "\n"))
+    assert robot.half_gauge == pytest.approx(0.3)
+    np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)])
+    made = build_tracked(robot)
+    assert made.model.nv == 6
+    assert robot.lowest == pytest.approx(-0.1)
+
+
+def test_listed_wheels_may_be_fixed_and_what_else_is_listed_is_none(tmp_path):
+    parts = [part.replace("continuous", "fixed") for part in rover()]
+    parts = [part.replace('parent link="base"', 'parent link="block"') for part in parts]
+    parts += [link("block", 1, '<box size="0.3 0.3 0.3"/>', "0 0.2 0.2"), joint("base", "block", "0 0 0", "fixed")]
+    belts = [link("belt", 1, '<box size="0.6 0.1 0.2"/>', "0 0.25 0.02"), joint("base", "belt", "0 0 0", "fixed")]
+    listed = [f"{side}_{end}" for side, end in WHEELS]
+    robot = load_tracked(write(tmp_path, [*parts, *belts], f"wheels = {[*listed, 'belt', 'block']}\n"))
+    assert robot.half_gauge == pytest.approx(0.25)
+    np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)])
+
+
+@pytest.mark.parametrize("listed", [True, False])
+def test_what_is_fixed_to_a_wheel_is_part_of_it(tmp_path, listed):
+    parts, names = rover(), [f"{side}_{end}" for side, end in WHEELS]
+    for name in names:
+        parts += [link(f"{name}_cap", 1, '<sphere radius="0.03"/>'), joint(name, f"{name}_cap", "0 0 0", "fixed")]
+    every = [*names, *(f"{name}_cap" for name in names)]
+    robot = load_tracked(write(tmp_path, parts, f"wheels = {every}\n" if listed else 'wheels = "replace"\n'))
+    assert (robot.half_gauge, len(robot.hull)) == (pytest.approx(0.25), 2)
+    np.testing.assert_allclose(robot.hull, [(-0.2, 0, 0.1), (0.2, 0, 0.1)])
+
+
+def test_wheels_a_hair_apart_are_alike(tmp_path):
+    """Four like wheels whose heights differ by 0.1 mm, those in front the higher on the left and the lower right."""
+    heights = {("left", "front"): 1e-4, ("right", "rear"): 1e-4}
+    for stacked in (False, True):  # a roller above each wheel, at the same x but for 0.1 mm
+        parts = [link("base", 10, '<box size="0.4 0.3 0.05"/>', "0 0 0.1")]
+        for side, end in WHEELS:
+            x, y, up = 0.2 if end == "front" else -0.2, 0.25 if side == "left" else -0.25, heights.get((side, end), 0)
+            parts += [
+                link(f"{side}_{end}", 1, '<sphere radius="0.1"/>'),
+                joint("base", f"{side}_{end}", f"{x} {y} {up}"),
+            ]
+            if stacked:
+                name = f"{side}_{end}_roller"
+                parts += [link(name, 1, '<sphere radius="0.03"/>'), joint("base", name, f"{x + up} {y} 0.12")]
+        robot = load_tracked(write(tmp_path, parts))
+        assert robot.half_gauge == pytest.approx(0.25)
+        np.testing.assert_allclose(
+            sorted(robot.hull, key=lambda w: (-w[2], w[0]))[:2], [(-0.2, 0, 0.1), (0.2, 0, 0.1)], atol=1e-4
+        )
+
+
+def test_a_listed_link_that_spins_and_is_not_round_is_refused(tmp_path):
+    parts = [*rover(), link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "0 0 0.2")]
+    listed = [f"{side}_{end}" for side, end in WHEELS]
+    with pytest.raises(TrackslipError, match="wheels = 'radar': turns endlessly, must be round to be a wheel"):
+        load_tracked(write(tmp_path, parts, f"wheels = {[*listed, 'radar']}\n"))
+
+
 def test_other_wheels_are_refused(tmp_path):
     for parts, text, said in (
         ([base()], 'wheels = "replace"', "wheels = replace: must be round links .* found are none"),
@@ -183,6 +397,7 @@ def test_other_wheels_are_refused(tmp_path):
             load_tracked(write(tmp_path, parts, text))
 
 
+@pytest.mark.filterwarnings("ignore:.*inertia of link")
 def test_hinges_that_swing_freely_are_said(tmp_path):
     file = write(tmp_path, rover('<sphere radius="0.05"/>'), TRACKS)
     with pytest.warns(RobotWarning, match=r"nothing drives or holds 4 hinges without limits, left_front_joint, "):

@@ -14,6 +14,7 @@ from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters, robot_file_text
 from sim.robot.robot import load_robot
+from sim.tracks.presets import require_impedances, soft_contacts
 from trackslip.errors import InvalidValueError
 from trackslip.skid_theory import Load, steady_twist
 
@@ -103,8 +104,52 @@ def test_wheels_climb_as_theory_says(robot, shear):
     np.testing.assert_allclose(fleet.twist()[0], expected, atol=1e-4)
 
 
+def train(axles):
+    """A robot of that many axles, 0.2 m apart."""
+    return wheels(0.4, tuple(0.2 * (np.arange(axles) - (axles - 1) / 2)), 75.0, patch_length=0.08)
+
+
+@pytest.mark.parametrize("shear", [0.0, 0.01])
+@pytest.mark.parametrize("axles", [2, 3, 6, 10])
+def test_the_engine_grips_as_asked_and_turns_are_those_of_theory(axles, shear):
+    robot = train(axles)
+    loaded = load_robot(parameters=robot, single_contacts=shear > 0)
+    assert not soft_contacts(loaded.model)
+    impedance, damping = loaded.model.pair_solimp[:, 0], -loaded.model.pair_solreffriction[:, 1]
+    np.testing.assert_allclose(damping / np.maximum(impedance, mujoco.mjMINIMP), 100.0, rtol=1e-6)
+    belts = arcs(robot, 0.2)
+    twist, expected = turned(robot, belts, Ground(0.6, 0.7, shear=shear), 8.0 if shear else 3.0)
+    np.testing.assert_allclose(ratio(robot, belts, twist), ratio(robot, belts, expected), rtol=0.01)
+
+
+@pytest.mark.parametrize("shear", [0.0, 0.02])
+def test_sliding_decays_at_the_rate_asked_for(shear):
+    """A robot that slides while its friction holds: the engine takes 100/s times the step of its speed in each step."""
+    for robot in (HUSKY, train(10)):
+        fleet = Fleet(
+            load_robot(parameters=robot), np.zeros((1, 3)), Ground(5.0, 5.0), 0.0, tireless(), shears=shear > 0
+        )
+        fleet.batch.qvel[:, 0] = 0.05
+        speeds = [0.05]
+        for _ in range(4):
+            fleet.advance(0.01)
+            speeds.append(float(fleet.batch.qvel[0, 0]))
+        rate = -np.diff(np.log(speeds)) / 0.01
+        step = fleet.robot.model.opt.timestep
+        np.testing.assert_allclose(rate, -np.log(1 - 100.0 * step) / step, rtol=0.1)
+
+
+def test_wheels_that_the_engine_would_stiffen_are_refused():
+    model = load_robot(parameters=HUSKY).model
+    model.pair_solimp[3, :2] = 5e-5
+    pads = np.flatnonzero([("_pad" in model.geom(k).name) for k in range(model.ngeom)])
+    assert list(soft_contacts(model).values()) == [5e-5]
+    with pytest.raises(InvalidValueError, match=r"solimp of pair ground/.*_pad1_of2 = 5e-05: must be at least 0\.0001"):
+        require_impedances(model, pads)
+
+
 def test_parked_robots_sink_as_tracks_do_and_creep_as_slowly():
-    for robot in (HUSKY, WARTHOG, RobotParameters()):
+    for robot in (HUSKY, WARTHOG, train(10), RobotParameters()):
         heading = np.array([0.0, 0.8, np.pi / 2])
         start = np.column_stack([np.zeros((3, 2)), heading])
         fleet = Fleet(load_robot(parameters=robot), start, Ground(slope=0.1745), 0.0, tireless())

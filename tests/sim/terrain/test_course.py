@@ -19,7 +19,7 @@ from sim.terrain import (
     course_names,
     load_course,
 )
-from sim.terrain.solids import Level
+from sim.terrain.solids import Level, seen_from_above
 from trackslip.errors import InvalidValueError
 
 
@@ -116,6 +116,30 @@ def test_elevation_is_height_but_for_edges():
     np.testing.assert_allclose(course.elevation(far), course.floor)
     corners = np.array([[-1.97, -1.47], [-1.97, 1.47]])
     np.testing.assert_allclose(course.elevation(corners), 0.0, atol=1e-12)
+
+
+def test_a_new_course_is_looked_at_only_where_it_is_asked_for(monkeypatch):
+    looked = []
+
+    def counted(model, points, above):
+        looked.append(len(points))
+        return seen_from_above(model, points, above)
+
+    monkeypatch.setattr("sim.terrain.course.seen_from_above", counted)
+    course = load_course("pallets", seed=3)
+    low = course.bounds[0]
+    nodes = (low[0] - 0.04 + 0.02 * np.arange(0, 400, 7))[:, None], (low[1] - 0.04 + 0.02 * np.arange(0, 200, 9))
+    near = np.stack(np.broadcast_arrays(nodes[0][:9], nodes[1][:5]), axis=-1)  # 45 points
+    first = course.elevation(near)
+    assert sum(looked) <= 45 * 16 * 16
+    again = sum(looked)
+    np.testing.assert_array_equal(course.elevation(near), first)
+    assert sum(looked) == again
+    everywhere = np.stack(np.broadcast_arrays(*nodes), axis=-1)
+    every = course.elevation(everywhere)
+    exact = course.height(everywhere[..., 0], everywhere[..., 1])
+    assert np.quantile(np.abs(every - exact), 0.9) < 1e-9
+    np.testing.assert_array_equal(load_course("pallets", seed=3).elevation(everywhere), every)
 
 
 def test_two_courses_in_one_model():

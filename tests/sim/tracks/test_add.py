@@ -191,3 +191,20 @@ def test_options_of_a_model_that_spoil_the_recipe_are_refused(option, value, mes
     setattr(model.opt, option, value)
     with pytest.raises(InvalidValueError, match=message):
         tracks.bind(model)
+
+
+def test_more_pairs_than_a_step_can_test_are_refused():
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="robot")
+    body.add_freejoint()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.25, 0.15, 0.05], pos=[0, 0, 0.12], mass=25)
+    for k in range(600):
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 0.02], pos=[k, 0, 0])
+    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=[(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)])
+    with pytest.raises(
+        InvalidValueError, match=r"terrain = '600 geoms, 25,200 contact pairs .*: must be at most 20,000"
+    ):
+        tracks.connect(spec)
+    assert not spec.pairs
+    tracks.connect(spec, list(spec.worldbody.geoms)[:5])
+    assert len(spec.pairs) == 5 * 42

@@ -6,6 +6,7 @@ import pytest
 from tracked import HALF_GAUGE, HALF_LENGTH, HULL, add_robot, plane
 
 from sim.tracks import PRESETS, add_tracks
+from sim.tracks.presets import soft_contacts
 from trackslip.errors import InvalidValueError
 from trackslip.skid_theory import Contact, steady_twist
 
@@ -139,3 +140,24 @@ def test_widths_that_make_no_sense_are_refused(options, message):
     add_robot(spec)
     with pytest.raises(InvalidValueError, match=message):
         add_tracks(spec, "robot", half_gauge=HALF_GAUGE, hull=HULL, **options)
+
+
+@pytest.mark.parametrize("friction", [(0.7, 0.7), (0.7, 0.8)])
+@pytest.mark.parametrize(("segments", "lines"), [(8, 3), (16, 5), (40, 9)])
+@pytest.mark.parametrize("inertia", [0.5, 5.0])
+def test_no_point_is_softer_than_the_engine_knows(segments, lines, friction, inertia):
+    spec = mujoco.MjSpec.from_string(
+        f"""<mujoco><worldbody><geom name="floor" type="plane" size="5 5 1"/><body name="robot"><freejoint/>
+        <inertial pos="0 0 .1" mass="25" diaginertia="{inertia} {inertia} {inertia}"/></body></worldbody></mujoco>"""
+    )
+    hull = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
+    shape = {"half_gauge": 0.2, "hull": hull, "segments": segments, "width": 0.1, "lines": lines}
+    tracks = add_tracks(spec, "robot", **shape, friction=friction, terrain=["floor"])
+    model = spec.compile()
+    tracks.bind(model)
+    assert not soft_contacts(model)
+    grip = model.pair_solreffriction[:, 1] / np.maximum(model.pair_solimp[:, 0], mujoco.mjMINIMP)
+    np.testing.assert_allclose(grip, -tracks.preset.grip, rtol=1e-6)
+    model.pair_solimp[0, :2] = 1e-5
+    with pytest.raises(InvalidValueError, match=r"solimp of pair floor/robot_left_track_.* = 1e-05: must be at least"):
+        tracks.bind(model)

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.batched_world import quietly
 from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
 from sim.terrain import Course, Flat, Ramp
@@ -143,3 +144,18 @@ def test_forces_of_a_standing_robot_add_up_to_its_weight(speed):
     np.testing.assert_allclose(np.abs(points[:, 1]), 0.17, atol=1e-6)
     np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-3)
     assert belts.read(model, data).load.sum() == pytest.approx(forces[:, 2].sum(), rel=1e-3)
+
+
+def test_worlds_in_two_threads_leave_the_engines_log_as_it_was():
+    def setting():
+        config = mujoco.MjLogConfig.get()
+        return bool(config.logto_console), bool(config.logto_file)
+
+    before, first, second = setting(), quietly(), quietly()
+    first.__enter__()
+    second.__enter__()  # in another thread, while the first one steps
+    assert setting() == (False, False)
+    first.__exit__(None, None, None)
+    assert setting() == (False, False)
+    second.__exit__(None, None, None)
+    assert setting() == before != (False, False)

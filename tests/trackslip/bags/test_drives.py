@@ -247,7 +247,7 @@ def test_a_simulation_that_was_reset_makes_two_drives(tmp_path):
 def test_without_rosbags_one_line_says_what_to_install(tmp_path, monkeypatch):
     path = write(tmp_path, joints_of(LOG), poses_of(LOG))
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    with pytest.raises(TrackslipError, match=r"bags need the package rosbags: pip install 'trackslip\[ros\]'"):
+    with pytest.raises(TrackslipError, match=r'bags need the package rosbags: pip install -e "\.\[ros\]"'):
         trackslip.load(path)
 
 

@@ -57,7 +57,7 @@ def test_gains_do_not_fade_towards_the_end():
 
 def test_without_casadi_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "casadi", None)
-    with pytest.raises(TrackslipError, match=r'pip install "trackslip\[mpc\]"'):
+    with pytest.raises(TrackslipError, match=r'pip install -e "\.\[mpc\]"'):
         ModelPredictive().twist(0.0, np.zeros(3), paper_reference())
 
 
