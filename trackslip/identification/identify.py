@@ -18,6 +18,7 @@ from trackslip.identification.steady_comparison import compare_laws
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.motion.constant_speed import SETTLE
+from trackslip.motion.steady import turning_stretches
 from trackslip.se2 import Mounting
 
 _MIN_SAMPLES = 4  # steady samples that identify laws without the rest of the driving
@@ -118,6 +119,8 @@ def _drive(
 
 def _steady_runs(source: Source) -> bool:
     """True if every run is a steady one, as of the paper's grid: such runs identify laws by themselves."""
+    if sum(map(turning_stretches, source.logs)) > len(source.logs):
+        return False
     try:
         sampling = source.sampling
     except LogError:

@@ -76,6 +76,12 @@ class SteadyPart:
         return np.asarray(known.mean(axis=0)) if len(known) else None
 
 
+def turning_stretches(log: RunLog) -> int:
+    """Number of stretches of constant speeds, long enough to be used, in which the sprockets turn, whatever the poses."""
+    pieces, _ = constant_stretches(log.time, log.omega, np.zeros(0, int), SETTLE + MARGIN + _SHORTEST)
+    return sum(_turns(log.omega, *piece) for piece in pieces)
+
+
 def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
     """The longest steady stretch of a run, under the name of the run; raises LogError like `steady_parts`."""
     longest = max(steady_parts(log, geometry, settle), key=lambda part: part.window[1] - part.window[0])
