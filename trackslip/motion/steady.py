@@ -77,7 +77,7 @@ class SteadyPart:
 
 
 def turning_stretches(log: RunLog) -> int:
-    """Number of stretches of constant speeds, long enough to be used, in which the sprockets turn, whatever the poses."""
+    """Number of stretches of constant speeds that are long enough and in which the sprockets turn."""
     pieces, _ = constant_stretches(log.time, log.omega, np.zeros(0, int), SETTLE + MARGIN + _SHORTEST)
     return sum(_turns(log.omega, *piece) for piece in pieces)
 
