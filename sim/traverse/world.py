@@ -68,7 +68,7 @@ class Traverse(BatchedWorld):
             servos: servos of belts and flippers.
             limits: where runs end.
             period: time between set points [s].
-            sample: time between samples of the contacts, and between changes of the belts' speeds [s].
+            sample: time between changes of the belts' speeds [s].
             threads: number of worker threads, 0 for one per processor.
 
         Raises:
@@ -182,17 +182,20 @@ class Traverse(BatchedWorld):
         self.servo.command(command.speed, command.flippers)
         readings, belts = [], []
         for _ in range(self._samples):
-            belts.append(self.servo.advance(self.sample)[:, self.tracked.track_side])
-            self._belts.set(belts[-1])
+            speed = self.servo.advance(self.sample)[:, self.tracked.track_side]
+            self._belts.set(speed)
+            belts.append(speed[rows])
             self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
             with quietly():  # a run that breaks down ends by name
-                self.batch.step(ids=rows, nstep=self._substeps)
-            readings.append(self._belts.read())
+                readings.append(self._belts.run(self._substeps, rows))
         self.time[rows] += self.period
         broken = self._broken(rows)
         fine = rows[~broken[rows]]
         self.state.qpos[fine], self.state.qvel[fine] = self.batch.qpos[fine], self.batch.qvel[fine]
-        self.contact.put(fine, TrackContact.of(readings, belts, self.sample))
+        kept = ~broken[rows]
+        readings = [reading.of(kept).complete(self.track_names) for reading in readings]
+        step = float(self.tracked.model.opt.timestep)
+        self.contact.put(fine, TrackContact.mean(readings, [speed[kept] for speed in belts], step))
         self._judge(rows, broken)
 
     def elevation(self, points: Array) -> Array:
