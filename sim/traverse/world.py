@@ -192,10 +192,12 @@ class Traverse(BatchedWorld):
         broken = self._broken(rows)
         fine = rows[~broken[rows]]
         self.state.qpos[fine], self.state.qvel[fine] = self.batch.qpos[fine], self.batch.qvel[fine]
-        kept = ~broken[rows]
-        readings = [reading.of(kept).complete(self.track_names) for reading in readings]
-        step = float(self.tracked.model.opt.timestep)
-        self.contact.put(fine, TrackContact.mean(readings, [speed[kept] for speed in belts], step))
+        if len(fine) < len(rows):
+            kept = ~broken[rows]
+            readings, belts = [reading.of(kept) for reading in readings], [speed[kept] for speed in belts]
+        for reading in readings:
+            reading.complete(self.track_names)
+        self.contact.put(fine, TrackContact.mean(readings, belts, float(self.tracked.model.opt.timestep)))
         self._judge(rows, broken)
 
     def elevation(self, points: Array) -> Array:
