@@ -266,7 +266,7 @@ class Reading:
     def complete(self, names: Sequence[str]) -> Reading:
         """This reading of the tracks `names` (T,); raises TrackslipError where it lacks contacts that matter."""
         if (self.missing > _COMPLETE).any():
-            track = names[np.unravel_index(np.argmax(self.missing), self.missing.shape)[-1]]
+            track = names[int(np.argmax(self.missing)) % len(names)]
             raise TrackslipError(
                 f"track {track} touches the terrain at more points than its sensor reports: use a coarser height field"
             )
@@ -290,7 +290,8 @@ def read_contacts(
 
     def total(values: Floats) -> Floats:
         """Sums (..., T) over the contacts, one after another, so that other tracks don't change a bit."""
-        return np.bincount(owner, values, minlength=speeds.size).reshape(speeds.shape)
+        sums = np.asarray(np.bincount(owner, values, minlength=speeds.size), float)
+        return sums.reshape(speeds.shape)
 
     # over a contact the belt moves square to the normal and to the wheels' axes; its direction in the contact's frame:
     left = np.moveaxis(lateral, -1, 0).reshape(3, -1)[:, owner]
