@@ -70,7 +70,7 @@ class Footprint:
 
     def fit(self, course: Course) -> Course:
         """The course itself, or as much longer before and behind the pieces and wider as the robot needs."""
-        start, goal = max(course.start_length, self.turning), max(course.goal_length, self.turning)
+        start, goal = max(course.start_length, self.turning), max(course.goal_length, self.ahead + self.behind)
         width = max(course.width, 2 * _BESIDE * self.aside)
         if (start, goal, width) == (course.start_length, course.goal_length, course.width):
             return course
