@@ -209,7 +209,7 @@ class BatchBelts:
         """
         where = np.arange(len(self._surface))[rows]
         recorded = self._batch.rollout(steps, record=("sensordata", "xmat"), ids=where)
-        speeds = np.repeat(_set_speeds(self._map, self._surface[where])[:, None], steps, axis=1)
+        speeds = np.repeat(self._motors.speed[where][:, None], steps, axis=1)
         return self._map.read(recorded["sensordata"], self._axes(recorded["xmat"]), speeds)
 
     def _axes(self, xmat: Floats) -> Floats:

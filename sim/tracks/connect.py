@@ -48,17 +48,19 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
     rocks = max(mobility(model, tracks, mass), 1.0)  # a robot that is held, as on a test rig, has none
     own, core = float(model.body_invweight0[body.id, 0]), tracks.preset.core()
+    regularised = tracks.preset.regularise(gravity, rocks)
+    grip = tracks.preset.grip * tracks.preset.regularisation / regularised
     _make_room(spec, tracks, [_finest_cell(model, ground.name) for ground in grounds])
     for ground in grounds:
         terrain_geom = model.geom(ground.name)
         share = mass * (own + float(model.body_invweight0[terrain_geom.bodyid[0], 0])) / tracks.points
         field = terrain_geom.type[0] == mujoco.mjtGeom.mjGEOM_HFIELD  # a point of it may touch any number of times
-        regularisation = tracks.preset.regularise(gravity, np.inf if field else rocks)
+        regularisation = tracks.preset.regularise(gravity, np.inf) if field else regularised
         for names in tracks.geoms:
             for name, part in zip(names, tracks.parts, strict=True):
                 along, across = tracks.friction[::-1] if part.crosswise else tracks.friction
                 friction = [along, across, 0.0, 0.0, 0.0]
-                belt = tracks.preset.contact(gravity, share * part.weight, regularisation)
+                belt = tracks.preset.contact(gravity, share * part.weight, regularisation, grip)
                 _add_pair(spec, ground.name, name, "", 0.0, friction, belt)
                 if part.cored:
                     depth = tracks.preset.edge_depth if part.edge else tracks.preset.core_depth

@@ -13,7 +13,7 @@ which the robot stands, a larger e bounds a: l / (1 + e l) is never more than 1 
 
 Sliding pushes up, too: in an elliptic cone with the friction mu, points that slide at v are pushed off the ground as if
 a* were mu * grip * v more, with mu * e * grip * v of a robot's mass together. The grip is divided by as much as e
-grows, so that light limbs that slide don't hop.
+grows for light limbs, so that they don't hop when they slide.
 """
 
 from __future__ import annotations
@@ -72,20 +72,21 @@ class Preset:
         taken = self.timestep * damping + self.timestep**2 * stiffness
         return max(self.regularisation, taken / _MAX_TAKEN - 1 / mobility)
 
-    def contact(self, gravity: float, share: float, regularisation: float) -> ContactParameters:
+    def contact(self, gravity: float, share: float, regularisation: float, grip: float) -> ContactParameters:
         """Parameters of a contact.
 
         Args:
             gravity: acceleration of gravity [m/s^2].
             share: m A / N above, for the point's part of the load [-].
             regularisation: e above [-].
+            grip: rate at which sliding decays where the ground holds [1/s].
         """
         d = regularisation * share / (1 + regularisation * share)
         stiffness, damping = self._rates(gravity)
         return ContactParameters(
             solref=(-d * stiffness / regularisation, -d * damping / regularisation),  # the engine divides by d
             solimp=(d, d, _WIDTH, 0.5, 1.0),
-            solreffriction=(-1.0, -d * self.grip * self.regularisation / regularisation),
+            solreffriction=(-1.0, -d * grip),
         )
 
     def core(self) -> ContactParameters:
