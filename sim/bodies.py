@@ -38,8 +38,8 @@ class Bodies(BatchedWorld):
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
         """Centres (N, 3) of the robots' plates one physics step ago [m], live."""
         self._heading: Array = np.zeros(size)  # unwrapped
-        self.now = Moments(self._place, self._velocity, self._heading, self._sensors, self._forward)
-        """The robots' states and the forces on them, live."""
+        self.now = Moments(self._place, self._velocity, self._heading)
+        """The robots' states, live."""
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
@@ -49,12 +49,8 @@ class Bodies(BatchedWorld):
         """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
         return self.now.twist()
 
-    def traction(self) -> Array:
-        """Longitudinal forces of the ground on the (left, right) tracks in the last physics step, (N, 2) [N]."""
-        return self.now.traction()
-
     def load(self) -> Array:
-        """Normal forces of the ground on the (left, right) tracks, (N, 2) [N]."""
+        """Normal forces of the ground on the (left, right) tracks in the last physics step, (N, 2) [N]."""
         return self._sensors[:, 2::3].copy()
 
     def attitude(self) -> Array:
@@ -89,14 +85,14 @@ class Bodies(BatchedWorld):
     def _run_on(self, rows: Rows, periods: int, substeps: int) -> tuple[Array, Array]:
         """Step the robots `rows` (R,) for P periods in which nothing changes.
 
-        Returns the sums of the forces on their tracks in each period (P, R, 6), and the directions in which the robots
-        point at its end (P, R, 2).
+        Returns the sums of their sensors in each period (P, R, S), and the directions in which the robots point at its
+        end (P, R, 2).
         """
         ids = None if rows is EVERYONE else rows
         recorded = self.batch.rollout(periods * substeps, record=("sensordata", "xmat"), ids=ids)
-        forces = recorded["sensordata"][..., :6].reshape(-1, periods, substeps, 6)
+        sensed = recorded["sensordata"].reshape(-1, periods, substeps, self.robot.model.nsensordata)
         forward = recorded["xmat"][:, substeps - 1 :: substeps, self._chassis, 0:4:3]
-        return np.add.reduce(forces, axis=2).swapaxes(0, 1), forward.swapaxes(0, 1)
+        return np.add.reduce(sensed, axis=2).swapaxes(0, 1), forward.swapaxes(0, 1)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return self.batch.state[rows].copy(), self._heading[rows].copy()
@@ -133,13 +129,11 @@ def _heading(quaternion: Array) -> Any:
 
 @dataclass(frozen=True)
 class Moments:
-    """States of robots and the forces on them, (...) each: of N robots now, or of N robots at T moments."""
+    """States of robots, (...) each: of N robots now, or of N robots at T moments."""
 
     place: Array  # (..., 7) position of the chassis [m] and its quaternion
     velocity: Array  # (..., 6) in the world [m/s], turning in the robot's frame [rad/s]
     heading: Array  # (...) unwrapped [rad]
-    forces: Array  # (..., 6) on the left and on the right track [N]
-    forward: Array  # (..., 2) x axes of the chassis
 
     def copied(self) -> tuple[Array, ...]:
         """Copies of the arrays, in order."""
@@ -156,10 +150,6 @@ class Moments:
         twist = np.empty((*self.heading.shape, 3))
         twist[..., :2], twist[..., 2] = se2.rotate(-self.heading, self.velocity[..., :2]), self.velocity[..., 5]
         return twist
-
-    def traction(self) -> Array:
-        """Longitudinal forces of the ground on the (left, right) tracks in the last physics step, (..., 2) [N]."""
-        return along_robot(self.forces, self.forward)
 
     def lean(self, height: float) -> Array:
         """Offset (...) of the plates from the chassis, to the left, at a height above the ground [m]."""

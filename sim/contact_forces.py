@@ -32,8 +32,7 @@ class Contacts:
 
 def read_contacts(fleet: Fleet) -> Contacts:
     """Contacts of a fleet whose robot was loaded with contact sensors."""
-    points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
-    sensed = fleet.batch.bind("sensordata")[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
+    sensed = _of_points(fleet, fleet.batch.bind("sensordata"))
     return Contacts(
         load=sensed[..., 0].copy(),
         force=sensed[..., 1:3].copy(),
@@ -45,15 +44,21 @@ def read_contacts(fleet: Fleet) -> Contacts:
 
 
 def pad_forces(fleet: Fleet) -> Array:
-    """Forces (N, P, 3) of the ground on the pads one physics step ago: forward, to the left, up [N].
+    """Mean forces (N, P, 3) of the ground on the pads over the last `advance`: forward, to the left, up [N].
 
     The fleet's robot must have been loaded with contact sensors.
     """
-    contacts = read_contacts(fleet)
+    sensed = _of_points(fleet, fleet.sensed)
     points = fleet.robot.points_per_pad
-    along_across = contacts.force * np.repeat(np.sign(fleet.robot.pad_sign), points)[:, None]
-    at_points = np.concatenate([along_across, contacts.load[..., None]], axis=-1)
+    along_across = sensed[..., 1:3] * np.repeat(np.sign(fleet.robot.pad_sign), points)[:, None]
+    at_points = np.concatenate([along_across, sensed[..., :1]], axis=-1)
     return at_points.reshape(fleet.size, -1, points, 3).sum(axis=2)
+
+
+def _of_points(fleet: Fleet, sensed: Array) -> Array:
+    """What the contact sensors say of each point (N, K, CONTACT_WIDTH), from all sensors' data (N, S)."""
+    points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
+    return sensed[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
 
 
 def use_default_contact(model: mujoco.MjModel) -> None:

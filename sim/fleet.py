@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,7 +39,7 @@ def substeps(drive: Drive, robot: Robot) -> int:
 class Fleet(Bodies):
     """N robots on their grounds. The same arguments give the same bits at any number of threads."""
 
-    STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground")
+    STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction", "_traction")
 
     def __init__(
         self,
@@ -88,7 +88,12 @@ class Fleet(Bodies):
         self.shear = Shear(*laid, self.size, drive.period, fastest) if shears else None
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
         self._ground = FleetGround(self.batch, robot, grounds, self.shear)
-        self._sensed = self._substeps, robot.model.nsensordata  # what the engine records of a period
+        self._recorded = self._substeps, robot.model.nsensordata  # what the engine records of a period
+        self.sensed: Array = np.zeros((self.size, robot.model.nsensordata))
+        """Means (N, S) of the engine's sensors over the last `advance`."""
+        self.mean_traction: Array = np.zeros((self.size, 2))
+        """Mean longitudinal forces (N, 2) of the ground on the (left, right) tracks over the last `advance` [N]."""
+        self._traction: Array = np.zeros((self.size, 2))  # of the last servo period
         self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
         self.pull = pull or Pull()
         """Pull on all robots."""
@@ -171,8 +176,7 @@ class Fleet(Bodies):
         if abs(periods * self.period - duration) > 1e-9:
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
         if periods > 1 and self.drive.drive.droop > 0:  # the next speeds depend on the torques
-            for _ in range(periods):
-                self.advance(self.period)
+            self._one_by_one(EVERYONE, periods, lambda: self.advance(self.period))
             return
         if periods == 0:
             return
@@ -186,9 +190,21 @@ class Fleet(Bodies):
         self.drive.accept(forecast, torque)
         self._restore(weak, tuple(part[weak] for part in before))
         self._periods -= periods
-        for _ in range(periods):
-            self._advance_within_limits(weak, limited)
+        self._one_by_one(weak, periods, lambda: self._advance_within_limits(weak, limited))
         self.drive.put(weak, limited)
+
+    def _one_by_one(self, rows: Rows, periods: int, advance: Callable[[], None]) -> None:
+        """Let `advance` the robots `rows` (R,) period by period, and keep the means of what was sensed."""
+        sensed, traction = np.zeros_like(self.sensed[rows]), np.zeros_like(self.mean_traction[rows])
+        for _ in range(periods):
+            advance()
+            sensed += self.sensed[rows]
+            traction += self.mean_traction[rows]
+        self.sensed[rows], self.mean_traction[rows] = sensed / periods, traction / periods
+
+    def traction(self) -> Array:
+        """Mean longitudinal forces of the ground on the tracks in the last servo period, (N, 2) [N]."""
+        return self._traction.copy()
 
     def launch(self, twist: ArrayLike) -> None:
         """Set the robots in motion with twists (N, 3) or (3,): forwards, to the left [m/s], yaw rate [rad/s].
@@ -208,21 +224,25 @@ class Fleet(Bodies):
         """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
         varies = self._ground.varies
         if self.shear or self._drawbar or varies or mean.tobytes() != mean[:1].tobytes() * len(mean):
-            forces, forward = self._run_by_period(rows, mean, varies)
+            sensed, forward = self._run_by_period(rows, mean, varies)
         else:
-            forces, forward = self._run_steadily(rows, mean)
+            sensed, forward = self._run_steadily(rows, mean)
         self._follow_heading()
+        sensed /= self._substeps
         # grip builds up within a period, so that only the mean force gives the impulse
-        return along_robot(forces / self._substeps, forward)
+        traction = along_robot(sensed[..., :6], forward)
+        self.sensed[rows], self.mean_traction[rows] = sensed.mean(axis=0), traction.mean(axis=0)
+        self._traction[rows] = traction[-1]
+        return traction
 
     def _run_by_period(self, rows: Rows, mean: Array, varies: bool) -> tuple[Array, Array]:
         """Drive the robots `rows` (R,) for P periods at mean speeds (P, R, 2), on ground that `varies` or not.
 
-        Returns the sums of the forces on their tracks in each period (P, R, 6), and the directions in which the robots
-        point at its end (P, R, 2).
+        Returns the sums of their sensors in each period (P, R, S), and the directions in which the robots point at its
+        end (P, R, 2).
         """
         belts, ids = self.robot.pad_speeds(self._radius[rows] * mean), rows if isinstance(rows, np.ndarray) else None
-        sensed, forward = np.empty((*mean.shape[:2], *self._sensed)), np.empty(mean.shape)
+        sensed, forward = np.empty((*mean.shape[:2], *self._recorded)), np.empty(mean.shape)
         before = None if self.shear is None else self._placed(rows)
         for k, into in enumerate(sensed):
             if varies:
@@ -239,7 +259,7 @@ class Fleet(Bodies):
                 before = after
             if (k + 1) % self._unwrap_every == 0:
                 self._follow_heading()
-        return np.add.reduce(sensed[..., :6], axis=2), forward
+        return np.add.reduce(sensed, axis=2), forward
 
     def _run_steadily(self, rows: Rows, mean: Array) -> tuple[Array, Array]:
         """The same with belts that keep their speeds on uniform ground: the engine is faster without interruptions."""
@@ -253,8 +273,8 @@ class Fleet(Bodies):
             self._periods += periods
         if len(parts) == 1:
             return parts[0]
-        forces, forward = zip(*parts, strict=True)
-        return np.concatenate(forces), np.concatenate(forward)
+        sensed, forward = zip(*parts, strict=True)
+        return np.concatenate(sensed), np.concatenate(forward)
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:
         """Simulate one period of the robots `rows` (R,), whose motors may be too weak to follow the servos.
@@ -306,6 +326,8 @@ class Fleet(Bodies):
         self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))
         speed, lean = np.hypot(*self._velocity[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
         require_at_rest([self.ground[k] for k in rows], start[:, 2], speed, lean, self.pull)
+        self.sensed[rows] = self.batch.bind("sensordata")[rows]
+        self._traction[rows] = self.mean_traction[rows] = along_robot(self._sensors[rows], self._forward[rows])
         self._put_back(rows, start)
         self._ground.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
 

@@ -23,8 +23,8 @@ from trackslip.logs.scanlog import ScanLog
 
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""
-_OF_MOMENT = 5  # arrays of the engine's state in what is recorded of the truth
-_ENERGY, _SATURATED = _OF_MOMENT + 1, _OF_MOMENT + 2  # places in that
+_OF_MOMENT = 3  # arrays of the engine's state in what is recorded of the truth
+_ENERGY, _SATURATED = _OF_MOMENT + 2, _OF_MOMENT + 3  # places in that
 _TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
 _UPRIGHT = float(np.cos(_TIPPED))
 
@@ -79,7 +79,7 @@ class RunRecorder:
         self._angle = angle
         if self._loads:
             self.load[k] = fleet.needed_traction()
-        of_drive = drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
+        of_drive = fleet.mean_traction.copy(), drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
         contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
         if self._in_detail and fleet.shear is not None:
             contact += (np.linalg.norm(fleet.shear.displacement, axis=-1).astype(np.float32),)
@@ -159,11 +159,11 @@ class RunRecorder:
             return []
         columns = [np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)]
         moments = Moments(*columns[:_OF_MOMENT])
-        torque, energy, saturated_time, *contact = columns[_OF_MOMENT:]
+        traction, torque, energy, saturated_time, *contact = columns[_OF_MOMENT:]
         before = self._truth[0]
         rates = (self._rate(total, before[k]) for k, total in ((_ENERGY, energy), (_SATURATED, saturated_time)))
         lean = moments.lean(self.fleet.robot.lrf_height)
-        truths = (moments.pose(), moments.twist(), moments.traction(), torque, *rates, lean, *contact)
+        truths = (moments.pose(), moments.twist(), traction, torque, *rates, lean, *contact)
         empty = None if feed is None else feed.scan(np.empty((0, len(feed.bearings))))
         logs = []
         for i in range(self.fleet.size):

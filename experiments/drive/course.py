@@ -27,6 +27,7 @@ class DrivenCourse:
 
     robot: TrackedRobot
     course: Course
+    goal: float  # x at which it is crossed [m]
     tracks: tuple[str, ...]  # names (T,)
     outcome: str
     """Outcome: reached, tipped, stuck, fell, exploded, time, or stopped."""
@@ -78,6 +79,7 @@ def drive_course(
     return DrivenCourse(
         robot=world.tracked.robot,
         course=world.course[0],
+        goal=float(world.goal[0]),
         tracks=tuple(world.track_names),
         outcome=STOPPED if outcome == Outcome.DRIVING else outcome.label,
         time=time,

@@ -99,7 +99,7 @@ def _profile(run: DrivenCourse) -> Figure:
     height = course.height(x, np.zeros_like(x))
     axes.fill_between(x, height, course.floor, facecolor=_EARTH, lw=0, label="ground at y = 0")
     axes.plot(position[:, 0], position[:, 2], color=BLUE, lw=1.2, label="chassis")
-    axes.axvline(course.goal, color=GREY, lw=0.8, ls="--", label="end of the course")
+    axes.axvline(run.goal, color=GREY, lw=0.8, ls="--", label="end of the course")
     axes.set(xlabel="x [m]", ylabel="z [m]", xlim=(low, high))
     figure.legend(ncols=3, loc="outside upper left")
     return figure

@@ -27,7 +27,7 @@ def drive_summary(run: DrivenCourse) -> dict[str, Any]:
         "outcome": run.outcome,
         "duration": round(float(run.time[-1]), 9),  # simulated time [s]
         "way": float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),  # of the chassis in the plane
-        "remaining": max(0.0, run.course.goal - float(position[-1, 0])),  # along the course until its end
+        "remaining": max(0.0, run.goal - float(position[-1, 0])),  # along the course until its end
         "climbed": float(position[-1, 2] - position[0, 2]),  # height of the chassis at the end, above the start
         "max_pitch": float(np.abs(state.pitch).max()),
         "max_roll": float(np.abs(state.roll).max()),

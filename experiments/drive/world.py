@@ -13,6 +13,7 @@ from experiments.drive.course import PERIOD, Driver
 from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.terrain import load_course
+from sim.traverse.footprint import Footprint
 from sim.traverse.ftr_courses import FTR_COURSES, draw_ftr_course
 from sim.traverse.outcome import Limits
 from sim.traverse.reflex import Reflex
@@ -23,7 +24,7 @@ from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.trajectory.profile import MotionLimits
 from trackslip.trajectory.waypoints import read_waypoints
 
-SAMPLE = 0.004  # time between looks at the contacts [s]
+SAMPLE = 0.004  # time between changes of the belts' speeds [s]
 TOP_SPEED = 0.6  # largest speed of the belts by hand [m/s]
 ACCELERATION = 2.0  # at both ends of a path [m/s^2]
 _SEARCH = 200  # periods of a path ahead among which the robot is looked for
@@ -38,6 +39,7 @@ def make_world(config: Config) -> Traverse:
         course = replace(drawn, seed=seed)
     else:
         course = load_course(config.course, config.seed, FTR_COURSES)
+    course = Footprint.of(robot).fit(course)
     if config.friction is not None:
         course = replace(course, friction=config.friction)
     fastest = abs(config.speed) + abs(config.turn) * robot.half_gauge
@@ -103,7 +105,12 @@ def about_world(world: Traverse) -> dict[str, Any]:
     return {
         "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},
         "robot": {**plain(robot), "model": robot.model.name, "packages": [each.name for each in robot.packages]},
-        "course": {"friction": course.friction, "seed": course.seed, "goal": course.goal, "width": course.width},
+        "course": {
+            "friction": course.friction,
+            "seed": course.seed,
+            "goal": float(world.goal[0]),
+            "width": course.width,
+        },
         "seed": course.seed,
         "mass": float(tracked.model.body_subtreemass[tracked.body]),
     }

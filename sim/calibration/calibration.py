@@ -53,7 +53,7 @@ class Calibration:
     correlation: dict[str, dict[str, float]]
     """Correlation of each fitted parameter's error with the others' [-]."""
     cost: float
-    """Half the loss that was minimised."""
+    """Half the loss that was minimised, and the logarithm of the errors' sizes."""
     metrics: dict[str, float]
     """Errors of the candidate."""
     before: dict[str, float]
@@ -189,10 +189,14 @@ class _Problem:
         return unit, self._layout.share / (1 + (unit / _CAUCHY) ** 2 if self._layout.robust else 1.0)
 
     def cost(self, scaled: Array, errors: Array, sigma: Array) -> float:
-        """Half the loss: of Cauchy's distribution where single errors may be large, and of the prior."""
+        """Minus the logarithm of the likelihood, up to a constant, with half the loss of the prior.
+
+        The likelihood is Cauchy's where single errors may be large. Its sizes `sigma` (kinds,) of the errors count, so
+        that ends with different ones can be compared: over its own size, each end's errors are about 1.
+        """
         square = (errors / sigma[self._layout.kind]) ** 2
         loss = _CAUCHY**2 * np.log1p(square / _CAUCHY**2) if self._layout.robust else square
-        return float(self._layout.share @ loss + scaled @ scaled) / 2
+        return float(self._layout.share @ (loss / 2 + np.log(sigma)[self._layout.kind]) + scaled @ scaled / 2)
 
     def minimum(self, start: Array, held: Mapping[str, str], known: Array | None = None) -> _End:
         """The minimum that Gauss-Newton iterations reach from `start` (p,).

@@ -34,7 +34,6 @@ _SEGMENTS, _GROWTH = (
 )  # least capsules of a run as long as the gauge, and the power of the gauge of their growth
 _MAX_HALF_GAUGE = 10.0  # [m]
 _MAX_LINES = 9
-_SLOTS = 64  # times lines: contacts that a sensor reports; fine height fields may cause more
 _MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
 _SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
 
@@ -120,7 +119,7 @@ def add_tracks(
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             reftype=mujoco.mjtObj.mjOBJ_BODY,
             refname=track,
-            intprm=[SENSED, _MAX_FORCE, _SLOTS * len(across)],
+            intprm=[SENSED, _MAX_FORCE, 1],  # connect makes room for contacts
         )
     pair = float(friction[0]), float(friction[1])
     tracks = Tracks(names, shape, recipe, pair, load, count, parts, across)

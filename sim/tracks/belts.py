@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,13 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from sim.tracks.motors import MotorReading, Motors
 from sim.tracks.parts import TrackParts
 from sim.tracks.presets import require_impedances, require_options, require_stable
-from trackslip.errors import InvalidValueError, require
+from trackslip.errors import InvalidValueError, TrackslipError, require
 
 SENSED_WIDTH = 14
 """Numbers that a contact sensor gives per contact: found, force 3, distance, normal 3, tangent 3, velocity 3."""
 _ONE = np.zeros(1, int)  # the only simulation of a model
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _STILL = 1e-9  # a belt slower than this stands [m/s]
+_COMPLETE = 0.005  # of the load, which contacts that a sensor left out may carry [-]
 
 Floats = NDArray[np.float64]
 
@@ -48,11 +50,7 @@ class _Map:
         self.weight = mass * (float(np.linalg.norm(model.opt.gravity)) or 9.81)
         self.slope = mass * max(each.preset.grip for each in tracks)
         self.radius = np.array([each.hull.wheels[:, 2].max() for each in tracks for _ in each.names])
-        slots = model.sensor_dim[sensors, None] // SENSED_WIDTH  # more for belts with several lines of contacts
-        slot = np.arange(slots.max())
-        self.present = (slot < slots)[..., None]  # (T, C, 1)
-        first = model.sensor_adr[sensors, None] + np.minimum(slot, slots - 1) * SENSED_WIDTH
-        self.slots = first[..., None] + np.arange(SENSED_WIDTH)  # (T, C, SENSED_WIDTH) in the sensor data
+        self.first, self.slots = model.sensor_adr[sensors], model.sensor_dim[sensors] // SENSED_WIDTH  # (T,) each
 
     def motors(self, size: int) -> Motors:
         """Motors of these tracks in `size` simulations."""
@@ -64,9 +62,14 @@ class _Map:
 
     def read(self, sensordata: Floats, axes: Floats, speeds: Floats) -> Reading:
         """Reading from sensor data (..., S), the tracks' axes to the left (..., T, 3), and speeds (..., T)."""
-        used = max(1, int(sensordata[..., self.slots[:, 0, 0]].max()))  # the first slots are filled first
-        sensed = np.where(self.present[:, :used], sensordata[..., self.slots[:, :used]], 0.0)
-        return read_contacts(sensed, axes, speeds)
+        found = sensordata[..., self.first].astype(int)
+        reported = np.minimum(found, self.slots)  # the first slots are filled first
+        owner = np.repeat(np.arange(found.size), reported.ravel())  # (C,) the tracks of the contacts
+        slot = np.arange(len(owner)) - np.repeat(np.cumsum(reported) - reported.ravel(), reported.ravel())
+        state, track = np.divmod(owner, len(self.names))
+        start = state * sensordata.shape[-1] + self.first[track] + slot * SENSED_WIDTH
+        sensed = np.take(sensordata, start + np.arange(SENSED_WIDTH)[:, None])
+        return read_contacts(sensed, owner, found - reported, axes, speeds)
 
 
 class Belts:
@@ -137,7 +140,7 @@ class Belts:
     def read(self, model: mujoco.MjModel, data: mujoco.MjData) -> Reading:
         """Forces and motion (T,) of the tracks in the last step, at the belts' current speeds."""
         axes = data.xmat.reshape(-1, 3, 3)[self._map.bodies, :, 1]
-        return self._map.read(data.sensordata, axes, self.speeds(model))
+        return self._map.read(data.sensordata, axes, self.speeds(model)).complete(self.names)
 
     def bind_batch(self, batch: Any) -> BatchBelts:
         """Return the belts of a `mujoco.batch.Batch` of the bound model."""
@@ -180,7 +183,7 @@ class BatchBelts:
             self._batch.state[tried] = state[tried]
             self._put(tried, speeds)
             self._batch.step(ids=tried)
-            return self._read(tried, speeds).traction
+            return self._map.read(self._sensordata[tried], self._axes(self._xmat[tried]), speeds).traction
 
         self._motors.advance(where, float(self._batch.model.opt.timestep), attempt)
 
@@ -197,11 +200,22 @@ class BatchBelts:
 
     def read(self) -> Reading:
         """Forces and motion (N, T) of the tracks in the last step, at the belts' current speeds."""
-        return self._read(slice(None), self.speeds())
+        return self._map.read(self._sensordata, self._axes(self._xmat), self.speeds()).complete(self.names)
 
-    def _read(self, rows: Any, speeds: Floats) -> Reading:
-        xmat = self._xmat[rows][:, self._map.bodies]
-        return self._map.read(self._sensordata[rows], xmat.reshape(*xmat.shape[:2], 3, 3)[..., 1], speeds)
+    def run(self, steps: int, rows: Any = slice(None)) -> Reading:
+        """Advance the simulations `rows` by physics steps at the belts' current speeds, without motors.
+
+        Returns forces and motion (R, steps, T) in each step. A simulation that diverges stops; its last step repeats.
+        Readings may lack contacts: see `Reading.complete`.
+        """
+        where = np.arange(len(self._surface))[rows]
+        recorded = self._batch.rollout(steps, record=("sensordata", "xmat"), ids=where)
+        speeds = np.repeat(self._motors.speed[where][:, None], steps, axis=1)
+        return self._map.read(recorded["sensordata"], self._axes(recorded["xmat"]), speeds)
+
+    def _axes(self, xmat: Floats) -> Floats:
+        """The tracks' axes to the left (..., T, 3) from the matrices of all bodies (..., nbody, 9)."""
+        return xmat[..., self._map.bodies, 1::3]
 
 
 def bind(model: mujoco.MjModel, *tracks: TrackParts) -> Belts:
@@ -243,32 +257,60 @@ class Reading:
     """Mask (..., T) of the tracks that touch anything."""
     depth: Floats
     """Largest penetration (..., T) [m]."""
+    missing: Floats
+    """Largest share of the load (..., T) at contacts that the sensor had no room for [-]."""
+
+    def of(self, rows: Any) -> Reading:
+        """The reading of some simulations, an index of the leading axis."""
+        return Reading(**{name: values[rows] for name, values in vars(self).items()})
+
+    def complete(self, names: Sequence[str]) -> Reading:
+        """This reading of the tracks `names` (T,); raises TrackslipError where it lacks contacts that matter."""
+        if (self.missing > _COMPLETE).any():
+            track = names[int(np.argmax(self.missing)) % len(names)]
+            raise TrackslipError(
+                f"track {track} touches the terrain at more points than its sensor reports: use a coarser height field"
+            )
+        return self
 
 
-def read_contacts(sensed: Floats, lateral: Floats, speeds: Floats) -> Reading:
-    """Reading (..., T) of tracks from their contact sensors.
+def read_contacts(
+    sensed: Floats, owner: NDArray[np.int_], lost: NDArray[np.int_], lateral: Floats, speeds: Floats
+) -> Reading:
+    """Reading (..., T) of tracks from the contacts of all of them.
 
     Args:
-        sensed: contacts (..., T, C, SENSED_WIDTH) of the tracks.
+        sensed: what contact sensors report (SENSED_WIDTH, C), the largest forces of a track first.
+        owner: the tracks of the contacts (C,), numbers in the flattened (..., T), in ascending order.
+        lost: number (..., T) of contacts of smaller forces that are not reported.
         lateral: axes (..., T, 3) of the tracks to the left, in the world.
         speeds: speeds of the belts (..., T) [m/s].
     """
-    columns = np.moveaxis(sensed, -1, 0)
-    found, force, distance = columns[0] > 0, columns[1:4], columns[4]
-    normal, tangent, velocity = columns[5:8], columns[8:11], columns[11:14]
+    force, distance = sensed[1:4], sensed[4]
+    normal, tangent, velocity = sensed[5:8], sensed[8:11], sensed[11:14]
+
+    def total(values: Floats) -> Floats:
+        """Sums (..., T) over the contacts, one after another, so that other tracks don't change a bit."""
+        sums = np.asarray(np.bincount(owner, values, minlength=speeds.size), float)
+        return sums.reshape(speeds.shape)
+
     # over a contact the belt moves square to the normal and to the wheels' axes; its direction in the contact's frame:
-    left = np.moveaxis(lateral[..., None, :], -1, 0)
+    left = np.moveaxis(lateral, -1, 0).reshape(3, -1)[:, owner]
     first, second = _triple(left, normal, tangent), -(left * tangent).sum(axis=0)
     size = np.hypot(first, second)
     size[size == 0] = 1.0
-    weight = np.where(found, force[0], 0.0)
-    load = _sum(weight)
+    weight = force[0]
+    load = total(weight)
     touching = load > 0
-    over_ground = _sum(weight * (first * velocity[1] + second * velocity[2]) / size)
+    over_ground = total(weight * (first * velocity[1] + second * velocity[2]) / size)
     sliding = speeds - np.divide(over_ground, load, out=np.full(load.shape, np.nan), where=touching)
-    traction = _sum((first * force[1] + second * force[2]) / size)
-    depth = np.maximum(-distance, 0.0).max(axis=-1)
-    return Reading(traction, load, sliding, _slip(sliding, speeds), touching, depth)
+    traction = total((first * force[1] + second * force[2]) / size)
+    depth, smallest = np.zeros(speeds.size), np.zeros(speeds.size)
+    np.maximum.at(depth, owner, -distance)
+    smallest[owner] = weight  # that of the last contact
+    left_out = lost * smallest.reshape(speeds.shape)
+    missing = np.divide(left_out, load + left_out, out=np.zeros(load.shape), where=left_out > 0)
+    return Reading(traction, load, sliding, _slip(sliding, speeds), touching, depth.reshape(speeds.shape), missing)
 
 
 def _triple(a: Floats, b: Floats, c: Floats) -> Floats:
@@ -277,12 +319,6 @@ def _triple(a: Floats, b: Floats, c: Floats) -> Floats:
         a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
     )
     return product
-
-
-def _sum(values: Floats) -> Floats:
-    """Sums over the last axis, one after another, so that empty slots at the end don't change a bit."""
-    total: Floats = np.add.accumulate(values, axis=-1)[..., -1]
-    return total
 
 
 def _slip(sliding: Floats, speed: Floats) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import mujoco
 import numpy as np
@@ -15,6 +15,10 @@ from trackslip.errors import InvalidValueError, TrackslipError, in_one_line, req
 
 _MAX_FRICTION = 10.0
 _MAX_PAIRS = 20_000  # about 0.3 ms a step, five times as much as everything else of a robot
+_MOST = mujoco.mjMAXCONPAIR  # contacts of two geoms that the engine keeps
+_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: for each cell of its length, and more
+_TWICE = 4  # contacts that a sensor reports for each that a belt has on a solid: on two of them, and with cores
+_MARGIN = 1.5  # the same for a height field, all of which a belt rarely touches [-]
 _FINER = 10.0  # impratio over the least, for the slower sliding next to the pivot of a wide robot [-]
 
 
@@ -54,6 +58,8 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
         allowed,
     )
     lightest = min(part.weight for part in tracks.parts)
+    grip = tracks.preset.grip * tracks.preset.regularisation / tracks.preset.regularise(gravity, rocks, np.inf)
+    _make_room(spec, tracks, [_finest_cell(model, ground.name) for ground in grounds])
     for ground in grounds:
         terrain_geom = model.geom(ground.name)
         share = mass * (own + float(model.body_invweight0[terrain_geom.bodyid[0], 0])) / tracks.points
@@ -63,11 +69,42 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
             for name, part in zip(names, tracks.parts, strict=True):
                 along, across = tracks.friction[::-1] if part.crosswise else tracks.friction
                 friction = [along, across, 0.0, 0.0, 0.0]
-                belt = tracks.preset.contact(gravity, share * part.weight, regularisation)
+                belt = tracks.preset.contact(gravity, share * part.weight, regularisation, grip)
                 _add_pair(spec, ground.name, name, "", 0.0, friction, belt)
                 if part.cored:
                     depth = tracks.preset.edge_depth if part.edge else tracks.preset.core_depth
                     _add_pair(spec, ground.name, name, "_core", depth, friction, core)
+
+
+def _make_room(spec: mujoco.MjSpec, tracks: TrackParts, cells: Sequence[float]) -> None:
+    """Let the tracks' sensors report the contacts with height fields of these `cells`, inf for other geoms [m].
+
+    Raises InvalidValueError for capsules so long that they may have more contacts than the engine keeps.
+    """
+    finest, slots = min(cells), 0.0
+    for part in tracks.parts:
+        capsule = part.shape["type"] == mujoco.mjtGeom.mjGEOM_CAPSULE
+        length = 2 * part.shape["size"][1] if capsule else 0.0
+        on_field = _PER_CELL * length / finest + _ENDS
+        least = (
+            f"at least {_PER_CELL * length / (_MOST - _ENDS):.3g} m under capsules of {length:.3g} m; or more segments"
+        )
+        require(on_field <= _MOST or not part.cored, "cell of the height field", f"{finest:.3g} m", least)
+        if part.cored:
+            slots += max(_TWICE * (2 if capsule else 1), _MARGIN * on_field if finest < math.inf else 0)
+    for body in tracks.bodies:
+        sensor = spec.sensor(body)
+        sensor.intprm[2] = max(sensor.intprm[2], math.ceil(slots))
+
+
+def _finest_cell(model: mujoco.MjModel, geom: str) -> float:
+    """Smaller side of a height field's cells, inf for another geom [m]."""
+    ground = model.geom(geom)
+    if ground.type[0] != mujoco.mjtGeom.mjGEOM_HFIELD:
+        return math.inf
+    field = ground.dataid[0]
+    length, width = 2 * model.hfield_size[field, :2] / [model.hfield_ncol[field] - 1, model.hfield_nrow[field] - 1]
+    return float(min(length, width))
 
 
 def _add_pair(

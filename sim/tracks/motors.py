@@ -69,8 +69,10 @@ class Motors:
     ) -> None:
         """Set the set points (R, T) of some simulations; belts without a limit have these speeds at once."""
         shape = len(rows), self.speed.shape[1]
-        limit = _numbers("torque_limit", np.inf if torque_limit is None else torque_limit, shape, least=0.0)
-        self._radius[rows] = _numbers("radius", self._default if radius is None else radius, shape, least=1e-3)
+        limit: ArrayLike = np.inf
+        if torque_limit is not None:
+            limit = _numbers("torque_limit", torque_limit, shape, least=0.0)
+        self._radius[rows] = self._default if radius is None else _numbers("radius", radius, shape, least=1e-3)
         self._inertia[rows] = _numbers("inertia", inertia, shape, least=0.0, most=1e6)
         self._limit[rows], self._goal[rows] = limit, speeds
         free = np.isinf(limit)

@@ -10,6 +10,10 @@ and spring take (h B + h^2 K) a of the speed v, where a = e l / (1 + e l) is the
 l their mobility in the direction of the push, relative to heave. If that is more than 1 the robot leaves at once, and
 if it is more than 2 faster than it came. A light limb has a large l. With e K and e B given, and thus the depth at
 which the robot stands, a larger e bounds a: l / (1 + e l) is never more than 1 / e.
+
+Sliding pushes up, too: in an elliptic cone with the friction mu, points that slide at v are pushed off the ground as if
+a* were mu * grip * v more, with mu * e * grip * v of a robot's mass together. The grip is divided by as much as e
+grows for light limbs, so that they don't hop when they slide.
 """
 
 from __future__ import annotations
@@ -51,7 +55,7 @@ class Preset:
     regularisation: float = 0.02
     """Inverse softness of all points of the standing robot together, in robot masses [-]."""
     grip: float = 100.0
-    """Rate at which sliding decays where the ground holds [1/s]."""
+    """Rate at which sliding decays where the ground holds, at that softness [1/s]."""
     core_depth: float = 0.003
     """Depth at which the belt's hard core touches; more than a robot that stands sinks in [m]."""
 
@@ -72,20 +76,21 @@ class Preset:
         taken = self.timestep * damping + self.timestep**2 * stiffness
         return max(self.regularisation, taken / _MAX_TAKEN - 1 / mobility, LEAST_ODDS / least_share)
 
-    def contact(self, gravity: float, share: float, regularisation: float) -> ContactParameters:
+    def contact(self, gravity: float, share: float, regularisation: float, grip: float) -> ContactParameters:
         """Parameters of a contact.
 
         Args:
             gravity: acceleration of gravity [m/s^2].
             share: m A / N above, for the point's part of the load [-].
             regularisation: e above [-].
+            grip: rate at which sliding decays where the ground holds [1/s].
         """
         d = regularisation * share / (1 + regularisation * share)
         stiffness, damping = self._rates(gravity)
         return ContactParameters(
             solref=(-d * stiffness / regularisation, -d * damping / regularisation),  # the engine divides by d
             solimp=(d, d, _WIDTH, 0.5, 1.0),
-            solreffriction=(-1.0, -d * self.grip),
+            solreffriction=(-1.0, -d * grip),
         )
 
     def core(self) -> ContactParameters:

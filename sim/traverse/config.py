@@ -20,7 +20,7 @@ from trackslip.errors import require, require_at_most, require_non_negative, req
 PERIOD = 0.1
 """Default control period [s]."""
 SAMPLE = 0.02
-"""Time between samples of the contacts [s]."""
+"""Time between changes of the belts' speeds [s]."""
 RANDOM = "random"
 """Name of randomly drawn courses; see `courses.draw_course`."""
 DRAWN = (RANDOM, *FTR_COURSES)

@@ -35,28 +35,28 @@ class TrackContact:
         return cls(zero, zero.copy(), zero.copy(), np.full(zero.shape, np.nan), zero > 0, zero.copy(), zero.copy())
 
     @classmethod
-    def of(cls, readings: Sequence[Reading], belts: Sequence[Array], sample: float) -> TrackContact:
-        """The mean of readings (N, T) at the ends of samples of `sample` [s] with mean belt speeds (N, T) [m/s]."""
+    def mean(cls, readings: Sequence[Reading], belts: Sequence[Array], step: float) -> TrackContact:
+        """Means of readings (N, S, T), each of S physics steps of `step` [s] with belt speeds (N, T) [m/s]."""
         traction, load, sliding, touching, depth = (
-            np.array([getattr(reading, name) for reading in readings])
+            np.concatenate([getattr(reading, name) for reading in readings], axis=1).swapaxes(0, 1)
             for name in ("traction", "load", "sliding", "touching", "depth")
-        )
-        belt = np.array(belts)
+        )  # (steps, N, T) each
+        belt = np.repeat(np.array(belts), len(traction) // len(belts), axis=0)
         slid, driven = (np.where(touching, values, 0.0).sum(axis=0) for values in (sliding, belt))
         touched: NDArray[np.bool_] = np.logical_or.reduce(touching, axis=0)
         defined = touched & (np.abs(driven) > _STILL * len(belt))
         slip = np.divide(slid, driven, out=np.full(slid.shape, np.nan), where=defined)
-        work = (traction * belt).sum(axis=0) * sample
+        work = (traction * belt).sum(axis=0) * step
         return cls(traction.mean(axis=0), load.mean(axis=0), belt.mean(axis=0), slip, touched, depth.max(axis=0), work)
 
     def put(self, rows: NDArray[np.int_], other: TrackContact) -> None:
-        """Take the rows `rows` (R,) of another."""
+        """Replace the robots `rows` (R,) by the R robots of another."""
         for name, values in vars(other).items():
-            getattr(self, name)[rows] = values[rows]
+            getattr(self, name)[rows] = values
 
     def clear(self, rows: NDArray[np.int_]) -> None:
         """Reset the robots `rows` (R,)."""
-        self.put(rows, TrackContact.none(*self.load.shape))
+        self.put(rows, TrackContact.none(len(rows), self.load.shape[1]))
 
 
 class ContactPoints:

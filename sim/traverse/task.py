@@ -14,6 +14,7 @@ from sim.task import Element, checked, clipped_actions
 from sim.terrain import Course, load_course
 from sim.traverse.config import DRAWN, RANDOM, SAMPLE, Reward, TraverseConfig
 from sim.traverse.courses import MAX_BOXES, draw_course
+from sim.traverse.footprint import Footprint
 from sim.traverse.ftr_courses import FTR_BOXES, draw_ftr_course
 from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Outcome, Outcomes
@@ -57,15 +58,16 @@ class Crossing(Restorable):
         self.config = config
         self.size, self.threads = size, threads
         self._drawn = [one for one in config.courses if one in DRAWN]
-        names = [one for one in config.courses if isinstance(one, str) and one not in DRAWN]
-        self._named = {name: load_course(name) for name in names}
-        own = [one for one in config.courses if isinstance(one, Course)]
         robot = config.load_robot()
-        self._hull = robot.hull
-        drawn = [draw_course(np.random.default_rng(0), 0.0)] if self._drawn else []
+        self._hull, self._footprint = robot.hull, Footprint.of(robot)
+        listed = [one for one in config.courses if one not in DRAWN]
+        self._listed = {
+            one: self._footprint.fit(load_course(one) if isinstance(one, str) else one) for one in listed
+        }  # by name, or by the course that was given
+        drawn = [self._footprint.fit(draw_course(np.random.default_rng(0), 0.0))] if self._drawn else []
         self.world = Traverse(
             robot,
-            [*self._named.values(), *own, *drawn],
+            [*self._listed.values(), *drawn],
             size,
             boxes=max((MAX_BOXES if one == RANDOM else FTR_BOXES for one in self._drawn), default=0),
             preset=config.preset,
@@ -142,11 +144,13 @@ class Crossing(Restorable):
         else:
             difficulty = np.nan
             if not isinstance(course, Course):
-                allowed = f"a course, or one of {', '.join((*self._named, *self._drawn))}"
-                require(course in self._named, "course", course, allowed)
-                course = self._named[course]
-        x, y, _, ahead = course.start
+                names = [name for name in self._listed if isinstance(name, str)]
+                allowed = f"a course, or one of {', '.join((*names, *self._drawn))}"
+                require(course in names, "course", course, allowed)
+        course = self._listed.get(course) or self._footprint.fit(course)
+        _, y, _, ahead = course.start
         require_within("start_offset", offset, -course.width / 2, course.width / 2, "m")
+        x = self._footprint.start(course, ahead + heading)
         return CourseRun(course, float(difficulty), (x, y + offset, ahead + heading), seed)
 
     def begin(self, rows: Sequence[int], episodes: Sequence[CourseRun]) -> None:

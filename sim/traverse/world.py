@@ -16,6 +16,7 @@ from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
 from sim.tracks import bind
 from sim.traverse.contact import TrackContact
+from sim.traverse.footprint import Footprint
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
 from sim.traverse.slots import Slots
@@ -39,7 +40,7 @@ class Command:
 class Traverse(BatchedWorld):
     """N robots on courses. Rows are bitwise independent, and the same at any number of threads."""
 
-    STATE = ("state", "servo", "contact", "outcome", "time", "_stuck", "_bottom", "_side", "_goal")
+    STATE = ("state", "servo", "contact", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
 
     def __init__(
         self,
@@ -66,7 +67,7 @@ class Traverse(BatchedWorld):
             servos: servos of belts and flippers.
             limits: where runs end.
             period: time between set points [s].
-            sample: time between samples of the contacts, and between changes of the belts' speeds [s].
+            sample: time between changes of the belts' speeds [s].
             threads: number of worker threads, 0 for one per processor.
 
         Raises:
@@ -94,6 +95,7 @@ class Traverse(BatchedWorld):
         if self._slots is not None:
             self._slots.bind_batch(self.batch)
         self.flippers = FlipperGeometry.of(self.tracked)
+        self.footprint = Footprint.of(robot, self.flippers)
         self._clear = clear_angles(self.tracked, np.zeros(len(self.flippers.length)))
         self.state = States(self.tracked, self.batch.qpos, self.batch.qvel)
         self.servo = ServoState(self.servos, size, len(self.flippers.length))
@@ -111,7 +113,8 @@ class Traverse(BatchedWorld):
         """Times (N,) since the start of each run [s]."""
         self._bottom: Array = np.zeros(size)  # height below which a robot has fallen [m]
         self._side: Array = np.zeros(size)  # y beyond which it has, too [m]
-        self._goal: Array = np.zeros(size)
+        self.goal: Array = np.zeros(size)
+        """Places (N,) along x at which the courses are crossed [m]."""
         self.begin(np.arange(size))
 
     def begin(
@@ -126,19 +129,21 @@ class Traverse(BatchedWorld):
         Args:
             rows: which robots.
             courses: one each; by default they stay on theirs.
-            start: poses (R, 3), x, y and heading; by default those of the courses [m, m, rad].
+            start: poses (R, 3), x, y and heading; by default before the first piece of each course [m, m, rad].
             flippers: angles of the flippers (F,), tips up; by default 0, or as far up as they clear level ground [rad].
 
         Raises:
-            InvalidValueError: for a course that there are no slots for, and poses that aren't finite.
+            InvalidValueError: for a course that there are no slots for, poses that aren't finite, and a robot that is
+                larger than the platform on which it is to start; see `Footprint.fit`.
         """
         where = np.asarray(rows, int)
         if not where.size:
             return
         chosen = [self.course[row] for row in where] if courses is None else list(courses)
         require(len(chosen) == len(where), "courses", f"{len(chosen)} courses", f"{len(where)}, one for each robot")
-        default = [(course.start[0], course.start[1], course.start[3]) for course in chosen]
-        poses = np.array(default if start is None else start, float)
+        if start is None:
+            start = [(self.footprint.start(course), course.start[1], course.start[3]) for course in chosen]
+        poses = np.array(start, float)
         valid = poses.shape == (len(where), 3) and np.isfinite(poses).all()
         require(valid, "start", poses.tolist(), f"finite poses (x, y, heading), one for each of {len(where)} robots")
         for row, course in zip(where, chosen, strict=True):
@@ -180,17 +185,22 @@ class Traverse(BatchedWorld):
         self.servo.command(command.speed, command.flippers)
         readings, belts = [], []
         for _ in range(self._samples):
-            belts.append(self.servo.advance(self.sample)[:, self.tracked.track_side])
-            self._belts.set(belts[-1])
+            speed = self.servo.advance(self.sample)[:, self.tracked.track_side]
+            self._belts.set(speed)
+            belts.append(speed[rows])
             self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
             with quietly():  # a run that breaks down ends by name
-                self.batch.step(ids=rows, nstep=self._substeps)
-            readings.append(self._belts.read())
+                readings.append(self._belts.run(self._substeps, rows))
         self.time[rows] += self.period
         broken = self._broken(rows)
         fine = rows[~broken[rows]]
         self.state.qpos[fine], self.state.qvel[fine] = self.batch.qpos[fine], self.batch.qvel[fine]
-        self.contact.put(fine, TrackContact.of(readings, belts, self.sample))
+        if len(fine) < len(rows):
+            kept = ~broken[rows]
+            readings, belts = [reading.of(kept) for reading in readings], [speed[kept] for speed in belts]
+        for reading in readings:
+            reading.complete(self.track_names)
+        self.contact.put(fine, TrackContact.mean(readings, belts, float(self.tracked.model.opt.timestep)))
         self._judge(rows, broken)
 
     def elevation(self, points: Array) -> Array:
@@ -210,7 +220,7 @@ class Traverse(BatchedWorld):
     @property
     def way(self) -> Array:
         """Way (N,) along x that remains until the course is crossed [m]."""
-        return self._goal - self.state.position[:, 0]
+        return self.goal - self.state.position[:, 0]
 
     def _lay(self, row: int, course: Course) -> None:
         """Put a course under a robot."""
@@ -224,7 +234,7 @@ class Traverse(BatchedWorld):
         bounds = course.bounds
         self._bottom[row] = bounds[0, 2] - self.limits.drop
         self._side[row] = np.abs(bounds[:, 1]).max()
-        self._goal[row] = course.goal
+        self.goal[row] = self.footprint.goal(course)
 
     def _place(self, rows: NDArray[np.int_], poses: Array) -> None:
         """Place the robots `rows` (R,) level and at rest at poses (R, 3), on the highest ground under their tracks."""

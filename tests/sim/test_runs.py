@@ -52,6 +52,16 @@ def test_open_loop_logs_what_happened(robot):
         assert np.all(log.truth.torque[20:, 1] > 0)
 
 
+def test_tractions_and_pad_forces_are_means_since_the_row_before(robot):
+    """Together their impulses are the momentum that a robot gains."""
+    fleet = Fleet(load_robot(contact_sensors=True), [[0.0, 0.0, 0.0]])
+    (log,) = open_loop(fleet, np.array([[3.0, 3.0]]), 0.5, period=0.05)
+    gained = robot.mass * log.truth.twist[-1, 0]
+    assert log.truth.traction[1:].sum() * 0.05 == pytest.approx(gained, rel=0.003)
+    assert log.truth.contact[1:, :, 0].sum() * 0.05 == pytest.approx(gained, rel=0.003)
+    np.testing.assert_allclose(log.truth.contact[1:, :, 2].sum(axis=1), robot.mass * 9.81, rtol=0.01)
+
+
 def short_path():
     return SegmentedReference(
         (0.0, 0.0, np.pi / 2),

@@ -63,7 +63,7 @@ _ALL = (
     Column("true_v", "m/s", "true forward speed"),
     Column("true_lateral", "m/s", "true speed to the left"),
     Column("true_w", "rad/s", "true yaw rate"),
-    *_tracks("traction", "N", "force of the ground on the track, along the robot"),
+    *_tracks("traction", "N", "mean force of the ground on the track since the previous row, along the robot"),
     *_tracks("torque", "N m", "torque of the motor at its sprocket"),
     *_tracks("power", "W", "electrical power of the motor, mean since the previous row"),
     *_tracks("saturated", PURE, "share of the time since the previous row with the motor at its limit"),

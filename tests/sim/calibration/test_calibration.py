@@ -7,7 +7,7 @@ import pytest
 
 from sim.calibration.calibration import calibrate, random_starts
 from sim.calibration.candidate import PARAMETERS, Candidate
-from sim.calibration.targets import Drives, SteadyRows, TurnTable, steady_turns
+from sim.calibration.targets import Drives, Layout, SteadyRows, TurnTable, steady_turns
 from sim.ground.ground import Ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
@@ -78,6 +78,30 @@ def test_every_start_ends_at_the_same_optimum(published):
         assert np.ptp(ends) < 0.15 * published.estimates[name].stderr
     assert published.cost == pytest.approx(min(cost for _, cost in published.ends))
     assert published.metrics["slip_rms"] < published.before["slip_rms"]
+
+
+class Waves:
+    """Errors with optima at 0, 1 and 2 standard deviations of a prior, the last of which is by far the best."""
+
+    layout = Layout(np.zeros(40, int), np.ones(40), np.arange(40), np.array([1e-6]), robust=False)
+
+    def errors(self, candidate):
+        zero, one = (PARAMETERS["radius_error"].unscaled(BASE, z) for z in (0.0, 1.0))
+        x = (candidate.value("radius_error") - zero) / (one - zero)
+        left, right = np.repeat([[1.0, 0.0], [0.0, 1.0]], 20, axis=1)
+        return 0.3 * np.sin(np.pi * x) * left + (0.2 - 0.09 * x) * right
+
+    def metrics(self, errors):
+        return {"rms": float(np.sqrt(np.mean(errors**2)))}
+
+
+def test_the_best_start_is_that_of_the_smallest_errors():
+    """Over its own sigma, each end's errors are 1, and the prior alone would decide."""
+    fit = calibrate(Waves(), BASE, ["radius_error"], further=np.array([[1.0], [2.0]]))
+    assert fit.metrics["rms"] < 0.03
+    rms = [Waves().metrics(Waves().errors(end))["rms"] for end, _ in fit.ends]
+    assert rms == sorted(rms)
+    assert rms[-1] > 0.1
 
 
 def test_ratio_and_length_are_told_to_be_one_parameter():

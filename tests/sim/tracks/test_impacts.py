@@ -8,7 +8,7 @@ from tracked import add_robot, built, plane, slab
 
 from sim.robot.named import load_tracked
 from sim.terrain import Course, Rough, load_course
-from sim.tracks import PRESETS, add_tracks
+from sim.tracks import PRESETS, add_tracks, bind
 from sim.traverse.outcome import Outcome
 from sim.traverse.reflex import Reflex
 from sim.traverse.world import Command, Traverse
@@ -125,3 +125,34 @@ def test_a_robot_that_turns_on_the_spot_does_not_touch_with_its_cores(preset, gr
         mujoco.mj_step(model, data)
         assert not touching_cores(data)
     assert data.qvel[5] > 0.5
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("mass", [0.5, 2.0])
+def test_belts_of_light_modules_that_slide_do_not_hop(preset, mass):
+    """A belt a side on each of two hinged modules, in a pivot: sliding must not push what is light off the ground."""
+    spec = plane()
+    body = spec.worldbody.add_body(name="robot")
+    body.add_freejoint()
+    body.mass, body.ipos, body.inertia, body.explicitinertial = 17.0, [0, 0, 0.15], [0.15, 0.4, 0.5], True
+    tracks = []
+    for x in (-0.2, 0.2):
+        for side in (-1.0, 1.0):
+            module = body.add_body(name=f"module {x} {side}", pos=[x, 0.2 * side, 0.08])
+            module.mass, module.ipos, module.explicitinertial = mass, [0, 0, 0], True
+            module.inertia = [0.0015 * mass, 0.005 * mass, 0.005 * mass]
+            module.add_joint(name=module.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
+            hull = [(-0.125, 0, 0.08), (0.125, 0, 0.08)]
+            options = {"half_gauge": 0.0, "side": "left", "load": 0.5, "preset": preset}
+            tracks.append(add_tracks(spec, module, hull=hull, terrain=["ground"], **options))
+    model = spec.compile()
+    data, belts = mujoco.MjData(model), bind(model, *tracks)
+    for speed in (0.3, 0.6):
+        mujoco.mj_resetData(model, data)
+        belts.set(model, [speed, -speed] * 2)
+        loads = []
+        while data.time < 1.5:
+            mujoco.mj_step(model, data)
+            loads.append(belts.read(model, data).load)
+        steady = np.array(loads)[len(loads) // 2 :]
+        assert np.ptp(steady, axis=0).max() < 0.01 * steady.mean()

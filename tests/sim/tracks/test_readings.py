@@ -1,7 +1,12 @@
 import mujoco
 import numpy as np
 import pytest
+from mujoco import batch
 from tracked import add_robot, built, plane
+
+from sim.terrain import Course, HeightField
+from sim.tracks import add_tracks
+from trackslip.errors import InvalidValueError, TrackslipError
 
 
 @pytest.fixture
@@ -68,3 +73,73 @@ def test_wheels_on_an_edge_pull_along_the_belt_there():
     np.testing.assert_allclose(reading.traction.sum(), pull, rtol=1e-4)
     np.testing.assert_allclose(reading.load.sum(), load, rtol=1e-9)
     assert pull > 0
+
+
+def on_a_field(length, cell, preset, heading=0.0):
+    """A robot of this length at rest on a level height field: model, data and belts."""
+    count = round(1.7 * length / cell / 2) * 2 + 2
+    side, radius = count * cell, 0.16 * length
+    course = Course((HeightField(np.zeros((count + 1, count + 1)), side, side),), width=side)
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(
+        name="robot", pos=[side / 2, 0, 0], quat=[np.cos(heading / 2), 0, 0, np.sin(heading / 2)]
+    )
+    body.add_freejoint()
+    size = [length / 2, length / 3, length / 10]
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[0, 0, length / 4], mass=200 * length**3)
+    tracks = add_tracks(
+        spec,
+        "robot",
+        half_gauge=0.4 * length,
+        hull=[(-length / 2, radius, radius), (length / 2, radius, radius)],
+        preset=preset,
+        terrain=course.add_to(spec),
+    )
+    model = spec.compile()
+    return model, mujoco.MjData(model), tracks.bind(model)
+
+
+@pytest.mark.parametrize("preset", ["accurate", "fast"])
+@pytest.mark.parametrize(
+    ("length", "cell"), [(0.3, 0.008), (0.5, 0.01), (0.5, 0.02), (0.5, 0.2), (4.4, 0.1), (7.0, 0.2), (7.0, 0.12)]
+)
+def test_the_load_on_a_height_field_is_the_weight_or_its_cells_are_refused(length, cell, preset):
+    capsule = length * {"accurate": 3 / 16, "fast": 3 / 8}[preset]
+    if capsule > 11.5 * cell:  # the engine may drop some of its contacts
+        with pytest.raises(
+            InvalidValueError, match=r"cell of the height field = .*: must be at least .* under capsules"
+        ):
+            on_a_field(length, cell, preset)
+        return
+    model, data, belts = on_a_field(length, cell, preset, heading=0.3)
+    load = []
+    while data.time < 1.0:
+        mujoco.mj_step(model, data)
+        load.append(belts.read(model, data).load.sum())
+    weight = 9.81 * model.body_subtreemass[0]
+    assert np.mean(load[len(load) // 2 :]) == pytest.approx(weight, rel=0.01)
+
+
+def test_a_reading_that_lacks_contacts_says_so():
+    model, data, belts = on_a_field(0.5, 0.02, "accurate")
+    belts._map.slots[:] = 20  # noqa: SLF001  no terrain of a test has as many contacts as it may have
+    mujoco.mj_step(model, data, 200)
+    with pytest.raises(TrackslipError, match="touches the terrain at more points than its sensor reports"):
+        belts.read(model, data)
+
+
+def test_belts_of_a_batch_run_and_read_every_step(robot):
+    model, _, belts = robot
+    pair = [batch.Batch(model, 2, nthread=1) for _ in range(2)]
+    stepped, run = (belts.bind_batch(each) for each in pair)
+    speeds = np.array([[0.1, 0.3], [0.2, 0.2]])
+    for live in (stepped, run):
+        live.set(speeds)
+    readings = run.run(20)
+    for k in range(20):
+        pair[0].step()
+        for name, values in vars(stepped.read()).items():
+            np.testing.assert_array_equal(getattr(readings, name)[:, k], values, err_msg=name)
+    np.testing.assert_array_equal(pair[0].state, pair[1].state)
+    only = run.run(3, rows=[1])
+    assert only.load.shape == (1, 3, 2)

@@ -60,6 +60,24 @@ def test_work_lifts_the_robot_up_a_ramp():
     assert world.state.pitch[0] == pytest.approx(slope, abs=2 * sink / world.tracked.robot.contact_length)
 
 
+def test_traction_and_load_are_means_of_the_period():
+    """Together their impulses are the momentum that a robot gains: forwards by its belts, none by landing."""
+    for period, sample, drop in ((0.1, 0.02, 0.0), (0.2, 0.2, 0.005)):
+        world = Traverse(load_tracked("box"), [Course((Flat(8.0),))], threads=1, period=period, sample=sample)
+        world.batch.qpos[:, 2] += drop
+        mass = world.tracked.model.body_subtreemass[world.tracked.body]
+        forwards, upwards, work = 0.0, 0.0, 0.0
+        for _ in range(round(2.0 / period)):
+            world.step(Command(np.full((1, 2), 0.4), np.zeros((1, 0))))
+            contact = world.contact
+            forwards += contact.traction.sum() * period
+            upwards += (contact.load.sum() - 9.81 * mass) * period
+            work += contact.work.sum()
+        assert forwards == pytest.approx(mass * world.state.velocity[0, 0], rel=0.005)
+        assert upwards == pytest.approx(0.0, abs=0.005 * mass * 9.81 * 2.0)
+        assert work > 0.5 * mass * 0.4**2  # belts that slide lose some
+
+
 def test_the_servo_follows_its_lag_exactly():
     servo = ServoState(Servos(lag=0.1, top_speed=0.5, flipper_speed=1.0), 2, 1)
     servo.command(np.array([[0.4, -9.0], [0.0, 0.2]]), np.array([[0.5], [-0.02]]))
