@@ -165,11 +165,11 @@ def _reference(
 
 
 def _missed(error: Array, pairs: Pairs) -> float:
-    """Mean errors of position and heading over the horizons, as one number; 0 without any."""
+    """Mean errors of position and heading over the horizons, as one number; infinite without any."""
     size = sizes(error)
     means = [np.nanmean(size[pairs.horizon == h, k]) for h in np.unique(pairs.horizon) for k in (0, 1)
              if np.isfinite(size[pairs.horizon == h, k]).any()]  # fmt: skip
-    return float(np.exp(np.mean(np.log(means)))) if means else 0.0
+    return float(np.exp(np.mean(np.log(means)))) if means else np.inf
 
 
 def _held(

@@ -127,7 +127,7 @@ def test_few_straight_or_single_runs_have_a_page():
     assert "at observed radii from 1.25 to 1.25 m" in text_of(single)
     samples = driven([(0.1, 0.1), (0.1, 0.2)], errors=False)
     few = text_of(identified(samples, ("constant", "icr", "icr_radius"), determined=False))
-    assert "There are no error bars" in few
+    assert "Bars: standard errors of measurement" in few
     assert "nan" not in few.lower().split()
 
 

@@ -27,13 +27,13 @@ SPEEDS = np.column_stack([0.2 + 0.1 * np.sin(0.7 * TIME), 0.2 * np.cos(0.5 * TIM
 
 @pytest.mark.parametrize("poses", [COARSE, PoseQuality(5.0, 0.02, None), PoseQuality(20.0, 0.002, 0.005)])
 def test_fits_miss_the_law_by_about_what_is_expected(poses):
-    """Drives of two minutes with slip that varies and poses with noise."""
+    """Drives of two minutes with slip that varies and poses with noise; `validation/test_plan_trials.py` has hundreds."""
     speeds = np.tile(SPEEDS, (6, 1))
     drive = drive_to_measure(speeds, RATE, poses, 0.06)
     stated = expected(MODEL, with_extras(TRUTH), [drive], poses, SLIP).stderr
     law = LawMotion(FAMILIES["icr_radius"].law(TRUTH, GEOMETRY), GEOMETRY, SlipVariation(*SLIP))
     missed = []
-    for seed in range(16):
+    for seed in range(10):
         rng = np.random.default_rng(seed)
         motion, _ = law.drive(np.concatenate([speeds[:1], speeds]) / 0.06, RATE, rng)
         noise = rng.normal(size=drive.pose.shape) * [poses.position, poses.position, poses.heading or np.nan]
@@ -41,7 +41,8 @@ def test_fits_miss_the_law_by_about_what_is_expected(poses):
         missed.append(
             [(value - true) / stated[name] for (name, value), true in zip(fit.values.items(), TRUTH, strict=True)]
         )
-    np.testing.assert_allclose(np.sqrt(np.mean(np.square(missed), axis=0)), 1.0, atol=0.4)  # of 16 drives, 0.18
+    ratio = np.sqrt(np.mean(np.square(missed), axis=0))
+    assert ((ratio > 0.55) & (ratio < 1.5)).all()  # within two standard errors
 
 
 def test_thinned_poses_tell_about_as_much():
