@@ -12,11 +12,11 @@ import numpy as np
 from trackslip import se2
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.bags.encoders import Encoders, joined, read_encoders
-from trackslip.bags.imu import Imu, read_imu, with_gyro
+from trackslip.bags.imu import read_imu, with_gyro
 from trackslip.bags.open import Bag, is_bag, open_bags
-from trackslip.bags.poses import Poses, read_poses
-from trackslip.bags.scans import Scans, plate_log, read_scans
-from trackslip.bags.stamps import clocks_apart, require_overlap
+from trackslip.bags.poses import read_poses
+from trackslip.bags.scans import plate_log, read_scans
+from trackslip.bags.stamps import Stamped, clocks_apart
 from trackslip.bags.topics import IMU, PoseOrigin, pose_source
 from trackslip.errors import InvalidValueError, LogError, LogWarning, counted
 from trackslip.kinematics import Array
@@ -25,7 +25,7 @@ from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns
 
 REPEATED = "its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
-Seen = TypeVar("Seen", Poses, Scans)
+Seen = TypeVar("Seen", bound=Stamped)
 _STRIDE = 1.0  # time over which motions by poses and by wheels are compared [s]
 _MIN_STRIDES = 10  # fewer motions prove nothing
 _EXACT = 5e-3  # relative residual of poses computed from the wheels; noise-free poses on slipping ground have 6e-3
@@ -104,17 +104,20 @@ def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tu
     encoders = read_encoders(bag, choice, notes)
     found = []
     if choice.plate is not None:
-        for part, turned, scans in _by_drive(bag, name, encoders, read_scans(bag, choice.scan, notes)):
+        for part, turned, scans in _by_drive(bag, name, encoders, read_scans(bag, choice.scan, notes), notes):
             log, taken = plate_log(bag, part, turned, scans, choice.plate, notes)
             found.append((log, f"{turned.taken}; poses: {taken}"))
         return found
     source = pose_source(bag, choice)
     poses = read_poses(bag, source.name, notes)
-    imus = _imus(bag, choice, notes)
-    for k, (part, turned, seen) in enumerate(_by_drive(bag, name, encoders, poses)):
-        apart = clocks_apart(turned.delay, seen.delay)
-        if apart:
-            notes.append(f"topics {turned.topic} and {seen.source}: {apart}")
+    try:
+        imus = read_imu(bag, choice, notes)
+    except LogError as error:
+        if choice.imu is not None:
+            raise
+        imus = []
+        notes.append(f"read without gyro: {error}")
+    for k, (part, turned, seen) in enumerate(_by_drive(bag, name, encoders, poses, notes)):
         log = joined(part, turned, seen)
         if _repeats_wheels(log):
             if source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned:
@@ -131,32 +134,21 @@ def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tu
 
 
 def _by_drive(
-    bag: Bag, name: str, encoders: Sequence[Encoders], others: Sequence[Seen]
+    bag: Bag, name: str, encoders: Sequence[Encoders], others: Sequence[Seen], notes: list[str]
 ) -> Iterator[tuple[str, Encoders, Seen]]:
     """Encoders and poses or scans of each drive in a bag called `name`, one unless its clock restarts.
 
     Raises LogError if they don't belong together.
     """
-    topic, other = encoders[0].topic, others[0].source
     if len(encoders) != len(others):
         raise LogError(
-            f"{bag.path}: time goes back {counted(len(encoders) - 1, 'time')} in topic {topic} "
-            f"and {counted(len(others) - 1, 'time')} in {other}"
+            f"{bag.path}: time goes back {counted(len(encoders) - 1, 'time')} in topic {encoders[0].source} "
+            f"and {counted(len(others) - 1, 'time')} in {others[0].source}"
         )
     for k, (turned, seen) in enumerate(zip(encoders, others, strict=True), start=1):
-        require_overlap(topic, turned.stamp, other, seen.stamp, clocks_apart(turned.delay, seen.delay))
+        apart = clocks_apart(turned, seen)
+        notes += [apart] if apart else []
         yield f"{name}, part {k}" if len(encoders) > 1 else name, turned, seen
-
-
-def _imus(bag: Bag, choice: BagChoice, notes: list[str]) -> Sequence[Imu]:
-    """The readings of the gyro; raises LogError if they were asked for and can't be read."""
-    try:
-        return read_imu(bag, choice, notes)
-    except LogError as error:
-        if choice.imu is not None:
-            raise
-        notes.append(f"read without gyro: {error}")
-        return []
 
 
 def _repeats_wheels(log: RunLog) -> bool:

@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from trackslip.bags.choice import SIDES, BagChoice
 from trackslip.bags.open import Bag, listed
 from trackslip.bags.poses import Poses
-from trackslip.bags.stamps import seconds, stretches, without_bursts
+from trackslip.bags.stamps import Stamped, seconds, stretches, without_bursts
 from trackslip.bags.topics import WHEELS, Sides, encoder_topics
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry, track_speeds
@@ -26,13 +26,10 @@ _MIN_WAY = 1.0  # of the wheel that turns most, for a judgement [rad]
 
 
 @dataclass(frozen=True)
-class Encoders:
-    """Readings of the encoders, all by one clock."""
+class Encoders(Stamped):
+    """Readings of the encoders."""
 
-    topic: str
     joints: Sides
-    stamp: np.ndarray  # (T,) int: stamps in the headers, ascending [ns]
-    delay: Array  # (N,) times from the messages' stamps to their recording [s]
     omega: Array  # (T, 2) sprocket speeds, mean since the previous reading, the first as the second [rad/s]
 
     @property
@@ -44,16 +41,16 @@ class Encoders:
     @property
     def about(self) -> dict[str, Any]:
         """The topic and its joints, for the metadata of a run."""
-        known = {"encoders": self.topic, "left": list(self.joints[0]), "right": list(self.joints[1])}
+        known = {"encoders": self.source, "left": list(self.joints[0]), "right": list(self.joints[1])}
         return {**known, "odometry": True} if self.joints == WHEELS else known
 
     @property
     def taken(self) -> str:
         """The topic and its joints, in words."""
         if self.joints == WHEELS:
-            return f"encoders: odometry {self.topic}"
+            return f"encoders: odometry {self.source}"
         left, right = (", ".join(side) for side in self.joints)
-        return f"encoders: {self.topic}, left {left}, right {right}"
+        return f"encoders: {self.source}, left {left}, right {right}"
 
 
 @dataclass(frozen=True)
@@ -102,7 +99,7 @@ def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> list[Encoder
             turns = {name: np.diff(np.interp(time, seconds(at, first), angle)) for name, (at, angle) in part.items()}
             sides = [side_turns(topic, side, turns, notes) for side in names]
             omega = np.stack(sides, axis=-1) / np.diff(time)[:, None] * signs
-            drives.append(Encoders(topic, names, stamp, delay, np.concatenate([omega[:1], omega])))
+            drives.append(Encoders(topic, stamp, delay, names, np.concatenate([omega[:1], omega])))
     if not drives:
         raise LogError(f"{bag.path}: topic {topic}: fewer than 2 messages with the joints chosen")
     return drives

@@ -115,23 +115,14 @@ class Bag:
         """Decoded messages of topics, by time of recording; raises LogError for unknown topics and damage."""
         return self.read([self.topic(name).name for name in topics], True)
 
-    def table(
-        self, topics: Sequence[str], row: Callable[[Any], Sequence[float] | None]
-    ) -> tuple[np.ndarray, np.ndarray, Array]:
-        """Stamps and arrivals (n,) [ns] of messages, and the numbers (n, k) that `row` takes from the content of each.
-
-        Messages for which it returns None are left out. Numbers may be NaN, but no signalling ones of damaged bytes.
-        """
+    def table(self, topic: str, row: Callable[[Any], Sequence[float]]) -> tuple[np.ndarray, np.ndarray, Array]:
+        """Stamps and arrivals (N,) [ns] of a topic's messages, and the numbers (N, k) that `row` takes from each."""
         times, numbers = array("q"), array("d")
-        for message in self.messages(*topics):
-            values = row(message.content)
-            if values is not None:
-                times.extend((message.stamp, message.arrival))
-                numbers.extend(values)
+        for message in self.messages(topic):
+            times.extend((message.stamp, message.arrival))
+            numbers.extend(row(message.content))
         stamp, arrival = np.array(times, np.int64).reshape(-1, 2).T
-        table = np.array(numbers).reshape(len(stamp), -1) if len(stamp) else np.empty((0, 0))
-        table[np.isnan(table)] = np.nan
-        return stamp, arrival, table
+        return stamp, arrival, np.array(numbers).reshape(len(stamp), -1)
 
     def first(self, topic: str, most: int) -> list[Message]:
         """The first messages of a topic, at most `most`."""

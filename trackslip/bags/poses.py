@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from trackslip.bags.open import Bag, Topic
-from trackslip.bags.stamps import stretches
+from trackslip.bags.stamps import Stamped, stretches
 from trackslip.bags.topics import FIX, IMU, POSE_TYPES
 from trackslip.bags.transforms import MAX_PLACE, SpacePoses, are_unit, pose_numbers, read_chain
 from trackslip.errors import LogError
@@ -21,14 +21,10 @@ _MAX_TILT = np.radians(20.0)  # of a robot, above which its heading and way in t
 
 
 @dataclass(frozen=True)
-class Poses:
-    """Measured poses in the plane, all by one clock."""
+class Poses(Stamped):
+    """Measured poses in the plane."""
 
-    source: str
-    """The topic, or tf:PARENT:CHILD."""
-    stamp: np.ndarray  # (N,) int: stamps in the headers, ascending [ns]
     pose: Array  # (N, 3) [m, m, rad]: NaN where not measured, headings not unwrapped
-    delay: Array  # (N,) times from the stamps to the recording [s]
 
 
 def read_poses(bag: Bag, source: str, notes: list[str]) -> list[Poses]:
@@ -49,7 +45,7 @@ def read_poses(bag: Bag, source: str, notes: list[str]) -> list[Poses]:
     for part in parts:
         if len(part.stamp):
             pose = np.column_stack([part.place[:, :2], _headings(name, part, notes)])
-            found.append(Poses(source, part.stamp, pose, (part.arrival - part.stamp) / 1e9))
+            found.append(Poses(source, part.stamp, (part.arrival - part.stamp) / 1e9, pose))
     if not found:
         raise LogError(f"{bag.path}: {source}: no pose can be read")
     return found
@@ -60,12 +56,12 @@ def _read(bag: Bag, topic: Topic, notes: list[str]) -> SpacePoses:
     if topic.type == FIX:
         return _fixes(bag, topic, notes)
     if topic.type == IMU:
-        stamp, arrival, turn = bag.table([topic.name], _orientation)
+        stamp, arrival, turn = bag.table(topic.name, _orientation)
         return SpacePoses(stamp, arrival, np.full((len(turn), 3), np.nan), turn)
     if topic.type not in POSE_TYPES:
         types = ", ".join((*POSE_TYPES, IMU))
         raise LogError(f"{bag.path}: topic {topic.name} has messages of {topic.type}; poses are read from {types}")
-    stamp, arrival, table = bag.table([topic.name], _place_and_turn)
+    stamp, arrival, table = bag.table(topic.name, _place_and_turn)
     place, turn = np.split(table, [3], axis=1)
     good = np.asarray((np.abs(place[:, :2]) <= MAX_PLACE).all(axis=1))
     if not good.any():
@@ -96,7 +92,7 @@ def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> SpacePoses:
     def numbers(fix: Any) -> tuple[float, ...]:
         return fix.latitude, fix.longitude, fix.altitude, fix.status.status
 
-    stamp, arrival, table = bag.table([topic.name], numbers)
+    stamp, arrival, table = bag.table(topic.name, numbers)
     there = (np.abs(table[:, :2]) <= [90, 360]).all(axis=1) & table[:, :2].any(axis=1)  # receivers start with zeros
     fixed = np.asarray((table[:, 3] >= _NO_FIX) & there)
     if not fixed.any():

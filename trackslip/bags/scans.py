@@ -11,7 +11,7 @@ import numpy as np
 from trackslip.bags.encoders import Encoders, joined
 from trackslip.bags.open import Bag
 from trackslip.bags.poses import Poses
-from trackslip.bags.stamps import seconds, stretches
+from trackslip.bags.stamps import Stamped, seconds, stretches
 from trackslip.bags.topics import scan_topic
 from trackslip.bags.transforms import read_fixed
 from trackslip.errors import LogError, counted
@@ -25,14 +25,9 @@ _MAX_TILT = np.radians(20.0)  # of a scanner's axis to the vertical
 
 
 @dataclass(frozen=True)
-class Scans:
-    """Scans by one clock, all with the same beams."""
+class Scans(Stamped):
+    """Scans, all with the same beams, stamped by their first rays."""
 
-    source: str
-    """The topic."""
-    stamp: np.ndarray
-    """(S,) int: stamps of the first rays, ascending [ns]."""
-    delay: Array  # (S,) times from the stamps to the recording [s]
     ranges: np.ndarray  # (S, B) float32, as published [m]
     first: Any
     """The first message, with angles, limits and frame."""
@@ -80,7 +75,7 @@ def plate_log(
     stamp = start + np.rint(1e9 * plates.time).astype(np.int64)
     kept = plates.estimate.valid & (np.diff(stamp, prepend=start - 1) > 0) & (stamp <= encoders.stamp[-1])
     poses = scanner.to_world(plates.estimate.pose)[kept]
-    log = joined(run, encoders, Poses(scans.source, stamp[kept], poses, scans.delay))
+    log = joined(run, encoders, Poses(scans.source, stamp[kept], scans.delay, poses))
     log.metadata["bag"] |= {"mount": mount.tolist(), "mount_from": source}
     columns = {}
     for name, values in vars(plates.cluster).items():

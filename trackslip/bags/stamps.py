@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from trackslip.errors import LogError
@@ -12,6 +14,16 @@ _SIMULATED = 10**17  # stamps before, in 1973, are of a simulation [ns]
 _APART = 1.0  # difference of delays that isn't the time in which a scan is matched [s]
 _BURST = 0.1  # interval by the usual one, below which readings came in a burst: speeds would be ten-fold
 _SHORTEST = 500_000  # usual interval, half that of the fastest controllers, which run at 1 kHz [ns]
+
+
+@dataclass(frozen=True)
+class Stamped:
+    """Readings by one clock."""
+
+    source: str
+    """The topic, or tf:PARENT:CHILD."""
+    stamp: np.ndarray  # (N,) int: stamps in the headers, ascending [ns]
+    delay: Array  # times from the stamps of the messages to their recording [s]
 
 
 def seconds(stamp: np.ndarray, origin: int) -> Array:
@@ -68,21 +80,21 @@ def without_bursts(stamp: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.append(interval >= _BURST * usual, True))
 
 
-def clocks_apart(delay: Array, other: Array) -> str:
-    """Words on clocks that differ by a constant, by the delays of two topics' messages [s]; empty if they don't.
+def clocks_apart(ours: Stamped, theirs: Stamped) -> str:
+    """A line on clocks that differ by a constant, by the delays of two topics' messages; empty if they don't.
 
-    Delays (N,) are the times from the stamps in the headers to the recording, by the recorder's one clock.
+    Delays are the times from the stamps in the headers to the recording, by the recorder's one clock. Raises LogError
+    if the stamps have no time in common.
     """
-    apart = float(np.median(delay) - np.median(other))
-    spread = sum(float(np.ptp(np.percentile(values, (25, 75)))) for values in (delay, other))
-    return f"clocks differ by {abs(apart):.1f} s by their receive stamps" if abs(apart) > _APART + spread else ""
-
-
-def require_overlap(topic: str, stamp: np.ndarray, other: str, theirs: np.ndarray, apart: str = "") -> None:
-    """Raise LogError if the stamps (n,) [ns] of two topics have no time in common; `apart` is from `clocks_apart`."""
-    if stamp[0] <= theirs[-1] and theirs[0] <= stamp[-1]:
-        return
-    one, two = (f"{times[0] / 1e9:.3f} to {times[-1] / 1e9:.3f} s" for times in (stamp, theirs))
-    mixed = (stamp[-1] < _SIMULATED) != (theirs[-1] < _SIMULATED)
-    which = "different clocks, simulated and wall time" if mixed else apart or "different clocks"
-    raise LogError(f"topic {topic} is stamped from {one} and topic {other} from {two}: {which}")
+    apart = abs(float(np.median(ours.delay) - np.median(theirs.delay)))
+    spread = sum(float(np.ptp(np.percentile(topic.delay, (25, 75)))) for topic in (ours, theirs))
+    line = f"clocks differ by {apart:.1f} s by their receive stamps" if apart > _APART + spread else ""
+    if ours.stamp[0] <= theirs.stamp[-1] and theirs.stamp[0] <= ours.stamp[-1]:
+        return line and f"topics {ours.source} and {theirs.source}: {line}"
+    if (ours.stamp[-1] < _SIMULATED) != (theirs.stamp[-1] < _SIMULATED):
+        line = "different clocks, simulated and wall time"
+    first, second = (f"{topic.stamp[0] / 1e9:.3f} to {topic.stamp[-1] / 1e9:.3f} s" for topic in (ours, theirs))
+    raise LogError(
+        f"topic {ours.source} is stamped from {first} and topic {theirs.source} from {second}: "
+        f"{line or 'different clocks'}"
+    )

@@ -10,7 +10,7 @@ from enum import Enum
 
 from trackslip.bags.choice import BagChoice
 from trackslip.bags.open import Bag, Topic, listed, short_type
-from trackslip.bags.transforms import frames_of, root_of
+from trackslip.bags.transforms import frames_of, parents_of, path_up
 from trackslip.errors import LogError
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
@@ -77,40 +77,36 @@ class PoseSource:
     origin: PoseOrigin
 
 
-def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[tuple[Topic, ...], Sides]:
+def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[list[Topic], Sides]:
     """The topic with the encoders, or several where each has some of them, and the joints on the left and on the right.
 
     Raises LogError if the choice doesn't fit the bag, or leaves a doubt: the message lists what there is.
     """
     if choice.encoders is not None:
-        chosen = tuple(bag.topic(name.strip()) for name in choice.encoders.split(","))
-        if [topic.type for topic in chosen] == [ODOMETRY]:
+        topics = [bag.topic(name.strip()) for name in choice.encoders.split(",")]
+        if [topic.type for topic in topics] == [ODOMETRY]:
             if choice.wheels is None:
                 raise LogError(
-                    f"{bag.path}: topic {chosen[0].name}: speeds of wheels need the geometry that it assumes"
+                    f"{bag.path}: topic {topics[0].name}: speeds of wheels need the geometry that it assumes"
                 )
-            return chosen, WHEELS
-        chosen = tuple(bag.topic(topic.name, JOINT_STATE) for topic in chosen)
-        return chosen, _joints(bag, chosen, choice)
-    topics = bag.of_type(JOINT_STATE)
-    if not topics:
-        raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{_instead(bag)}")
-    topics = [topic for topic in topics if not re.search(_WANTED, topic.name, re.IGNORECASE)] or topics
-    names = [topic.name for topic in topics if _has_joints(bag, topic, choice)]
-    if not names:  # each topic may have some of the joints
-        return tuple(topics), _joints(bag, topics, choice)
-    names = [name for name in names if name.rpartition("/")[2] == "joint_states"] or names
-    names = [name for name in names if name.strip("/") == "joint_states"] or names
-    topic = bag.topics[bag.only(names, "encoders", "--encoders TOPIC")]
-    return (topic,), _joints(bag, [topic], choice)
-
-
-def _has_joints(bag: Bag, topic: Topic, choice: BagChoice) -> bool:
-    """True if a topic has joints on both sides."""
-    try:
-        return bool(_joints(bag, [topic], choice))
-    except LogError:
-        return False
+            return topics, WHEELS
+        topics = [bag.topic(topic.name, JOINT_STATE) for topic in topics]
+    else:
+        topics = bag.of_type(JOINT_STATE)
+        if not topics:
+            raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{_instead(bag)}")
+        topics = [topic for topic in topics if not re.search(_WANTED, topic.name, re.IGNORECASE)] or topics
+        names = [topic.name for topic in topics if _joints(bag, [topic], choice) is not None]
+        if names:  # else each topic may have some of the joints
+            names = [name for name in names if name.strip("/") == "joint_states"] or names
+            topics = [bag.topics[bag.only(names, "encoders", "--encoders TOPIC")]]
+    joints = _joints(bag, topics, choice)
+    if joints is None:
+        raise LogError(
+            f"{bag.path}: topic {topics[0].name}: which of its joints are left and right? It has "
+            f"{listed(_joint_names(bag, topics))}: choose with --left NAMES --right NAMES"
+        )
+    return topics, joints
 
 
 def _instead(bag: Bag) -> str:
@@ -127,19 +123,17 @@ def _instead(bag: Bag) -> str:
     return f"{reckoned}; its topics are {bag.listed()}"
 
 
-def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides:
-    """The chosen joints, or the ones recognised by their names; LogError if there are none."""
+def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides | None:
+    """The chosen joints, or the ones recognised by their names; None if there are none."""
     if choice.left is not None and choice.right is not None:
         return choice.left, choice.right
+    return sides(_joint_names(bag, topics))
+
+
+def _joint_names(bag: Bag, topics: Sequence[Topic]) -> list[str]:
+    """The names of the joints in the first messages of topics."""
     messages = (message for topic in topics for message in bag.first(topic.name, _JOINT_MESSAGES))
-    names = [*dict.fromkeys(name for message in messages for name in message.content.name)]
-    found = sides(names)
-    if found is None:
-        raise LogError(
-            f"{bag.path}: topic {topics[0].name}: which of its joints are left and right? It has {listed(names)}: "
-            "choose with --left NAMES --right NAMES"
-        )
-    return found
+    return [*dict.fromkeys(name for message in messages for name in message.content.name)]
 
 
 def sides(names: Sequence[str]) -> Sides | None:
@@ -209,12 +203,11 @@ def _origin(bag: Bag, topic: Topic) -> PoseOrigin:
 
 def _in_transforms(bag: Bag) -> list[PoseSource]:
     """The poses of robots' bodies in the frames at the roots of their transforms, if they have such frames."""
-    pairs = frames_of(bag, _FRAME_MESSAGES)
-    children = sorted({child for _, child in pairs})
-    bodies = next((some for name in _BODIES if (some := [child for child in children if _last(child) == name])), [])
+    parents = parents_of(frames_of(bag, _FRAME_MESSAGES))
+    of_name = ([child for child in sorted(parents) if _last(child) == name] for name in _BODIES)
     sources = []
-    for body in bodies:
-        root = root_of(body, pairs)
+    for body in next(filter(None, of_name), []):
+        root = path_up(body, parents)[-1]
         origin = PoseOrigin.TRANSFORMS if _last(root) in _FIXED_FRAMES else PoseOrigin.WHEELS
         sources.append(PoseSource(f"tf:{root}:{body}", origin))
     return sources

@@ -65,14 +65,17 @@ def frames_of(bag: Bag, most: int) -> list[Pair]:
     return [*dict.fromkeys(_pair(one) for message in messages for one in message.content.transforms)]
 
 
-def root_of(frame: str, pairs: Iterable[Pair]) -> str:
-    """The outermost frame that a frame is given in, itself if in none."""
-    parents = {child: parent for parent, child in pairs}
-    seen = {frame}
-    while frame in parents and parents[frame] not in seen:
-        frame = parents[frame]
-        seen.add(frame)
-    return frame
+def parents_of(pairs: Iterable[Pair]) -> dict[str, str]:
+    """The frame that each frame is given in."""
+    return {child: parent for parent, child in pairs}
+
+
+def path_up(frame: str, parents: Mapping[str, str]) -> list[str]:
+    """A frame, the one that it is given in, and so on."""
+    path = [frame]
+    while (parent := parents.get(path[-1])) is not None and parent not in path:
+        path.append(parent)
+    return path
 
 
 def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> list[SpacePoses]:
@@ -101,7 +104,7 @@ def read_fixed(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Rota
     """
     frame = frame.strip("/")
     transforms = read_transforms(bag)
-    outer = root_of(frame, transforms)
+    outer = path_up(frame, parents_of(transforms))[-1]
     if outer == frame:
         return None
     links = _links(bag, transforms, outer, frame, notes)
@@ -135,8 +138,25 @@ def pose_numbers(place: Any, turn: Any) -> tuple[float, ...]:
 def _links(
     bag: Bag, transforms: Mapping[Pair, Rows], parent: str, child: str, notes: list[str]
 ) -> list[tuple[list[SpacePoses], bool]]:
-    """The links that lead from a frame to another, for each stretch of time, and whether they are followed forwards."""
-    return [(_link(pair, transforms[pair], notes), forwards) for pair, forwards in _way(bag, transforms, parent, child)]
+    """The links that lead from a frame to another, for each stretch of time, and whether they are followed forwards.
+
+    Raises LogError if there is no such frame, or the links don't connect them.
+    """
+    frames = {frame for pair in transforms for frame in pair}
+    for frame in (parent, child):
+        if frame not in frames:
+            raise LogError(f"{bag.path}: frame {frame!r} is not in the transforms; they have {listed(sorted(frames))}")
+    parents = parents_of(transforms)
+    up, down = path_up(parent, parents), path_up(child, parents)
+    common = next((frame for frame in up if frame in down), None)
+    if common is None:
+        raise LogError(
+            f"{bag.path}: frames {parent!r} and {child!r} are not connected by transforms: {parent!r} is in "
+            f"{up[-1]!r}, {child!r} in {down[-1]!r}"
+        )
+    pairs = [((parents[frame], frame), False) for frame in up[: up.index(common)]]
+    pairs += [((parents[frame], frame), True) for frame in reversed(down[: down.index(common)])]
+    return [(_link(pair, transforms[pair], notes), forwards) for pair, forwards in pairs]
 
 
 def _link(pair: Pair, rows: Rows, notes: list[str]) -> list[SpacePoses]:
@@ -157,31 +177,6 @@ def are_unit(quaternion: Array) -> np.ndarray:
     """(n,) bool: which quaternions (n, 4) are of unit length."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) <= _TOLERANCE)
-
-
-def _way(bag: Bag, links: Iterable[Pair], parent: str, child: str) -> list[tuple[Pair, bool]]:
-    """The links that lead from a frame to another, each with whether it is followed forwards.
-
-    Raises LogError if there is no such frame, or the links don't connect them.
-    """
-    near: dict[str, list[tuple[str, Pair, bool]]] = defaultdict(list)
-    for pair in links:
-        near[pair[0]].append((pair[1], pair, True))
-        near[pair[1]].append((pair[0], pair, False))
-    for frame in (parent, child):
-        if frame not in near:
-            raise LogError(f"{bag.path}: frame {frame!r} is not in the transforms; they have {listed(sorted(near))}")
-    ways: dict[str, list[tuple[Pair, bool]]] = {parent: []}
-    waiting = [parent]
-    for frame in waiting:
-        for other, pair, forwards in near[frame]:
-            if other not in ways:
-                ways[other] = [*ways[frame], (pair, forwards)]
-                waiting.append(other)
-    if child not in ways:
-        others = f"{parent!r} is with {listed(sorted(ways.keys() - {parent}))}"
-        raise LogError(f"{bag.path}: frames {parent!r} and {child!r} are not connected by transforms; {others}")
-    return ways[child]
 
 
 def _sampled(links: Sequence[Link]) -> SpacePoses:

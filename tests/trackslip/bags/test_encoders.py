@@ -78,7 +78,7 @@ def test_sides_in_two_topics(tmp_path, choice):
         messages.append(joint_states(stamp(time), ["left_wheel"], [left], topic="/left"))
         messages.append(joint_states(stamp(time), ["right_wheel"], [right], topic="/right", late=2_000_000))
     found = read(tmp_path, messages, choice)
-    assert found.topic == "/left and /right"
+    assert found.source == "/left and /right"
     np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-9)
 
 
@@ -109,7 +109,7 @@ def test_single_positions_that_are_missing_are_bridged(tmp_path):
 def test_the_topic_that_is_measured_is_chosen(tmp_path):
     commands = states(["left", "right"], TURNED + 1, topic="/joint_commands")
     arm = states(["shoulder", "elbow"], TURNED, topic="/arm/joint_states")
-    assert read(tmp_path, [*states(["left", "right"], TURNED), *commands, *arm]).topic == "/joint_states"
+    assert read(tmp_path, [*states(["left", "right"], TURNED), *commands, *arm]).source == "/joint_states"
     base = states(["left", "right"], TURNED, topic="/base/joint_states")
     other = states(["left", "right"], TURNED, topic="/other/joint_states")
     with pytest.raises(
@@ -117,7 +117,7 @@ def test_the_topic_that_is_measured_is_chosen(tmp_path):
     ):
         read(tmp_path / "two", [*base, *other, *arm])
     found = read(tmp_path / "named", [*base, *other], BagChoice(encoders="other/joint_states"))
-    assert found.topic == "/other/joint_states"
+    assert found.source == "/other/joint_states"
 
 
 SIDES = states(["left", "right"], TURNED)

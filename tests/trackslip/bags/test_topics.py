@@ -36,7 +36,7 @@ def read(tmp_path, messages, source, kind="mcap"):
     ("source", "line"),
     [
         ("tf:map:robot", "frame 'robot' is not in the transforms; they have base_link, cup, map, odom, sensor, table"),
-        ("tf:map:cup", "frames 'map' and 'cup' are not connected by transforms; 'map' is with base_link, odom, sensor"),
+        ("tf:map:cup", "frames 'map' and 'cup' are not connected by transforms: 'map' is in 'map', 'cup' in 'table'"),
         ("tf:table:cup", "the transforms from 'table' to 'cup' never change"),
         ("/scan", "it has no topic '/scan'"),
         ("/odd", r"topic /odd has messages of odd_msgs/.*; poses are read from nav_msgs/"),
