@@ -13,7 +13,7 @@ from trackslip import se2
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.bags.encoders import Encoders, joined, read_encoders
 from trackslip.bags.imu import read_imu, with_gyro
-from trackslip.bags.open import Bag, is_bag, open_bags
+from trackslip.bags.open import Bag, bags_in, open_bags
 from trackslip.bags.poses import read_poses
 from trackslip.bags.scans import plate_log, read_scans
 from trackslip.bags.stamps import Stamped, clocks_apart
@@ -59,7 +59,7 @@ def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns:
 def holds_bags(path: Path) -> bool:
     """True for a bag, or a folder with bags that is no folder of results."""
     try:
-        return is_bag(path) and not (path / RUNS).is_file()
+        return bool(bags_in(path)) and not (path / RUNS).is_file()
     except OSError:
         return False
 
@@ -121,7 +121,9 @@ def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tu
         log = joined(part, turned, seen)
         if _repeats_wheels(log):
             if source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned:
-                raise LogError(f"{seen.source}: {REPEATED}; {_other_poses(bag)}")
+                headings = "".join(f", {topic.name} only the headings of an IMU" for topic in bag.of_type(IMU))
+                others = f"--poses takes others, these if they were measured{headings}"
+                raise LogError(f"{seen.source}: {REPEATED}; {others}")
             notes.append(f"{seen.source}: {REPEATED}")
         taken = f"{turned.taken}; poses: {source.name} ({source.origin.value})"
         if source.origin is PoseOrigin.IMU and not log.is_valid.any():
@@ -174,10 +176,3 @@ def _in_proportion(motion: Array, by_wheels: Array) -> bool:
         return False
     rest = motion - by_wheels * (np.sum(by_wheels * motion) / power)
     return bool(np.linalg.norm(rest) <= _EXACT * np.linalg.norm(motion))
-
-
-def _other_poses(bag: Bag) -> str:
-    """The options that choose other poses."""
-    options = "--poses chooses others, or these if they were measured"
-    imus = bag.of_type(IMU)
-    return f"{options}, {imus[0].name} takes only the headings of an IMU" if imus else options

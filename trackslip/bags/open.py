@@ -167,11 +167,6 @@ def require_rosbags() -> None:
         raise TrackslipError("bags need the package rosbags: pip install 'trackslip[ros]'")
 
 
-def is_bag(path: Path) -> bool:
-    """True for a bag's file, or a folder with bags."""
-    return bool(_places(path))
-
-
 def open_bags(path: str | Path) -> list[Bag]:
     """The bag in a file, or those in a folder: folders with a metadata.yaml, and files in others.
 
@@ -187,7 +182,7 @@ def open_bags(path: str | Path) -> list[Bag]:
     try:
         if not path.exists():
             raise LogError(f"{path}: no such file or folder")
-        places = _places(path)
+        places = bags_in(path)
     except OSError as error:
         raise LogError(f"path = {str(path)[:80]!r}: {error.strerror}") from error
     if not places:
@@ -203,7 +198,7 @@ def open_bags(path: str | Path) -> list[Bag]:
     return [replace(bags[0], notes=(*bags[0].notes, *notes)), *bags[1:]]
 
 
-def _places(path: Path, depth: int = _DEPTH) -> list[Path]:
+def bags_in(path: Path, depth: int = _DEPTH) -> list[Path]:
     """The bags in a folder, or the one of a file: folders with metadata, and files."""
     if not path.is_dir():
         return [path] if _is_bag_file(path) else []
@@ -213,7 +208,7 @@ def _places(path: Path, depth: int = _DEPTH) -> list[Path]:
         return [path]
     for folder in entries if depth else ():
         if folder.is_dir() and os.access(folder, os.R_OK | os.X_OK):
-            places += _places(folder, depth - 1)
+            places += bags_in(folder, depth - 1)
     return places
 
 

@@ -6,18 +6,26 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from trackslip.bags.open import Bag, Topic
 from trackslip.bags.stamps import Stamped, stretches
 from trackslip.bags.topics import FIX, IMU, POSE_TYPES
-from trackslip.bags.transforms import MAX_PLACE, SpacePoses, are_unit, pose_numbers, read_chain
+from trackslip.bags.transforms import (
+    MAX_PLACE,
+    MAX_TILT,
+    SpacePoses,
+    are_unit,
+    heading_and_tilt,
+    pose_numbers,
+    read_chain,
+)
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
 _NO_FIX = 0  # status below which a fix is none: sensor_msgs/NavSatStatus
 _MAX_ALTITUDE = 1e5  # heights above mean nothing [m]
 _MIN_WAY = 0.1  # way over which a constant heading is doubtful [m]
-_MAX_TILT = np.radians(20.0)  # of a robot, above which its heading and way in the plane are doubtful [rad]
 
 
 @dataclass(frozen=True)
@@ -127,10 +135,8 @@ def headings(quaternion: Array, source: str, notes: list[str]) -> Array:
 
     NaN if most of them are tilted so much that the x axis shows no heading. `notes` gets a line for tilts above 20°.
     """
-    x, y, z, w = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
-    heading = np.asarray(np.arctan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z)))
-    tilt = np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0))
-    steep = tilt > _MAX_TILT
+    heading, tilt = heading_and_tilt(Rotation.from_quat(quaternion))
+    steep = tilt > MAX_TILT
     if not steep.any():
         return heading
     most = f"{np.degrees(tilt.max()):.0f}°"

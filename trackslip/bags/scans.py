@@ -13,15 +13,13 @@ from trackslip.bags.open import Bag
 from trackslip.bags.poses import Poses
 from trackslip.bags.stamps import Stamped, seconds, stretches
 from trackslip.bags.topics import scan_topic
-from trackslip.bags.transforms import read_fixed
+from trackslip.bags.transforms import MAX_TILT, heading_and_tilt, read_fixed
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
 from trackslip.localization.raw_scans import RawScans, follow_plate
 from trackslip.localization.scan import Cluster, Plate
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.scanlog import ScanLog
-
-_MAX_TILT = np.radians(20.0)  # of a scanner's axis to the vertical
 
 
 @dataclass(frozen=True)
@@ -96,8 +94,8 @@ def _mount(bag: Bag, scans: Scans, notes: list[str]) -> tuple[Array, bool, str]:
     if fixed is None:
         return np.zeros(3), False, "the scanner is the origin of the poses, and looks along x"
     outer, place, turn = fixed
-    ahead, up = turn.as_matrix()[:, 0], turn.as_matrix()[2, 2]
-    if abs(up) < np.cos(_MAX_TILT):
-        notes.append(f"frame {frame!r} is tilted by {np.degrees(np.arccos(abs(up))):.0f}° in {outer!r}")
-    mount = np.array([place[0], place[1], np.arctan2(ahead[1], ahead[0])])
-    return mount, bool(up < 0), f"from transforms, in {outer}"
+    heading, tilt = heading_and_tilt(turn)
+    upside_down = bool(tilt > np.pi / 2)
+    if min(tilt, np.pi - tilt) > MAX_TILT:
+        notes.append(f"frame {frame!r} is tilted by {np.degrees(min(tilt, np.pi - tilt)):.0f}° in {outer!r}")
+    return np.array([place[0], place[1], heading]), upside_down, f"from transforms, in {outer}"

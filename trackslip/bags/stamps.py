@@ -90,7 +90,7 @@ def clocks_apart(ours: Stamped, theirs: Stamped) -> str:
     spread = sum(float(np.ptp(np.percentile(topic.delay, (25, 75)))) for topic in (ours, theirs))
     line = f"clocks differ by {apart:.1f} s by their receive stamps" if apart > _APART + spread else ""
     if ours.stamp[0] <= theirs.stamp[-1] and theirs.stamp[0] <= ours.stamp[-1]:
-        return line and f"topics {ours.source} and {theirs.source}: {line}"
+        return f"topics {ours.source} and {theirs.source}: {line}" if line else ""
     if (ours.stamp[-1] < _SIMULATED) != (theirs.stamp[-1] < _SIMULATED):
         line = "different clocks, simulated and wall time"
     first, second = (f"{topic.stamp[0] / 1e9:.3f} to {topic.stamp[-1] / 1e9:.3f} s" for topic in (ours, theirs))

@@ -20,6 +20,8 @@ from trackslip.kinematics import Array
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 MAX_PLACE = 1e9
 """Places farther away mean nothing [m]."""
+MAX_TILT = np.radians(20.0)
+"""Of a robot or a scanner to the vertical, above which its heading and its way in the plane are doubtful [rad]."""
 _TOLERANCE = 0.02  # by which a quaternion's norm may differ from 1: single precision and rounded text stay below
 _MAX_GAP = 1.0  # longest time over which a transform is interpolated [s]
 _USUAL_GAPS = 5.0  # the same in its usual intervals [-]
@@ -171,6 +173,12 @@ def _link(pair: Pair, rows: Rows, notes: list[str]) -> list[SpacePoses]:
     if poses.is_constant:
         return [poses.take(np.array([-1]))]
     return [poses.take(part) for part in stretches(name, poses.stamp, poses.arrival, notes)]
+
+
+def heading_and_tilt(turn: Rotation) -> tuple[Array, Array]:
+    """Headings (n,) of the x axes of rotations (n), counter-clockwise from above, and tilts (n,) of their z axes."""
+    axes = turn.as_matrix()
+    return np.arctan2(axes[..., 1, 0], axes[..., 0, 0]), np.arccos(np.clip(axes[..., 2, 2], -1.0, 1.0))
 
 
 def are_unit(quaternion: Array) -> np.ndarray:
