@@ -121,9 +121,9 @@ def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tu
         log = joined(part, turned, seen)
         if _repeats_wheels(log):
             if source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned:
-                headings = "".join(f", {topic.name} only the headings of an IMU" for topic in bag.of_type(IMU))
-                others = f"--poses takes others, these if they were measured{headings}"
-                raise LogError(f"{seen.source}: {REPEATED}; {others}")
+                topics = bag.of_type(IMU)
+                headings = f", {topics[0].name} takes only the headings of an IMU" if topics else ""
+                raise LogError(f"{seen.source}: {REPEATED}; --poses chooses others, or these if measured{headings}")
             notes.append(f"{seen.source}: {REPEATED}")
         taken = f"{turned.taken}; poses: {source.name} ({source.origin.value})"
         if source.origin is PoseOrigin.IMU and not log.is_valid.any():

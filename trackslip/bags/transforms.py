@@ -195,6 +195,8 @@ def _sampled(links: Sequence[Link]) -> SpacePoses:
     for link in moving:
         if link is not slowest:
             rows = rows[_covers(link, slowest.stamp[rows])]
+    if not len(rows):
+        return slowest.take(rows)
     place, turn = _composed(links, slowest.stamp[rows])
     return SpacePoses(slowest.stamp[rows], slowest.arrival[rows], place, turn.as_quat())
 
