@@ -95,9 +95,9 @@ def _topics_table(bag: RosBag, choice: BagChoice) -> Table:
         rate = 1 / usual if usual else np.nan
         rows.append((name, short_type(topic.type), str(topic.count), number(rate, 1), number(longest, 2)))
     rows += [(name, "transforms", MISSING, MISSING, MISSING) for name in used if name not in bag.topics]
-    begin, end = bag.span
+    recorded = np.concatenate(list(arrivals.values()))
     return Table(
-        f"{bag.path}: {(end - begin) / 1e9:.1f} s", _TOPICS, [(*row, used.get(row[0], "")) for row in rows], "llrrrl"
+        f"{bag.path}: {np.ptp(recorded) / 1e9:.1f} s", _TOPICS, [(*row, used.get(row[0], "")) for row in rows], "llrrrl"
     )
 
 

@@ -27,10 +27,8 @@ class BagOptions:
     """Names of the joints on the left, separated by commas; their mean is used."""
     right: Annotated[str | None, default_is("by their names", "NAMES")] = None
     """The same on the right."""
-    reversed: Annotated[
-        Literal["left", "right", "both", "none"] | None, default_is("found", "{left,right,both,none}")
-    ] = None
-    """Encoders that count backwards; none says that the bag's signs are right whatever the motion."""
+    reversed: Annotated[Literal["left", "right", "both"] | None, default_is("none", "{left,right,both}")] = None
+    """Encoders that count backwards."""
     poses: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
     """Topic of the poses, or tf:PARENT:CHILD for the pose of a frame, as in tf:map:base_link."""
     imu: Annotated[str | None, default_is("found", "TOPIC")] = None

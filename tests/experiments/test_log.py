@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet
 import pytest
-from bags import in_order, joints_of, odometry, pose_with_covariance, poses_of, write_bag
+from bags import in_order, joints_of, odometry, open_bag, pose_with_covariance, poses_of, write_bag
 from beside import drive, room, teleoperated
 from diff_drive import DiffDrive, parameters_in
 from scanned import write_session
@@ -17,7 +18,6 @@ from wandered import wandered
 import trackslip as package
 from experiments.cli import main, parse
 from experiments.identify.command import source_of
-from trackslip.bags.open import open_bag
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.schema import COLUMNS
 
@@ -33,6 +33,8 @@ def bags(tmp_path_factory):
     motors = joints_of(LOG, names=("x1", "x2"), topic="/motors")
     both = in_order(motors, joints_of(LOG), poses_of(LOG, pose_with_covariance), poses_of(LOG), poses_of(LOG, odometry))
     write_bag(folder / "doubtful", "mcap", both)
+    backwards = joints_of(replace(LOG, omega=LOG.omega * [-1, 1]))
+    write_bag(folder / "backwards", "mcap", in_order(backwards, poses_of(LOG)))
     return folder
 
 
@@ -135,6 +137,11 @@ def test_a_plate_in_scans_is_found_by_log_and_by_identify(scanned, tmp_path, cap
         ("log {scanned} --plate 0.1x0.02 --out x.csv", "no plate of 0.1x0.02 m moves as the encoders say"),
         (f"identify {{bags}}/doubtful {ROBOT}", "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"),
         (f"identify {{bags}}/run.mcap {ROBOT} --poses /scan", "it has no topic '/scan'; its topics are /joint_states"),
+        (
+            f"identify {{bags}}/backwards {ROBOT}",
+            "the left encoder counts backwards: change the sign of omega_l, for a",
+        ),
+        (f"identify {{bags}}/backwards {ROBOT}", "change the sign of omega_l, for a bag by --reversed left"),
         (f"identify {{bags}}/run.mcap {ROBOT} --where a=1", "holds bags, not runs of a sweep"),
     ],
 )

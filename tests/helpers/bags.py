@@ -13,6 +13,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from trackslip.bags.open import open_bags
+
 START = 1_700_000_000_000_000_000  # [ns]
 KINDS = ("ros1", "sqlite3", "mcap", "foxglove")
 JOINTS = "sensor_msgs/msg/JointState"
@@ -101,6 +103,12 @@ def _built(types, kind, fields):
             else:
                 made[name] = np.array(np.zeros(length) if value is None else value, base[0])
     return types.types[kind](**made)
+
+
+def open_bag(path):
+    """The only bag in a file or folder."""
+    (bag,) = open_bags(path)
+    return bag
 
 
 def stamp(time, start=START):

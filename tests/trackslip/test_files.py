@@ -7,11 +7,11 @@ import os
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from bags import open_bag
 
 import trackslip
 from sim.ground.named import load_ground
 from sim.network import load_network
-from trackslip.bags.open import open_bag
 from trackslip.errors import LogError, SettingsFileError
 from trackslip.files import read_json, regular_file
 from trackslip.trajectory.named import load_reference

@@ -26,7 +26,7 @@ class BagChoice:
     right: tuple[str, ...] | None = None
     """Names of the joints on the right; likewise."""
     reversed: str | None = None
-    """Side whose encoders count backwards: left, right, both or none; None to find out."""
+    """Side whose encoders count backwards: left, right or both."""
     poses: str | None = None
     """Topic of poses, or tf:PARENT:CHILD for the pose of a frame in another."""
     imu: str | None = None
@@ -49,7 +49,7 @@ class BagChoice:
             raise InvalidValueError(missing, None, f"given where {SIDES[self.left is None]} is")
         if self.left is not None and self.right is not None and (both := set(self.left) & set(self.right)):
             raise InvalidValueError("right", min(both), "the name of a joint that is not on the left, too")
-        require(self.reversed in (None, *SIDES, "both", "none"), "reversed", self.reversed, "left, right, both or none")
+        require(self.reversed in (None, *SIDES, "both"), "reversed", self.reversed, "left, right or both")
         require(self.scan is None or self.plate is not None, "scan", self.scan, "left out without plate")
         require(self.poses is None or self.plate is None, "poses", self.poses, "left out with plate, which gives poses")
         if self.poses is not None and self.poses.startswith("tf:"):

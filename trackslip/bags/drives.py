@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from trackslip.bags.checks import REPEATED, backward_encoder, repeat_wheels, strides
-from trackslip.bags.choice import AUTOMATIC, SIDES, BagChoice
-from trackslip.bags.encoders import Encoders, by_drive, read_encoders
-from trackslip.bags.imu import Imu, read_imu, with_gyro
-from trackslip.bags.open import Bag, is_bag, read_each
-from trackslip.bags.poses import Poses, read_poses
+from trackslip import se2
+from trackslip.bags.choice import AUTOMATIC, BagChoice
+from trackslip.bags.encoders import Encoders, joined, read_encoders
+from trackslip.bags.imu import read_imu, with_gyro
+from trackslip.bags.open import Bag, bags_in, open_bags
+from trackslip.bags.poses import read_poses
 from trackslip.bags.scans import plate_log, read_scans
-from trackslip.bags.stamps import clocks_apart, seconds
+from trackslip.bags.stamps import Stamped, clocks_apart
 from trackslip.bags.topics import IMU, PoseOrigin, pose_source
-from trackslip.errors import InvalidValueError, LogError, LogWarning
+from trackslip.errors import InvalidValueError, LogError, LogWarning, counted
+from trackslip.kinematics import Array
 from trackslip.logs.logfile import RUNS, read_log, runs_file
-from trackslip.logs.runlog import RunLog
+from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns
 
-_MANY = 0.05  # share of poses without encoders that is worth a line [-]
+REPEATED = "its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
+Seen = TypeVar("Seen", bound=Stamped)
+_STRIDE = 1.0  # time over which motions by poses and by wheels are compared [s]
+_MIN_STRIDES = 10  # fewer motions prove nothing
+_EXACT = 5e-3  # relative residual of poses computed from the wheels; noise-free poses on slipping ground have 6e-3
 _PERHAPS_WHEELS = (PoseOrigin.TRANSFORMS, PoseOrigin.FUSED, PoseOrigin.WHEELS)
 
 
@@ -54,7 +59,7 @@ def read_runs_of(path: Path, bag: BagChoice = AUTOMATIC) -> ReadRuns:
 def holds_bags(path: Path) -> bool:
     """True for a bag, or a folder with bags that is no folder of results."""
     try:
-        return is_bag(path) and not (path / RUNS).is_file()
+        return bool(bags_in(path)) and not (path / RUNS).is_file()
     except OSError:
         return False
 
@@ -71,9 +76,24 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
 
     Raises LogError if nothing can be read, TrackslipError without the package rosbags.
     """
-    found, refused, notes = read_each(path, lambda bag, name, said: _drives(bag, choice, name, said))
-    taken = dict.fromkeys(what for _, what in found)
-    return ReadRuns(tuple(log for log, _ in found), refused, notes, tuple(taken))
+    bags = open_bags(path)
+    runs: list[RunLog] = []
+    refused: list[Refused] = []
+    notes: list[str] = []
+    taken: dict[str, None] = {}
+    for bag in bags:
+        name = bag.name if sum(other.name == bag.name for other in bags) == 1 else str(bag.path)
+        of_bag: list[str] = []
+        try:
+            for log, sources in _drives(bag, choice, name, of_bag):
+                runs.append(log)
+                taken[sources] = None
+        except LogError as error:
+            refused.append(Refused.of(name, error))
+        notes += [*bag.notes, *(of_bag if len(bags) == 1 else (f"{name}: {line}" for line in of_bag))]
+    if not runs:
+        raise LogError(refused[0].reason if len(bags) == 1 else none_usable(refused))
+    return ReadRuns(tuple(runs), tuple(refused), tuple(notes), tuple(taken))
 
 
 def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tuple[RunLog, str]]:
@@ -84,18 +104,27 @@ def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tu
     encoders = read_encoders(bag, choice, notes)
     found = []
     if choice.plate is not None:
-        for part, turned, scans in by_drive(bag, name, encoders, read_scans(bag, choice.scan, notes)):
-            log, taken = plate_log(bag, part, turned.stamp, turned.omega, scans, choice.plate, notes)
-            log.metadata["bag"].update(turned.about)
+        for part, turned, scans in _by_drive(bag, name, encoders, read_scans(bag, choice.scan, notes), notes):
+            log, taken = plate_log(bag, part, turned, scans, choice.plate, notes)
             found.append((log, f"{turned.taken}; poses: {taken}"))
         return found
     source = pose_source(bag, choice)
     poses = read_poses(bag, source.name, notes)
-    imus = _imus(bag, choice, notes)
-    for k, (part, turned, seen) in enumerate(by_drive(bag, name, encoders, poses)):
-        _note_clocks(turned, seen, notes)
-        perhaps_wheels = source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned
-        log = _checked(_log(part, turned, seen), bag, turned, seen.source, perhaps_wheels, choice, notes)
+    try:
+        imus = read_imu(bag, choice, notes)
+    except LogError as error:
+        if choice.imu is not None:
+            raise
+        imus = []
+        notes.append(f"read without gyro: {error}")
+    for k, (part, turned, seen) in enumerate(_by_drive(bag, name, encoders, poses, notes)):
+        log = joined(part, turned, seen)
+        if _repeats_wheels(log):
+            if source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned:
+                topics = bag.of_type(IMU)
+                headings = f", {topics[0].name} takes only the headings of an IMU" if topics else ""
+                raise LogError(f"{seen.source}: {REPEATED}; --poses chooses others, or these if measured{headings}")
+            notes.append(f"{seen.source}: {REPEATED}")
         taken = f"{turned.taken}; poses: {source.name} ({source.origin.value})"
         if source.origin is PoseOrigin.IMU and not log.is_valid.any():
             taken = f"{turned.taken}; no poses"
@@ -106,77 +135,44 @@ def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tu
     return found
 
 
-def _imus(bag: Bag, choice: BagChoice, notes: list[str]) -> Sequence[Imu]:
-    """The readings of the gyro; raises LogError if they were asked for and can't be read."""
-    try:
-        return read_imu(bag, choice, notes)
-    except LogError as error:
-        if choice.imu is not None:
-            raise
-        notes.append(f"read without gyro: {error}")
-        return []
+def _by_drive(
+    bag: Bag, name: str, encoders: Sequence[Encoders], others: Sequence[Seen], notes: list[str]
+) -> Iterator[tuple[str, Encoders, Seen]]:
+    """Encoders and poses or scans of each drive in a bag called `name`, one unless its clock restarts.
 
-
-def _note_clocks(encoders: Encoders, poses: Poses, notes: list[str]) -> None:
-    """Note poses that the encoders don't cover, and clocks that differ."""
-    outside = int(((poses.stamp < encoders.stamp[0]) | (poses.stamp > encoders.stamp[-1])).sum())
-    if outside > _MANY * len(poses.stamp):
-        total = len(poses.stamp)
-        notes.append(f"{poses.source}: {outside} of {total} poses left out: {encoders.topic} doesn't cover them")
-    apart = clocks_apart(encoders.delay, poses.delay)
-    if apart:
-        notes.append(f"topics {encoders.topic} and {poses.source}: {apart}")
-
-
-def _log(name: str, encoders: Encoders, poses: Poses) -> RunLog:
-    """A row for each reading of the encoders and for each pose between the first and the last of these."""
-    read = encoders.stamp
-    within = (poses.stamp >= read[0]) & (poses.stamp <= read[-1]) & np.isfinite(poses.pose).any(axis=1)
-    stamp = np.union1d(read, poses.stamp[within])
-    valid = np.isin(stamp, poses.stamp[within])
-    pose = np.full((len(stamp), 3), np.nan)
-    pose[valid] = poses.pose[within]
-    covariance = None
-    if poses.covariance is not None:
-        covariance = np.full((len(stamp), 3, 3), np.nan)
-        covariance[valid] = poses.covariance[within]
-    headed = np.isfinite(pose[:, 2])
-    pose[headed, 2] = np.unwrap(pose[headed, 2])
-    beyond = None
-    if not within.all():
-        beyond = np.column_stack([seconds(poses.stamp[~within], int(stamp[0])), poses.pose[~within]])
-    about = {**encoders.about, "poses": poses.source, "start": int(stamp[0]) / 1e9}
-    return RunLog(
-        run=name,
-        time=seconds(stamp, int(stamp[0])),
-        omega=encoders.omega[np.searchsorted(read, stamp)],
-        pose=pose,
-        covariance=covariance,
-        valid=None if valid.all() else valid,
-        beyond=beyond,
-        metadata={"bag": about},
-    )
-
-
-def _checked(
-    log: RunLog, bag: Bag, encoders: Encoders, source: str, perhaps_wheels: bool, choice: BagChoice, notes: list[str]
-) -> RunLog:
-    """The log; an encoder that counts backwards beyond doubt is turned round, with a note.
-
-    Raises LogError if poses that nobody asked for repeat the wheels.
+    Raises LogError if they don't belong together.
     """
-    motions = strides(log)
-    if motions is None:
-        return log
-    if repeat_wheels(motions):
-        if perhaps_wheels:
-            imus = [topic.name for topic in bag.of_type(IMU)]
-            headings = f", {imus[0]} takes only the headings of an IMU" if imus else ""
-            raise LogError(f"{source}: {REPEATED}; --poses chooses others, or these if they were measured{headings}")
-        notes.append(f"{source}: {REPEATED}")
-    backwards = backward_encoder(motions) if choice.reversed is None else None
-    if backwards is None:
-        return log
-    line = f"topic {encoders.topic}: the {backwards} encoder counts backwards"
-    notes.append(f"{line}: turned round, as with --reversed {backwards}")
-    return replace(log, omega=log.omega * [-1.0 if side == backwards else 1.0 for side in SIDES])
+    if len(encoders) != len(others):
+        raise LogError(
+            f"{bag.path}: time goes back {counted(len(encoders) - 1, 'time')} in topic {encoders[0].source} "
+            f"and {counted(len(others) - 1, 'time')} in {others[0].source}"
+        )
+    for k, (turned, seen) in enumerate(zip(encoders, others, strict=True), start=1):
+        apart = clocks_apart(turned, seen)
+        notes += [apart] if apart else []
+        yield f"{name}, part {k}" if len(encoders) > 1 else name, turned, seen
+
+
+def _repeats_wheels(log: RunLog) -> bool:
+    """True if its poses move and turn in proportion to the sprockets, as measured ones don't: the ground slips."""
+    rows = np.flatnonzero(log.has_place & log.has_heading)
+    if not len(rows):
+        return False
+    time, pose = log.time[rows], log.pose[rows]
+    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)])[rows]
+    ends = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], _STRIDE)))
+    heading = pose[:-1, 2] + np.diff(pose[:, 2]) / 2
+    steps = np.diff(turned.mean(axis=1))[:, None] * se2.direction(heading)
+    reckoned = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    moved, turns = np.diff(pose[ends, :2], axis=0), np.diff(pose[ends, 2])
+    is_repeated = _in_proportion(moved, np.diff(reckoned[ends], axis=0))
+    return len(ends) > _MIN_STRIDES and is_repeated and _in_proportion(turns, np.diff(turned[ends] @ [-1.0, 1.0]))
+
+
+def _in_proportion(motion: Array, by_wheels: Array) -> bool:
+    """True if motions of one shape are a multiple of others, to within _EXACT; false without any motion."""
+    power = float(np.sum(by_wheels**2))
+    if not power or not motion.any():
+        return False
+    rest = motion - by_wheels * (np.sum(by_wheels * motion) / power)
+    return bool(np.linalg.norm(rest) <= _EXACT * np.linalg.norm(motion))

@@ -2,209 +2,171 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from trackslip.bags.choice import AUTOMATIC, SIDES, BagChoice
+from trackslip.bags.choice import SIDES, BagChoice
 from trackslip.bags.open import Bag, listed
 from trackslip.bags.poses import Poses
-from trackslip.bags.scans import Scans
-from trackslip.bags.stamps import ascending, clock_parts, clocks_apart, require_overlap, seconds, without_bursts
+from trackslip.bags.stamps import Stamped, seconds, stretches, without_bursts
 from trackslip.bags.topics import WHEELS, Sides, encoder_topics
-from trackslip.errors import LogError, counted
+from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry, track_speeds
+from trackslip.logs.runlog import RunLog
 
-Seen = TypeVar("Seen", Poses, Scans)
 _MAX_ANGLE = 1e9  # larger ones aren't measured [rad]
 _TOLERANCE = 0.01  # by which wrapped positions may leave their range, as they are rounded [rad]
 _MOVES = 1e-3  # speed above which a joint that reports it should move [rad/s]
-_LEAP = 5.0  # speed of a leap by the usual largest speed
 _STILL = 0.01  # way over that of the wheel that turns most, below which a wheel's encoder is dead [-]
 _MIN_WAY = 1.0  # of the wheel that turns most, for a judgement [rad]
 
 
 @dataclass(frozen=True)
-class Encoders:
-    """Readings of the encoders, all by one clock."""
+class Encoders(Stamped):
+    """Readings of the encoders."""
 
-    topic: str
     joints: Sides
-    stamp: np.ndarray  # (T,) int: stamps in the headers, ascending [ns]
-    delay: Array  # (N,) times from the messages' stamps to their recording [s]
     omega: Array  # (T, 2) sprocket speeds, mean since the previous reading, the first as the second [rad/s]
+
+    @property
+    def turned(self) -> Array:
+        """(T, 2) angles of the sprockets [rad], 0 at first."""
+        steps = self.omega[1:] * np.diff(self.stamp)[:, None] / 1e9
+        return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
     @property
     def about(self) -> dict[str, Any]:
         """The topic and its joints, for the metadata of a run."""
-        known = {"encoders": self.topic, "left": list(self.joints[0]), "right": list(self.joints[1])}
+        known = {"encoders": self.source, "left": list(self.joints[0]), "right": list(self.joints[1])}
         return {**known, "odometry": True} if self.joints == WHEELS else known
 
     @property
     def taken(self) -> str:
         """The topic and its joints, in words."""
         if self.joints == WHEELS:
-            return f"encoders: odometry {self.topic}"
+            return f"encoders: odometry {self.source}"
         left, right = (", ".join(side) for side in self.joints)
-        return f"encoders: {self.topic}, left {left}, right {right}"
+        return f"encoders: {self.source}, left {left}, right {right}"
 
 
-def by_drive(
-    bag: Bag, name: str, encoders: Sequence[Encoders], others: Sequence[Seen]
-) -> Iterator[tuple[str, Encoders, Seen]]:
-    """Encoders and poses or scans of each drive in a bag called `name`, one unless its clock restarts.
+@dataclass(frozen=True)
+class _Joint:
+    """Readings of a joint."""
 
-    Raises LogError if they don't belong together.
-    """
-    topic, other = encoders[0].topic, others[0].source
-    if len(encoders) != len(others):
-        raise LogError(
-            f"{bag.path}: time goes back {counted(len(encoders) - 1, 'time')} in topic {topic} "
-            f"and {counted(len(others) - 1, 'time')} in {other}"
-        )
-    for k, (turned, seen) in enumerate(zip(encoders, others, strict=True), start=1):
-        require_overlap(topic, turned.stamp, other, seen.stamp, clocks_apart(turned.delay, seen.delay))
-        yield f"{name}, part {k}" if len(encoders) > 1 else name, turned, seen
+    stamp: np.ndarray  # (N,) int [ns]
+    arrival: np.ndarray  # (N,) int [ns]
+    position: Array  # (N,) [rad]; NaN where not measured
+    velocity: Array  # (N,) [rad/s]; likewise
+
+    @property
+    def has_positions(self) -> bool:
+        """True if positions are measured: mostly finite, and not at rest while velocities aren't."""
+        known = self.position[np.isfinite(self.position)]
+        if 2 * len(known) <= len(self.position):
+            return False
+        return bool(np.ptp(known) > 0 or not (np.abs(self.velocity) > _MOVES).any())
 
 
-def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | None = None) -> list[Encoders]:
+def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> list[Encoders]:
     """The encoders' readings, one for each stretch between restarts of their clock: nearly always one.
 
     Positions are preferred to velocities; the speeds of several joints on a side are averaged. `notes` gets a line for
     what is left out. Raises LogError if there are no encoders, or no telling which they are.
     """
-    notes = [] if notes is None else notes
-    topics, joints = encoder_topics(bag, choice)
+    topics, names = encoder_topics(bag, choice)
     topic = " and ".join(each.name for each in topics)
-    stamp, arrival, readings = _readings(bag, [each.name for each in topics], joints, choice.wheels)
+    joints = _joints(bag, [each.name for each in topics], names, choice.wheels)
+    by_position = all(joint.has_positions for joint in joints.values())
+    if not by_position and names != WHEELS:
+        notes.append(f"topic {topic}: speeds are its velocities, because it states no positions")
+    angles = {name: _angles(topic, name, joint, by_position, notes) for name, joint in joints.items()}
+    counts = {len(parts) for parts in angles.values()}
+    if len(counts) > 1:
+        raise LogError(f"{bag.path}: topic {topic}: time goes back for some of its joints, not for others")
+    delay = np.concatenate([(joint.arrival - joint.stamp)[joint.stamp != 0] / 1e9 for joint in joints.values()])
     signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in SIDES])
-    names = [name for side in joints for name in side]
-    found = []
-    for rows in clock_parts(topic, stamp, arrival, notes):
-        angles = _angles(topic, names, stamp[rows], readings[rows], notes)
-        common = _common([at for at, _ in angles.values()])
-        if len(common) > 1:
-            first = int(common[0])
-            time = seconds(common, first)
-            turns = {name: np.diff(np.interp(time, seconds(at, first), angle)) for name, (at, angle) in angles.items()}
-            sides = [side_turns(topic, side, turns, notes) for side in joints]
+    drives = []
+    for k in range(*counts):
+        part = {name: parts[k] for name, parts in angles.items()}
+        stamp = _common([at for at, _ in part.values()])
+        if len(stamp) > 1:
+            first = int(stamp[0])
+            time = seconds(stamp, first)
+            turns = {name: np.diff(np.interp(time, seconds(at, first), angle)) for name, (at, angle) in part.items()}
+            sides = [side_turns(topic, side, turns, notes) for side in names]
             omega = np.stack(sides, axis=-1) / np.diff(time)[:, None] * signs
-            delay = (arrival[rows] - stamp[rows]) / 1e9
-            found.append(Encoders(topic, joints, common, delay, np.concatenate([omega[:1], omega])))
-    if not found:
+            drives.append(Encoders(topic, stamp, delay, names, np.concatenate([omega[:1], omega])))
+    if not drives:
         raise LogError(f"{bag.path}: topic {topic}: fewer than 2 messages with the joints chosen")
-    return found
+    return drives
 
 
-def _readings(
-    bag: Bag, topics: list[str], joints: Sides, wheels: RobotGeometry | None
-) -> tuple[np.ndarray, np.ndarray, Array]:
-    """Stamps and arrivals (N,) [ns] of the messages that name any of J joints, and their content (N, J, 3).
-
-    The last axis is 1 if the joint is named, its position [rad] and its velocity [rad/s], NaN where not stated. Raises
-    LogError for a joint that no message names.
-    """
-    chosen = [name for side in joints for name in side]
-    known: dict[str, None] = {}
-
-    def numbers(content: Any) -> list[float] | None:
-        names, *fields = _joint_states(content, joints, wheels)
-        known.update(dict.fromkeys(names))
-        positions, velocities = (field if len(field) == len(names) else [np.nan] * len(names) for field in fields)
-        of_name = {name: (1.0, *both) for name, *both in zip(names, positions, velocities, strict=True)}
-        if of_name.keys().isdisjoint(chosen):
-            return None
-        return [value for name in chosen for value in of_name.get(name, (0.0, np.nan, np.nan))]
-
-    stamp, arrival, table = bag.table(topics, numbers)
-    for side, of_side in zip(SIDES, joints, strict=True):
+def _joints(bag: Bag, topics: Sequence[str], names: Sides, wheels: RobotGeometry | None) -> dict[str, _Joint]:
+    """The readings of the joints; raises LogError for a joint that no message names."""
+    rows: dict[str, list[tuple[float, ...]]] = {}
+    for message in bag.messages(*topics):
+        times = message.stamp, message.arrival
+        for name, position, velocity in _joint_states(message.content, names, wheels):
+            rows.setdefault(name, []).append((*times, position, velocity))
+    joints = {}
+    for side, of_side in zip(SIDES, names, strict=True):
         for name in of_side:
-            if name not in known:
+            if name not in rows:
                 source = f"topic {' and '.join(topics)}"
-                raise LogError(f"{side} = {name!r}: {source} has no such joint; its joints are {listed([*known])}")
-    readings = table.reshape(-1, len(chosen), 3)
-    return stamp, arrival, np.where(np.abs(readings) <= _MAX_ANGLE, readings, np.nan)
+                raise LogError(f"{side} = {name!r}: {source} has no such joint; its joints are {listed([*rows])}")
+            stamp, arrival = np.array([row[:2] for row in rows[name]], np.int64).T
+            values = np.array([row[2:] for row in rows[name]], float).T
+            joints[name] = _Joint(stamp, arrival, *np.where(np.abs(values) <= _MAX_ANGLE, values, np.nan))
+    return joints
 
 
-def _joint_states(content: Any, joints: Sides, wheels: RobotGeometry | None) -> tuple[Sequence[str], Array, Array]:
-    """Names (J,), positions (J,) [rad] and velocities (J,) [rad/s] in a message; empty where not stated."""
-    if joints != WHEELS or wheels is None:
-        return content.name, content.position, content.velocity
-    twist = content.twist.twist
-    speeds = track_speeds((twist.linear.x, twist.angular.z), wheels.half_gauge)
-    return [*joints[0], *joints[1]], np.empty(0), speeds / wheels.sprocket_radius
+def _joint_states(content: Any, names: Sides, wheels: RobotGeometry | None) -> Iterable[tuple[str, float, float]]:
+    """Name, position [rad] and velocity [rad/s] of each joint in a message; NaN where not stated."""
+    if names == WHEELS and wheels is not None:
+        twist = content.twist.twist
+        speeds = track_speeds((twist.linear.x, twist.angular.z), wheels.half_gauge) / wheels.sprocket_radius
+        return zip((*names[0], *names[1]), (np.nan, np.nan), speeds, strict=True)
+    none = np.full(len(content.name), np.nan)
+    fields = (field if len(field) == len(none) else none for field in (content.position, content.velocity))
+    return zip(content.name, *fields, strict=True)
 
 
 def _angles(
-    topic: str, names: list[str], stamp: np.ndarray, readings: Array, notes: list[str]
-) -> dict[str, tuple[np.ndarray, Array]]:
-    """Stamps (n,) [ns] and angles (n,) [rad] of each joint by name; empty if one has fewer than two readings."""
-    of_joint = {}
-    for name, values in zip(names, readings.swapaxes(0, 1), strict=True):
-        named = np.flatnonzero(values[:, 0])
-        rows = named[ascending(topic, stamp[named], notes)]
-        rows = rows[without_bursts(stamp[rows])]
-        of_joint[name] = stamp[rows], values[rows, 1], values[rows, 2]
-    if min(len(at) for at, *_ in of_joint.values()) < 2:
-        return {}
-    by_position = all(_has_places(position, velocity) for _, position, velocity in of_joint.values())
-    angles = {}
-    for name, (at, position, velocity) in of_joint.items():
-        joint = f"topic {topic}: joint {name}"
-        what, values = ("position", position) if by_position else ("velocity", velocity)
-        known = np.isfinite(values)
-        if not by_position and known.mean() <= 0.5:
-            raise LogError(f"{joint} states neither positions nor velocities")
-        if not known.all():
-            notes.append(f"{joint}: {counted((~known).sum(), 'message')} without a {what} left out")
-        time = seconds(at[known], int(stamp.min()))
+    topic: str, name: str, joint: _Joint, by_position: bool, notes: list[str]
+) -> list[tuple[np.ndarray, Array]]:
+    """Stamps (n,) [ns] and angles (n,) [rad] of a joint, for each stretch between restarts of the clock."""
+    values = joint.position if by_position else joint.velocity
+    known = np.flatnonzero(np.isfinite(values))
+    if 2 * len(known) <= len(values):
+        raise LogError(f"topic {topic}: joint {name} states neither positions nor velocities")
+    angles = []
+    for part in stretches(topic, joint.stamp[known], joint.arrival[known], notes):
+        rows = known[part]
+        rows = rows[without_bursts(joint.stamp[rows])]
+        stamp = joint.stamp[rows]
         if by_position:
-            angle = from_positions(joint, time, position[known], notes)
+            angle = unwrapped(values[rows])
         else:
-            angle = np.asarray(cumulative_trapezoid(velocity[known], time, initial=0.0))
-        angles[name] = at[known], angle
-    if not by_position and names != [name for side in WHEELS for name in side]:
-        notes.append(f"topic {topic}: speeds are its velocities, because it states no positions")
+            angle = np.asarray(cumulative_trapezoid(values[rows], seconds(stamp, int(stamp[0])), initial=0.0))
+        angles.append((stamp, angle))
     return angles
 
 
 def _common(stamps: Sequence[np.ndarray]) -> np.ndarray:
     """Stamps (T,) [ns] of the joint with most readings, in the time that all joints cover."""
-    if not stamps:
-        return np.empty(0, np.int64)
     most = max(stamps, key=len)
     return most[(most >= max(at[0] for at in stamps)) & (most <= min(at[-1] for at in stamps))]
 
 
-def _has_places(position: Array, velocity: Array) -> bool:
-    """True if positions (T,) are measured: mostly finite, and not at rest while velocities (T,) aren't."""
-    known = np.isfinite(position)
-    if known.mean() <= 0.5:
-        return False
-    at_rest = bool(np.ptp(position[known]) == 0.0)
-    return not (at_rest and np.abs(velocity[np.isfinite(velocity)]).max(initial=0.0) > _MOVES)
-
-
-def from_positions(joint: str, time: Array, position: Array, notes: list[str]) -> Array:
-    """Continuous angles (T,) [rad], 0 at first.
-
-    Positions (T,) [rad] that stay within -π and π or 0 and 2π are unwrapped. A leap, as when an encoder is reset, is
-    bridged at the speed around it; `notes` gets a line for that.
-    """
+def unwrapped(position: Array) -> Array:
+    """Continuous angles (T,) from positions (T,) [rad], which are unwrapped if they stay in -π to π or 0 to 2π."""
     low, high = position.min(), position.max()
-    if any(start - _TOLERANCE <= low and high <= start + 2 * np.pi + _TOLERANCE for start in (-np.pi, 0.0)):
-        return np.unwrap(position) - position[0]
-    step, interval = np.diff(position), np.diff(time)
-    speed = step / interval
-    usual = np.sort(np.abs(speed))[-max(4, len(speed) // 200) :][0]
-    leap = (np.abs(speed) > _LEAP * usual) & (np.abs(step) > 2 * np.pi)
-    if leap.any() and not leap.all():
-        notes.append(f"{joint}: its position leaps {counted(leap.sum(), 'time')}: bridged")
-        step[leap] = np.interp(np.flatnonzero(leap), np.flatnonzero(~leap), speed[~leap]) * interval[leap]
-    return np.append(0.0, np.cumsum(step))
+    wraps = any(start - _TOLERANCE <= low and high <= start + 2 * np.pi + _TOLERANCE for start in (-np.pi, 0.0))
+    return np.unwrap(position) if wraps else position
 
 
 def side_turns(topic: str, side: Sequence[str], turns: Mapping[str, Array], notes: list[str]) -> Array:
@@ -227,3 +189,28 @@ def side_turns(topic: str, side: Sequence[str], turns: Mapping[str, Array], note
                     "choose with --left NAMES --right NAMES"
                 )
     return np.asarray(np.mean([turns[name] for name in kept], axis=0))
+
+
+def joined(name: str, encoders: Encoders, poses: Poses) -> RunLog:
+    """A row for each reading of the encoders and for each pose between the first and the last of these.
+
+    Poses take the speeds of the next reading.
+    """
+    read, start = encoders.stamp, int(encoders.stamp[0])
+    within = (poses.stamp >= read[0]) & (poses.stamp <= read[-1]) & np.isfinite(poses.pose).any(axis=1)
+    stamp = np.union1d(read, poses.stamp[within])
+    valid = np.isin(stamp, poses.stamp[within])
+    pose = np.full((len(stamp), 3), np.nan)
+    pose[valid] = poses.pose[within]
+    headed = np.isfinite(pose[:, 2])
+    pose[headed, 2] = np.unwrap(pose[headed, 2])
+    others = np.column_stack([seconds(poses.stamp, start), poses.pose])[~within]
+    return RunLog(
+        run=name,
+        time=seconds(stamp, start),
+        omega=encoders.omega[np.searchsorted(read, stamp)],
+        pose=pose,
+        valid=None if valid.all() else valid,
+        beyond=others if len(others) else None,
+        metadata={"bag": {**encoders.about, "poses": poses.source, "start": start / 1e9}},
+    )

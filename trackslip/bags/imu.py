@@ -36,11 +36,7 @@ def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> list[Imu]:
     if topic is None:
         return []
 
-    def numbers(content: Any) -> tuple[float, ...] | None:
-        rate, measured = content.angular_velocity, content.angular_velocity_covariance[0] != -1  # "not measured"
-        return (rate.x, rate.y, rate.z) if measured else None
-
-    stamp, arrival, rates = bag.table([topic.name], numbers)
+    stamp, arrival, rates = bag.table(topic.name, _rates)
     good = (np.abs(rates) <= MAX_YAW_RATE).all(axis=1)
     if good.sum() < 2 or not rates[good].any():
         notes.append(f"topic {topic.name}: it states no angular velocities: read without gyro")
@@ -51,6 +47,12 @@ def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> list[Imu]:
     several = f", one of {len(bag.of_type(IMU))}" if len(bag.of_type(IMU)) > 1 and choice.imu is None else ""
     source = f"{topic.name} in {frame or 'no frame'}{several}"
     return [Imu(source, stamp[rows], rates[rows]) for rows in parts]
+
+
+def _rates(imu: Any) -> tuple[float, ...]:
+    """Its angular velocities; NaN if their covariance says, by -1, that they are not measured."""
+    rate = imu.angular_velocity
+    return (rate.x, rate.y, rate.z) if imu.angular_velocity_covariance[0] != -1 else (np.nan,) * 3
 
 
 def with_gyro(log: RunLog, imu: Imu, start: int, notes: list[str]) -> tuple[RunLog, str]:

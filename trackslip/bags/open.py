@@ -1,8 +1,8 @@
 """Bags of ROS 1 and ROS 2: their topics and messages, read by rosbags.
 
-from trackslip.bags.open import open_bag
+from trackslip.bags.open import open_bags
 
-bag = open_bag("run.mcap")
+(bag,) = open_bags("run.mcap")
 for message in bag.messages("/scan"):
     message.stamp, message.content.ranges
 """
@@ -10,30 +10,27 @@ for message in bag.messages("/scan"):
 from __future__ import annotations
 
 import importlib
-import io
 import os
 import shlex
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from trackslip.errors import LogError, TrackslipError, first_line
 from trackslip.files import regular_file
 from trackslip.kinematics import Array
-from trackslip.logs.runlog import Refused, none_usable
 
-T = TypeVar("T")
 _METADATA = "metadata.yaml"
 _STORAGES = (".bag", ".mcap", ".db3")
-_WRAPPINGS = {".zstd": "it is compressed as a whole", ".active": "the recording was not closed"}
+_WRAPPINGS = (".zstd", ".active")  # compressed as a whole; not closed
 _REPAIRS = {
     ".bag": "rosbag reindex {file}",
     ".active": "rosbag reindex {file}",
@@ -66,8 +63,8 @@ def stamp_of(header: Any) -> int:
     return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
-Read = Callable[[Mapping[str, str], bool], Iterator[Message]]
-"""Reads the messages of topics, given with their types, by time of recording; decodes their content or not."""
+Read = Callable[[Collection[str], bool], Iterator[Message]]
+"""Reads the messages of topics by time of recording; decodes their content or not."""
 
 
 @dataclass(frozen=True)
@@ -89,9 +86,7 @@ class Bag:
     path: Path
     """Its file, or the folder of a ROS 2 bag."""
     topics: dict[str, Topic]
-    """By name, in alphabetical order; of several types of messages in a topic, the most frequent one."""
-    span: tuple[int, int]
-    """Times at which the first and the last message were recorded [ns]."""
+    """By name, in alphabetical order."""
     read: Read = field(repr=False)
     notes: tuple[str, ...] = ()
     """What is missing, one line each."""
@@ -118,25 +113,16 @@ class Bag:
 
     def messages(self, *topics: str) -> Iterator[Message]:
         """Decoded messages of topics, by time of recording; raises LogError for unknown topics and damage."""
-        return self.read({topic.name: topic.type for topic in map(self.topic, topics)}, True)
+        return self.read([self.topic(name).name for name in topics], True)
 
-    def table(
-        self, topics: Sequence[str], row: Callable[[Any], Sequence[float] | None]
-    ) -> tuple[np.ndarray, np.ndarray, Array]:
-        """Stamps and arrivals (n,) [ns] of messages, and the numbers (n, k) that `row` takes from the content of each.
-
-        Messages for which it returns None are left out. Numbers may be NaN, but no signalling ones of damaged bytes.
-        """
+    def table(self, topic: str, row: Callable[[Any], Sequence[float]]) -> tuple[np.ndarray, np.ndarray, Array]:
+        """Stamps and arrivals (N,) [ns] of a topic's messages, and the numbers (N, k) that `row` takes from each."""
         times, numbers = array("q"), array("d")
-        for message in self.messages(*topics):
-            values = row(message.content)
-            if values is not None:
-                times.extend((message.stamp, message.arrival))
-                numbers.extend(values)
+        for message in self.messages(topic):
+            times.extend((message.stamp, message.arrival))
+            numbers.extend(row(message.content))
         stamp, arrival = np.array(times, np.int64).reshape(-1, 2).T
-        table = np.array(numbers).reshape(len(stamp), -1) if len(stamp) else np.empty((0, 0))
-        table[np.isnan(table)] = np.nan
-        return stamp, arrival, table
+        return stamp, arrival, np.array(numbers).reshape(len(stamp), -1)
 
     def first(self, topic: str, most: int) -> list[Message]:
         """The first messages of a topic, at most `most`."""
@@ -145,7 +131,7 @@ class Bag:
     def arrivals(self) -> dict[str, np.ndarray]:
         """Times of recording (n,) of the messages of each topic, ascending [ns]; reads the whole bag."""
         times = {name: array("q") for name in self.topics}
-        for message in self.read({name: topic.type for name, topic in self.topics.items()}, False):
+        for message in self.read(self.topics, False):
             times[message.topic].append(message.arrival)
         return {name: np.sort(np.array(some, np.int64)) for name, some in times.items()}
 
@@ -181,38 +167,22 @@ def require_rosbags() -> None:
         raise TrackslipError('bags need the package rosbags: pip install -e ".[ros]"')
 
 
-def is_bag(path: Path) -> bool:
-    """True for a bag's file, or a folder with bags."""
-    return bool(_places(path))
+def open_bags(path: str | Path) -> list[Bag]:
+    """The bag in a file, or those in a folder: folders with a metadata.yaml, and files in others.
 
-
-def open_bag(path: str | Path) -> Bag:
-    """The bag in a file, or in a folder that holds one; reads its topics and counts messages.
-
-    Files: `.bag` of ROS 1, `.mcap` and `.db3` of ROS 2, with or without `metadata.yaml`. An MCAP file whose end is
-    missing is read as far as it goes, see `Bag.notes`.
+    Files: `.bag` of ROS 1, `.mcap` and `.db3` of ROS 2. An MCAP file whose end is missing is read as far as it goes,
+    see `Bag.notes`. Bags that can't be read are left out if others can be, with a note.
 
     Raises:
-        LogError: if there is no bag, if there are several, or it is damaged: the message names a command that repairs.
+        LogError: if there is no bag, or none can be read: the message names a command that repairs.
         TrackslipError: where rosbags is missing.
-    """
-    bags = open_bags(path)
-    if len(bags) > 1:
-        raise LogError(f"{path}: holds {len(bags)} bags ({', '.join(bag.name for bag in bags[:_SHOWN])}): name one")
-    return bags[0]
-
-
-def open_bags(path: str | Path) -> list[Bag]:
-    """The bags in a folder, like `open_bag`: folders with a metadata.yaml, and files in others.
-
-    Bags that can't be read are left out if others can be, with a note.
     """
     require_rosbags()
     path = Path(path)
     try:
         if not path.exists():
             raise LogError(f"{path}: no such file or folder")
-        places = _places(path)
+        places = bags_in(path)
     except OSError as error:
         raise LogError(f"path = {str(path)[:80]!r}: {error.strerror}") from error
     if not places:
@@ -223,54 +193,23 @@ def open_bags(path: str | Path) -> list[Bag]:
             bags.append(_open(place))
         except LogError as error:
             notes.append(str(error))
-            if place.is_dir():
-                notes[-1] += f"; read without its {_METADATA}"
-                places += _files(place)
     if not bags:
         raise LogError(notes[-1])
     return [replace(bags[0], notes=(*bags[0].notes, *notes)), *bags[1:]]
 
 
-def read_each(
-    path: Path, read: Callable[[Bag, str, list[str]], Sequence[T]]
-) -> tuple[list[T], tuple[Refused, ...], tuple[str, ...]]:
-    """Results of `read` for the bags in a folder, the bags that it refuses, and notes on what was left out.
-
-    `read` takes a bag, its name and a list for notes. Raises LogError if it refuses all bags.
-    """
-    bags = open_bags(path)
-    results: list[T] = []
-    refused: list[Refused] = []
-    notes: list[str] = []
-    for bag in bags:
-        name = bag.name if sum(other.name == bag.name for other in bags) == 1 else str(bag.path)
-        said: list[str] = []
-        try:
-            results += read(bag, name, said)
-        except LogError as error:
-            refused.append(Refused.of(name, error))
-        notes += [*bag.notes, *(said if len(bags) == 1 else (f"{name}: {line}" for line in said))]
-    if not results:
-        raise LogError(refused[0].reason if len(bags) == 1 else none_usable(refused))
-    return results, tuple(refused), tuple(notes)
-
-
-def _places(path: Path, depth: int = _DEPTH) -> list[Path]:
+def bags_in(path: Path, depth: int = _DEPTH) -> list[Path]:
     """The bags in a folder, or the one of a file: folders with metadata, and files."""
     if not path.is_dir():
         return [path] if _is_bag_file(path) else []
-    places = _files(path)
+    entries = sorted(path.iterdir())
+    places = [entry for entry in entries if _is_bag_file(entry) and entry.is_file()]
     if places and (path / _METADATA).is_file():
         return [path]
-    for folder in sorted(path.iterdir()) if depth else ():
+    for folder in entries if depth else ():
         if folder.is_dir() and os.access(folder, os.R_OK | os.X_OK):
-            places += _places(folder, depth - 1)
+            places += bags_in(folder, depth - 1)
     return places
-
-
-def _files(folder: Path) -> list[Path]:
-    """The files of bags in a folder."""
-    return sorted(entry for entry in folder.iterdir() if _is_bag_file(entry) and entry.is_file())
 
 
 def _is_bag_file(path: Path) -> bool:
@@ -304,36 +243,35 @@ def _open(path: Path) -> Bag:
         return _streamed(path)
 
 
-def _bag(path: Path, counts: Counter[tuple[str, str]], span: tuple[int, int], read: Read, *notes: str) -> Bag:
-    """A bag of numbers of messages by topic and type."""
-    if not +counts:
+def _bag(path: Path, topics: Iterable[Topic], read: Read, notes: tuple[str, ...] = ()) -> Bag:
+    """A bag of topics, without those that have no messages."""
+    by_name = {topic.name: topic for topic in sorted(topics, key=lambda topic: topic.name) if topic.count}
+    if not by_name:
         raise LogError(f"{path}: it has no messages")
     name = path.resolve().name
     if path.is_file():
         for suffix in _STORAGES:
             name = name.removesuffix(suffix)
-    by_count = sorted((count, topic, kind) for (topic, kind), count in counts.items() if count)
-    topics = {topic: Topic(topic, kind, count) for count, topic, kind in by_count}
-    return Bag(name, path, dict(sorted(topics.items())), span, read, notes)
+    return Bag(name, path, by_name, read, notes)
 
 
 def _indexed(path: Path) -> Bag:
     """A bag that rosbags reads."""
     with _refusing(path):
-        if path.suffix in _WRAPPINGS:
-            raise ValueError(_WRAPPINGS[path.suffix])
         if not path.is_dir():
             regular_file(path)
-        counts: Counter[tuple[str, str]] = Counter()
         with _reader(path) as reader:
-            for connection in reader.connections:
-                counts[connection.topic, connection.msgtype] += connection.msgcount
-            return _bag(path, counts, (reader.start_time, reader.end_time - 1), partial(_read_indexed, path))
+            topics = [
+                Topic(name, topic.msgtype, topic.msgcount)
+                for name, topic in reader.topics.items()
+                if topic.msgtype is not None  # messages of several types
+            ]
+        return _bag(path, topics, partial(_read_indexed, path))
 
 
-def _read_indexed(path: Path, chosen: Mapping[str, str], decode: bool) -> Iterator[Message]:
+def _read_indexed(path: Path, chosen: Collection[str], decode: bool) -> Iterator[Message]:
     with _refusing(path), _reader(path) as reader:
-        connections = [one for one in reader.connections if chosen.get(one.topic) == one.msgtype]
+        connections = [one for one in reader.connections if one.topic in chosen]
         for connection, arrival, data in reader.messages(connections) if connections else ():
             content = reader.deserialize(data, connection.msgtype) if decode else None
             yield Message(connection.topic, arrival, content)
@@ -350,32 +288,30 @@ def _reader(path: Path) -> Any:
 def _streamed(path: Path) -> Bag:
     """The bag in an MCAP file without index, as a recorder leaves it whose battery went flat."""
     counts: Counter[tuple[str, str]] = Counter()
-    first, last, end = 2**63, 0, 0
+    read = 0  # bytes
     with _refusing(path):
         size = regular_file(path).stat().st_size
         with path.open("rb") as file:
             file.seek(-min(size, len(_MCAP_END)), os.SEEK_END)
             is_complete = file.read() == _MCAP_END
-        for schema, channel, message, place in _records(path):
-            end = place
+        for schema, channel, _, place in _records(path):
             counts[channel.topic, schema.name] += 1
-            first, last = min(first, message.log_time), max(last, message.log_time)
+            read = place
         if not counts:
             raise ValueError("it has no whole message")
-    note = (
-        f"{path}: its end is missing, as after a power cut: {(last - first) / 1e9:.1f} s are read, "
-        f"{(size - end) / 1e3:.0f} of {size / 1e3:.0f} kB are lost"
-    )
-    return _bag(path, counts, (first, last), partial(_read_streamed, path), *(() if is_complete else (note,)))
+    topics = [Topic(name, kind, count) for (name, kind), count in counts.items()]
+    lost = f"{(size - read) / 1e3:.0f} of {size / 1e3:.0f} kB are lost"
+    notes = () if is_complete else (f"{path}: its end is missing, as after a power cut: {lost}",)
+    return _bag(path, topics, partial(_read_streamed, path), notes)
 
 
-def _read_streamed(path: Path, chosen: Mapping[str, str], decode: bool) -> Iterator[Message]:
+def _read_streamed(path: Path, chosen: Collection[str], decode: bool) -> Iterator[Message]:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     types = get_typestore(Stores.EMPTY)
     with _refusing(path):
         for schema, channel, message, _ in _records(path):
-            if chosen.get(channel.topic) != schema.name:
+            if channel.topic not in chosen:
                 continue
             if decode and schema.name not in types.fielddefs:
                 types.register(get_types_from_msg(schema.data.decode(), schema.name))
@@ -385,33 +321,20 @@ def _read_streamed(path: Path, chosen: Mapping[str, str], decode: bool) -> Itera
 
 def _records(path: Path) -> Iterator[tuple[Any, Any, Any, int]]:
     """Schema, channel, message and place in the file [bytes] of each message, as far as the file goes."""
-    from mcap import records
     from mcap.exceptions import RecordLengthLimitExceeded
-    from mcap.stream_reader import StreamReader
+    from mcap.reader import NonSeekingReader
 
-    schemas: dict[int, records.Schema] = {}
-    channels: dict[int, records.Channel] = {}
-    with _WholeReads(io.FileIO(path)) as file:
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        messages = NonSeekingReader(file, record_size_limit=size).iter_messages(log_time_order=False)
         try:
-            for record in StreamReader(file, record_size_limit=path.stat().st_size).records:
-                match record:
-                    case records.Schema():
-                        schemas[record.id] = record
-                    case records.Channel():
-                        channels[record.id] = record
-                    case records.Message() if channels[record.channel_id].schema_id in schemas:
-                        channel = channels[record.channel_id]
-                        yield schemas[channel.schema_id], channel, record, file.tell()
-        except (EOFError, RecordLengthLimitExceeded):
+            for schema, channel, message in messages:
+                if file.tell() == size:
+                    return  # the record that ends with the file may be cut off
+                if schema is not None:
+                    yield schema, channel, message, file.tell()
+        except RecordLengthLimitExceeded:
             return  # the last record is longer than the file
-
-
-class _WholeReads(io.BufferedReader):
-    """A file whose reads are complete, or raise EOFError: its last record may be cut off."""
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        """Exactly `size` bytes."""
-        data = super().read(size)
-        if size is not None and len(data) < size:
-            raise EOFError
-        return data
+        except Exception:  # whatever a record raises that is cut off
+            if file.tell() < size:
+                raise

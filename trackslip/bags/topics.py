@@ -8,14 +8,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 
-from trackslip.bags.choice import AUTOMATIC, BagChoice
+from trackslip.bags.choice import BagChoice
 from trackslip.bags.open import Bag, Topic, listed, short_type
-from trackslip.bags.scans import LASER_SCAN, scan_topic
-from trackslip.bags.transforms import frames_of
+from trackslip.bags.transforms import frames_of, parents_of, path_up
 from trackslip.errors import LogError
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
-FIX, IMU = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu"
+FIX, IMU, LASER_SCAN = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu", "sensor_msgs/msg/LaserScan"
 POSE_TYPES = (
     ODOMETRY,
     "geometry_msgs/msg/PoseWithCovarianceStamped",
@@ -35,8 +34,10 @@ _WANTED = r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|way
 _LESSER_IMU = r"camera|realsense|zed|oak|lidar|ouster|\bos\d?_|livox|velodyne|raw"
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 _DRIVES = re.compile(r"wheel|track|sprocket|belt|crawler|whl", re.IGNORECASE)
-_OTHERS = {"arm", "hip", "pan", "tilt", "head", "neck", "knee", "ankle", "calf"}
-_OTHERS_BEGIN = ("steer", "caster", "castor", "flipper", "finger", "gripper", "shoulder", "elbow", "wrist", "thigh")
+_OTHER = re.compile(
+    r"arm|hip|pan|tilt|head|neck|knee|ankle|calf"
+    r"|(steer|caster|castor|flipper|finger|gripper|shoulder|elbow|wrist|thigh).*"
+)
 _LEFT = {"left", "l", "fl", "lf", "rl", "lr", "bl", "lb", "ml", "lm", "cl", "lc", "lh", "lhs"}
 _RIGHT = {"right", "r", "fr", "rf", "rr", "br", "rb", "mr", "rm", "cr", "rc", "rh", "rhs"}
 _FIXED_FRAMES = ("map", "world", "earth", "mocap", "vicon", "utm", "ned", "enu", "field")
@@ -76,39 +77,36 @@ class PoseSource:
     origin: PoseOrigin
 
 
-def encoder_topics(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[tuple[Topic, ...], Sides]:
+def encoder_topics(bag: Bag, choice: BagChoice) -> tuple[list[Topic], Sides]:
     """The topic with the encoders, or several where each has some of them, and the joints on the left and on the right.
 
     Raises LogError if the choice doesn't fit the bag, or leaves a doubt: the message lists what there is.
     """
     if choice.encoders is not None:
-        chosen = tuple(bag.topic(name.strip()) for name in choice.encoders.split(","))
-        if [topic.type for topic in chosen] == [ODOMETRY]:
+        topics = [bag.topic(name.strip()) for name in choice.encoders.split(",")]
+        if [topic.type for topic in topics] == [ODOMETRY]:
             if choice.wheels is None:
                 raise LogError(
-                    f"{bag.path}: topic {chosen[0].name}: speeds of wheels need the geometry that it assumes"
+                    f"{bag.path}: topic {topics[0].name}: speeds of wheels need the geometry that it assumes"
                 )
-            return chosen, WHEELS
-        chosen = tuple(bag.topic(topic.name, JOINT_STATE) for topic in chosen)
-        return chosen, _joints(bag, chosen, choice)
-    topics = bag.of_type(JOINT_STATE)
-    if not topics:
-        raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{_instead(bag)}")
-    topics = [topic for topic in topics if not re.search(_WANTED, topic.name, re.IGNORECASE)] or topics
-    fitting: dict[str, tuple[tuple[Topic, ...], Sides]] = {}
-    refused = []
-    for some in (*((topic,) for topic in topics), tuple(topics)):
-        try:
-            if not fitting or len(some) == 1:
-                fitting[some[0].name] = some, _joints(bag, some, choice)
-        except LogError as error:
-            refused.append(error)
-    if not fitting:
-        raise refused[0]
-    names = sorted(fitting)
-    names = [name for name in names if name.rpartition("/")[2] == "joint_states"] or names
-    names = [name for name in names if name.strip("/") == "joint_states"] or names
-    return fitting[bag.only(names, "encoders", "--encoders TOPIC")]
+            return topics, WHEELS
+        topics = [bag.topic(topic.name, JOINT_STATE) for topic in topics]
+    else:
+        topics = bag.of_type(JOINT_STATE)
+        if not topics:
+            raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}{_instead(bag)}")
+        topics = [topic for topic in topics if not re.search(_WANTED, topic.name, re.IGNORECASE)] or topics
+        names = [topic.name for topic in topics if _joints(bag, [topic], choice) is not None]
+        if names:  # else each topic may have some of the joints
+            names = [name for name in names if name.strip("/") == "joint_states"] or names
+            topics = [bag.topics[bag.only(names, "encoders", "--encoders TOPIC")]]
+    joints = _joints(bag, topics, choice)
+    if joints is None:
+        raise LogError(
+            f"{bag.path}: topic {topics[0].name}: which of its joints are left and right? It has "
+            f"{listed(_joint_names(bag, topics))}: choose with --left NAMES --right NAMES"
+        )
+    return topics, joints
 
 
 def _instead(bag: Bag) -> str:
@@ -125,19 +123,17 @@ def _instead(bag: Bag) -> str:
     return f"{reckoned}; its topics are {bag.listed()}"
 
 
-def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides:
-    """The chosen joints, or the ones recognised by their names; LogError if there are none."""
+def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides | None:
+    """The chosen joints, or the ones recognised by their names; None if there are none."""
     if choice.left is not None and choice.right is not None:
         return choice.left, choice.right
+    return sides(_joint_names(bag, topics))
+
+
+def _joint_names(bag: Bag, topics: Sequence[Topic]) -> list[str]:
+    """The names of the joints in the first messages of topics."""
     messages = (message for topic in topics for message in bag.first(topic.name, _JOINT_MESSAGES))
-    names = [*dict.fromkeys(name for message in messages for name in message.content.name)]
-    found = sides(names)
-    if found is None:
-        raise LogError(
-            f"{bag.path}: topic {topics[0].name}: which of its joints are left and right? It has {listed(names)}: "
-            "choose with --left NAMES --right NAMES"
-        )
-    return found
+    return [*dict.fromkeys(name for message in messages for name in message.content.name)]
 
 
 def sides(names: Sequence[str]) -> Sides | None:
@@ -145,7 +141,7 @@ def sides(names: Sequence[str]) -> Sides | None:
 
     Joints whose names speak of wheels or tracks come before others, and arms, steering and the like don't count.
     """
-    candidates = [name for name in names if not any(map(_drives_neither, _words(name)))]
+    candidates = [name for name in names if not any(_OTHER.fullmatch(word) for word in _words(name))]
     for some in ([name for name in candidates if _DRIVES.search(name)], candidates):
         left, right = (tuple(name for name in some if _side(name) == side) for side in ("left", "right"))
         if left and len(left) == len(right):
@@ -166,11 +162,6 @@ def _side(name: str) -> str:
 def _words(name: str) -> set[str]:
     """The words in a name, in lower case: front, left and wheel of front_leftWheel2."""
     return {word.lower() for word in _WORDS.findall(name)}
-
-
-def _drives_neither(word: str) -> bool:
-    """True if a word names a joint that drives neither side."""
-    return word in _OTHERS or word.startswith(_OTHERS_BEGIN)
 
 
 def pose_sources(bag: Bag) -> list[PoseSource]:
@@ -212,17 +203,14 @@ def _origin(bag: Bag, topic: Topic) -> PoseOrigin:
 
 def _in_transforms(bag: Bag) -> list[PoseSource]:
     """The poses of robots' bodies in the frames at the roots of their transforms, if they have such frames."""
-    parents = {child: parent for parent, child in frames_of(bag, _FRAME_MESSAGES)}
-    bodies = next((some for name in _BODIES if (some := [one for one in parents if _last(one) == name])), [])
-    found = []
-    for body in sorted(bodies):
-        root, seen = body, {body}
-        while root in parents and parents[root] not in seen:
-            root = parents[root]
-            seen.add(root)
+    parents = parents_of(frames_of(bag, _FRAME_MESSAGES))
+    of_name = ([child for child in sorted(parents) if _last(child) == name] for name in _BODIES)
+    sources = []
+    for body in next(filter(None, of_name), []):
+        root = path_up(body, parents)[-1]
         origin = PoseOrigin.TRANSFORMS if _last(root) in _FIXED_FRAMES else PoseOrigin.WHEELS
-        found.append(PoseSource(f"tf:{root}:{body}", origin))
-    return found
+        sources.append(PoseSource(f"tf:{root}:{body}", origin))
+    return sources
 
 
 def _last(frame: str) -> str:
@@ -239,6 +227,16 @@ def imu_topic(bag: Bag, choice: BagChoice) -> Topic | None:
         return bool(re.search(_LESSER_IMU, topic.name, re.IGNORECASE)), -topic.count
 
     return min(bag.of_type(IMU), key=rank, default=None)
+
+
+def scan_topic(bag: Bag, name: str | None = None) -> Topic:
+    """The topic of scans, by default the only one; raises LogError if there is none, or a choice."""
+    if name is not None:
+        return bag.topic(name, LASER_SCAN)
+    topics = bag.of_type(LASER_SCAN)
+    if not topics:
+        raise LogError(f"{bag.path}: no topic of {LASER_SCAN}; its topics are {bag.listed()}")
+    return bag.topic(bag.only([topic.name for topic in topics], "scans", "--scan TOPIC"))
 
 
 def uses(bag: Bag, choice: BagChoice) -> dict[str, str]:

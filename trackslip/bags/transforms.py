@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from array import array
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,12 +20,16 @@ from trackslip.kinematics import Array
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 MAX_PLACE = 1e9
 """Places farther away mean nothing [m]."""
+MAX_TILT = np.radians(20.0)
+"""Of a robot or a scanner to the vertical, above which its heading and its way in the plane are doubtful [rad]."""
 _TOLERANCE = 0.02  # by which a quaternion's norm may differ from 1: single precision and rounded text stay below
 _MAX_GAP = 1.0  # longest time over which a transform is interpolated [s]
 _USUAL_GAPS = 5.0  # the same in its usual intervals [-]
 
 Pair = tuple[str, str]
 """A frame and one that is given in it."""
+Rows = list[tuple[float, ...]]
+"""Stamp and arrival [ns], place [m] and quaternion of each transform."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +40,10 @@ class SpacePoses:
     arrival: np.ndarray  # (n,) int: when they were recorded [ns]
     place: Array  # (n, 3) [m]; NaN where only turns are measured
     turn: Array  # (n, 4) quaternions x, y, z, w; NaN where only places are measured
-    covariance: Array | None = None  # (n, 3, 3) of x, y and heading; None if not stated
 
     def take(self, rows: np.ndarray) -> SpacePoses:
         """Some of the poses."""
-        known = None if self.covariance is None else self.covariance[rows]
-        return SpacePoses(self.stamp[rows], self.arrival[rows], self.place[rows], self.turn[rows], known)
+        return SpacePoses(self.stamp[rows], self.arrival[rows], self.place[rows], self.turn[rows])
 
     @cached_property
     def changes(self) -> np.ndarray:
@@ -56,10 +57,27 @@ class SpacePoses:
         return len(self.changes) == 1
 
 
+Link = tuple[SpacePoses, bool]
+"""Transforms between two frames, and whether a chain follows them forwards."""
+
+
 def frames_of(bag: Bag, most: int) -> list[Pair]:
     """The pairs of frames linked by the first `most` transform messages of each topic."""
     messages = (message for topic in bag.of_type(*TRANSFORMS) for message in bag.first(topic.name, most))
     return [*dict.fromkeys(_pair(one) for message in messages for one in message.content.transforms)]
+
+
+def parents_of(pairs: Iterable[Pair]) -> dict[str, str]:
+    """The frame that each frame is given in."""
+    return {child: parent for parent, child in pairs}
+
+
+def path_up(frame: str, parents: Mapping[str, str]) -> list[str]:
+    """A frame, the one that it is given in, and so on."""
+    path = [frame]
+    while (parent := parents.get(path[-1])) is not None and parent not in path:
+        path.append(parent)
+    return path
 
 
 def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> list[SpacePoses]:
@@ -69,19 +87,33 @@ def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> list[Spac
     the others are interpolated. Raises LogError if the frames are unknown or not connected, or no transform between
     them can be read.
     """
-    parent, child = parent.strip("/"), child.strip("/")
     transforms = read_transforms(bag)
     if not transforms:
         raise LogError(f"{bag.path}: no transforms: no topic of {TRANSFORMS[0]}")
-    way = _way(bag, transforms, parent, child)
-    links = {pair: links_of(pair, transforms[pair], notes) for pair, _ in way}
-    counts = {len(parts) for parts in links.values() if not all(part.is_constant for part in parts)}
+    links = _links(bag, transforms, parent.strip("/"), child.strip("/"), notes)
+    counts = {len(parts) for parts, _ in links if not all(part.is_constant for part in parts)}
     if not counts:
-        names = " -> ".join([parent, *(pair[forwards] for pair, forwards in way)])
-        raise LogError(f"{bag.path}: the transforms {names} never change")
+        raise LogError(f"{bag.path}: the transforms from {parent!r} to {child!r} never change")
     if len(counts) > 1:
         raise LogError(f"{bag.path}: time goes back in some transforms from {parent!r} to {child!r}, not in others")
-    return [_sampled([(links[pair][k % len(links[pair])], forwards) for pair, forwards in way]) for k in range(*counts)]
+    return [_sampled([(parts[k % len(parts)], forwards) for parts, forwards in links]) for k in range(*counts)]
+
+
+def read_fixed(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Rotation] | None:
+    """The outermost frame that a frame is fixed in, and its place (3,) [m] and rotation there.
+
+    None if there are no transforms of it. Raises LogError if it moves there.
+    """
+    frame = frame.strip("/")
+    transforms = read_transforms(bag)
+    outer = path_up(frame, parents_of(transforms))[-1]
+    if outer == frame:
+        return None
+    links = _links(bag, transforms, outer, frame, notes)
+    if not all(part.is_constant for parts, _ in links for part in parts):
+        raise LogError(f"{bag.path}: frame {frame!r} moves in {outer!r}")
+    place, turn = _composed([(parts[0], forwards) for parts, forwards in links], np.zeros(1, np.int64))
+    return outer, place[0], turn[0]
 
 
 def _pair(transform: Any) -> Pair:
@@ -89,16 +121,15 @@ def _pair(transform: Any) -> Pair:
     return transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
 
 
-def read_transforms(bag: Bag) -> dict[Pair, tuple[array[int], array[float]]]:
-    """Transforms by pair of frames: whether they are static, stamp and arrival [ns]; place [m] and quaternion."""
-    found: dict[Pair, tuple[array[int], array[float]]] = defaultdict(lambda: (array("q"), array("d")))
+def read_transforms(bag: Bag) -> dict[Pair, Rows]:
+    """Transforms by pair of frames."""
+    rows: dict[Pair, Rows] = defaultdict(list)
     topics = [topic.name for topic in bag.of_type(*TRANSFORMS)]
     for message in bag.messages(*topics) if topics else ():
         for transform in message.content.transforms:
-            times, numbers = found[_pair(transform)]
-            times.extend(("static" in message.topic, stamp_of(transform.header), message.arrival))
-            numbers.extend(pose_numbers(transform.transform.translation, transform.transform.rotation))
-    return dict(found)
+            numbers = pose_numbers(transform.transform.translation, transform.transform.rotation)
+            rows[_pair(transform)].append((stamp_of(transform.header), message.arrival, *numbers))
+    return dict(rows)
 
 
 def pose_numbers(place: Any, turn: Any) -> tuple[float, ...]:
@@ -106,32 +137,48 @@ def pose_numbers(place: Any, turn: Any) -> tuple[float, ...]:
     return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
 
 
-def links_of(pair: Pair, stated: tuple[array[int], array[float]], notes: list[str]) -> list[SpacePoses]:
-    """The transforms between two frames, for each stretch between restarts of the clock."""
+def _links(
+    bag: Bag, transforms: Mapping[Pair, Rows], parent: str, child: str, notes: list[str]
+) -> list[tuple[list[SpacePoses], bool]]:
+    """The links that lead from a frame to another, for each stretch of time, and whether they are followed forwards.
+
+    Raises LogError if there is no such frame, or the links don't connect them.
+    """
+    frames = {frame for pair in transforms for frame in pair}
+    for frame in (parent, child):
+        if frame not in frames:
+            raise LogError(f"{bag.path}: frame {frame!r} is not in the transforms; they have {listed(sorted(frames))}")
+    parents = parents_of(transforms)
+    up, down = path_up(parent, parents), path_up(child, parents)
+    common = next((frame for frame in up if frame in down), None)
+    if common is None:
+        raise LogError(
+            f"{bag.path}: frames {parent!r} and {child!r} are not connected by transforms: {parent!r} is in "
+            f"{up[-1]!r}, {child!r} in {down[-1]!r}"
+        )
+    pairs = [((parents[frame], frame), False) for frame in up[: up.index(common)]]
+    pairs += [((parents[frame], frame), True) for frame in reversed(down[: down.index(common)])]
+    return [(_link(pair, transforms[pair], notes), forwards) for pair, forwards in pairs]
+
+
+def _link(pair: Pair, rows: Rows, notes: list[str]) -> list[SpacePoses]:
+    """The transforms between two frames, for each stretch between restarts of the clock; one if it never changes."""
     name = f"tf {pair[0]} -> {pair[1]}"
-    static, stamp, arrival = np.array(stated[0], np.int64).reshape(-1, 3).T
-    numbers = np.array(stated[1]).reshape(-1, 7)
-    place, turn = np.split(np.where(np.isnan(numbers), np.nan, numbers), [3], axis=1)
-    good = unit_quaternions(turn, name, notes) & (np.abs(place) <= MAX_PLACE).all(axis=1)
+    stamp, arrival = np.array([row[:2] for row in rows], np.int64).T
+    place, turn = np.split(np.array([row[2:] for row in rows]), [3], axis=1)
+    good = are_unit(turn) & (np.abs(place) <= MAX_PLACE).all(axis=1)
     if not good.any():
         raise LogError(f"{name}: no transform is finite")
     poses = SpacePoses(stamp, arrival, place, turn).take(np.flatnonzero(good))
-    if static[0] or good.sum() == 1:
+    if poses.is_constant:
         return [poses.take(np.array([-1]))]
     return [poses.take(part) for part in stretches(name, poses.stamp, poses.arrival, notes)]
 
 
-def unit_quaternions(quaternion: Array, source: str, notes: list[str]) -> np.ndarray:
-    """(n,) bool: which quaternions x, y, z, w (n, 4) are of unit length; raises LogError if most are not."""
-    good = are_unit(quaternion)
-    bad = int((~good).sum())
-    if bad:
-        shown = np.array2string(quaternion[np.argmin(good)], precision=4)
-        line = f"the quaternion {shown} is not of unit length"
-        if 2 * bad > len(good):
-            raise LogError(f"{source}: {line}; so are {bad} of its {len(good)} quaternions")
-        notes.append(f"{source}: {bad} of {len(good)} poses left out: {line}")
-    return good
+def heading_and_tilt(turn: Rotation) -> tuple[Array, Array]:
+    """Headings (n,) of the x axes of rotations (n), counter-clockwise from above, and tilts (n,) of their z axes."""
+    axes = turn.as_matrix()
+    return np.arctan2(axes[..., 1, 0], axes[..., 0, 0]), np.arccos(np.clip(axes[..., 2, 2], -1.0, 1.0))
 
 
 def are_unit(quaternion: Array) -> np.ndarray:
@@ -140,49 +187,31 @@ def are_unit(quaternion: Array) -> np.ndarray:
         return np.asarray(np.abs(np.linalg.norm(quaternion, axis=1) - 1.0) <= _TOLERANCE)
 
 
-def _way(bag: Bag, links: Iterable[Pair], parent: str, child: str) -> list[tuple[Pair, bool]]:
-    """The links that lead from a frame to another, each with whether it is followed forwards.
-
-    Raises LogError if there is no such frame, or the links don't connect them.
-    """
-    near: dict[str, list[tuple[str, Pair, bool]]] = defaultdict(list)
-    for pair in links:
-        near[pair[0]].append((pair[1], pair, True))
-        near[pair[1]].append((pair[0], pair, False))
-    for frame in (parent, child):
-        if frame not in near:
-            raise LogError(f"{bag.path}: frame {frame!r} is not in the transforms; they have {listed(sorted(near))}")
-    ways: dict[str, list[tuple[Pair, bool]]] = {parent: []}
-    waiting = [parent]
-    for frame in waiting:
-        for other, pair, forwards in near[frame]:
-            if other not in ways:
-                ways[other] = [*ways[frame], (pair, forwards)]
-                waiting.append(other)
-    if child not in ways:
-        others = f"{parent!r} is with {listed(sorted(ways.keys() - {parent}))}"
-        raise LogError(f"{bag.path}: frames {parent!r} and {child!r} are not connected by transforms; {others}")
-    return ways[child]
-
-
-def _sampled(way: list[tuple[SpacePoses, bool]]) -> SpacePoses:
+def _sampled(links: Sequence[Link]) -> SpacePoses:
     """The poses at the end of a chain of links, see `read_chain`."""
-    moving = [link for link, _ in way if not link.is_constant]
+    moving = [link for link, _ in links if not link.is_constant]
     slowest = min(moving, key=lambda link: len(link.changes))
     rows = slowest.changes
-    rows = rows[np.all([_covers(link, slowest.stamp[rows]) for link in moving], axis=0)]
+    for link in moving:
+        if link is not slowest:
+            rows = rows[_covers(link, slowest.stamp[rows])]
     if not len(rows):
         return slowest.take(rows)
-    stamp = slowest.stamp[rows]
-    place, turn = np.zeros((len(rows), 3)), Rotation.identity(len(rows))
-    for link, forwards in way:
+    place, turn = _composed(links, slowest.stamp[rows])
+    return SpacePoses(slowest.stamp[rows], slowest.arrival[rows], place, turn.as_quat())
+
+
+def _composed(links: Sequence[Link], stamp: np.ndarray) -> tuple[Array, Rotation]:
+    """Places (n, 3) and rotations (n) at the end of a chain of links at stamps (n,)."""
+    place, turn = np.zeros((len(stamp), 3)), Rotation.identity(len(stamp))
+    for link, forwards in links:
         there, turned = _at(link, stamp)
         if not forwards:
             turned = turned.inv()
             there = -turned.apply(there)
         place = place + turn.apply(there)
         turn = turn * turned
-    return SpacePoses(stamp, slowest.arrival[rows], place, turn.as_quat())
+    return place, turn
 
 
 def _covers(link: SpacePoses, stamp: np.ndarray) -> np.ndarray:
@@ -190,9 +219,8 @@ def _covers(link: SpacePoses, stamp: np.ndarray) -> np.ndarray:
     after = np.clip(np.searchsorted(link.stamp, stamp), 1, len(link.stamp) - 1)
     before, next_ = link.stamp[after - 1], link.stamp[after]
     longest = max(_MAX_GAP, _USUAL_GAPS * float(np.median(np.diff(link.stamp))) / 1e9)
-    exact = (next_ == stamp) | (before == stamp)
     within = (stamp >= link.stamp[0]) & (stamp <= link.stamp[-1])
-    return np.asarray(within & (exact | ((next_ - before) / 1e9 <= longest)))
+    return np.asarray(within & ((next_ - before) / 1e9 <= longest))
 
 
 def _at(link: SpacePoses, stamp: np.ndarray) -> tuple[Array, Rotation]:

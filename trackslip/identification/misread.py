@@ -174,13 +174,13 @@ def refuse_sides(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock
     elif (left, other) == (1, 1):
         what = "the turns are mirrored: are the tracks swapped? Exchange omega_l and omega_r"
     elif (left, other) == (-1, -1) and not swapped:
-        what = "both encoders count backwards: change the signs of omega_l and omega_r"
+        what = "both encoders count backwards: change the signs of omega_l and omega_r, for a bag by --reversed both"
     elif (left, other) == (-1, -1):
         what = "the robot moves backwards where its wheels drive forwards: turn phi by pi, or exchange omega_l and "
         what += "omega_r and change their signs"
     elif not swapped:
         name, column = ("left", "omega_l") if left < 0 else ("right", "omega_r")
-        what = f"the {name} encoder counts backwards: change the sign of {column}"
+        what = f"the {name} encoder counts backwards: change the sign of {column}, for a bag by --reversed {name}"
     else:
         column = "omega_l" if left < 0 else "omega_r"
         what = (

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bags import open_bag
 
 from experiments.wander.drives import drive_contents
 from sim.wander.motion import Motion
 from trackslip import se2
-from trackslip.bags.open import open_bag
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.runlog import RunLog, Truth
 

@@ -9,6 +9,7 @@ from bags import (
     in_order,
     joints_of,
     odometry,
+    open_bag,
     pose_with_covariance,
     poses_of,
     stamp,
@@ -18,7 +19,6 @@ from bags import (
 from wandered import wandered
 
 from trackslip.bags.choice import AUTOMATIC
-from trackslip.bags.open import open_bag
 from trackslip.bags.poses import read_poses
 from trackslip.bags.topics import encoder_topics, pose_source, pose_sources, sides, uses
 from trackslip.errors import LogError
@@ -36,8 +36,8 @@ def read(tmp_path, messages, source, kind="mcap"):
     ("source", "line"),
     [
         ("tf:map:robot", "frame 'robot' is not in the transforms; they have base_link, cup, map, odom, sensor, table"),
-        ("tf:map:cup", "frames 'map' and 'cup' are not connected by transforms; 'map' is with base_link, odom, sensor"),
-        ("tf:table:cup", "the transforms table -> cup never change"),
+        ("tf:map:cup", "frames 'map' and 'cup' are not connected by transforms: 'map' is in 'map', 'cup' in 'table'"),
+        ("tf:table:cup", "the transforms from 'table' to 'cup' never change"),
         ("/scan", "it has no topic '/scan'"),
         ("/odd", r"topic /odd has messages of odd_msgs/.*; poses are read from nav_msgs/"),
     ],
@@ -145,7 +145,7 @@ def test_ticks_are_named_with_what_to_do_with_them(tmp_path):
     bag, _ = sources(tmp_path, counts, poses_of(LOG))
     named = r"/encoders \(std_msgs/Int64MultiArray\), /left_ticks \(std_msgs/Int32\), /right_ticks \(std_msgs/Int32\)"
     with pytest.raises(LogError, match=f"{named} may count ticks: publish 2π ticks / .*or write a table"):
-        encoder_topics(bag)
+        encoder_topics(bag, AUTOMATIC)
 
 
 def test_uses_are_listed_and_those_taken_have_a_star(tmp_path):
