@@ -27,7 +27,7 @@ SPEEDS = np.column_stack([0.2 + 0.1 * np.sin(0.7 * TIME), 0.2 * np.cos(0.5 * TIM
 
 @pytest.mark.parametrize("poses", [COARSE, PoseQuality(5.0, 0.02, None), PoseQuality(20.0, 0.002, 0.005)])
 def test_fits_miss_the_law_by_about_what_is_expected(poses):
-    """Drives of two minutes with slip that varies and poses with noise; `validation/test_plan_trials.py` has hundreds."""
+    """Drives of two minutes with slip that varies and noisy poses; `validation/test_plan_trials.py` has hundreds."""
     speeds = np.tile(SPEEDS, (6, 1))
     drive = drive_to_measure(speeds, RATE, poses, 0.06)
     stated = expected(MODEL, with_extras(TRUTH), [drive], poses, SLIP).stderr
