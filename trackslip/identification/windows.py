@@ -33,6 +33,7 @@ LOSS = 2.0
 """Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and Ronchetti)."""
 FEWEST_BLOCKS = 6
 """Blocks from which an interval can be told."""
+_FEWEST_EFFECTIVE = 3.0  # blocks: with fewer, Student's t says nothing of a parameter, as of the sensor's place
 _PER_SECOND = 2.0  # poses; where they are rarer, a window has as many as in its length at this rate
 _SPREAD = 1.4826  # standard deviation of normal numbers over the median of their absolute values
 _LEAST = 1e-6  # spread of residuals: rounding [m, rad]
@@ -280,7 +281,7 @@ def student(blocks: Array, normal: Array) -> Array:
     inverse = np.linalg.inv(normal)
     share = np.einsum("ab,gbc,ca->ga", inverse, blocks, inverse)
     effective = share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300)
-    return np.asarray(stdtrit(np.maximum(effective - 1, 1.0), 0.975))
+    return np.asarray(stdtrit(np.maximum(effective, _FEWEST_EFFECTIVE) - 1, 0.975))
 
 
 def fit_windows(
