@@ -11,8 +11,6 @@ from trackslip.identification.comparison import TODAY
 from trackslip.identification.path import EXTRAS
 from trackslip.laws.families import FAMILIES, GAINS
 
-_TURN_LOSS, _TRACTION = "s: the belts' mean speed, tan θ = (b + D) w / s", "t: traction over load"
-
 
 @dataclass(frozen=True)
 class Look:
@@ -36,17 +34,12 @@ _LOOKS: dict[str, tuple[Any, ...]] = {
     "icr": ("#3A93C9", (0, (2, 1)), ("outer: D / (R + b + D)", "inner: −D / (R − b − D)")),
     "icr_radius": (BLUE, "-", ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)")),
     GAINS: ("#6A51A3", (0, (3, 3)), ("as icr_radius",)),
-    "turn_loss": ("#A63D6F", (0, (8, 2, 2, 2)), ("w as above, v = s (1 − g sin²θ)", _TURN_LOSS)),
+    "turn_loss": ("#A63D6F", (0, (8, 2, 2, 2)), ("w as above, v = s (1 − g sin²θ)", "s: belts, tan θ = (b + D) w / s")),
     "turn_loss_sides": ("#B5651D", (0, (4, 1.5, 1, 1.5, 1, 1.5)), ("as turn_loss, with ε of each track",)),
     "centrifugal": ("#5F7F1F", (0, (1, 2)), ("as turn_loss, with v (1 + κ |v w|) for v", "and w (1 + κ |v w|) for w")),
-    "icr_load": (
-        "#2B7A78",
-        (0, (10, 2, 2, 2, 2, 2)),
-        ("as icr_radius, with v + t √((C v)² + (S w)²) for v", _TRACTION),
-    ),
+    "icr_load": ("#2B7A78", (0, (10, 2, 2, 2, 2, 2)), ("icr_radius, v + t √((C v)² + (S w)²)", "t: traction / load")),
     "icr_sides": ("#6A3D9A", (0, (2, 2.5)), ("as icr_radius, with D and ε of each track",)),
 }
-"""Colour, line style and formula of the built-in laws."""
 _OTHERS = {
     "published": Look("the paper's Eq. 11", BLACK, "--", ("i = α exp(β R)",)),
     "online": Look("online", "#117733", (0, (5, 1))),
@@ -56,7 +49,6 @@ _OTHERS = {
     "robot": Look("the simulated robot", "#007A5A", (0, (6, 2, 1, 2, 1, 2))),
     "calibrated": Look("the simulated robot, fitted", "#1a1a1a", (0, (9, 1))),
 }
-"""Compensations and predictions that are no family of laws."""
 _TRACKS = ("outer", "inner", "left", "right")
 _EXTRA_SYMBOLS = {"sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"}
 _EXTRA_SYMBOLS |= {"gyro_bias": "β", "gyro_scale": "κ"}
