@@ -18,13 +18,11 @@ _STEADY_NOTE = "Intervals: Student's, of errors of measurement and of one scatte
 _DRIVE_NOTE = "Intervals: Student's, from fits without one block of driving each."
 _CRITERIA_NOTE = (
     "free: fitted parameters. rms: residual of the fit. AICc: above the least. cv: rms error of predicting left-out "
-    "radii, speeds or runs; v and w: of the robot's speed and yaw rate at left-out radii. The published law "
-    "is not fitted."
+    "radii, speeds or runs; v and w: of speed and yaw rate at left-out radii. The published law is not fitted."
 )
 _PREDICTION_NOTE = (
-    "Of all pairs of measured poses between which the robot moves. today: dead reckoning without slip, delay, or a "
-    "place of the sensor that wasn't given; two_gains: factors on speed and yaw rate by the first look. The score is "
-    "the mean error relative to the smallest of any law, averaged over the times ahead."
+    "Of all pairs of poses between which the robot moves. today: dead reckoning without slip, delay, or a sensor's place "
+    "that wasn't given; two_gains: by regression. Score: mean error over the smallest of any law, on average over times."
 )
 _UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}  # m and degrees from SI, and decimals
 
