@@ -21,8 +21,8 @@ _CRITERIA_NOTE = (
     "radii, speeds or runs; v and w: of speed and yaw rate at left-out radii. The published law is not fitted."
 )
 _PREDICTION_NOTE = (
-    "Of all pairs of poses between which the robot moves. today: dead reckoning without slip, delay, or a sensor's place "
-    "that wasn't given; two_gains: by regression. Score: mean error over the smallest of any law, on average over times."
+    "Of all pairs of poses between which the robot moves. today: dead reckoning without slip, delay, or sensor's place "
+    "that wasn't given; two_gains: by regression. Score: mean error over the smallest of any law, on average."
 )
 _UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}  # m and degrees from SI, and decimals
 
