@@ -22,9 +22,6 @@ def track_looks(world: TrackedModel) -> list[tuple[int, TrackLook]]:
     robot = world.robot
     hull = np.array(robot.hull)
     chassis = [(world.body, TrackLook(hull, sign * robot.half_gauge, robot.width)) for sign in (1.0, -1.0)]
-    if robot.bogies:
-        own = [(world.model.body(track.bodies[0]), track.hull.wheels) for track in world.tracks[:2]]
-        chassis = [(int(body.parentid[0]), TrackLook(wheels, body.pos[1], robot.width)) for body, wheels in own]
     flippers = [(world.model.body(f.body).id, TrackLook(np.array(f.hull), f.y, f.width)) for f in robot.flippers]
     return chassis + flippers
 
