@@ -136,7 +136,8 @@ def load_spec(robot: TrackedRobot, looks: bool = False) -> Any:
 def _light(spec: Any) -> None:
     """Add light and sky, and allow larger pictures than MuJoCo's default."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
-    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 2048, 4  # what a processor can draw, too
+    quality = spec.visual.quality  # what a processor can draw, too
+    quality.shadowsize, quality.offsamples, quality.numslices, quality.numstacks, quality.numquads = 2048, 4, 16, 8, 1
     if not any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in spec.textures):
         spec.add_texture(
             name="sky",

@@ -194,7 +194,7 @@ class Course:
         taken = any(geom.name.startswith(f"{name}/") for geom in spec.geoms)
         require(not taken, "name", name, "a name that no other course in the model has")
         base = Base(self.floor, self.friction, *at, name, looks)
-        _add_lines(spec, f"{name}/lines")
+        add_lines(spec, f"{name}/lines")
         names = [f"{name}/{k}" for k in range(len(self.solids))]
         for solid, geom in zip(self.solids, names, strict=True):
             solid.add_to(spec, geom, base)
@@ -254,7 +254,7 @@ def look_up(courses: Sequence[Course], points: Array) -> Array:
     return np.asarray((1 - u) * back + u * front)
 
 
-def _add_lines(spec: mujoco.MjSpec, name: str) -> None:
+def add_lines(spec: mujoco.MjSpec, name: str) -> None:
     """Add a material that draws lines half a metre apart."""
     spec.add_texture(
         name=name,
