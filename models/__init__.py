@@ -1,1 +1,1 @@
-"""MJCF models, their meshes, and `make_meshes`, which writes the meshes; see README.md in this folder."""
+"""MJCF models, robot files and courses; see README.md in this folder."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,9 +15,7 @@ from trackslip.errors import LogError
 from trackslip.files import regular_file
 from trackslip.kinematics import Array
 
-_MOST = 256_000_000  # bytes of a policy's numbers
 _PRODUCTS = 100_000  # of rows and weights at a time, which fit into a processor's cache
-_LARGEST = 1e6  # of these numbers
 
 
 @dataclass(frozen=True)
@@ -54,18 +51,14 @@ def load_network(path: Path, kind: str, *fields: str) -> tuple[Network, list[Any
     """
     file = policy_file(path)
     try:
-        if not zipfile.is_zipfile(regular_file(file)):
-            raise LogError(f"{file}: not a policy")
-        with file.open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
-            if sum(member.file_size for member in stored.zip.infolist()) > _MOST:
-                raise LogError(f"{file}: its content is larger than {_MOST:,} bytes, no policy's is")
+        with regular_file(file).open("rb") as opened, np.load(opened) as stored:
             about = json.loads(str(stored["about"]))
             if about["format"] != kind:
                 raise LogError(f"{file}: its format is {about['format']!r}, not {kind!r}")
             layers = sum(name.startswith("weight_") for name in stored.files)
             weights, biases = (tuple(stored[f"{part}_{k}"] for k in range(layers)) for part in ("weight", "bias"))
             if not _fit(weights, biases):
-                raise LogError(f"{file}: its layers must hold numbers up to {_LARGEST:g} and fit each other")
+                raise LogError(f"{file}: its layers must hold finite numbers and fit each other")
             return Network(weights, biases), [about[name] for name in fields]
     except LogError:
         raise
@@ -76,14 +69,14 @@ def load_network(path: Path, kind: str, *fields: str) -> tuple[Network, list[Any
 
 
 def _fit(weights: Sequence[Array], biases: Sequence[Array]) -> bool:
-    """True for one or more layers of moderate numbers, each of which takes what the one before gives."""
+    """True for one or more layers of finite numbers, each of which takes what the one before gives."""
     shapes = [weight.shape for weight in weights]
     chained = all(len(shape) == 2 for shape in shapes) and all(b[0] == a[1] for a, b in pairwise(shapes))
     return (
         len(shapes) > 0
         and chained
         and [bias.shape for bias in biases] == [shape[1:] for shape in shapes]
-        and all(one.dtype.kind == "f" and (np.abs(one.astype(float)) <= _LARGEST).all() for one in (*weights, *biases))
+        and all(one.dtype.kind == "f" and np.isfinite(one).all() for one in (*weights, *biases))
     )
 
 

@@ -9,6 +9,7 @@ import threading
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,30 @@ def offscreen(model: Any, width: int, height: int) -> Any:
         why = " ".join(str(error).split())
         how = "set the environment variable MUJOCO_GL to egl or osmesa before Python starts"
         raise TrackslipError(f"rendering: no OpenGL works here ({why}); without a display, {how}") from error
+
+
+class Pictures:
+    """Pictures of a model, by one `mujoco.Renderer` that is made for the first of them."""
+
+    def __init__(self, model: Any, width: int, height: int) -> None:
+        self._make: Callable[[], Any] = partial(offscreen, model, width, height)
+        self._renderer: Any = None
+
+    def take(self, data: Any, camera: Any, draw: Callable[[Any], None]) -> np.ndarray:
+        """Picture (height, width, 3) uint8 of the model with what `draw` appends to its scene.
+
+        Raises TrackslipError if OpenGL doesn't work.
+        """
+        self._renderer = self._renderer or self._make()
+        self._renderer.update_scene(data, camera=camera)
+        draw(self._renderer.scene)
+        return np.array(self._renderer.render())
+
+    def close(self) -> None:
+        """Free the buffers."""
+        if self._renderer is not None:
+            self._renderer.close()
+        self._renderer = None
 
 
 class Window:
@@ -91,7 +116,7 @@ class TaskRenderer(ABC):
         self.data: Any = None
         """Model with visuals, in the state of the robot being drawn."""
         self._window: Window | None = None
-        self._renderer: Any = None
+        self._pictures: Pictures | None = None
 
     @abstractmethod
     def begin(self, rows: Sequence[int]) -> None:
@@ -116,11 +141,9 @@ class TaskRenderer(ABC):
     def picture(self, row: int) -> np.ndarray:
         """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
         self.pose(row)
-        if self._renderer is None:
-            self._renderer = offscreen(self.data.model, 640, 480)
-        self._renderer.update_scene(self.data, camera=self.camera(row))
-        self.draw(self._renderer.scene, row)
-        return np.array(self._renderer.render())
+        if self._pictures is None:
+            self._pictures = Pictures(self.data.model, 640, 480)
+        return self._pictures.take(self.data, self.camera(row), partial(self.draw, row=row))
 
     def show(self) -> None:
         """Show robot 0 in a window; raises TrackslipError if there is no display."""
@@ -136,10 +159,10 @@ class TaskRenderer(ABC):
 
     def close(self) -> None:
         """Close the window and free the image buffers."""
-        for shown in (self._window, self._renderer):
+        for shown in (self._window, self._pictures):
             if shown is not None:
                 shown.close()
-        self._window = self._renderer = None
+        self._window = self._pictures = None
 
     def place(self, qpos: np.ndarray) -> None:
         """Put `data` at positions (nq,) of all joints."""

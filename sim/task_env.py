@@ -22,7 +22,7 @@ _MOST, _MOST_THREADS = 100_000, 1024
 
 
 class TaskInterface(Restorable):
-    """An environment that describes its task, can be copied, pickled, and returned to earlier states."""
+    """An environment that describes its task, and can be returned to earlier states."""
 
     kind: ClassVar[TaskKind]
     task: Any
@@ -41,7 +41,8 @@ class TaskInterface(Restorable):
         of = state.get("of") if isinstance(state, Mapping) else None
         require(isinstance(of, str) and of == self._of, "state", f"that of {of}", f"that of {self._of}")
         super().set_state(state)
-        self._draw_anew()
+        if self._renderer is not None:
+            self._renderer.begin(range(self.task.size))
 
     @property
     def observed(self) -> tuple[Element, ...]:
@@ -58,23 +59,6 @@ class TaskInterface(Restorable):
         task = self.task
         observed, commanded = len(task.observed), len(task.commanded)
         return f"{type(task).__name__}, {task.size} robots, {observed} observed values, {commanded} actions"
-
-    def _draw_anew(self) -> None:
-        if self._renderer is not None:
-            self._renderer.begin(range(self.task.size))
-
-    def __getstate__(self) -> dict[str, Any]:
-        task = self.task
-        rebuilt = {"task": (task.config, task.size, task.threads, task.get_state()), "_renderer": None}
-        return vars(self) | rebuilt
-
-    def __setstate__(self, saved: dict[str, Any]) -> None:
-        config, size, threads, state = saved["task"]
-        vars(self).update(saved | {"task": self.kind.task(config, size, threads)})
-        self.task.set_state(state)
-        if self.render_mode is not None:
-            self._renderer = self.kind.renderer(self.task)
-            self._draw_anew()
 
 
 class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):

@@ -1,5 +1,6 @@
 """Pictures of a drive over a course."""
 
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -7,8 +8,11 @@ import numpy as np
 from matplotlib.image import imsave
 
 from experiments.drive.course import DrivenCourse
+from sim.opengl import Pictures
 from sim.robot.tracked_model import TrackedModel
 from sim.robot.tracked_view import TrackedView
+
+_SIZE = 960, 540  # width and height
 
 
 def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: int) -> list[Path]:
@@ -18,12 +22,13 @@ def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: 
     if not files:
         return []
     folder.mkdir(parents=True, exist_ok=True)
-    data, view, travel = mujoco.MjData(looks.model), TrackedView(looks), run.travel
+    data, view, pictures = mujoco.MjData(looks.model), TrackedView(looks), Pictures(looks.model, *_SIZE)
     climbed = run.state.position[:, 2] - run.state.position[0, 2]
     for file, row in zip(files, rows, strict=True):
         data.qpos[:] = run.state.qpos[row]
         mujoco.mj_kinematics(looks.model, data)
         mujoco.mj_camlight(looks.model, data)
-        imsave(file, view.picture(data, travel[row], float(climbed[row])))
-    view.close()
+        draw = partial(view.draw, data=data, travel=run.travel[row])
+        imsave(file, pictures.take(data, view.camera(data, float(climbed[row])), draw))
+    pictures.close()
     return files

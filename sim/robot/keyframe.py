@@ -43,7 +43,7 @@ def add_start(spec: Any, robot: TrackedRobot) -> None:
 
 def warn_of_keyframes(spec: Any, robot: TrackedRobot) -> None:
     """Give a RobotWarning for keyframes of the user's model if none is chosen and joints remain that they move."""
-    moving = [joint for joint in spec.joints if joint.type != _FREE and joint.parent.name not in robot.limbs]
+    moving = [joint for joint in spec.joints if joint.type != _FREE and joint.parent.name not in robot.flipper_bodies]
     names = [key.name for key in spec.keys]
     if names and moving and not robot.key:
         hint = f'key = "{names[0]}" in the robot file begins there'

@@ -14,7 +14,7 @@ import models
 from sim.ground.ground import Ground
 from sim.robot.inertia import composite
 from sim.robot.keyframe import start
-from sim.robot.parameters import BELT_LOOKS, TRACKS, RobotParameters
+from sim.robot.parameters import TRACK_LOOKS, TRACKS, RobotParameters
 from sim.robot.tracked import TrackedRobot, Wheels
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.urdf import said_of
@@ -149,8 +149,8 @@ class PlainRobot(TrackedRobot):
         self.parameters.apply(spec)
         for thing in (*spec.pairs, *spec.sensors):
             spec.delete(thing)
-        for geom in [one for one in spec.geoms if "_pad" in one.name or one.name in BELT_LOOKS]:
-            spec.delete(geom)
+        for part in (*(geom for geom in spec.geoms if "_pad" in geom.name), *map(spec.body, TRACK_LOOKS)):
+            spec.delete(part)
         spec.option.timestep = mujoco.MjSpec().option.timestep  # that of the file is for pads
         spec.authored.option = 0
         hull = spec.geom("hull")

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 TRACKS, WHEELS = "tracks", "wheels"
 """Kinds of contact with the ground."""
-BELT_LOOKS = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("belt", "wheels", "sprocket"))
-"""Geoms that are the looks of the shipped robot's tracks."""
+TRACK_LOOKS = ("track0", "track1")
+"""Bodies that are the looks of the shipped robot's tracks, left and right."""
 BODY_LOOKS = ("hull", "deck", "bumper", "left_lamp", "right_lamp")
 """Geoms that are the looks of its body."""
 SINK = 0.002
@@ -191,7 +191,9 @@ class RobotParameters:
                 thing.pos = np.add(thing.pos, [0.0, outwards, 0.0])
             if "_footprint" in thing.name:
                 thing.size = np.array(thing.size) * [stretch, 1.0, 1.0]
-        for name in ("left_sprocket", "right_sprocket"):
+        for name, y in zip(TRACK_LOOKS, (self.half_gauge, -self.half_gauge), strict=True):
+            spec.body(name).pos[1] = y
+        for name in ("sprocket0", "sprocket1"):
             spec.geom(name).size[0] = self.sprocket_radius
         if self.axles:
             lay_wheels(spec, self.axles, self.patch_length)

@@ -12,7 +12,7 @@ import numpy as np
 
 import models
 from sim.robot.pads import lay_pads, shearing_points
-from sim.robot.parameters import RobotParameters
+from sim.robot.parameters import TRACK_LOOKS, RobotParameters
 from sim.tracks.presets import require_impedances
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
@@ -120,13 +120,14 @@ def load_robot(
             spec.option.disableflags |= _NOT_FOR_A_BODY
         if parameters is not None:
             parameters.apply(spec)
-        sprocket_radius = float(spec.geom("left_sprocket").size[0])
+        sprocket_radius = float(spec.geom("sprocket0").size[0])
         shape = parameters or RobotParameters()
         if single_contacts:
             lay_pads(spec, single=True, at=shearing_points(shape.axles, shape.patch_length) if shape.axles else None)
-        for geom in list(spec.geoms):
-            if geom.group == VISUAL_GROUP:
-                spec.delete(geom)
+        for name in TRACK_LOOKS:
+            spec.delete(spec.body(name))
+        for geom in [geom for geom in spec.geoms if geom.group == VISUAL_GROUP]:
+            spec.delete(geom)
         spec.compile()
         digest = hashlib.sha256(spec.to_xml().encode()).hexdigest()
         if contact_sensors:

@@ -79,13 +79,10 @@ class TrackedRobot(_Belts):
     """Lines of contact across that width, which is only drawn with one line; three resist tipping over its edges."""
     flippers: tuple[Flipper, ...] = ()
     """Flippers, in any order."""
-    bogies: tuple[str, ...] = ()
-    """Left and right body, each on a passive hinge across, that carry the chassis' tracks instead of the chassis; a
-    differential turns them by opposite angles. The hull remains in the chassis' frame, the hinges at rest."""
     wheels: tuple[str, ...] = ()
-    """Links that tracks replace: they no longer collide, and their joints are locked, unless they are bogies or
-    flippers. In a robot file also "replace": all links that turn endlessly about y and are round, bogies and flippers.
-    Wheels give `half_gauge` and `hull` unless these are given."""
+    """Links that tracks replace: they no longer collide, and their joints are locked, unless they are flippers. In a
+    robot file also "replace": all links that turn endlessly about y and are round, and flippers. Wheels give
+    `half_gauge` and `hull` unless these are given."""
     packages: tuple[Path, ...] = ()
     """Folders of the packages in package://NAME/FILE, or folders that these lie in, besides those above the model; in
     a robot file relative to that file."""
@@ -100,15 +97,13 @@ class TrackedRobot(_Belts):
         Hull.from_wheels(self.hull)
         require_positive("half_gauge", self.half_gauge)
         require_positive("width", self.width)
-        bodies = [flipper.body for flipper in self.flippers]
+        bodies = self.flipper_bodies
         require(len(set(bodies)) == len(bodies), "flippers", bodies, "on bodies that are all different")
-        pair = len(set(self.bogies)) == len(self.bogies) in (0, 2)
-        require(pair, "bogies", self.bogies, "two bodies, left and right")
 
     @property
-    def limbs(self) -> tuple[str, ...]:
-        """Names of bogies and flippers, whose hinges stay."""
-        return (*self.bogies, *(flipper.body for flipper in self.flippers))
+    def flipper_bodies(self) -> tuple[str, ...]:
+        """Names of the flippers' bodies, whose hinges stay."""
+        return tuple(flipper.body for flipper in self.flippers)
 
     @property
     def contact_length(self) -> float:

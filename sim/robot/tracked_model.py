@@ -11,7 +11,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.robot.bogies import add_to_bogies, require_across
 from sim.robot.inertia import warn_of_inertia
 from sim.robot.keyframe import add_start, warn_of_keyframes
 from sim.robot.robot import VISUAL_GROUP
@@ -25,6 +24,7 @@ from trackslip.kinematics import Array
 SIDES = ("left", "right")
 _FRICTION = 0.7  # of a plane
 _CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
+_ACROSS = 0.99  # least cosine between y of the chassis and of a flipper, and the hinge [-]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 _STEPS = 61  # from the angle asked for to the highest
 
@@ -136,7 +136,8 @@ def load_spec(robot: TrackedRobot, looks: bool = False) -> Any:
 def _light(spec: Any) -> None:
     """Add light and sky, and allow larger pictures than MuJoCo's default."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
-    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 2048, 4  # what a processor can draw, too
+    quality = spec.visual.quality  # what a processor can draw, too
+    quality.shadowsize, quality.offsamples, quality.numslices, quality.numstacks, quality.numquads = 2048, 4, 16, 8, 1
     if not any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in spec.textures):
         spec.add_texture(
             name="sky",
@@ -200,20 +201,17 @@ def _motor_of(spec: Any, flipper: Flipper, chassis: Any) -> tuple[str, str]:
 def _add_tracks(
     spec: Any, robot: TrackedRobot, chassis: Any, preset: str, friction: tuple[float, float]
 ) -> tuple[Tracks, ...]:
-    if robot.bogies:
-        made = add_to_bogies(spec, robot, chassis.name, preset, friction)
-    else:
-        pair = add_tracks(
-            spec,
-            chassis,
-            half_gauge=robot.half_gauge,
-            hull=robot.hull,
-            preset=preset,
-            friction=friction,
-            width=robot.contact_width,
-            lines=robot.lines,
-        )
-        made = [pair]
+    pair = add_tracks(
+        spec,
+        chassis,
+        half_gauge=robot.half_gauge,
+        hull=robot.hull,
+        preset=preset,
+        friction=friction,
+        width=robot.contact_width,
+        lines=robot.lines,
+    )
+    made = [pair]
     for flipper in robot.flippers:
         one = add_tracks(
             spec,
@@ -235,7 +233,9 @@ def _warn_of_loose_joints(model: mujoco.MjModel, robot: TrackedRobot) -> None:
     """Give a RobotWarning for endless hinges of a model without motors, such as a URDF."""
     hinges = [model.joint(k) for k in np.flatnonzero(endless(model) & (model.jnt_type == _HINGE))]
     carriers = [model.body(hinge.bodyid[0]).name for hinge in hinges]
-    loose = [hinge.name or name for hinge, name in zip(hinges, carriers, strict=True) if name not in robot.limbs]
+    loose = [
+        hinge.name or name for hinge, name in zip(hinges, carriers, strict=True) if name not in robot.flipper_bodies
+    ]
     if loose:
         what = f"nothing drives or holds {counted(len(loose), 'hinge')} without limits, {some(loose)}"
         hint = "list the links of wheels in `wheels`, and make joints of sensors fixed"
@@ -267,7 +267,7 @@ def _read(
     reach = np.insert(middle, 1, 0.0, axis=1)  # (F, 3) from the hinge to the middle of the flipper, in its frame
     bodies = model.jnt_bodyid[joints]
     turned = data.xmat[bodies].reshape(-1, 3, 3)
-    require_across(model, data, robot, chassis)
+    _require_across(model, data, robot, chassis)
     _require_clear(model, data, robot, body)
     reach = np.einsum("fij,fj->fi", turned, reach) - (data.xanchor[joints] - data.xpos[bodies])
     upwards = np.cross(data.xaxis[joints], reach)[:, 2]
@@ -290,10 +290,19 @@ def _read(
     )
 
 
+def _require_across(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, chassis: str) -> None:
+    """Raise TrackslipError for flippers on a hinge that isn't across, or whose y isn't to the left."""
+    lateral = data.body(chassis).xmat.reshape(3, 3)[:, 1]
+    for name in robot.flipper_bodies:
+        body = data.body(name)
+        axis = data.xaxis[model.body_jntadr[body.id]]
+        if min(body.xmat.reshape(3, 3)[:, 1] @ lateral, abs(axis @ lateral)) < _ACROSS:
+            raise TrackslipError(f"{robot.model}: body {name!r}: must have y to the left, and its hinge along y")
+
+
 def _require_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int) -> None:
     """Raise TrackslipError if anything but the tracks would touch level ground."""
-    carriers = [body, *(model.body(name).id for name in robot.bogies)]
-    own = np.isin(model.body_weldid[model.geom_bodyid], model.body_weldid[carriers]) & (model.geom_contype > 0)
+    own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & (model.geom_contype > 0)
     for geom in np.flatnonzero(own):
         centre, half = model.geom_aabb[geom].reshape(2, 3)
         up = data.geom_xmat[geom].reshape(3, 3)[2]

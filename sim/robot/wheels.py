@@ -24,9 +24,9 @@ _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 
 
 def switch_off(spec: Any, robot: TrackedRobot) -> None:
-    """Keep links in `robot.wheels` from colliding, and lock their joints unless they are bogies or flippers.
+    """Keep links in `robot.wheels` from colliding, and lock their joints unless they are flippers.
 
-    Raises TrackslipError for links that aren't in the model, or that hang on a part that moves and isn't a bogie.
+    Raises TrackslipError for links that aren't in the model, or that hang on a part that moves.
     """
     for name in robot.wheels:
         link = _link(spec, robot, name)
@@ -35,20 +35,20 @@ def switch_off(spec: Any, robot: TrackedRobot) -> None:
             rigid += [child for child in body.bodies if not child.joints]
             for geom in (geom for geom in body.geoms if geom.contype or geom.conaffinity):
                 geom.contype, geom.conaffinity, geom.group = 0, 0, 3
-        for joint in [joint for joint in link.joints if joint.type != _FREE and name not in robot.limbs]:
+        for joint in [joint for joint in link.joints if joint.type != _FREE and name not in robot.flipper_bodies]:
             _delete_joint(spec, joint)
     carriers = {name: moving for name in robot.wheels if (moving := _moving_carriers(spec.body(name), robot))}
     if carriers:
         name, first = next((name, moving[0]) for name, moving in carriers.items())
         every = dict.fromkeys((*robot.wheels, *(each for moving in carriers.values() for each in moving)))
-        allowed = f"fixed to the chassis; list it to lock it, wheels = {json.dumps(list(every))}, or in `bogies`"
+        allowed = f"fixed to the chassis; list it to lock it, wheels = {json.dumps(list(every))}"
         raise TrackslipError(f"{robot.model}: wheels = {name!r}: hangs on {first!r}, must be {allowed}")
 
 
 def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
-    """Names of the bodies between a link and the chassis, or its bogie, that have joints."""
+    """Names of the bodies between a link and the chassis, or its flipper, that have joints."""
     moving = []
-    while link.parent.name != "world" and link.name not in robot.limbs:
+    while link.parent.name != "world" and link.name not in robot.flipper_bodies:
         if link.joints:
             moving.append(link.name)
         link = link.parent
@@ -75,10 +75,10 @@ def _delete_joint(spec: Any, joint: Any) -> None:
 def own_wheels(spec: Any, chassis: str, robot: TrackedRobot) -> dict[str, Any]:
     """The fields `wheels`, `half_gauge` [m] and `hull` [m] of a robot, as the model's own wheels tell them.
 
-    These are the wheels in `robot.wheels`, or else all that turn endlessly, together with bogies and flippers. Raises
+    These are the wheels in `robot.wheels`, or else all that turn endlessly, together with flippers. Raises
     TrackslipError unless there are any, alike on the left and right.
     """
-    listed = [_link(spec, robot, name).name for name in robot.wheels if name not in robot.limbs]
+    listed = [_link(spec, robot, name).name for name in robot.wheels if name not in robot.flipper_bodies]
     wheels = _wheels(spec.compile(), chassis, robot, listed)
     low, high = np.reshape(list(wheels.values()), (-1, 2, 3)).transpose(1, 0, 2)
     (x, y, z), half = ((low + high) / 2).T, (high - low) / 2
@@ -95,7 +95,7 @@ def own_wheels(spec: Any, chassis: str, robot: TrackedRobot) -> dict[str, Any]:
     hull = pairs.mean(axis=1)
     hull = hull[np.argsort(hull[:, 0]), :3]
     return {
-        "wheels": robot.wheels or (*wheels, *robot.limbs),
+        "wheels": robot.wheels or (*wheels, *robot.flipper_bodies),
         "half_gauge": round(float(shapes[outer, 3].mean()), 6),
         "hull": tuple(map(tuple, hull.round(6).tolist())),
     }
@@ -118,7 +118,7 @@ def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Se
         turning = set(model.jnt_bodyid[about_y].tolist())
         candidates = [body for body in bodies if body in turning or not model.body_jntnum[body]]
     else:
-        candidates = bodies = [body for body in sorted(spinning) if model.body(body).name not in robot.limbs]
+        candidates = bodies = [body for body in sorted(spinning) if model.body(body).name not in robot.flipper_bodies]
     carriers: set[int] = set()
     for body in bodies:
         root = int(model.body_weldid[body])

@@ -8,7 +8,7 @@ Heights are those of the surface that MuJoCo collides with: `course.height(x, y)
 """
 
 from sim.terrain.course import Course, course_names, load_course
-from sim.terrain.fields import HeightField, Mesh, Picture, Rough
+from sim.terrain.fields import HeightField, Rough
 from sim.terrain.loose import Beams, Blocks, Pallets
 from sim.terrain.pieces import Flat, Gap, Piece, Ramp, SideSlope, Stairs, Step
 
@@ -19,9 +19,7 @@ __all__ = [
     "Flat",
     "Gap",
     "HeightField",
-    "Mesh",
     "Pallets",
-    "Picture",
     "Piece",
     "Ramp",
     "Rough",

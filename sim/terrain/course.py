@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import models
 from sim.seeds import generator
-from sim.terrain.fields import Mesh, Picture, Rough
+from sim.terrain.fields import Rough
 from sim.terrain.loose import Beams, Blocks, Pallets
 from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, Stairs, Step, require_length
 from sim.terrain.solids import Base, Level, Solid, look, seen_from_above
@@ -35,7 +35,7 @@ from trackslip.kinematics import Array
 
 _MAX_SOLIDS, _MAX_COURSE = 2000, 1000.0  # and its length [m]
 _CLEARANCE = 0.3  # of the floor below the lowest point of the course [m]
-_CELL = 0.02  # of the table that `elevation` looks up, for courses of moderate size [m]
+_CELL = 0.02  # of the table of `look_up`, for courses of moderate size [m]
 _MAX_CELLS = 2_000_000
 _TILE = 16  # cells of that table along x and y whose heights are found together
 _FLOOR = (0.40, 0.43, 0.40, 1.0)
@@ -53,8 +53,6 @@ _KINDS: dict[str, type[Any]] = {
     "blocks": Blocks,
     "pallets": Pallets,
     "rough": Rough,
-    "picture": Picture,
-    "mesh": Mesh,
 }
 
 
@@ -159,16 +157,9 @@ class Course:
         height, normal = seen_from_above(self.model, points, float(self.bounds[1, 2]) + 1.0)
         return height.reshape(x.shape), normal.reshape(*x.shape, 3)
 
-    def elevation(self, points: Array) -> Array:
-        """Heights (...) at `points` (..., 2) [m], fast: looked up bilinearly in a table of 2 cm cells.
-
-        Cells of courses of more than 800 m² are larger. `height` is exact.
-        """
-        return look_up([self], points.reshape(1, -1, 2)).reshape(points.shape[:-1])
-
     @cached_property
     def table(self) -> _Table:
-        """Heights on a grid that extends beyond the course."""
+        """Heights on a grid that extends beyond the course, for `look_up`."""
         low, high = self.bounds[:, :2]
         cell = max(_CELL, math.sqrt(float(np.prod(high - low)) / _MAX_CELLS))
         x, y = (np.arange(low[k] - 2 * cell, high[k] + 3 * cell, cell) for k in range(2))
@@ -203,7 +194,7 @@ class Course:
         taken = any(geom.name.startswith(f"{name}/") for geom in spec.geoms)
         require(not taken, "name", name, "a name that no other course in the model has")
         base = Base(self.floor, self.friction, *at, name, looks)
-        _add_lines(spec, f"{name}/lines")
+        add_lines(spec, f"{name}/lines")
         names = [f"{name}/{k}" for k in range(len(self.solids))]
         for solid, geom in zip(self.solids, names, strict=True):
             solid.add_to(spec, geom, base)
@@ -245,7 +236,10 @@ class _Table:
 
 
 def look_up(courses: Sequence[Course], points: Array) -> Array:
-    """Heights (N, P) of N courses, each at its own of `points` (N, P, 2) [m]; see `Course.elevation`."""
+    """Heights (N, P) of N courses, each at its own of `points` (N, P, 2) [m], bilinear between cells of 2 cm.
+
+    Cells of courses of more than 800 m² are larger. `Course.height` is exact, and takes a hundred times as long.
+    """
     tables = [course.table for course in courses]
     shape = np.array([table.shape for table in tables])[:, None]  # (N, 1, 2)
     at = points - np.array([table.origin for table in tables])[:, None]
@@ -260,7 +254,7 @@ def look_up(courses: Sequence[Course], points: Array) -> Array:
     return np.asarray((1 - u) * back + u * front)
 
 
-def _add_lines(spec: mujoco.MjSpec, name: str) -> None:
+def add_lines(spec: mujoco.MjSpec, name: str) -> None:
     """Add a material that draws lines half a metre apart."""
     spec.add_texture(
         name=name,
@@ -284,7 +278,7 @@ def course_names() -> list[str]:
 def load_course(source: str, seed: int | None = None, drawn: Sequence[str] = ()) -> Course:
     """Load a named course, or a TOML file with fields of `Course` and tables `[[pieces]]`.
 
-    Each piece has a `kind` and fields of that piece. Files that it names are relative to the TOML file.
+    Each piece has a `kind` and fields of that piece.
 
     Args:
         source: the name, or the file.
@@ -297,11 +291,10 @@ def load_course(source: str, seed: int | None = None, drawn: Sequence[str] = ())
     """
     named = _COURSES / f"{source}.toml"
     table = read_toml(named) if source in course_names() else read_named("course", source, (*course_names(), *drawn))
-    folder = Path(source).parent
     rows = table.pop("pieces", [])
     if not isinstance(rows, list):
         raise SettingsFileError(f"{source}: pieces = {rows!r:.80}: must be a list of tables")
-    pieces = tuple(_piece(row, f"{source}: pieces[{k}]", folder) for k, row in enumerate(rows))
+    pieces = tuple(_piece(row, f"{source}: pieces[{k}]") for k, row in enumerate(rows))
     course = build(Course, table, source, Course((Flat(),)))
     try:
         course = dataclasses.replace(course, pieces=pieces)
@@ -310,12 +303,10 @@ def load_course(source: str, seed: int | None = None, drawn: Sequence[str] = ())
     return course if seed is None else dataclasses.replace(course, seed=seed)
 
 
-def _piece(row: object, where: str, folder: Path) -> Piece:
+def _piece(row: object, where: str) -> Piece:
     if not isinstance(row, dict):
         raise SettingsFileError(f"{where}: {row!r:.80} is not a table")
     kind = row.pop("kind", None)
     if not isinstance(kind, str) or kind not in _KINDS:
         raise SettingsFileError(f"{where}: kind = {kind!r:.80}: must be one of {', '.join(_KINDS)}")
-    if isinstance(row.get("file"), str):
-        row["file"] = str(folder / row["file"])
     return build(_KINDS[kind], row, where)

@@ -1,33 +1,21 @@
-"""Pieces that are height fields: rough ground, given heights, PNG pictures and meshes."""
+"""Pieces that are height fields: rough ground and given heights."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
 
-import mujoco
 import numpy as np
 
-from sim.terrain.pieces import (
-    MAX_LENGTH,
-    Placed,
-    Site,
-    require_height,
-    require_length,
-    smooth_step,
-)
-from sim.terrain.solids import Grid, seen_from_above
-from trackslip.errors import InvalidValueError, SettingsFileError, first_line, require, require_at_most, require_within
+from sim.terrain.pieces import MAX_LENGTH, Placed, Site, require_height, require_length, smooth_step
+from sim.terrain.solids import Grid
+from trackslip.errors import InvalidValueError, require, require_at_most, require_within
 from trackslip.kinematics import Array
 
 _MAX_EXPONENT = 8.0
 _MAX_SAMPLES = 1_000_000  # of a height field
 _MAX_SIDE = 2000  # samples along a side of rough ground, whose spectrum takes four times its square
-_MESHES = (".obj", ".stl", ".msh")
-_MIN_CELL, _MAX_CELL = 0.005, 1.0  # [m]
-_INSET = 1e-7  # of the outermost samples of a mesh, as a share of its size
+_MIN_CELL = 0.005  # [m]
 
 
 @dataclass(frozen=True)
@@ -113,94 +101,3 @@ class HeightField:
         heights = heights + (site.z - heights[:, 0].mean())
         end = site.x + self.length
         return Placed((Grid(site.x, self.length, width, heights),), end, float(heights[:, -1].mean()))
-
-
-class _FromFile:
-    """A piece that is a height field from a file."""
-
-    @cached_property
-    def _field(self) -> HeightField:
-        raise NotImplementedError
-
-    def place(self, site: Site) -> Placed:
-        """See `Piece`."""
-        return self._field.place(site)
-
-
-@dataclass(frozen=True)
-class Picture(_FromFile):
-    """A height field from a PNG picture seen from above: right is the way to drive, light is high.
-
-    MuJoCo reads it with 256 shades of grey; its darkest is the lowest, its lightest the highest.
-    """
-
-    file: str
-    """The picture."""
-    height: float = 0.3
-    """Height of the lightest above the darkest pixel [m]."""
-    length: float = 4.0
-    """Length from the first to the last column [m]."""
-    width: float = math.inf
-    """Width from the first to the last row [m]; inf: the course's width."""
-
-    def __post_init__(self) -> None:
-        require_height("height", self.height)
-        require(Path(self.file).suffix.lower() == ".png", "file", self.file, "a .png file")
-        self._field  # noqa: B018  reads the file now, so that its errors come now
-
-    @cached_property
-    def _field(self) -> HeightField:
-        spec = mujoco.MjSpec()
-        spec.add_hfield(name="picture", file=str(Path(self.file).absolute()), size=[1.0, 1.0, 1.0, 1.0])
-        model = _compiled(spec, self.file)
-        shares = model.hfield_data.reshape(model.hfield_nrow[0], model.hfield_ncol[0]).astype(float)
-        return HeightField(self.height * shares, self.length, self.width)
-
-
-@dataclass(frozen=True)
-class Mesh(_FromFile):
-    """The upper surface of a mesh, sampled as a height field: overhangs are filled, walls take a cell.
-
-    It is driven along its x axis and has z up. Where it has a hole, it is as low as its lowest point.
-    """
-
-    file: str
-    """The mesh: OBJ, STL or MSH."""
-    cell: float = 0.05
-    """Distance of the samples [m]."""
-    scale: float = 1.0
-    """Metres in a unit of the file."""
-
-    def __post_init__(self) -> None:
-        require(Path(self.file).suffix.lower() in _MESHES, "file", self.file, f"a mesh: {', '.join(_MESHES)}")
-        require_within("cell", self.cell, _MIN_CELL, _MAX_CELL, "m")
-        require_within("scale", self.scale, 1e-6, 1e6)
-        self._field  # noqa: B018  reads the file now, so that its errors come now
-
-    @cached_property
-    def _field(self) -> HeightField:
-        spec, scale, shell = mujoco.MjSpec(), [self.scale] * 3, mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-        spec.add_mesh(name="mesh", file=str(Path(self.file).absolute()), scale=scale, inertia=shell)
-        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh", contype=0, conaffinity=0)
-        model = _compiled(spec, self.file)
-        rotation = np.empty(9)
-        mujoco.mju_quat2Mat(rotation, model.mesh_quat[0])  # the compiler moves meshes to their axes of inertia
-        vertices = model.mesh_vert.astype(float) @ rotation.reshape(3, 3).T + model.mesh_pos[0]
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        length, width, _ = (float(size) for size in high - low)
-        require_length("length of the mesh", length)
-        require_length("width of the mesh", width)
-        columns, rows = (max(1, round(size / self.cell)) + 1 for size in (length, width))
-        require_at_most("samples of the mesh", rows * columns, _MAX_SAMPLES)
-        inset = _INSET * (high - low)  # a ray along an edge may miss it
-        x, y = (np.linspace(low[k] + inset[k], high[k] - inset[k], n) for k, n in enumerate((columns, rows)))
-        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        heights = np.maximum(seen_from_above(model, points, high[2] + 1.0)[0], low[2])
-        return HeightField(heights.reshape(rows, columns), length, width)
-
-
-def _compiled(spec: mujoco.MjSpec, file: str) -> mujoco.MjModel:
-    try:
-        return spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        raise SettingsFileError(f"{file}: {first_line(error).removeprefix('Error: ')}") from error

@@ -10,7 +10,6 @@ import numpy as np
 from sim.opengl import TaskRenderer
 from sim.robot.tracked_model import build_tracked
 from sim.robot.tracked_view import TrackedView
-from sim.terrain import Course
 from sim.traverse.task import Crossing
 
 
@@ -21,7 +20,6 @@ class CourseRenderer(TaskRenderer):
         super().__init__()
         self._task = task
         self._travel = np.zeros(task.world.contact.belt.shape)  # of the belts in this episode (N, T) [m]
-        self._course: Course | None = None
         self._view: TrackedView
 
     def begin(self, rows: Sequence[int]) -> None:
@@ -33,13 +31,12 @@ class CourseRenderer(TaskRenderer):
         self._travel += self._task.world.contact.belt * self._task.config.period
 
     def pose(self, row: int) -> None:
-        """See TaskRenderer; the model is compiled for every new course."""
+        """See TaskRenderer; the model is compiled when it is first needed."""
         world = self._task.world
-        if self._course is not world.course[row]:
-            self.close()
-            self._course = world.course[row]
-            tracked = build_tracked(world.tracked.robot, self._course, preset=self._task.config.preset, looks=True)
+        if self.data is None:
+            tracked = build_tracked(world.tracked.robot, world.terrain, preset=self._task.config.preset, looks=True)
             self._view, self.data = TrackedView(tracked), mujoco.MjData(tracked.model)
+        world.show(row, self.data.model)
         self.place(world.state.qpos[row])
 
     def camera(self, row: int) -> mujoco.MjvCamera:

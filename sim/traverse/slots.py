@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.terrain import Course
+from sim.terrain.course import Course, add_lines
 from trackslip.errors import require
 
 _FIELDS = (
@@ -24,6 +24,7 @@ _FIELDS = (
 _BOX, _FIELD, _PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_PLANE
 _AWAY = -1000.0  # height of slots that are not in use [m]
 _TINY = 0.01  # half of their size [m]
+_LINES = "slots/lines"
 
 
 class Slots:
@@ -52,11 +53,12 @@ class Slots:
                 data = model.hfield_data[adr : adr + rows * columns]
                 size = list(model.hfield_size[k])
                 spec.add_hfield(name=f"field{first + k}", nrow=rows, ncol=columns, size=size, userdata=data)
+        add_lines(spec, _LINES)
         kinds = [{"type": _BOX, "size": [_TINY] * 3}] * self._boxes
         kinds += [{"type": _FIELD, "hfieldname": "field0"}] * self._fields
         kinds += [{"type": _PLANE, "size": [1.0, 1.0, 1.0]}]
         for name, kind in zip(self._names, kinds, strict=True):
-            place = {"pos": [0.0, 0.0, _AWAY], "condim": 3, "contype": 1, "conaffinity": 1}
+            place = {"pos": [0.0, 0.0, _AWAY], "condim": 3, "contype": 1, "conaffinity": 1, "material": _LINES}
             spec.worldbody.add_geom(name=name, **place, **kind)
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         return list(self._names)
@@ -77,16 +79,28 @@ class Slots:
         boxes, fields = _count(model, _BOX), _count(model, _FIELD)
         require(boxes <= self._boxes, "course", f"{boxes} boxes", f"of at most {self._boxes}")
         require(listed is not None or not fields, "course", f"{fields} height fields", "without, unless it is listed")
-        where = np.full(model.ngeom, -1)
-        for kind, first in ((_BOX, 0), (_FIELD, self._boxes), (_PLANE, self._boxes + self._fields)):
-            own = np.flatnonzero(model.geom_type == kind)
-            where[own] = first + np.arange(len(own))
+        where = self._slots_of(model)
         for name in _FIELDS:
             values = self._empty[name].copy()
             values[where] = getattr(model, name)
             if name == "geom_dataid" and listed is not None:
                 values[where] += np.where(model.geom_type == _FIELD, self._first_field[listed], 0)
             self._batch[name][row, self._ids] = values
+
+    def show(self, row: int, course: Course, model: mujoco.MjModel) -> None:
+        """Put the course under the robot `row` of the batch into another model of these slots, in its colours."""
+        ids = np.array([model.geom(name).id for name in self._names])
+        for name in _FIELDS:
+            getattr(model, name)[ids] = self._batch[name][row, self._ids]
+        model.geom_rgba[ids[self._slots_of(course.model)]] = course.model.geom_rgba
+
+    def _slots_of(self, course: mujoco.MjModel) -> NDArray[np.int_]:
+        """Numbers of the slots that the geoms of a course take."""
+        taken = np.full(course.ngeom, -1)
+        for kind, first in ((_BOX, 0), (_FIELD, self._boxes), (_PLANE, self._boxes + self._fields)):
+            own = np.flatnonzero(course.geom_type == kind)
+            taken[own] = first + np.arange(len(own))
+        return taken
 
 
 def _count(model: mujoco.MjModel, kind: int) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
@@ -78,8 +79,9 @@ class Traverse(BatchedWorld):
         shared = len(courses) == 1 and not boxes
         self._slots = None if shared else Slots(courses, boxes)
         friction = courses[0].friction
-        terrain = courses[0] if self._slots is None else self._slots
-        self.tracked = build_tracked(robot, terrain, preset=preset, friction=(friction, friction))
+        self.terrain = courses[0] if self._slots is None else self._slots
+        """Terrain of the model."""
+        self.tracked = build_tracked(robot, self.terrain, preset=preset, friction=(friction, friction))
         """The robot's model."""
         model = self.tracked.model
         belts = bind(model, *self.tracked.tracks)  # before the batch is made, in which belts at rest would stay
@@ -235,6 +237,11 @@ class Traverse(BatchedWorld):
         self._bottom[row] = bounds[0, 2] - self.limits.drop
         self._side[row] = np.abs(bounds[:, 1]).max()
         self.goal[row] = self.footprint.goal(course)
+
+    def show(self, row: int, model: mujoco.MjModel) -> None:
+        """Put the course of a robot into another model on the same `terrain`, such as one that is drawn."""
+        if self._slots is not None:
+            self._slots.show(row, self.course[row], model)
 
     def _place(self, rows: NDArray[np.int_], poses: Array) -> None:
         """Place the robots `rows` (R,) level and at rest at poses (R, 3), on the highest ground under their tracks."""

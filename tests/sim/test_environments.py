@@ -1,8 +1,6 @@
 """Both environments through gymnasium: its checker, seeds, and rows of the batch that are the single environment."""
 
-import copy
 import itertools
-import pickle
 import sys
 from dataclasses import fields
 from functools import partial
@@ -10,16 +8,16 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import NormalizeObservation, NormalizeReward, RecordEpisodeStatistics
+from results import assert_same
 
 from sim.drive.drive import Drive
 from sim.drive.motor import Motor
 from sim.drive.pull import Pull
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.fleet import Setting
-from sim.ground.ground import Change, Ground
 from sim.path_tracking.config import EnvConfig, Reward
 from sim.path_tracking.randomization import Randomization
 from sim.robot.named import ROBOTS, load_tracked
@@ -39,7 +37,6 @@ from trackslip.laws.icr_load import IcrLoad
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
 TWIST = {"action": "twist", "compensation": "icr_radius"}
 UNDER_LOAD = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
-CHANGING = Ground(0.7, 0.8, slope=0.1, changes=(Change(0.5, 0.5, 0.6),))
 DRAWN = {
     "reference": ("paper", "slalom", "stop_and_go"),
     "ground": ("stone", "gravel"),
@@ -75,16 +72,6 @@ def laws(tmp_path_factory):
     file = tmp_path_factory.mktemp("laws") / "laws.json"
     save_laws(file, load_laws() | {"icr_load": UNDER_LOAD}, RobotParameters().geometry)
     return {"laws": file}
-
-
-def assert_same(one, two):
-    for a, b in zip(one, two, strict=True):
-        if isinstance(a, dict):
-            assert a.keys() == b.keys()
-            for key in a:
-                assert data_equivalence(a[key], b[key], exact=True), key
-        else:
-            np.testing.assert_array_equal(a, b)
 
 
 SHORT = {"limits": Limits(time=1.2, stuck_time=0.4), "course": ("random", "rough"), "period": 0.2}
@@ -138,56 +125,6 @@ def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, laws, t
     single.close()
 
 
-STATES = [
-    (TRACKING, DRAWN | {"ground": ("stone", "clay"), "pose_source": "noisy"}, {"reference": "circle"}),
-    (TRACKING, DRAWN | TWIST | {"compensation": UNDER_LOAD, "pose_source": "scanner"}, {"ground": CHANGING}),
-    (TRACKING, DRAWN | {"drive": Drive(delay=0.127, droop=0.05)}, {}),
-    (TRACKING, DRAWN | TWIST | COARSE | {"compensation": "online"}, {}),
-    (TRACKING, DRAWN | LEARNING | {"pose_source": "noisy", "ground": ("stone", "clay")}, {"ground": CHANGING}),
-    (TRAVERSE, SHORT, {}),
-    (TRAVERSE, {"course": "step10", "limits": Limits(stuck_time=0.8, stuck_share=2.0)}, {}),
-]
-
-
-def continued(env, steps):
-    """Everything that an environment says now and in the next steps."""
-    task, forward = env.unwrapped.task, np.array([0.9, 0.8, 0.0, 0.0, 0.0, 0.0])
-    results = [(task.observation(), {name: values.copy() for name, values in task.info().items()})]
-    for shake in np.random.default_rng(5).uniform(-0.1, 0.1, (steps, task.size, len(task.commanded))):
-        actions = (forward[: len(task.commanded)] + shake).astype(np.float32)
-        results.append(env.step(actions.reshape(env.action_space.shape)))
-        if isinstance(env.unwrapped, gym.Env) and (results[-1][2] or results[-1][3]):
-            results.append(env.reset())
-    return results
-
-
-@pytest.mark.parametrize("how", ["same", "other", pytest.param("deepcopy", marks=pytest.mark.slow), "pickle"])
-@pytest.mark.parametrize(("name", "options", "given"), STATES)
-@pytest.mark.parametrize("make", [gym.make, partial(gym.make_vec, num_envs=3, threads=2, max_episode_steps=15)])
-def test_an_environment_continues_from_a_state_to_the_bit(make, name, options, given, how, laws):
-    options = options | laws if name == TRACKING else options
-
-    def driven(seed, given, steps):
-        env = make(name, **options)
-        env.reset(seed=seed, options=given)
-        continued(env, steps)
-        return env
-
-    env = driven(1, given, 7)
-    state = env.unwrapped.get_state()
-    if how in ("deepcopy", "pickle"):
-        copied = copy.deepcopy(env) if how == "deepcopy" else pickle.loads(pickle.dumps(env))
-    else:
-        copied = env if how == "same" else driven(2, {}, 10)
-    expected = continued(env, 12)
-    if how in ("same", "other"):
-        copied.unwrapped.set_state(state)
-    results = continued(copied, 12)
-    assert len(results) == len(expected)
-    for one, two in zip(expected, results, strict=True):
-        assert_same(one, two)
-
-
 def physical(elements, values):
     """Values of elements in their units, by name."""
     assert len(elements) == len(values)
@@ -227,13 +164,6 @@ def test_scales_turn_observations_and_actions_into_quantities():
     place = world.state.position[:, None, :2]
     below = world.elevation(place)[0, 0] - world.state.position[0, 2] - world.tracked.robot.lowest
     assert seen["height at (0, 0) m"] == pytest.approx(below, abs=1e-6)
-
-
-def test_states_of_other_environments_are_refused():
-    state = gym.make_vec(TRACKING, num_envs=2).unwrapped.get_state()
-    for wrong in (state, {}, None):
-        with pytest.raises(InvalidValueError, match="state = 'that of"):
-            gym.make(TRACKING).unwrapped.set_state(wrong)
 
 
 def test_a_law_of_slip_under_load_gets_the_load_of_the_slope():

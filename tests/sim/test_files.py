@@ -15,7 +15,7 @@ from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import RobotParameters, robot_file_text
 from sim.scanner.obstacles import Obstacles, Post, Walker, Wall, load_obstacles
-from sim.terrain import Course, Mesh, Ramp, Rough, Stairs, load_course
+from sim.terrain import Course, Ramp, Rough, Stairs, load_course
 from trackslip.errors import InvalidValueError, SettingsFileError
 
 PAGE = ROOT / "docs" / "grounds_and_robots.md"
@@ -86,12 +86,6 @@ def test_missing_fields_are_the_defaults(tmp_path):
     assert load_course("ramp20").pieces[0] == Ramp(0.3491, 3.0)
 
 
-def test_files_of_a_piece_are_beside_the_course(tmp_path):
-    (tmp_path / "roof.obj").write_text("v 0 0 0\nv 2 0 0\nv 2 1 1\nv 0 1 1\nf 1 2 3\nf 1 3 4\n")
-    (tmp_path / "mine.toml").write_text('[[pieces]]\nkind = "mesh"\nfile = "roof.obj"\n')
-    assert load_course(str(tmp_path / "mine.toml")).pieces == (Mesh(str(tmp_path / "roof.obj")),)
-
-
 def test_the_page_lists_the_named_grounds():
     rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (\d+) \| (.+) \|$", PAGE.read_text(), re.MULTILINE)
     listed = {name: (float(along), float(across), float(shear), source) for name, along, across, shear, source in rows}
@@ -104,7 +98,7 @@ def load_robot(source):
 
 
 PIECE, RAMP = "[[patches]]\ny = [0, 1]\nalong = 1\nacross = 1\n", '[[pieces]]\nkind = "ramp"\n'
-STAIRS, PICTURE = '[[pieces]]\nkind = "stairs"\n', '[[pieces]]\nkind = "picture"\n'
+STAIRS, BLOCKS = '[[pieces]]\nkind = "stairs"\n', '[[pieces]]\nkind = "blocks"\n'
 MISTAKES = [
     # what any file can have
     (load_ground, "along = ", "not TOML"),
@@ -139,8 +133,7 @@ MISTAKES = [
     (load_course, "pieces = [3]", "pieces[0]: 3 is not a table"),
     (load_course, "[[pieces]]\nangle = 1", "pieces[0]: kind = None: must be one of flat, ramp, step, stairs"),
     (load_course, STAIRS + "number = 3.0", "pieces[0]: number = 3.0: must be a whole number"),
-    (load_course, PICTURE, "pieces[0]: file is missing"),
-    (load_course, PICTURE + 'file = "none.png"', "none.png: "),
+    (load_course, BLOCKS + "blocks = [[0.5, 0, 0.1, 0.1, 0.1, 0]]", "pieces[0]: length is missing"),
 ]
 
 

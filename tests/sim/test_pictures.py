@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.opengl import Pictures
 from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
 from sim.robot.tracked_view import TrackedView
@@ -76,9 +77,12 @@ def test_belts_and_wheels_turn_in_pictures_and_nothing_else_does():
     world = build_tracked(load_tracked("rescue"), looks=True)
     data = mujoco.MjData(world.model)
     mujoco.mj_forward(world.model, data)
-    view, count = TrackedView(world, 320, 180), len(world.track_side)
-    still, again, moved = (view.picture(data, np.full(count, way)) for way in (0.0, 0.0, 0.1))
-    view.close()
+    view, count, pictures = TrackedView(world), len(world.track_side), Pictures(world.model, 320, 180)
+    still, again, moved = (
+        pictures.take(data, view.camera(data), lambda scene, way=way: view.draw(scene, data, np.full(count, way)))
+        for way in (0.0, 0.0, 0.1)
+    )
+    pictures.close()
     assert still.shape == (180, 320, 3)
     np.testing.assert_array_equal(still, again)
     changed = np.abs(moved.astype(int) - still).max(axis=2) > 40

@@ -68,15 +68,14 @@ def test_what_is_no_policy_is_refused(tmp_path):
         {"weight_0": np.full((19, 8), np.nan)},
         {"weight_0": np.full((19, 8), "x")},
         {"bias_1": np.zeros(3)},
-        {"bias_1": np.full(2, 1e308)},
         {"bias_1": np.full(2, np.inf, np.float16)},
     ],
 )
-def test_layers_that_do_not_fit_or_hold_no_moderate_numbers_are_refused(tmp_path, change):
+def test_layers_that_do_not_fit_or_hold_no_finite_numbers_are_refused(tmp_path, change):
     path = tmp_path / "policy.npz"
     Policy(network(np.random.default_rng(0), (19, 8, 2)), AUTHORITY, OPTIONS).save(path)
     np.savez(path, **{**np.load(path), **change})
-    with pytest.raises(LogError, match=r"its layers must hold numbers up to 1e\+06 and fit"):
+    with pytest.raises(LogError, match=r"its layers must hold finite numbers and fit"):
         Policy.load(path)
 
 

@@ -18,7 +18,7 @@ from sim.robot.named import load_tracked
 from sim.robot.parameters import RobotParameters
 from sim.scanner.obstacles import Post, Walker, Wall
 from sim.scanner.scanner import LaserScanner
-from sim.terrain import Beams, Blocks, Course, Flat, HeightField, Mesh, Picture, Ramp, Rough, Stairs, Step
+from sim.terrain import Beams, Blocks, Course, Flat, HeightField, Ramp, Rough, Stairs, Step
 from sim.tracks.hull import Hull
 from sim.traverse.courses import draw_course
 from sim.traverse.world import Traverse
@@ -90,8 +90,6 @@ REFUSED = [
     (HeightField, {"heights": [[0, 1], [2]]}, "heights = [[0, 1], [2]]: must be rows of equal lengths"),
     (HeightField, {"heights": np.full((3, 3), NAN)}, "heights = [nan]: must be finite numbers"),
     (HeightField, {"heights": np.eye(2) * 1e9}, "range of heights = 1000000000.0: must be at most 200 m"),
-    (Picture, {"file": "hills.jpg"}, "file = 'hills.jpg': must be a .png file"),
-    (Mesh, {"file": "a.stp"}, "file = 'a.stp': must be a mesh: .obj, .stl, .msh"),
     (Course, {"pieces": (3,)}, "pieces = 3: must be pieces of terrain"),
     (Course, {"pieces": (Flat(),), "friction": 11.0}, "friction = 11.0: must be at most 10"),
     (
