@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from trackslip.errors import LogError
-from trackslip.logs.logfile import join_parquet, read_runs, read_table, write_csv, write_parquet
+from trackslip.logs.logfile import join_parquet, read_runs, write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.table import SAMPLE_COLUMNS, read_columns, to_table
+from trackslip.logs.table import to_table
 from trackslip.logs.table_reader import runs_from_table
 
 HEADER = "run,t,omega_l,omega_r,x,y,phi\n"
@@ -205,13 +205,6 @@ def test_descriptions_of_scanners_that_are_none_are_refused(name, value, message
 def test_two_runs_of_one_name_are_not_written(tmp_path):
     with pytest.raises(LogError, match="run 'a': there are 2 of it"):
         write_parquet([make_log("a"), make_log("a")], tmp_path / "a.parquet")
-
-
-def test_steady_samples(tmp_path):
-    path = tmp_path / "samples.csv"
-    path.write_text("omega_l,omega_r,v,w\n1,2,0.1,0.2\n3,4,0.3,0.4\n")
-    samples = read_columns(read_table(path), SAMPLE_COLUMNS, "samples")
-    np.testing.assert_array_equal(samples, [[1, 2, 0.1, 0.2], [3, 4, 0.3, 0.4]])
 
 
 def test_files_that_are_no_logs(tmp_path):
