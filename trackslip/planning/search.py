@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,11 @@ def _changed(route: Route, rng: np.random.Generator) -> Route:
     """A route with one or two properties mutated."""
     for _ in range(int(rng.integers(1, 3))):
         k, kind = int(rng.integers(len(route.place))), int(rng.integers(11))
-        legs = {"place": route.place.copy(), "backwards": route.backwards.copy(), "bow": route.bow.copy()}
+        legs: dict[str, Any] = {
+            "place": route.place.copy(),
+            "backwards": route.backwards.copy(),
+            "bow": route.bow.copy(),
+        }
         if kind == 0:
             legs["place"][k] = rng.integers(len(WAYPOINTS))
             route = replace(route, **legs)
@@ -99,10 +104,15 @@ def _changed(route: Route, rng: np.random.Generator) -> Route:
         elif kind == 3:
             route = replace(route, pairs=int(rng.integers(1, _MOST_PAIRS + 1)))
         elif kind == 4 and len(route.place) < _LEGS:
-            new = {"place": rng.integers(len(WAYPOINTS)), "backwards": rng.random() < 0.5, "bow": STRAIGHT}
+            new: dict[str, Any] = {
+                "place": rng.integers(len(WAYPOINTS)),
+                "backwards": rng.random() < 0.5,
+                "bow": STRAIGHT,
+            }
             route = replace(route, **{name: np.insert(leg, k, new[name]) for name, leg in legs.items()})
         elif kind == 5 and len(route.place) > 2:
-            route = replace(route, **{name: np.delete(leg, k) for name, leg in legs.items()})
+            shorter: dict[str, Any] = {name: np.delete(leg, k) for name, leg in legs.items()}
+            route = replace(route, **shorter)
         elif kind == 6:
             route = replace(route, start=int(rng.integers(len(WAYPOINTS))))
         elif kind == 7:
