@@ -24,8 +24,6 @@ class SlipLaw(ABC):
     """True if logs of runs under this law record its ICRs: `offset` and `radius_error`."""
     twist_iterations: ClassVar[int] = 12
     """Largest number of iterations of `twist`; where a law jumps, some sprocket speeds take them all."""
-    closed_form: ClassVar[bool] = False
-    """True if `twist` is overridden by a closed form, which is cheap enough to be differenced."""
 
     @abstractmethod
     def __call__(self, kappa: ArrayLike) -> Array:
