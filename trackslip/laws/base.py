@@ -114,12 +114,6 @@ def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
     return slips
 
 
-def radius_of(kappa: ArrayLike) -> Array:
-    """Radii (...) >= 0 [m] for curvatures (...)."""
-    with np.errstate(divide="ignore", over="ignore"):
-        return 1 / np.abs(np.asarray(kappa, float))
-
-
 def require_between(law: SlipLaw, names: Iterable[str], low: float, high: float, allowed: str) -> None:
     """Raise InvalidValueError unless the parameters of these names are between `low` and `high`, both excluded."""
     for name in names:

@@ -29,7 +29,7 @@ _LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
 
 
 class Compensation(Protocol):
-    """Provides the slip laws of N robots; its subclasses learn nothing unless they say so."""
+    """Provides the slip laws of N robots."""
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3)."""
@@ -56,17 +56,26 @@ class SensesLoad(Protocol):
 
 
 @dataclass(frozen=True)
-class FixedLaw(Compensation):
+class FixedLaw:
     """A fixed law for all robots; by default no slip, which means no compensation."""
 
     known: SlipLaw = field(default_factory=NoSlip)
+
+    def reset(self, start: Array) -> None:
+        """Nothing to reset."""
+
+    def restart(self, robots: np.ndarray, start: Array) -> None:
+        """Nothing to reset."""
+
+    def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
+        """Nothing to learn."""
 
     def law(self) -> SlipLaw:
         """The law."""
         return self.known
 
 
-class LoadedLaw(Compensation):
+class LoadedLaw:
     """A fixed law of slip under load, at the load that is measured."""
 
     def __init__(self, known: IcrLoad) -> None:
@@ -79,6 +88,9 @@ class LoadedLaw(Compensation):
     def restart(self, robots: np.ndarray, start: Array) -> None:
         """Start new runs with some of the robots (R,), without load."""
         self._load[robots] = 0.0
+
+    def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
+        """Nothing to learn."""
 
     def sense(self, load: Array) -> None:
         """Take tractions per unit load (N, 2) [-]; beyond MAX_LOAD, the law takes MAX_LOAD."""

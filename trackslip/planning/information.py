@@ -82,9 +82,9 @@ def expected(
         known: errors of the law from an earlier identification.
     """
     values = np.concatenate([values, np.zeros(len(EXTRAS) - len(GYRO))])
-    held = {"lag"} if poses.heading is not None else {"lag", "sensor_yaw"}
+    held = ["lag"] if poses.heading is not None else ["lag", "sensor_yaw"]
     if "offset_left" in model.names:
-        held.add("sensor_y")  # can't be told from unequal ICRs
+        held.append("sensor_y")  # can't be told from unequal ICRs
     names = [name for name in model.names if name not in held]
     free = np.array([model.index(name) for name in names])
     prior = np.diag(1 / model.prior[free] ** 2)

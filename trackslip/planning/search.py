@@ -87,32 +87,21 @@ def _changed(route: Route, rng: np.random.Generator) -> Route:
     """A route with one or two properties mutated."""
     for _ in range(int(rng.integers(1, 3))):
         k, kind = int(rng.integers(len(route.place))), int(rng.integers(11))
-        legs: dict[str, Any] = {
-            "place": route.place.copy(),
-            "backwards": route.backwards.copy(),
-            "bow": route.bow.copy(),
-        }
+        legs: dict[str, Any] = {name: getattr(route, name).copy() for name in ("place", "backwards", "bow")}
         if kind == 0:
             legs["place"][k] = rng.integers(len(WAYPOINTS))
-            route = replace(route, **legs)
         elif kind == 1:
             legs["backwards"][k] ^= True
-            route = replace(route, **legs)
         elif kind == 2:
             legs["bow"][k] = rng.integers(len(BOWS))
-            route = replace(route, **legs)
         elif kind == 3:
             route = replace(route, pairs=int(rng.integers(1, _MOST_PAIRS + 1)))
         elif kind == 4 and len(route.place) < _LEGS:
-            new: dict[str, Any] = {
-                "place": rng.integers(len(WAYPOINTS)),
-                "backwards": rng.random() < 0.5,
-                "bow": STRAIGHT,
-            }
-            route = replace(route, **{name: np.insert(leg, k, new[name]) for name, leg in legs.items()})
+            legs["place"] = np.insert(legs["place"], k, rng.integers(len(WAYPOINTS)))
+            legs["backwards"] = np.insert(legs["backwards"], k, rng.random() < 0.5)
+            legs["bow"] = np.insert(legs["bow"], k, STRAIGHT)
         elif kind == 5 and len(route.place) > 2:
-            shorter: dict[str, Any] = {name: np.delete(leg, k) for name, leg in legs.items()}
-            route = replace(route, **shorter)
+            legs = {name: np.delete(leg, k) for name, leg in legs.items()}
         elif kind == 6:
             route = replace(route, start=int(rng.integers(len(WAYPOINTS))))
         elif kind == 7:
@@ -125,4 +114,5 @@ def _changed(route: Route, rng: np.random.Generator) -> Route:
         else:
             spinning = route.spinning * np.exp(0.25 * rng.standard_normal())
             route = replace(route, spinning=float(np.clip(spinning, 0.0, _MAX_SPINNING)))
+        route = replace(route, **legs)
     return route
