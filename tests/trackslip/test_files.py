@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 
-import pyarrow as pa
-import pyarrow.parquet
 import pytest
 from bags import open_bag
 
@@ -63,18 +61,3 @@ def test_settings_are_neither_empty_nor_nested_without_end(tmp_path):
         path.write_text(content)
         with pytest.raises(SettingsFileError, match=r"nested|must be at most 1000000"):
             load_ground(str(path))
-
-
-def test_tables_hold_no_more_values_than_their_size_allows(tmp_path):
-    path = tmp_path / "log.parquet"
-    pa.parquet.write_table(pa.table({"run": pa.nulls(30_000_000)}), path)
-    assert path.stat().st_size < 100_000
-    with pytest.raises(LogError, match=r"holds 30,000,000 values, must be at most 20,\d+,\d+ in a file of this size"):
-        trackslip.load(path)
-
-
-def test_names_of_runs_fit_in_a_line(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text("run,t,omega_l,omega_r,x,y,phi\n" + "a" * 100_000 + ",0,1,1,0,0,0\n")
-    with pytest.raises(LogError, match="column run: a name of 100000 characters, must have at most 500"):
-        trackslip.load(path)

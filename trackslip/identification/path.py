@@ -133,7 +133,7 @@ class DriveModel:
         of_law = free < law
         twist = self.family.law(values, self.geometry).twist(line.omega, self.geometry)
         if of_law.any():
-            by_law = twist_derivatives(self.family, values[None], line.omega, self.geometry, twist[None])[0]
+            by_law = twist_derivatives(self.family, values[None], line.omega, self.geometry)[0]
             by_law = _lagging(np.moveaxis(by_law, 0, -1)[:, free[of_law]], line, lag)
             slope[0, of_law], slope[2, of_law] = by_law
         belts = np.moveaxis(twist, 0, -1)

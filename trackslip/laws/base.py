@@ -24,8 +24,6 @@ class SlipLaw(ABC):
     """True if logs of runs under this law record its ICRs: `offset` and `radius_error`."""
     twist_iterations: ClassVar[int] = 12
     """Largest number of iterations of `twist`; where a law jumps, some sprocket speeds take them all."""
-    closed_form: ClassVar[bool] = False
-    """True if `twist` is overridden by a closed form, which is cheap enough to be differenced."""
 
     @abstractmethod
     def __call__(self, kappa: ArrayLike) -> Array:
@@ -114,12 +112,6 @@ def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
     slips = np.empty((*half.shape, 2))
     slips[..., 0], slips[..., 1] = mean + half, mean - half
     return slips
-
-
-def radius_of(kappa: ArrayLike) -> Array:
-    """Radii (...) >= 0 [m] for curvatures (...)."""
-    with np.errstate(divide="ignore", over="ignore"):
-        return 1 / np.abs(np.asarray(kappa, float))
 
 
 def require_between(law: SlipLaw, names: Iterable[str], low: float, high: float, allowed: str) -> None:

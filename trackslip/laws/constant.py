@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,8 +14,6 @@ from trackslip.laws.base import SlipLaw, by_side, require_slips
 @dataclass(frozen=True)
 class NoSlip(SlipLaw):
     """Ideal tracks: no slip at any radius."""
-
-    closed_form: ClassVar[bool] = True
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Zeros (..., 2)."""
@@ -35,7 +32,6 @@ class Constant(SlipLaw):
     """Slip of the outer track [-]."""
     slip_inner: float
     """Slip of the inner track [-]."""
-    closed_form: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_slips(self, "slip_outer", "slip_inner")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array, curvature
-from trackslip.laws.base import SlipLaw, by_side, radius_of, require_between, require_slips
+from trackslip.laws.base import SlipLaw, by_side, require_between, require_slips
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,8 @@ class Exponential(SlipLaw):
 
     def _decayed(self, kappa: ArrayLike, inner: float | Array, outer: float | Array) -> Array:
         """Slips (..., 2) at curvatures (...) from those at zero radius."""
-        radius = radius_of(kappa)
+        with np.errstate(divide="ignore", over="ignore"):
+            radius = 1 / np.abs(np.asarray(kappa, float))
         return by_side(kappa, inner * np.exp(self.beta_inner * radius), outer * np.exp(self.beta_outer * radius))
 
 

@@ -120,20 +120,10 @@ _TURN_LOSS = Parameter(
 )  # fmt: skip
 _CENTRIFUGAL_SLIP = Parameter((0.05, 0.5), 0.0, 10.0, 0.1, "s²/m", "κ", "slip per lateral acceleration |v w|")
 
-_CONSTANT = {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER}
 _EXPONENTIAL = {"alpha_outer": _ALPHA_OUTER, "beta_outer": _DECAY, "alpha_inner": _ALPHA_INNER, "beta_inner": _DECAY}
-_SPEED = _EXPONENTIAL | {"gamma_outer": _GROWTH, "gamma_inner": _GROWTH}
 _RADIUS = {"offset": _OFFSET, "radius_error": _RADIUS_ERROR}
 _LOSS = _RADIUS | {"turn_loss": _TURN_LOSS}
-_FAST = _LOSS | {"centrifugal_slip": _CENTRIFUGAL_SLIP}
-_LOAD = _RADIUS | {"compliance": _COMPLIANCE, "turn_compliance": _TURN_COMPLIANCE}
-_SIDES = {f"{name}_{side}": parameter for name, parameter in _RADIUS.items() for side in ("left", "right")}
-_LOSS_SIDES = {
-    "offset": _OFFSET,
-    "radius_error_left": _RADIUS_ERROR,
-    "radius_error_right": _RADIUS_ERROR,
-    "turn_loss": _TURN_LOSS,
-}
+_RADIUS_SIDES = {"radius_error_left": _RADIUS_ERROR, "radius_error_right": _RADIUS_ERROR}
 _PROGRAMS = ("json", "c", "python")
 _EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
 
@@ -143,28 +133,19 @@ FAMILIES: dict[str, LawFamily] = {
     "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
     "constant": LawFamily(
         "the same slip at every radius",
-        _CONSTANT,
+        {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER},
         _build(Constant),
         of_drives=False,
     ),
-    "exponential": LawFamily(
-        "exponential in radius, the paper's",
-        _EXPONENTIAL,
-        _build(Exponential),
-        of_drives=False,
-    ),
+    "exponential": LawFamily("exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential), of_drives=False),
     "exponential_speed": LawFamily(
         "exponential in radius, with a term of speed",
-        _SPEED,
+        _EXPONENTIAL | {"gamma_outer": _GROWTH, "gamma_inner": _GROWTH},
         _build(ExponentialSpeed),
         of_drives=False,
     ),
     "icr": LawFamily(
-        "constant ICR",
-        {"offset": _OFFSET},
-        _build(ConstantIcr, gauge=True),
-        _EVERYTHING,
-        of_drives=False,
+        "constant ICR", {"offset": _OFFSET}, _build(ConstantIcr, gauge=True), _EVERYTHING, of_drives=False
     ),
     "icr_radius": LawFamily(
         "constant ICR, with an error of the effective sprocket radius",
@@ -181,42 +162,37 @@ FAMILIES: dict[str, LawFamily] = {
         of_drives=False,
     ),
     "turn_loss": LawFamily(
-        "constant ICR, with a loss of speed in turns",
-        _LOSS,
-        _build(TurnLoss, gauge=True),
-        _PROGRAMS,
+        "constant ICR, with a loss of speed in turns", _LOSS, _build(TurnLoss, gauge=True), _PROGRAMS
     ),
     "turn_loss_sides": LawFamily(
         "constant ICR, with a loss of speed in turns and ε of each side",
-        _LOSS_SIDES,
+        {"offset": _OFFSET, **_RADIUS_SIDES, "turn_loss": _TURN_LOSS},
         _build(TurnLossSides, gauge=True),
         _PROGRAMS,
         two_sided=True,
     ),
     "centrifugal": LawFamily(
         "constant ICR, with a loss of speed in turns and slip in proportion to the lateral acceleration",
-        _FAST,
+        _LOSS | {"centrifugal_slip": _CENTRIFUGAL_SLIP},
         _build(Centrifugal, gauge=True),
         fast=True,
     ),
     "icr_load": LawFamily(
         "constant ICR, with slip in proportion to the traction",
-        _LOAD,
+        _RADIUS | {"compliance": _COMPLIANCE, "turn_compliance": _TURN_COMPLIANCE},
         _build(IcrLoad, gauge=True),
         loaded=True,
         of_drives=False,
     ),
     "icr_sides": LawFamily(
         "constant ICR, left and right different",
-        _SIDES,
+        {"offset_left": _OFFSET, "offset_right": _OFFSET, **_RADIUS_SIDES},
         _build(IcrSides, gauge=True),
         _EVERYTHING,
         two_sided=True,
     ),
 }
 """Families by name, simple ones first."""
-RETIRED = ("power", "hyperbola")
-"""Families of trackslip 0.1; constant ICRs say what they said."""
 
 
 def drive_laws() -> tuple[str, ...]:
@@ -227,13 +203,8 @@ def drive_laws() -> tuple[str, ...]:
 def family(name: str) -> LawFamily:
     """The family called `name`; raises InvalidValueError if there is none."""
     if name not in FAMILIES:
-        raise InvalidValueError("law", name, f"one of {', '.join(FAMILIES)}{retired_note(name)}")
+        raise InvalidValueError("law", name, f"one of {', '.join(FAMILIES)}")
     return FAMILIES[name]
-
-
-def retired_note(name: str) -> str:
-    """The end of a message about a law that there is no longer; empty for other names."""
-    return f"; {name} was retired in trackslip 0.2: see icr_radius" if name in RETIRED else ""
 
 
 def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> SlipLaw:

@@ -16,7 +16,7 @@ from trackslip.files import read_json, reason
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.constant import NoSlip
-from trackslip.laws.families import FAMILIES, RETIRED, family, law_from_values, retired_note
+from trackslip.laws.families import FAMILIES, family, law_from_values
 from trackslip.logs.file_format import FORMAT, known_manifest, require_known_format
 
 NO_SLIP = "none"
@@ -47,14 +47,11 @@ class StoredLaws:
         """
         if name is not None:
             if name not in self.laws:
-                allowed = f"one of {', '.join(self.laws)} (in {self.name}){retired_note(name)}"
-                raise InvalidValueError("law", name, allowed)
+                raise InvalidValueError("law", name, f"one of {', '.join(self.laws)} (in {self.name})")
             return name
         best = self.content.get("best")
         if isinstance(best, str) and best in self.laws:
             return best
-        if best in RETIRED:
-            raise LogError(f"{self.name}: its best law is {best}: choose another{retired_note(best)}")
         identified = [name for name in self.laws if name != NO_SLIP]
         if len(identified) == 1:
             return identified[0]
@@ -150,7 +147,7 @@ def stored_laws(
 ) -> StoredLaws:
     """The laws in the content of such a file, called `name` in messages; raises LogError as `load_laws` does."""
     geometry, laws = _parsed(content, name)
-    if not laws and content.get("best") not in (NO_SLIP, *RETIRED):
+    if not laws and content.get("best") != NO_SLIP:
         raise LogError(f"{name}: no slip laws in it")
     if robot is not None and not np.allclose(astuple(geometry), astuple(robot)):
         raise LogError(

@@ -20,7 +20,6 @@ class IcrLaw(SlipLaw):
     """
 
     half_gauge: float
-    closed_form: ClassVar[bool] = True
     offsets: ClassVar[tuple[str, ...]] = ("offset",)
     """Names of the D of both tracks, or of each."""
     radius_errors: ClassVar[tuple[str, ...]] = ("radius_error",)

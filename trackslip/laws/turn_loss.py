@@ -18,12 +18,7 @@ _CONVERGED = 1e-15  # last step, relative to the twist
 
 
 class _SpeedLost(IcrLaw):
-    """The yaw rate of constant ICRs, and a speed that turning diminishes.
-
-    With the belts' speeds V = (1 + epsilon) r omega, their mean s and half their difference d,
-
-        w = d / (b + D)        v = s (1 - g sin^2 theta)        tan theta = d / s
-    """
+    """The yaw rate of constant ICRs, and a speed that turning diminishes."""
 
     offset: float
     turn_loss: float

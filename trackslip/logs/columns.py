@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import MAX_YAW_RATE
 from trackslip.logs.schema import COLUMNS
@@ -54,14 +54,6 @@ class Columns:
         values[damaged] = np.nan
         return Cells(values, nan, damaged)
 
-    def numbers(self, names: Sequence[str]) -> Array:
-        """Values (T, len(names)), all finite; raises LogError naming the first row and column that is not."""
-        values = np.stack([self.cells(name).values for name in names], axis=-1)
-        bad = np.argwhere(~np.isfinite(values.T))
-        if bad.size:
-            raise LogError(f"{self._source}: {self.complaint(names[bad[0, 0]], int(bad[0, 1]))}")
-        return values
-
     def optional(self, names: Sequence[str]) -> Array | None:
         """Values (T, len(names)) with NaN for what is no number, or None if a column is missing."""
         if any(name not in self._table.column_names for name in names):
@@ -75,24 +67,20 @@ class Columns:
         expected = {"valid": "true or false", "gyro": f"a yaw rate of at most {MAX_YAW_RATE:g} rad/s"}.get(name)
         return f"row {row + 1}, column {name}: {shown} is not {expected or 'a finite number'}"
 
-    def boolean(self, name: str, label: np.ndarray) -> Cells | None:
-        """1 or 0, NaN where the cell is empty; None if the column is missing.
+    def categories(self, name: str) -> tuple[np.ndarray, list[str]]:
+        """Numbers of the texts of a column (T,), and the texts; empty cells are the empty text."""
+        try:
+            text = self._table.column(name).cast(pa.string()).fill_null("").combine_chunks().dictionary_encode()
+        except pa.ArrowException as error:
+            raise LogError(f"{self._source}: column {name}: {first_line(error)}") from error
+        return text.indices.to_numpy(), text.dictionary.to_pylist()
 
-        In runs without any value, numbered by `label` (T,), it is 1.
-        """
-        if name not in self._table.column_names:
-            return None
-        column = self._table.column(name)
-        if pa.types.is_nested(column.type):
-            raise LogError(f"{self._source}: column {name}: {column.type} is not true or false")
-        text = column.cast(pa.string()).fill_null("").combine_chunks().dictionary_encode()
-        known = [_BOOLEANS.get(value.lower(), np.nan) for value in text.dictionary.to_pylist()]
-        empty = np.array([value == "" for value in text.dictionary.to_pylist()], bool)
-        index = text.indices.to_numpy()
-        values, given = np.array(known, float)[index], ~empty[index]
-        lacking = np.bincount(label + 1, given) == 0  # runs; label -1 is none
-        values[lacking[label + 1]] = 1.0
-        return Cells(values, np.zeros(len(values), bool), np.isnan(values) & given)
+    def boolean(self, name: str) -> Cells:
+        """1 or 0, NaN where the cell is empty."""
+        index, texts = self.categories(name)
+        values = np.array([_BOOLEANS.get(text.lower(), np.nan) for text in texts], float)[index]
+        damaged = np.array([text != "" and text.lower() not in _BOOLEANS for text in texts], bool)[index]
+        return Cells(values, np.zeros(len(values), bool), damaged)
 
     def _parse(self, name: str) -> tuple[Array, np.ndarray, np.ndarray]:
         """Values (T,), NaN where there is none, and which cells are empty or not numbers."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from itertools import islice, takewhile
 from pathlib import Path
 
 import pyarrow as pa
@@ -13,6 +14,7 @@ from trackslip.logs.schema import COLUMNS
 
 _LOOKED_AT = 50  # lines from which separator and decimal mark are told
 _DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
+_TIMES = ("s", "sec", "ms", "us", "ns")  # in the column t of a row of units
 _NO_UNIT = ("", "-", "1")
 
 
@@ -22,64 +24,37 @@ def read_csv(path: Path) -> pa.Table:
     Read as well: blanks around cells, lines before the header that begin with #, columns separated by semicolons or
     tabs, decimal commas among these, and a row of units under the header, which become the units of the columns.
     """
+    import pyarrow.compute as pc  # takes longer to import than pyarrow itself
+
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        lines = [line for _, line in zip(range(_LOOKED_AT), file, strict=False)]
-    comments = next((k for k, line in enumerate(lines) if not line.lstrip().startswith("#")), len(lines))
-    separator = max(",;\t", key=lambda mark: lines[comments].count(mark) if comments < len(lines) else 0)
+        lines = list(islice(file, _LOOKED_AT))
+    comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
+    header = lines[comments] if comments < len(lines) else ""
+    separator = max(",;\t", key=header.count)
     rows = list(csv.reader(lines[comments:], delimiter=separator))
-    names = rows[0] if rows else []
     table = pa.csv.read_csv(
         path,
         read_options=pa.csv.ReadOptions(skip_rows=comments),
         parse_options=pa.csv.ParseOptions(delimiter=separator),
-        convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
+        convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(rows[0] if rows else (), pa.string())),
     )
-    table = table.rename_columns([name.strip() for name in table.column_names])
-    if any(pa.types.is_string(kind) for kind in table.schema.types):
-        if separator != "," and any(_DECIMAL_COMMA.match(cell) for row in rows[1:] for cell in row):
-            table = _with_points(table)
-        if table.column_names.count("run") == 1:
-            place = table.column_names.index("run")
-            table = table.set_column(place, "run", _stripped(table.column(place)))
-    return _with_units(table)
-
-
-def _stripped(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    import pyarrow.compute as pc  # takes longer to import than pyarrow itself
-
-    return pc.utf8_trim_whitespace(column) if pa.types.is_string(column.type) else column
-
-
-def _with_points(table: pa.Table) -> pa.Table:
-    """The table with points for the commas of its numbers."""
-    import pyarrow.compute as pc
-
-    for k, name in enumerate(table.column_names):
-        if name != "run" and pa.types.is_string(table.column(k).type):
-            table = table.set_column(k, name, pc.replace_substring(table.column(k), ",", "."))
-    return table
+    names = [name.strip() for name in table.column_names]
+    columns = [pc.utf8_trim_whitespace(column.cast(pa.string())) for column in table.columns]
+    if separator != "," and any(_DECIMAL_COMMA.match(cell) for row in rows for cell in row):
+        columns = [
+            column if name == "run" else pc.replace_substring(column, ",", ".")
+            for name, column in zip(names, columns, strict=True)
+        ]
+    return _with_units(pa.Table.from_arrays(columns, names))
 
 
 def _with_units(table: pa.Table) -> pa.Table:
     """The table without a first row of units, which its columns get."""
-    if "t" not in table.column_names or len(set(table.column_names)) < table.num_columns or not len(table):
-        return table
-    first = {name: str(table.column(name)[0].as_py() or "").strip().strip("[]()") for name in table.column_names}
-    known = {name: COLUMNS[name].unit for name in first if name in COLUMNS and name not in ("run", "valid")}
-    if first["t"] not in ("-", "s", "sec", "ms", "us", "ns") or any(map(_is_number, (first[name] for name in known))):
+    first = [column[0].as_py().strip("[]()") for column in table.columns] if len(table) else []
+    if dict(zip(table.column_names, first, strict=False)).get("t") not in _TIMES:
         return table
     fields = [
-        field.with_metadata({"unit": first[field.name]})
-        if field.name in known and first[field.name] not in _NO_UNIT
-        else field
-        for field in table.schema
+        field.with_metadata({"unit": unit}) if field.name in COLUMNS and unit not in _NO_UNIT else field
+        for field, unit in zip(table.schema, first, strict=True)
     ]
-    return table.slice(1).cast(pa.schema(fields, table.schema.metadata))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return text not in _NO_UNIT
+    return table.slice(1).cast(pa.schema(fields))

@@ -20,15 +20,13 @@ def require_known_format(content: Mapping[str, Any], source: object) -> None:
 
     Without `format`, it is of the first one. A manifest has `versions`, which name the version that wrote it.
     """
-    found = content.get("format", 1)
-    if isinstance(found, bool) or not isinstance(found, int) or found < 1:
-        raise LogError(f"{source}: format = {found!r}: must be an integer >= 1")
-    if found > FORMAT:
+    version = content.get("format", 1)
+    if version not in range(1, FORMAT + 1):
         versions = content.get("versions")
         writer = versions.get("trackslip") if isinstance(versions, Mapping) else None
         by = f"trackslip {writer}" if writer else "a newer trackslip"
         this = f"trackslip {installed_version()}"
-        raise LogError(f"{source}: written by {by} in format {found}; {this} reads formats up to {FORMAT}")
+        raise LogError(f"{source}: written by {by} in format {version}; {this} reads formats up to {FORMAT}")
 
 
 def installed_version() -> str:

@@ -72,15 +72,15 @@ class RunLog:
             raise LogError(
                 f"run {self.run!r}: t = {self.time[k]:.12g} in its row {k + 1} is not after the previous row"
             )
-        names = ("x", "y", "phi", "omega_l", "omega_r")
-        bad = ~np.isfinite(np.concatenate([self.pose, self.omega], axis=1))
-        bad[:, :3] &= self.is_valid[:, None]
         unknown = np.isnan(self.pose)
-        bad[:, 2] &= ~unknown[:, 2] | unknown[:, 0]  # no heading
-        bad[:, :2] &= ~(unknown[:, :2].all(axis=1) & np.isfinite(self.pose[:, 2]))[:, None]  # a heading alone
-        if bad.any():
-            k, j = np.argwhere(bad)[0]
-            raise LogError(f"run {self.run!r}: {names[j]} is not finite in row {k + 1}")
+        halves = (unknown[:, 0] != unknown[:, 1]) | unknown.all(axis=1)  # a position or a heading alone is a pose
+        bad = {
+            "omega": ~np.isfinite(self.omega).all(axis=1),
+            "pose": self.is_valid & (np.isinf(self.pose).any(axis=1) | halves),
+        }
+        for name, where in bad.items():
+            if where.any():
+                raise LogError(f"run {self.run!r}: {name} is not finite in row {np.argmax(where) + 1}")
         if self.gyro is not None and (wild := np.abs(self.gyro) > MAX_YAW_RATE).any():
             k = int(np.argmax(wild))
             raise LogError(

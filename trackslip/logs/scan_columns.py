@@ -8,14 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from trackslip.errors import (
-    LogError,
-    require,
-    require_non_negative,
-    require_positive,
-    require_whole,
-    require_within,
-)
+from trackslip.errors import LogError
 from trackslip.files import reason
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Cluster, Plate, Scan
@@ -25,7 +18,6 @@ SCANNED = "scanned"
 """Key of the scanner in the metadata of a run."""
 _RANGES = "ranges"
 _FULL = "all_ranges"
-_MOST_BEAMS, _MIN_STEP, _MOST_LOST = 100_000, 1e-6, 0.999  # of scanners: beams, step [rad], share of lost beams
 _NUMBERS = ("first_beam", "lost", "hidden_first", "hidden_last")
 
 
@@ -96,19 +88,15 @@ def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, A
 def _scanner(metadata: Mapping[str, Any]) -> tuple[Scan, Plate]:
     """Scanner, without ranges, and plate, from `ScanLog.metadata`."""
     try:
-        names = ("beams", "first_bearing", "beam_step", "noise", "dropout", "mount", "max_range")
-        beams, first, step, noise, dropout, mount, reach = (metadata[name] for name in names)
-        require_whole("beams", beams, 2, _MOST_BEAMS)
-        require_within("first_bearing", first, -2 * np.pi, 2 * np.pi, "rad")
-        require_within("beam_step", step, _MIN_STEP, np.pi, "rad")
-        require_non_negative("noise", noise)
-        require_within("dropout", dropout, 0.0, _MOST_LOST)
-        place = np.array(mount, float)
-        require(place.shape == (3,) and np.isfinite(place).all(), "mount", mount, "3 finite numbers")
-        if reach is not None:
-            require_positive("max_range", reach)
-        bearings, limit = first + step * np.arange(beams), np.inf if reach is None else float(reach)
-        scan = Scan(bearings, np.empty((0, beams)), float(noise), place, limit, float(dropout))
+        beams, reach = metadata["beams"], metadata["max_range"]
+        scan = Scan(
+            metadata["first_bearing"] + metadata["beam_step"] * np.arange(beams),
+            np.empty((0, beams)),
+            metadata["noise"],
+            np.array(metadata["mount"], float),
+            np.inf if reach is None else reach,
+            metadata["dropout"],
+        )
         return scan, Plate(**metadata["plate"])
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise LogError(f"invalid description of its scanner ({reason(error)})") from error

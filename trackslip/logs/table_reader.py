@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from trackslip.errors import LogError, first_line
+from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.checks import in_order, plausible_gyro, restarts, unwrapped
 from trackslip.logs.columns import Columns
@@ -23,7 +23,6 @@ _OPTIONAL = ("command", "twist_command", "icr", "load")
 _ENCODER, _POSE, _GYRO = BLOCKS["omega"], BLOCKS["pose"], BLOCKS["gyro"]
 _GAP = 1.0  # without readings that the next one covers [s]
 _QUATERNION = re.compile(r"(^|[._/ ])(q_?|orientation[._/ ]?)(?P<part>[xyzw])$", re.IGNORECASE)
-_LONGEST = 500  # name of a run [characters]
 _MOST = 0.5  # share of damaged rows above which a run cannot be read
 
 
@@ -66,10 +65,9 @@ class _Reader:
         headings_alone = "phi" in table.column_names and not {"x", "y"} & set(table.column_names)
         columns.require(REQUIRED if headings_alone else (*REQUIRED, "x", "y"))
         self._table, self._source, self._columns = table, source, columns
-        self._label, self._names = _labels(table, source)
         self._metadata = stored_metadata(table, source)
         self._cells = {name: columns.cells(name) for name in ("t", *_ENCODER, *_POSE, *_GYRO)}
-        self._valid = columns.boolean("valid", self._label)
+        self._valid = columns.boolean("valid") if "valid" in table.column_names else None
         self._blocks = {field: columns.optional(BLOCKS[field]) for field in _OPTIONAL}
         upper = columns.optional(COVARIANCE)
         self._blocks["covariance"] = None if upper is None else _symmetric(upper)
@@ -79,16 +77,17 @@ class _Reader:
 
     def read(self) -> ReadRuns:
         """All runs that can be read."""
-        if not len(self._label):
+        number, names = self._columns.categories("run")
+        if not len(number):
             raise LogError(f"{self._source}: no rows")
-        order = np.argsort(self._label, kind="stable")
-        edges = np.searchsorted(self._label[order], np.arange(len(self._names) + 1))
-        if edges[0]:
-            self._notes.append(f"{_rows(edges[0])} left out: row {order[0] + 1}, column run: empty")
+        order = np.argsort(number, kind="stable")
         runs: list[RunLog] = []
-        for number, name in enumerate(self._names):
+        for name, rows in zip(names, np.split(order, np.cumsum(np.bincount(number))[:-1]), strict=True):
+            if not name.strip():
+                self._notes.append(f"{_rows(len(rows))} left out: row {rows[0] + 1}, column run: empty")
+                continue
             try:
-                runs += self._runs(name, order[edges[number] : edges[number + 1]])
+                runs += self._runs(name, rows)
             except LogError as error:
                 self._refused.append(Refused.of(name, error))
         if not runs:
@@ -135,11 +134,7 @@ class _Reader:
             **_present(self._blocks, rows),
             valid=None if self._valid is None and valid.all() else valid,
             gyro=self._gyro(called, rows, np.where(valid, pose[:, 2], np.nan)),
-            truth=_truth(
-                _present(self._truth, rows),
-                from_list_column(self._table, CONTACT, rows),
-                from_list_column(self._table, SHEAR, rows),
-            ),
+            truth=self._truth_of(rows),
             scans=scans_from_table(self._table, rows, metadata),
             beyond=beyond,
             metadata={key: value for key, value in metadata.items() if key != SCANNED},
@@ -186,10 +181,8 @@ class _Reader:
         kept = in_order(time)
         if len(kept) < len(rows):
             k = int(np.argmax(np.diff(time) <= 0))
-            reason = (
-                f"row {rows[k + 1] + 1}, column t: {time[k + 1]:.12g} is not after {time[k]:.12g}, the time before it"
-            )
-            self._say(name, len(rows) - len(kept), len(rows), "row", reason)
+            order = f"{time[k + 1]:.12g} is not after {time[k]:.12g}, the time before it"
+            self._say(name, len(rows) - len(kept), len(rows), "row", f"row {rows[k + 1] + 1}, column t: {order}")
         return rows[kept]
 
     def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
@@ -203,12 +196,6 @@ class _Reader:
             raise LogError("columns omega_l, omega_r: no row has both")
         time = self._cells["t"].values[rows]
         begin, end = int(np.searchsorted(time, time[read[0]] - _GAP)), int(read[-1]) + 1
-        nan = np.any([self._cells[column].nan[rows] for column in _ENCODER], axis=0)
-        if nan.any():
-            row = rows[np.argmax(nan)]
-            column = next(column for column in _ENCODER if self._cells[column].nan[row])
-            reason = self._columns.complaint(column, int(row))
-            self._notes.append(f"run {name!r}: {_rows(nan.sum())} without encoder reading: {reason}")
         for count, where in ((begin, "before its first"), (len(rows) - end, "after its last")):
             if count:
                 self._notes.append(f"run {name!r}: {_rows(count)} {where} encoder reading left out")
@@ -227,19 +214,17 @@ class _Reader:
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
         """Poses (n, 3), and which of them were measured."""
-        cells = {column: self._cells[column] for column in _POSE}
-        pose = np.stack([cell.values[rows] for cell in cells.values()], axis=-1)
-        stated = np.ones(len(self._label)) if self._valid is None else self._valid.values
-        unread = {column: cells[column].damaged for column in _POSE}
-        if self._valid is not None:  # a pose that is said to be valid; elsewhere NaN is an empty cell
-            unread |= {column: unread[column] | cells[column].nan for column in ("x", "y")}
-        claimed = {column: marks & (stated == 1) for column, marks in unread.items()}
-        if self._valid is not None:
-            claimed["valid"] = self._valid.damaged
-        bad = self._left_out(name, rows, claimed, "pose")
+        pose = np.stack([self._cells[column].values[rows] for column in _POSE], axis=-1)
+        unread = {column: self._cells[column].damaged for column in _POSE}
+        stated = np.ones(len(rows), bool)
+        if self._valid is not None and (np.isfinite(self._valid.values) | self._valid.damaged)[rows].any():
+            said = self._valid.values == 1
+            unread = {column: damaged & said for column, damaged in unread.items()} | {"valid": self._valid.damaged}
+            stated = said[rows]
+        bad = self._left_out(name, rows, unread, "pose")
         placed = np.isfinite(pose[:, :2]).all(axis=1)
         pose[~placed, :2] = np.nan
-        return pose, (placed | np.isfinite(pose[:, 2])) & (stated[rows] == 1) & ~bad
+        return pose, (placed | np.isfinite(pose[:, 2])) & stated & ~bad
 
     def _gyro(self, name: str, rows: np.ndarray, heading: Array) -> Array | None:
         """Yaw rates (n,), NaN where not measured, None if nowhere; empty cells take the next reading, as encoders do.
@@ -259,6 +244,15 @@ class _Reader:
         plausible, doubt = plausible_gyro(time, rate, heading, name)
         self._notes += [doubt] if doubt else []
         return plausible
+
+    def _truth_of(self, rows: np.ndarray) -> Truth | None:
+        parts = _present(self._truth, rows)
+        if not {"pose", "twist"} <= set(parts):
+            return None
+        if "lean" in parts:
+            parts["lean"] = parts["lean"][:, 0]
+        contact, shear = (from_list_column(self._table, column, rows) for column in (CONTACT, SHEAR))
+        return Truth(**parts, contact=None if contact is None else contact.reshape(len(rows), -1, 3), shear=shear)
 
 
 def _with_heading(table: pa.Table, source: str) -> pa.Table:
@@ -294,24 +288,6 @@ def _named(table: pa.Table, source: str) -> pa.Table:
     return table.add_column(0, "run", pa.repeat(Path(source).stem, len(table)))
 
 
-def _labels(table: pa.Table, source: str) -> tuple[np.ndarray, list[str]]:
-    """Numbers of the runs (T,), -1 for rows without a name, and the names."""
-    if pa.types.is_nested(table.schema.field("run").type):
-        raise LogError(f"{source}: column run: {table.schema.field('run').type} is not a name")
-    try:
-        names = table.column("run").cast(pa.string())
-    except pa.ArrowException as error:
-        raise LogError(f"{source}: column run: {first_line(error)}") from error
-    encoded = names.fill_null("").combine_chunks().dictionary_encode()
-    listed = encoded.dictionary.to_pylist()
-    named = [name for name in listed if name.strip()]
-    if (longest := max(map(len, named), default=0)) > _LONGEST:
-        raise LogError(f"{source}: column run: a name of {longest} characters, must have at most {_LONGEST}")
-    numbers = {name: number for number, name in enumerate(named)}
-    number = np.array([numbers.get(name, -1) for name in listed], int)
-    return number[encoded.indices.to_numpy()], named
-
-
 def _rows(count: int) -> str:
     return f"{count} row{'s' if count > 1 else ''}"
 
@@ -321,15 +297,6 @@ def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, 
     return {
         field: block[rows] for field, block in blocks.items() if block is not None and not np.isnan(block[rows]).all()
     }
-
-
-def _truth(parts: dict[str, Any], contact: Array | None, shear: Array | None) -> Truth | None:
-    if not {"pose", "twist"} <= set(parts):
-        return None
-    if "lean" in parts:
-        parts["lean"] = parts["lean"][:, 0]
-    pads = None if contact is None or contact.shape[1] % 3 else contact.reshape(len(contact), -1, 3)
-    return Truth(**parts, contact=pads, shear=shear)
 
 
 def _symmetric(upper: Array) -> Array:

@@ -17,7 +17,6 @@ from trackslip.odometry.trajectory_errors import (
     Statistics,
     Stretches,
     Trajectory,
-    absolute_errors,
     errors_after_metres,
     errors_after_seconds,
 )
@@ -26,23 +25,16 @@ from trackslip.se2 import Mounting
 LENGTHS = (1.0, 2.0, 5.0, 10.0)
 """Lengths of the stretches over which relative errors are taken [m and s]."""
 _MIN_POSES = 2
-_STRETCHES = ("way", "position", "heading")  # arrays of Stretches
 
 
 @dataclass(frozen=True)
-class PoseErrors:
-    """Errors of poses."""
-
-    position: Statistics | None
-    """Errors of positions [m]; None if there are none."""
-    heading: Statistics | None
-    """Absolute errors of headings [rad]; None if none were measured."""
-
-
-@dataclass(frozen=True)
-class RelativeErrors(PoseErrors):
+class RelativeErrors:
     """Errors at the ends of stretches of one length, from every start."""
 
+    position: Statistics
+    """Errors of positions [m]."""
+    heading: Statistics | None
+    """Absolute errors of headings [rad]; None if none were measured."""
     count: int
     """Number of stretches, which overlap."""
     position_per_way: float
@@ -52,35 +44,13 @@ class RelativeErrors(PoseErrors):
 
 
 @dataclass(frozen=True)
-class DriveErrors:
-    """Absolute errors on one drive."""
-
-    name: str
-    poses: int
-    duration: float
-    """From the first to the last pose [s]."""
-    way: float
-    """Driven between them [m]."""
-    aligned: PoseErrors
-    """After alignment to all positions."""
-    from_first: PoseErrors
-    """After alignment to the first pose."""
-
-
-@dataclass(frozen=True)
 class OdometryErrors:
     """Errors of odometry by one law."""
 
-    aligned: PoseErrors
-    """Absolute ones, with each drive aligned to all its measured positions, as by Umeyama, without scale."""
-    from_first: PoseErrors
-    """Absolute ones, with each drive aligned to its first measured pose."""
     after_metres: Mapping[float, RelativeErrors]
-    """Relative ones by the way driven [m]."""
+    """By the way driven [m]."""
     after_seconds: Mapping[float, RelativeErrors]
-    """Relative ones by the time passed [s]."""
-    drives: tuple[DriveErrors, ...]
-    """Absolute ones by drive."""
+    """By the time passed [s]."""
     trajectories: tuple[Trajectory, ...]
     """The compared trajectories."""
     notes: tuple[str, ...] = ()
@@ -131,23 +101,15 @@ def errors_of(
     notes = list(notes)
     if not trajectories:
         raise LogError(notes[0] if notes else "no drives")
-    after_metres, after_seconds = (
-        {length: errors for length in lengths if (errors := _relative([of(one, length) for one in trajectories]))}
-        for of in (errors_after_metres, errors_after_seconds)
-    )
-    for unit, found in (("m", after_metres), ("s", after_seconds)):
-        short = [f"{length:g}" for length in lengths if length not in found]
+    errors = []
+    for unit, of in (("m", errors_after_metres), ("s", errors_after_seconds)):
+        parts = {length: [of(drive, length) for drive in trajectories] for length in lengths}
+        errors.append({length: each for length, part in parts.items() if (each := _relative(part)) is not None})
+        short = [f"{length:g}" for length in lengths if length not in errors[-1]]
         if short:
             notes.append(f"no two poses are {', '.join(short)} {unit} apart, so relative errors end before")
-    return OdometryErrors(
-        aligned=_absolute(trajectories, aligned=True),
-        from_first=_absolute(trajectories, aligned=False),
-        after_metres=after_metres,
-        after_seconds=after_seconds,
-        drives=tuple(_of_drive(one) for one in trajectories),
-        trajectories=tuple(trajectories),
-        notes=tuple(notes),
-    )
+    after_metres, after_seconds = errors
+    return OdometryErrors(after_metres, after_seconds, tuple(trajectories), tuple(notes))
 
 
 def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock_offset: float) -> Trajectory:
@@ -195,40 +157,23 @@ def _readings(log: RunLog, time: Array) -> Array | None:
     return np.append(np.nan, np.where(measured >= MEASURED * step, turned / step, np.nan))
 
 
-def _absolute(trajectories: Sequence[Trajectory], aligned: bool) -> PoseErrors:
-    """Absolute errors of all drives together."""
-    errors = [absolute_errors(drive, aligned) for drive in trajectories]
-    position, heading = (np.concatenate(part) for part in zip(*errors, strict=True))
-    return PoseErrors(Statistics.of(_known(position)), Statistics.of(_known(heading)))
-
-
 def _relative(parts: Sequence[Stretches]) -> RelativeErrors | None:
     """Relative errors of all drives together; None if there is no stretch."""
-    found = Stretches(*(np.concatenate([getattr(one, name) for one in parts]) for name in _STRETCHES))
-    if not len(found.way):
-        return None
-    turned = np.isfinite(found.heading)
-    return RelativeErrors(
-        position=Statistics.of(found.position),
-        heading=Statistics.of(found.heading[turned]),
-        count=len(found.way),
-        position_per_way=_ratio(found.position, found.way),
-        heading_per_way=_ratio(found.heading[turned], found.way[turned]),
+    way, position, heading = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("way", "position", "heading")
     )
-
-
-def _of_drive(drive: Trajectory) -> DriveErrors:
-    span = slice(None, None, max(1, len(drive.time) - 1))
-    duration, way = (float(np.diff(values[span]).sum()) for values in (drive.time, drive.way))
-    return DriveErrors(
-        drive.name, len(drive.time), duration, way, _absolute([drive], aligned=True), _absolute([drive], aligned=False)
+    if not len(way):
+        return None
+    turned = np.isfinite(heading)
+    return RelativeErrors(
+        Statistics.of(position),
+        Statistics.of(heading[turned]) if turned.any() else None,
+        len(way),
+        _ratio(position, way),
+        _ratio(heading[turned], way[turned]),
     )
 
 
 def _ratio(errors: Array, way: Array) -> float:
     """Sum of errors (n,) over the sum of ways (n,); NaN at rest."""
     return float(errors.sum() / way.sum()) if way.sum() > 0 else float("nan")
-
-
-def _known(errors: Array) -> Array:
-    return errors[np.isfinite(errors)]

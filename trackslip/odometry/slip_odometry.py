@@ -15,7 +15,6 @@ reads next to nothing, the robot doesn't turn, and its mean reading is its bias.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,7 +69,7 @@ class SlipOdometry:
         self,
         law: SlipLaw,
         geometry: RobotGeometry,
-        noise: SlipNoise | Mapping[str, float] | None = None,
+        noise: SlipNoise | None = None,
         errors: LawErrors | None = None,
         drift: float = 0.0,
         start: ArrayLike = (0.0, 0.0, 0.0),
@@ -82,7 +81,7 @@ class SlipOdometry:
         Args:
             law: slip law of the robot on its ground.
             geometry: for which the law was identified.
-            noise: slip that varies, also as in `DriveFit.noise`; none by default.
+            noise: slip that varies; none by default.
             errors: of the law's parameters; none by default.
             drift: c, for a lateral speed of -c v w in turns, outwards [s].
             start: pose or poses (..., 3) [m, m, rad].
@@ -94,7 +93,7 @@ class SlipOdometry:
         """
         require_finite("drift", drift)
         self.law, self.geometry, self.drift = law, geometry, drift
-        self.noise = SlipNoise.of(noise) if isinstance(noise, Mapping) else noise or SlipNoise()
+        self.noise = noise or SlipNoise()
         self.errors = errors or LawErrors((), np.zeros((0, 0)))
         self.gyro, self._errors = gyro, self.errors.covariance
         if gyro is not None:
@@ -104,8 +103,8 @@ class SlipOdometry:
 
     def reset(self, pose: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None) -> None:
         """Go on from a pose or poses (..., 3) [m, m, rad] with covariance (..., 3, 3), by default zero."""
-        self._start = _finite("pose", pose, 1, 3)
-        known = np.zeros((3, 3)) if covariance is None else _finite("covariance", covariance, 2, 3)
+        self._start = _finite("pose", pose, (3,))
+        known = np.zeros((3, 3)) if covariance is None else _finite("covariance", covariance, (3, 3))
         shape, p, bias = self._start.shape[:-1], len(self._errors), self.gyro.bias if self.gyro else 0.0
         self._state = _State(
             np.zeros(shape, complex),
@@ -136,7 +135,7 @@ class SlipOdometry:
         """
         if not 0 <= dt < np.inf:
             raise InvalidValueError("dt", dt, "a finite number of seconds >= 0")
-        omega = _finite("omega", omega, 1, 2)
+        omega = _finite("omega", omega, (2,))
         after = self._driven(omega[None], np.array([dt]), None if gyro is None else _readings(gyro, omega)[None])
         self._state = _State(*(value[-1] for value in vars(after).values()))
 
@@ -152,9 +151,9 @@ class SlipOdometry:
         Raises:
             InvalidValueError: for times that do not ascend, or values that are not finite or of the wrong shape.
         """
-        time, omega = np.asarray(time, float), _finite("omega", omega, 2, 2)
+        time, omega = np.asarray(time, float), _finite("omega", omega, (2,))
         step = np.diff(time)
-        if time.ndim != 1 or len(time) != len(omega) or not len(time):
+        if time.ndim != 1 or omega.ndim < 2 or len(time) != len(omega) or not len(time):
             raise InvalidValueError("time", time.shape, f"one time per row of omega, ({len(omega)},)")
         if not (np.isfinite(time).all() and (step > 0).all()):
             raise InvalidValueError("time", float(time[0]), "finite, and ascending from row to row")
@@ -262,11 +261,11 @@ def _readings(gyro: ArrayLike, omega: Array) -> Array:
     return array
 
 
-def _finite(name: str, values: ArrayLike, axes: int, last: int) -> Array:
-    """Finite numbers with at least this many axes, the last of them this long."""
+def _finite(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Finite numbers, whose last axes have this shape."""
     array = np.asarray(values, float)
-    if array.ndim < axes or array.shape[-1] != last or (axes == 2 and last == 3 and array.shape[-2] != 3):
-        raise InvalidValueError(name, array.shape, f"of shape (..., {'3, ' * (axes == 2 and last == 3)}{last})")
+    if array.shape[-len(shape) :] != shape:
+        raise InvalidValueError(name, array.shape, f"of shape (..., {', '.join(map(str, shape))})")
     bad = ~np.isfinite(array)
     if bad.any():
         raise InvalidValueError(name, float(array[bad][0]), "finite")

@@ -1,4 +1,4 @@
-"""Errors of trajectories: absolute ones after alignment, and relative ones over stretches from every start.
+"""Relative errors of trajectories over stretches from every start, and alignment.
 
 The relative error of a stretch is the estimated motion from its start to its end, seen from the start, minus the
 measured one; Kuemmerle et al., "On measuring the accuracy of SLAM algorithms" (2009), and Geiger et al., "Are we ready
@@ -62,10 +62,8 @@ class Statistics:
     largest: float
 
     @classmethod
-    def of(cls, errors: Array) -> Statistics | None:
-        """Statistics of errors (n,) >= 0; None if there are none."""
-        if not len(errors):
-            return None
+    def of(cls, errors: Array) -> Statistics:
+        """Statistics of errors (n,) >= 0."""
         mean, p90 = float(errors.mean()), float(np.quantile(errors, 0.9))
         return cls(rms(errors), mean, float(np.median(errors)), p90, float(errors.max()))
 
@@ -80,17 +78,6 @@ class Stretches:
     """(n,) distances between the estimated and the measured end [m]."""
     heading: Array
     """(n,) absolute errors of the turn [rad]; NaN where it was not measured."""
-
-
-def absolute_errors(drive: Trajectory, aligned: bool) -> tuple[Array, Array]:
-    """Errors of positions (K,) [m] and headings (K,) [rad], NaN where not measured.
-
-    The trajectory is `aligned` to all positions, else to the first pose; then errors are NaN if no heading was
-    measured.
-    """
-    if not aligned and not drive.has_heading:
-        return np.full(len(drive.time), np.nan), np.full(len(drive.time), np.nan)
-    return _apart((best_fit(drive.estimated, drive.measured) if aligned else drive.placed) - drive.measured)
 
 
 def errors_after_metres(drive: Trajectory, length: float) -> Stretches:
@@ -127,13 +114,9 @@ def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Str
     turn = drive.heading[start] - drive.estimated[start, 2]
     step = drive.estimated[end] - drive.estimated[start]
     driven = np.column_stack([rotate(turn, step[:, :2]), step[:, 2]])
-    position, heading = _apart(driven - (drive.measured[end] - drive.measured[start]))
+    error = driven - (drive.measured[end] - drive.measured[start])
+    position, heading = np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angle(error[:, 2]))
     return Stretches(drive.way[end] - drive.way[start], position, heading)
-
-
-def _apart(error: Array) -> tuple[Array, Array]:
-    """Sizes (n,) of the errors (n, 3) of positions and of headings."""
-    return np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angle(error[:, 2]))
 
 
 def moved(pose: Array, turn: float, pivot: Array, target: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -11,7 +11,6 @@ import numpy as np
 from trackslip.errors import InvalidValueError, require_finite, require_non_negative
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
-from trackslip.laws.derivatives import parameter_derivatives
 
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")  # entries of DriveFit.noise
 _NORMAL_95 = 1.959963984540054  # half width of a 95 % interval [standard deviations]
@@ -93,49 +92,42 @@ class LawErrors:
             raise InvalidValueError("covariance", matrix.tolist(), "symmetric, with correlations from -1 to 1")
 
     @classmethod
-    def of(cls, values: Mapping[str, float], stderr: Mapping[str, float], correlation: Any) -> Self:
-        """Errors of a fit's parameters, from the standard errors and the correlations (f, f) of everything fitted.
-
-        Parameters without a standard error were held and are left out.
-        """
-        fitted = list(stderr)
-        names = tuple(name for name in values if name in stderr)
-        rows = [fitted.index(name) for name in names]
-        errors = np.array([stderr[name] for name in names])
-        matrix = np.asarray(correlation, float).reshape(len(fitted), len(fitted))[np.ix_(rows, rows)]
-        with np.errstate(over="ignore", invalid="ignore"):  # refused as a covariance that isn't finite
-            return cls(names, np.outer(errors, errors) * matrix)
-
-    @classmethod
     def stored(cls, fit: Mapping[str, Any]) -> Self:
         """Errors of a stored fit: `values`, `stderr`, and perhaps `interval95` and `correlation`.
 
         Errors are as wide as the 95 % intervals, which allow for slip that lasts. Parameters whose errors are not known
         have none here.
         """
-        intervals, stderr = fit.get("interval95") or {}, {}
-        for name, error in fit["stderr"].items():
+        intervals, fitted = fit.get("interval95") or {}, list(fit["stderr"])
+        errors = {}
+        for name in fit["values"]:
+            error = fit["stderr"].get(name)
             if error is not None and 0 < float(error) < np.inf:
                 low, high = intervals.get(name) or (0.0, 0.0)
-                stderr[name] = max(float(error), (float(high) - float(low)) / 2 / _NORMAL_95)
-        order = list(fit["stderr"])
-        rows = [order.index(name) for name in stderr]
-        whole = np.array(fit.get("correlation", np.eye(len(order))), float)
-        correlation = whole.reshape(len(order), len(order))[np.ix_(rows, rows)]
-        return cls.of(fit["values"], stderr, correlation)
+                errors[name] = max(float(error), (float(high) - float(low)) / 2 / _NORMAL_95)
+        correlation = np.array(fit.get("correlation", np.eye(len(fitted))), float).reshape(len(fitted), len(fitted))
+        rows = [fitted.index(name) for name in errors]
+        with np.errstate(over="ignore", invalid="ignore"):  # refused as a covariance that isn't finite
+            spread = np.outer([*errors.values()], [*errors.values()])
+            return cls(tuple(errors), spread * correlation[np.ix_(rows, rows)])
 
     def slopes(self, law: SlipLaw, omega: Array, geometry: RobotGeometry) -> Array:
         """Derivatives (..., 2, p) of the law's twists at sprocket speeds (..., 2) [rad/s] by its parameters.
 
+        They are central differences, 0 for a parameter without error.
+
         Raises:
             InvalidValueError: if the law has no parameter of one of the names.
         """
-        unknown = [name for name in self.names if getattr(law, name, None) is None]
-        if unknown:
-            raise InvalidValueError("names", unknown[0], f"parameters of {law}")
-        errors = dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
-        steps = {name: _DIFFERENCE * error for name, error in errors.items() if error > 0}
-        slopes = np.zeros((*omega.shape, len(errors)))
-        if steps:
-            slopes[..., [name in steps for name in errors]] = parameter_derivatives(law, steps, omega, geometry)
+        slopes = np.zeros((*omega.shape, len(self.names)))
+        for k, (name, variance) in enumerate(zip(self.names, np.diag(self.covariance).tolist(), strict=True)):
+            value, step = getattr(law, name, None), _DIFFERENCE * np.sqrt(variance)
+            if value is None:
+                raise InvalidValueError("names", name, f"parameters of {law}")
+            if step > 0:
+                ahead, behind = (
+                    replace(law, **{name: value + push}).twist(omega, geometry)  # type: ignore[type-var]
+                    for push in (step, -step)
+                )
+                slopes[..., k] = (ahead - behind) / (2 * step)
         return slopes

@@ -124,11 +124,6 @@ class IcrFilter:
         """D (N,) [m]."""
         return self._geometry.half_gauge * (1 / self.state[:, 3] - 1)
 
-    @property
-    def offset_stderr(self) -> Array:
-        """Standard errors of D (N,) [m]."""
-        return self._geometry.half_gauge / self.state[:, 3] ** 2 * np.sqrt(self.covariance[:, 3, 3])
-
     def update(self, omega: Array, duration: float, estimate: PoseEstimate, known: Array | None = None) -> None:
         """Take mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured afterwards.
 

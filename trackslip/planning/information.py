@@ -75,15 +75,16 @@ def expected(
 
     Args:
         model: the law and the sensor.
-        values: expected parameters (p,) of the model.
+        values: expected parameters (q,) of the law.
         drives: the drives, as by `drive_to_measure`.
         poses: quality of the poses.
         slip: white slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)].
         known: errors of the law from an earlier identification.
     """
-    held = {"lag"} if poses.heading is not None else {"lag", "sensor_yaw"}
+    values = np.concatenate([values, np.zeros(len(EXTRAS) - len(GYRO))])
+    held = ["lag"] if poses.heading is not None else ["lag", "sensor_yaw"]
     if "offset_left" in model.names:
-        held.add("sensor_y")  # can't be told from unequal ICRs
+        held.append("sensor_y")  # can't be told from unequal ICRs
     names = [name for name in model.names if name not in held]
     free = np.array([model.index(name) for name in names])
     prior = np.diag(1 / model.prior[free] ** 2)
@@ -96,11 +97,12 @@ def expected(
     covariances = [_covariance(model, values, data, length, poses, slip, free, prior) for length in _LENGTHS]
     covariance = min(covariances, key=lambda matrix: float(np.linalg.slogdet(matrix)[1]))
     errors = np.sqrt(np.diag(covariance))
-    told = errors < _TOLD * model.prior[[model.index(name) for name in names]]
-    return Expectation(
-        {name: float(error) for name, error, kept in zip(names, errors, told, strict=True) if kept},
-        (*held, *(name for name, kept in zip(names, told, strict=True) if not kept)),
-    )
+    stderr = {
+        name: float(error)
+        for name, error, width in zip(names, errors, model.prior[free], strict=True)
+        if error < _TOLD * width
+    }
+    return Expectation(stderr, (*held, *(name for name in names if name not in stderr)))
 
 
 def _covariance(
@@ -155,11 +157,6 @@ def _later(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarra
     rest = np.repeat(sums[:, last], last - first + 1, axis=1) - sums + values
     rest[:, first] = 0.0
     return rest
-
-
-def with_extras(law: Array) -> Array:
-    """Parameters (p,) of a model without gyro: the law's, followed by EXTRAS, which are 0."""
-    return np.concatenate([law, np.zeros(len(EXTRAS) - len(GYRO))])
 
 
 def rate_of(poses: PoseQuality) -> int:

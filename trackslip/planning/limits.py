@@ -6,28 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import (
-    InvalidValueError,
-    require,
-    require_at_most,
-    require_non_negative,
-    require_positive,
-    require_within,
-)
+from trackslip.errors import InvalidValueError, require, require_non_negative, require_positive, require_within
 from trackslip.kinematics import Array, RobotGeometry
 
-MIN_DURATION = 10.0
-"""Shortest duration of a planned drive [s]."""
 TURNING = 2.0
 """Half gauges from the middle of a usual robot to its corners: its tracks are 1.5 times as long as they are apart."""
-_MAX_DURATION = 3600.0  # [s]
-_LEAST = 1e-3  # speed, acceleration and duration, in their units
-_MAX_SPEED = 10.0  # [m/s]
-_MAX_ACCELERATION = 100.0  # [m/s^2]
+_BOUNDS = {"max_speed": (1e-3, 10.0, "m/s"), "acceleration": (1e-3, 100.0, "m/s^2"), "duration": (10.0, 3600.0, "s")}
+_SIDES = (1e-3, 1000.0, "m")  # of an area
 _MOST_OFFSET = 100.0  # of a track's ICR from the track [m]
-_MAX_SIDE = 1000.0  # of an area [m]
-_REACH = 1.3  # (b + D) / b of a robot on hard ground
-_REACH_DOUBT = 0.15  # its relative uncertainty
 
 
 @dataclass(frozen=True)
@@ -46,27 +32,13 @@ class DriveLimits:
     """Distance from the area's edge that the middle of the robot keeps [m]."""
 
     def __post_init__(self) -> None:
-        for name, most, unit in (
-            ("max_speed", _MAX_SPEED, "m/s"),
-            ("acceleration", _MAX_ACCELERATION, "m/s^2"),
-            ("duration", _MAX_DURATION, "s"),
-        ):
-            require_positive(name, getattr(self, name))
-            require_within(name, getattr(self, name), _LEAST, most, unit)
-        require(self.duration >= MIN_DURATION, "duration", self.duration, f"at least {MIN_DURATION:g} s")
+        for name, bounds in _BOUNDS.items():
+            require_within(name, getattr(self, name), *bounds)
         require_non_negative("clearance", self.clearance)
         for side in self.area:
-            require_positive("area", side)
-            require_at_most("area", side, _MAX_SIDE, "m")
+            require_within("area", side, *_SIDES)
             if side <= 2 * self.clearance:
                 raise InvalidValueError("area", self.area_text, f"more than twice the clearance, {self.clearance:g} m")
-
-    def require_turning(self, geometry: RobotGeometry) -> None:
-        """Raise InvalidValueError if a robot with this gauge can't turn in the area."""
-        least = 2 * max(TURNING * geometry.half_gauge, self.clearance)
-        if min(self.area) <= least:
-            allowed = f"more than {least:g} m long and wide, for the robot to turn"
-            raise InvalidValueError("area", self.area_text, allowed)
 
     @property
     def area_text(self) -> str:
@@ -125,18 +97,14 @@ class Knowledge:
         return np.concatenate([[[self.reach, scale, scale]], laws])
 
 
-WHITE_SLIP = (0.002, 0.002, 0.005)
-"""Slip of a robot on hard ground that no law describes [m/sqrt(m), m/sqrt(m), rad/sqrt(m)]."""
-
-
 def first_knowledge(geometry: RobotGeometry) -> Knowledge:
     """Prior knowledge of a robot that was never identified: typical of hard ground, with a margin."""
     return Knowledge(
         geometry,
-        offset=(_REACH - 1) * geometry.half_gauge,
+        offset=0.3 * geometry.half_gauge,
         radius_error=0.0,
-        reach_doubt=_REACH_DOUBT,
+        reach_doubt=0.15,
         radius_doubt=0.02,
         pull=0.001,
-        slip=WHITE_SLIP,
+        slip=(0.002, 0.002, 0.005),
     )

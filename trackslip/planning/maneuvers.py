@@ -31,11 +31,6 @@ class Maneuvers:
         way = way[np.abs(way).max(axis=1, initial=0.0) > _LEAST]
         return cls(way, durations(way, limits), limits.acceleration)
 
-    @property
-    def total(self) -> float:
-        """Time that all take [s]."""
-        return float(self.duration.sum())
-
     def speeds(self, duration: float) -> Array:
         """Speeds (T, 2) of the belts, mean over each period, until `duration` [s]; at rest after the last maneuver.
 

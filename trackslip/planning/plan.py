@@ -13,15 +13,8 @@ from trackslip.kinematics import Array, RobotGeometry, twist_of_tracks
 from trackslip.laws.families import LawFamily, drive_laws, family
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
-from trackslip.planning.information import (
-    Expectation,
-    PoseQuality,
-    drive_to_measure,
-    expected,
-    rate_of,
-    with_extras,
-)
-from trackslip.planning.limits import DriveLimits, Knowledge, first_knowledge
+from trackslip.planning.information import Expectation, PoseQuality, drive_to_measure, expected, rate_of
+from trackslip.planning.limits import TURNING, DriveLimits, Knowledge, first_knowledge
 from trackslip.planning.maneuvers import RATE, Maneuvers
 from trackslip.planning.route import Extent, PlacedRoute, Route, path, placed
 from trackslip.planning.search import best_route
@@ -117,18 +110,20 @@ def plan_drive(
     """
     if law not in PLANNED_LAWS:
         raise InvalidValueError("law", law, f"one of {', '.join(PLANNED_LAWS)}")
-    limits.require_turning(geometry)
+    least = 2 * max(TURNING * geometry.half_gauge, limits.clearance)
+    if min(limits.area) <= least:
+        allowed = f"more than {least:g} m long and wide, for the robot to turn"
+        raise InvalidValueError("area", limits.area_text, allowed)
     knowledge = knowledge or first_knowledge(geometry)
     model = DriveModel(family(law), geometry)
-    expected_values = np.array(usual_values(law, knowledge) if values is None else values, float)
-    everything = with_extras(expected_values)
+    expected_values = np.array(usual_values(model.family, knowledge) if values is None else values, float)
     sizes = relative_to(model.family, expected_values, geometry)
     fits = False
 
     def expectation_of(found: PlacedRoute, quality: PoseQuality, merge: int) -> Expectation:
         speeds = found.maneuvers.speeds(limits.duration)
         drive = drive_to_measure(speeds, RATE, quality, geometry.sprocket_radius, merge)
-        return expected(model, everything, [drive], quality, knowledge.slip, known)
+        return expected(model, expected_values, [drive], quality, knowledge.slip, known)
 
     quality = poses.thinned(float(np.clip(_POSES / limits.duration, *_THINNED)))
 
@@ -141,12 +136,13 @@ def plan_drive(
         fits = True
         return largest(expectation_of(found, quality, rate_of(quality)), sizes)
 
-    route, least = best_route(cost, evaluations(limits), np.random.default_rng(seed))
+    route, least_cost = best_route(cost, evaluations(limits), np.random.default_rng(seed))
     found = placed(route, limits, knowledge)
-    if found is None or not np.isfinite(least):
-        if not fits:
-            allowed = "larger, for a drive in it by any law that the robot may have"
-            raise InvalidValueError("area", limits.area_text, allowed)
+    if not fits:
+        raise InvalidValueError(
+            "area", limits.area_text, "larger, for a drive in it by any law that the robot may have"
+        )
+    if found is None or not np.isfinite(least_cost):
         why = f"longer, for a drive within the limits to determine the law {law}"
         raise InvalidValueError("duration", limits.duration, why)
     return DrivePlan(
@@ -177,26 +173,23 @@ def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict
     """Sizes that errors of parameters are relative to.
 
     Errors of D are relative to b + D, by which the robot turns; errors of epsilon to 1, as the belts run at
-    1 + epsilon, and so are errors of other pure numbers; errors of decays are relative to the decay itself.
+    1 + epsilon, and so are errors of other pure numbers.
     """
-    sizes = {}
-    for (name, parameter), value in zip(laws.parameters.items(), values.tolist(), strict=True):
-        own = max(abs(value), parameter.scale)
-        length = parameter.unit == "m"
-        sizes[name] = geometry.half_gauge + value if length else own if name.startswith("beta") else 1.0
-    return sizes
+    return {
+        name: geometry.half_gauge + value if parameter.unit == "m" else 1.0
+        for (name, parameter), value in zip(laws.parameters.items(), values.tolist(), strict=True)
+    }
 
 
-def usual_values(law: str, knowledge: Knowledge) -> Array:
+def usual_values(laws: LawFamily, knowledge: Knowledge) -> Array:
     """Parameters (q,) of a law for a robot of which only this is known."""
-    usual = {"offset": knowledge.offset, "radius_error": knowledge.radius_error}
-    laws = family(law)
-    first = laws.starts(knowledge.geometry.half_gauge)[0]
-    found = [
-        usual.get(name.removesuffix("_left").removesuffix("_right"), value)
-        for name, value in zip(laws.names, first.tolist(), strict=True)
-    ]
-    return np.array(found)
+    values = laws.starts(knowledge.geometry.half_gauge)[0]
+    for k, name in enumerate(laws.names):
+        if name.startswith("offset"):
+            values[k] = knowledge.offset
+        elif name.startswith("radius_error"):
+            values[k] = knowledge.radius_error
+    return values
 
 
 def paper_runs(geometry: RobotGeometry) -> list[Array]:
@@ -217,13 +210,5 @@ def expected_of_paper(plan: DrivePlan) -> Expectation | None:
     if not drives:
         return None
     model = DriveModel(family(plan.law), geometry)
-    found = expected(model, with_extras(plan.values), drives, plan.poses, plan.knowledge.slip)
+    found = expected(model, plan.values, drives, plan.poses, plan.knowledge.slip)
     return found if all(name in found.stderr for name in model.family.names) else None
-
-
-def expected_alone(plan: DrivePlan) -> Expectation:
-    """Errors to expect of the planned drive without prior knowledge."""
-    geometry = plan.knowledge.geometry
-    model = DriveModel(family(plan.law), geometry)
-    drive = drive_to_measure(plan.maneuvers.speeds(plan.limits.duration), RATE, plan.poses, geometry.sprocket_radius)
-    return expected(model, with_extras(plan.values), [drive], plan.poses, plan.knowledge.slip)

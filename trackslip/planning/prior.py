@@ -10,7 +10,7 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.files import reason
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.laws.file import NO_SLIP, StoredLaws, read_stored
+from trackslip.laws.file import StoredLaws, read_stored
 from trackslip.odometry.uncertainty import LawErrors, SlipNoise
 from trackslip.planning.limits import Knowledge, first_knowledge
 
@@ -36,26 +36,19 @@ class PriorIdentification:
 def read_identification(path: str | Path, law: str | None = None) -> PriorIdentification:
     """Read a folder of `identify`, its summary.json, or a file of laws with their errors; by default the best law.
 
-    Raises LogError if the law is missing, can't be planned for, or has no standard error.
+    Raises InvalidValueError if the law is missing, LogError if it can't be planned for, or has no standard error.
     """
     stored = read_stored(Path(path))
-    law = law or stored.law_named(None)
-    if law not in stored.laws:
-        found = ", ".join(name for name in stored.laws if name != NO_SLIP) or "none"
-        raise LogError(f"{stored.name}: no law {law} in it; found {found}")
+    law = stored.law_named(law)
     try:
         known = _errors(stored, law)
-        if not known.names:
-            raise LogError(f"{stored.name}: no standard errors of the law {law} in it")
         np.linalg.cholesky(known.covariance)
-        return PriorIdentification(
-            law, stored.geometry, np.array([*stored.values(law).values()]), known, _knowledge(stored, law)
-        )
-    except LogError:
-        raise
+        knowledge = _knowledge(stored, law)
     except (ValueError, KeyError, TypeError, AttributeError, np.linalg.LinAlgError) as error:
-        about = f"what it says of the law {law} is damaged ({reason(error)})"
-        raise LogError(f"{stored.name}: {about}") from error
+        raise LogError(f"{stored.name}: what it says of the law {law} is damaged ({reason(error)})") from error
+    if not known.names:
+        raise LogError(f"{stored.name}: no standard errors of the law {law} in it")
+    return PriorIdentification(law, stored.geometry, np.array([*stored.values(law).values()]), known, knowledge)
 
 
 def _errors(stored: StoredLaws, law: str) -> LawErrors:
@@ -66,17 +59,16 @@ def _errors(stored: StoredLaws, law: str) -> LawErrors:
 
 def _knowledge(stored: StoredLaws, law: str) -> Knowledge:
     """What the laws say about the robot's paths, completed by typical values."""
-    geometry = stored.geometry
-    usual = first_knowledge(geometry)
+    usual = first_knowledge(stored.geometry)
     name = _PATH_LAW if _PATH_LAW in stored.laws else law
     values, known = stored.values(name), _errors(stored, name)
-    errors = dict(zip(known.names, np.sqrt(np.diag(known.covariance)).tolist(), strict=True))
-    if "offset" in errors:
+    doubts = dict(zip(known.names, _DEVIATIONS * np.sqrt(np.diag(known.covariance)), strict=True))
+    if "offset" in doubts:
         offset = values["offset"]
-        doubt = _DEVIATIONS * errors["offset"] / (geometry.half_gauge + offset)
+        doubt = doubts["offset"] / (stored.geometry.half_gauge + offset)
         usual = replace(usual, offset=offset, reach_doubt=_within(doubt, _LEAST_REACH))
-    if "radius_error" in errors:
-        doubt = _within(_DEVIATIONS * errors["radius_error"], _LEAST_RADIUS)
+    if "radius_error" in doubts:
+        doubt = _within(doubts["radius_error"], _LEAST_RADIUS)
         usual = replace(usual, radius_error=values["radius_error"], radius_doubt=doubt)
     if _SIDES in stored.laws:
         sides = stored.values(_SIDES)
@@ -85,7 +77,7 @@ def _knowledge(stored: StoredLaws, law: str) -> Knowledge:
     noise = (stored.drive_fit(law) or {}).get("noise")
     if noise:
         white = SlipNoise.of(noise)
-        along, across, turning = (max(one, _LEAST_SLIP) for one in (white.forward, white.sideways, white.turn))
+        along, across, turning = (max(size, _LEAST_SLIP) for size in (white.forward, white.sideways, white.turn))
         usual = replace(usual, slip=(along, across, turning))
     return usual
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ def _known() -> list[Route]:
     round_trip = np.array([*_CORNERS[1:], _CORNERS[0], *_CORNERS[:0:-1], _CORNERS[0]])
     forwards, back = np.zeros(len(round_trip), bool), np.array([False, True])
     lines = [
-        Route(_CORNERS[0], diagonal, back, _straight(2), share, pairs, shrink=0.01)
+        Route(_CORNERS[0], diagonal, back, np.full(2, STRAIGHT), share, pairs, shrink=0.01)
         for share in (0.25, 0.35, 0.45, 0.55)
         for pairs in (2, 3, 4, 6)
     ]
@@ -63,10 +64,6 @@ def _known() -> list[Route]:
         for bow in (STRAIGHT, STRAIGHT + 1)
     ]
     return lines + rounds
-
-
-def _straight(count: int) -> np.ndarray:
-    return np.full(count, STRAIGHT)
 
 
 def _random(rng: np.random.Generator) -> Route:
@@ -90,25 +87,21 @@ def _changed(route: Route, rng: np.random.Generator) -> Route:
     """A route with one or two properties mutated."""
     for _ in range(int(rng.integers(1, 3))):
         k, kind = int(rng.integers(len(route.place))), int(rng.integers(11))
+        legs: dict[str, Any] = {name: getattr(route, name).copy() for name in ("place", "backwards", "bow")}
         if kind == 0:
-            place = route.place.copy()
-            place[k] = rng.integers(len(WAYPOINTS))
-            route = replace(route, place=place)
+            legs["place"][k] = rng.integers(len(WAYPOINTS))
         elif kind == 1:
-            backwards = route.backwards.copy()
-            backwards[k] ^= True
-            route = replace(route, backwards=backwards)
+            legs["backwards"][k] ^= True
         elif kind == 2:
-            bow = route.bow.copy()
-            bow[k] = rng.integers(len(BOWS))
-            route = replace(route, bow=bow)
+            legs["bow"][k] = rng.integers(len(BOWS))
         elif kind == 3:
             route = replace(route, pairs=int(rng.integers(1, _MOST_PAIRS + 1)))
         elif kind == 4 and len(route.place) < _LEGS:
-            route = _with_leg(route, k, rng)
+            legs["place"] = np.insert(legs["place"], k, rng.integers(len(WAYPOINTS)))
+            legs["backwards"] = np.insert(legs["backwards"], k, rng.random() < 0.5)
+            legs["bow"] = np.insert(legs["bow"], k, STRAIGHT)
         elif kind == 5 and len(route.place) > 2:
-            kept = np.arange(len(route.place)) != k
-            route = replace(route, place=route.place[kept], backwards=route.backwards[kept], bow=route.bow[kept])
+            legs = {name: np.delete(leg, k) for name, leg in legs.items()}
         elif kind == 6:
             route = replace(route, start=int(rng.integers(len(WAYPOINTS))))
         elif kind == 7:
@@ -121,14 +114,5 @@ def _changed(route: Route, rng: np.random.Generator) -> Route:
         else:
             spinning = route.spinning * np.exp(0.25 * rng.standard_normal())
             route = replace(route, spinning=float(np.clip(spinning, 0.0, _MAX_SPINNING)))
+        route = replace(route, **legs)
     return route
-
-
-def _with_leg(route: Route, k: int, rng: np.random.Generator) -> Route:
-    """A route with one more leg in front of the leg `k`."""
-    return replace(
-        route,
-        place=np.insert(route.place, k, rng.integers(len(WAYPOINTS))),
-        backwards=np.insert(route.backwards, k, rng.random() < 0.5),
-        bow=np.insert(route.bow, k, STRAIGHT),
-    )

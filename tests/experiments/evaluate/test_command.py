@@ -176,7 +176,7 @@ def test_mistakes_are_told_in_a_line(refused, files, folder):
     for arguments, message in (
         ((log,), "half_gauge = None: must be given (--half-gauge on the command line)"),
         ((log, "--law", "x" * 300), ": must be none, a folder or file with laws, or with --folds a law of drives"),
-        ((log, "--law", f"{folder}:power"), "; power was retired in trackslip 0.2: see icr_radius"),
+        ((log, "--law", f"{folder}:power"), "law = 'power': must be one of none, "),
         ((log, "--law", folder, "--half-gauge", "0.2"), "its laws are for half_gauge = 0.168 m"),
         ((log, "--sensor", "0", "0", "9", *SIZE), "sensor = 9.0: must be from -3.14159 to 3.14159 rad"),
         ((str(files / "no_poses.parquet"), *SIZE), "encoders were read at less than two of its poses"),

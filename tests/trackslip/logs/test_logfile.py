@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from trackslip.errors import LogError
-from trackslip.logs.logfile import join_parquet, read_runs, read_table, write_csv, write_parquet
+from trackslip.logs.logfile import join_parquet, read_runs, write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.table import SAMPLE_COLUMNS, read_columns, to_table
+from trackslip.logs.table import to_table
 from trackslip.logs.table_reader import runs_from_table
 
 HEADER = "run,t,omega_l,omega_r,x,y,phi\n"
@@ -181,37 +181,18 @@ def test_damaged_files(tmp_path):
             read_runs(tmp_path / "damaged.parquet")
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("beams", 10**12, "beams = 1000000000000: must be a whole number from 2 to 100000"),
-        ("beams", 1.5, "beams = 1.5: must be a whole number"),
-        ("beam_step", 0, "beam_step = 0: must be from 1e-06 to"),
-        ("first_bearing", 10**400, "first_bearing = 1000"),
-        ("noise", float("nan"), "noise = nan: must be a finite number"),
-        ("dropout", 1.0, "dropout = 1.0: must be from 0 to 0.999"),
-        ("mount", [0.0, 1.0], r"mount = \[0.0, 1.0\]: must be 3 finite numbers"),
-        ("max_range", -1.0, "max_range = -1.0: must be a finite number > 0"),
-    ],
-)
-def test_descriptions_of_scanners_that_are_none_are_refused(name, value, message):
+@pytest.mark.parametrize(("name", "value"), [("beams", "many"), ("mount", "there")])
+def test_descriptions_of_scanners_that_are_none_are_refused(name, value):
     table = to_table([full_log()])
     about = json.loads(table.schema.metadata[b"trackslip"])
-    about["runs"]["a run"]["scanned"][name] = value
-    with pytest.raises(LogError, match=f"run 'a run': invalid description of its scanner .{message}"):
+    about["runs"]["a run"]["scanned"] |= {name: value}
+    with pytest.raises(LogError, match="run 'a run': invalid description of its scanner"):
         runs_from_table(table.replace_schema_metadata({b"trackslip": json.dumps(about)}), "memory")
 
 
 def test_two_runs_of_one_name_are_not_written(tmp_path):
     with pytest.raises(LogError, match="run 'a': there are 2 of it"):
         write_parquet([make_log("a"), make_log("a")], tmp_path / "a.parquet")
-
-
-def test_steady_samples(tmp_path):
-    path = tmp_path / "samples.csv"
-    path.write_text("omega_l,omega_r,v,w\n1,2,0.1,0.2\n3,4,0.3,0.4\n")
-    samples = read_columns(read_table(path), SAMPLE_COLUMNS, "samples")
-    np.testing.assert_array_equal(samples, [[1, 2, 0.1, 0.2], [3, 4, 0.3, 0.4]])
 
 
 def test_files_that_are_no_logs(tmp_path):

@@ -129,7 +129,8 @@ def test_a_damaged_summary_is_told_in_a_line(folder, damage):
 
 
 def test_held_parameters_have_no_error():
-    errors = LawErrors.of({"a": 1.0, "b": 2.0}, {"b": 0.5, "sensor_x": 1.0}, [[1.0, 0.3], [0.3, 1.0]])
+    fit = {"values": {"a": 1.0, "b": 2.0}, "stderr": {"b": 0.5, "sensor_x": 1.0}}
+    errors = LawErrors.stored(fit | {"correlation": [[1.0, 0.3], [0.3, 1.0]]})
     assert errors.names == ("b",)
     np.testing.assert_allclose(errors.covariance, [[0.25]])
 
@@ -140,7 +141,8 @@ def test_an_identification_knows_how_wrong_odometry_is():
     found = []
     for seed in range(20):
         drive = fit_drives("icr_radius", [drive_log(seed, 120.0, SOURCES["scanner"])], GEOMETRY)
-        errors = LawErrors.of(drive.values, drive.stderr, drive.correlation)
+        fit = {"values": drive.values, "stderr": drive.stderr, "correlation": drive.correlation}
+        errors = LawErrors.stored(fit)
         odometry = SlipOdometry(drive.law, GEOMETRY, SlipNoise.of(drive.noise), errors)
         rng = np.random.default_rng([seed, 1])
         omega = track_commands("random", 30.0, 50.0, Driver(), rng) / GEOMETRY.sprocket_radius

@@ -164,7 +164,7 @@ def test_an_outward_drift_is_that_of_the_simulator():
 
 def test_noise_is_taken_as_a_fit_to_drives_has_it():
     noise = {"position": 0.02, "heading": 0.01, "slip_forward": 0.002, "slip_sideways": 0.003, "slip_turn": 0.005}
-    assert SlipOdometry(ICR, GEOMETRY, noise).noise == SlipNoise(0.002, 0.003, 0.005)
+    assert SlipNoise.of(noise) == SlipNoise(0.002, 0.003, 0.005)
 
 
 def test_at_rest_nothing_grows():
@@ -197,7 +197,7 @@ def test_a_reset_starts_anew():
         (lambda o: o.path([0.0, 1.0], np.ones((3, 2))), "time = (2,): must be one time per row of omega, (3,)"),
         (lambda o: SlipNoise(turn=-1.0), "turn = -1.0: must be a finite number >= 0"),
         (
-            lambda o: SlipOdometry(ICR, GEOMETRY, {"slip_turn": 0.1}),
+            lambda o: SlipNoise.of({"slip_turn": 0.1}),
             "noise = ['slip_turn']: must be a mapping with",
         ),
         (lambda o: LawErrors(("offset",), np.eye(2)), "covariance = (2, 2): must be of shape (1, 1)"),

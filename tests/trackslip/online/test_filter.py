@@ -120,7 +120,8 @@ def test_stays_put_when_nothing_is_to_be_learnt():
     drive.run(30.0, omega=(0.0, 0.0))
     assert (np.abs(drive.found.state[:, 3:] - known) < np.sqrt(np.einsum("nii->ni", spread))).all()
     assert (np.einsum("nii->ni", drive.found.covariance[:, 3:, 3:] - spread) <= 1e-12).all()
-    known, spread = drive.found.offset, drive.found.offset_stderr
+    known, gain = drive.found.offset, drive.found.state[:, 3]
+    spread = GEOMETRY.half_gauge / gain**2 * np.sqrt(drive.found.covariance[:, 3, 3])
     drive.run(30.0, omega=(2.5, 2.5))
     drive.run(30.0, omega=(-2.5, -2.5))
     assert (np.abs(drive.found.offset - known) < spread).all()

@@ -32,7 +32,7 @@ def test_a_path_is_that_of_the_law():
 
 
 def test_the_margin_is_three_and_a_half_standard_deviations_of_slip():
-    omega = np.concatenate([np.zeros((1, 2)), MANEUVERS.speeds(MANEUVERS.total)]) / 0.06
+    omega = np.concatenate([np.zeros((1, 2)), MANEUVERS.speeds(MANEUVERS.duration.sum())]) / 0.06
     law = ConstantIcr(EXACT.offset, 0.168)
     rng = np.random.default_rng(0)
     slip = (0.004, 0.004, 0.01)

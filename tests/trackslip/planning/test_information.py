@@ -13,7 +13,7 @@ from trackslip.identification.path import DriveModel
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.odometry.uncertainty import LawErrors
-from trackslip.planning.information import PoseQuality, drive_to_measure, expected, with_extras
+from trackslip.planning.information import PoseQuality, drive_to_measure, expected
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 MODEL = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
@@ -30,7 +30,7 @@ def test_fits_miss_the_law_by_about_what_is_expected(poses):
     """Drives of two minutes with slip that varies and noisy poses; `validation/test_plan_trials.py` has hundreds."""
     speeds = np.tile(SPEEDS, (6, 1))
     drive = drive_to_measure(speeds, RATE, poses, 0.06)
-    stated = expected(MODEL, with_extras(TRUTH), [drive], poses, SLIP).stderr
+    stated = expected(MODEL, TRUTH, [drive], poses, SLIP).stderr
     law = LawMotion(FAMILIES["icr_radius"].law(TRUTH, GEOMETRY), GEOMETRY, SlipVariation(*SLIP))
     missed = []
     for seed in range(10):
@@ -48,7 +48,7 @@ def test_fits_miss_the_law_by_about_what_is_expected(poses):
 def test_thinned_poses_tell_about_as_much():
     many = PoseQuality(40.0, 0.02, np.radians(1.0))
     errors = [
-        expected(MODEL, with_extras(TRUTH), [drive_to_measure(SPEEDS, RATE, poses, 0.06)], poses, SLIP).stderr
+        expected(MODEL, TRUTH, [drive_to_measure(SPEEDS, RATE, poses, 0.06)], poses, SLIP).stderr
         for poses in (many, many.thinned(10.0))
     ]
     assert errors[1]["offset"] == pytest.approx(errors[0]["offset"], rel=0.05)
@@ -57,22 +57,22 @@ def test_thinned_poses_tell_about_as_much():
 
 def test_what_the_driving_does_not_tell_is_held():
     straight = np.full((400, 2), 0.3)
-    found = expected(MODEL, with_extras(TRUTH), [drive_to_measure(straight, RATE, COARSE, 0.06)], COARSE, SLIP)
+    found = expected(MODEL, TRUTH, [drive_to_measure(straight, RATE, COARSE, 0.06)], COARSE, SLIP)
     assert "offset" in found.held
     assert "radius_error" in found.stderr
     without = PoseQuality(5.0, 0.05, None)
-    found = expected(MODEL, with_extras(TRUTH), [drive_to_measure(SPEEDS, RATE, without, 0.06)], without, SLIP)
+    found = expected(MODEL, TRUTH, [drive_to_measure(SPEEDS, RATE, without, 0.06)], without, SLIP)
     assert "sensor_yaw" in found.held
 
 
 def test_information_from_before_adds_up():
     """Twice the same drive, or one and what is known of the law from the other: the extras of the first are its own."""
     drive = drive_to_measure(SPEEDS, RATE, COARSE, 0.06)
-    alone = expected(MODEL, with_extras(TRUTH), [drive], COARSE, SLIP)
+    alone = expected(MODEL, TRUTH, [drive], COARSE, SLIP)
     covariance = np.diag([alone.stderr["offset"] ** 2, alone.stderr["radius_error"] ** 2])
     known = LawErrors(("offset", "radius_error"), covariance)
-    both = expected(MODEL, with_extras(TRUTH), [drive], COARSE, SLIP, known)
+    both = expected(MODEL, TRUTH, [drive], COARSE, SLIP, known)
     for name in known.names:
         assert 0.5 * alone.stderr[name] < both.stderr[name] < 0.8 * alone.stderr[name]
     certain = LawErrors(("offset", "radius_error"), 1e-12 * np.eye(2))
-    assert expected(MODEL, with_extras(TRUTH), [drive], COARSE, SLIP, certain).stderr["offset"] < 1.1e-6
+    assert expected(MODEL, TRUTH, [drive], COARSE, SLIP, certain).stderr["offset"] < 1.1e-6

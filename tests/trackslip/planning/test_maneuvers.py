@@ -20,7 +20,7 @@ def test_speeds_and_accelerations_stay_within_the_limits(ways, speed, accelerati
     maneuvers = Maneuvers.of(np.array(ways), limits)
     if not len(maneuvers.way):
         return
-    speeds = maneuvers.speeds(maneuvers.total + 1.0)
+    speeds = maneuvers.speeds(maneuvers.duration.sum() + 1.0)
     assert np.abs(speeds).max() <= speed * (1 + 1e-9)
     change = np.diff(speeds, axis=0, prepend=np.zeros((1, 2)), append=np.zeros((1, 2)))
     assert np.abs(change).max() * RATE <= acceleration * (1 + 1e-6)
@@ -44,6 +44,6 @@ def test_yaw_rates_are_limited():
 @pytest.mark.parametrize("duration", [0.1, 0.5, 1.0, 7.31])
 def test_the_longest_spin_fits_and_none_longer_does(duration):
     way = longest_spin(duration, LIMITS)
-    assert Maneuvers.of(np.array([[-way, way]]), LIMITS).total <= duration + 1e-9
+    assert Maneuvers.of(np.array([[-way, way]]), LIMITS).duration.sum() <= duration + 1e-9
     longer = way + 0.3 / RATE
-    assert Maneuvers.of(np.array([[-longer, longer]]), LIMITS).total > duration
+    assert Maneuvers.of(np.array([[-longer, longer]]), LIMITS).duration.sum() > duration

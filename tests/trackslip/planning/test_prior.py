@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, TrackslipError
 from trackslip.planning.prior import read_identification
 
 STDERR = {"offset": 2e-4, "radius_error": 9e-4, "sensor_x": 1e-3}
@@ -63,7 +63,7 @@ def test_a_law_of_steady_stretches_has_errors_alone(tmp_path):
         ({}, "no slip laws in it"),
         ([], "no slip laws in it"),
         (summary() | {"geometry": {"half_gauge": -1, "sprocket_radius": 1}}, "half_gauge = -1"),
-        (summary() | {"slip_laws": {"icr": ICR}}, "no law icr_radius in it; found icr"),
+        (summary() | {"slip_laws": {"icr": ICR}}, "law = 'icr_radius': must be one of none, icr (in "),
         (summary(stderr={}), "no standard errors of the law icr_radius in it"),
         (summary(values={"offset": 0.04}), "radius_error = None: must be a number"),
         (summary(correlation=[[1, 2, 0], [2, 1, 0], [0, 0, 1]]), "is damaged (covariance"),
@@ -73,7 +73,7 @@ def test_a_law_of_steady_stretches_has_errors_alone(tmp_path):
     ],
 )
 def test_summaries_that_cannot_be_used(tmp_path, content, message):
-    with pytest.raises(LogError) as refused:
+    with pytest.raises(TrackslipError) as refused:
         read_identification(written(tmp_path, content), "icr_radius")
     assert message in str(refused.value)
     assert "summary.json" in str(refused.value)
