@@ -69,25 +69,6 @@ def test_slow_stretches_are_told_apart_beside_fast_ones():
     np.testing.assert_allclose(found.samples.twist, np.outer([1.0, 0.06, 0.1], TWIST), atol=1e-6)
 
 
-def test_a_glitch_is_left_out_and_listed():
-    log = driven()
-    log.pose[200:203, 0] += 5.0
-    part = steady_part(log, GEOMETRY)
-    assert np.flatnonzero(~part.log.is_valid).tolist() == [200, 201, 202]
-    assert part.window == pytest.approx((SETTLE, 19.95 - MARGIN))
-    assert part.notes == ("run 'run': its pose jumps by 5 m at t = 10 s",)
-    np.testing.assert_allclose(usable_samples([log], GEOMETRY, longest=True).samples.slip[0], LAW(0.5), atol=1e-6)
-
-
-def test_after_a_lasting_jump_the_longer_part_is_used():
-    log = driven()
-    log.pose[120:, 1] -= 3.0
-    part = steady_part(log, GEOMETRY)
-    assert part.window == pytest.approx((6.0 + SETTLE, 19.95 - MARGIN))
-    assert part.log.is_valid.all()
-    np.testing.assert_allclose(usable_samples([log], GEOMETRY, longest=True).samples.slip[0], LAW(0.5), atol=1e-6)
-
-
 def test_a_gap_in_the_clock_parts_a_run():
     log = driven()
     late = np.where(log.time >= 5.0, log.time + 7.0, log.time)  # the clock jumps, the robot doesn't
