@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.kinematics import Array, RobotGeometry
+from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
 from trackslip.motion.constant_speed import SETTLE, constant_stretches
@@ -20,12 +20,8 @@ MARGIN = 0.5
 _SHORTEST = 0.5  # what has to be left of a stretch [s]
 _GAP = 5.0  # time step that is a gap in the clock [median time steps]
 _MIN_GAP = 0.3  # [s]
-_FAR = 0.3  # error of a pose beyond which its step says something about the units [m]
-_OVERDRIVE = 3.0  # maximum ratio of the distance between plausible poses to that of the faster sprocket [-]
 STANDING = 1e-3  # sprocket speed at rest: one turn takes more than an hour and a half [rad/s]
 _RESTING = 0.01  # the same, relative to the run's fastest
-_MOSTLY = 0.5  # share of implausible steps above which the units are wrong, not the poses
-_LENGTHS = (("millimetres", 1000.0), ("centimetres", 100.0))
 _MIN_HALF = 2 * MIN_ARC_POSES  # minimum number of valid poses in each half, to compare them
 _SIGNIFICANT = 6.0  # significant difference between the halves [standard errors]
 _CHANGE = 0.05  # relevant relative change of the twist
@@ -79,20 +75,18 @@ def turning_stretches(log: RunLog) -> int:
     return sum(_turns(log.omega, *piece) for piece in pieces)
 
 
-def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
+def steady_part(log: RunLog, settle: float = SETTLE) -> SteadyPart:
     """The longest steady stretch of a run, under the name of the run; raises LogError like `steady_parts`."""
-    longest = max(steady_parts(log, geometry, settle), key=lambda part: part.window[1] - part.window[0])
+    longest = max(steady_parts(log, settle), key=lambda part: part.window[1] - part.window[0])
     return replace(longest, name=log.run)
 
 
-def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
+def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
     """All steady stretches of a run in which its sprockets turn, each less `settle` [s] at its start.
 
-    The geometry reveals wrong units of length. Raises LogError if the run is at rest, has no headings or no steady
-    stretch that is long enough.
+    Raises LogError if the run is at rest, has no headings or no steady stretch that is long enough.
     """
     _require_headings(log)
-    _require_lengths(log, geometry)
     step = np.diff(log.time)
     gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
     notes = [
@@ -162,22 +156,6 @@ def _require_headings(log: RunLog) -> None:
         raise LogError(f"run {log.run!r}: has no headings: steady stretches need phi, --method drive does not")
     if log.has_heading.any() and not log.has_place.any():
         raise LogError(f"run {log.run!r}: has no positions: steady stretches need x and y, --method drive does not")
-
-
-def _require_lengths(log: RunLog, geometry: RobotGeometry) -> None:
-    """Raise LogError if most poses are farther apart than the sprockets could drive."""
-    rows = np.flatnonzero(log.has_place)
-    if len(rows) < 2:
-        return
-    ways, steps = np.hypot(*np.diff(log.pose[rows, :2], axis=0).T), np.diff(log.time[rows])
-    driven = geometry.sprocket_radius * float(np.abs(log.omega).max()) * steps
-    if (ways > _FAR + _OVERDRIVE * driven).mean() > _MOSTLY:
-        times = float(np.median(ways)) / max(float(np.median(driven)), 1e-300)
-        unit = next((f"; it looks like {name}" for name, per in _LENGTHS if per / 2 < times < per * 1.4), "")
-        raise LogError(
-            f"run {log.run!r}: its poses move {times:.3g} times as far as its sprockets drive: check the units "
-            f"(m, rad/s){unit}"
-        )
 
 
 def _turns(omega: Array, first: int, last: int) -> bool:
