@@ -75,4 +75,4 @@ def test_steady_stretches_of_a_log_of_100_000_rows(benchmark):
     place = np.cumsum(twist[:, 0] * np.exp(1j * turn)) * 0.01
     pose = np.column_stack([place.real, place.imag, turn]) + rng.normal(0, 0.005, (len(turn), 3))
     log = RunLog("long", 0.01 * np.arange(len(turn)), LAW.sprocket_speeds(twist, GEOMETRY), pose)
-    assert len(benchmark(steady_parts, log, GEOMETRY)) > 160
+    assert len(benchmark(steady_parts, log)) > 160

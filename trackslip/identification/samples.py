@@ -197,7 +197,7 @@ def usable_samples(
     left_out, steady = list(refused), 0.0
     for log in logs:
         try:
-            parts = (steady_part(log, geometry, settle),) if longest else steady_parts(log, geometry, settle)
+            parts = (steady_part(log, settle),) if longest else steady_parts(log, settle)
         except LogError as error:
             left_out.append(Refused.of(log.run, error))
             continue
@@ -230,7 +230,7 @@ def true_samples(
         truth = log.truth
         if truth is None or (of_plate and truth.lean is None):
             raise LogError(f"run {log.run!r}: has no truth")
-        part = steady_part(log, geometry, settle)
+        part = steady_part(log, settle)
         twist = truth.twist[part.rows][:, [0, 2]]
         if of_plate and truth.lean is not None:
             twist = np.column_stack([twist[:, 0] - twist[:, 1] * truth.lean[part.rows], twist[:, 1]])

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from trackslip import se2
 from trackslip.errors import LogError
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
 MIN_ARC_POSES = 12  # minimum number of valid poses for an arc
 _SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # weights of position [m] and heading [rad]
 _HUBER = 3.0  # residual above which the loss is linear [_SCALE, or the spread of the residuals if larger]
+_WILD = 3  # successive poses off the arc that are wild: more of them are a jump
+_LEAST_JUMP = np.array([0.05, np.radians(3.0)])  # smaller ones hardly change the twist [m, rad]
+_JUMP = 4.0  # difference of two medians of seven poses that is no chance [standard deviations of a pose]
+_OF_MEDIAN = np.array(
+    [0.8493, 1.4826]
+)  # standard deviation over the median size of two coordinates, and of the heading
+_UNEVEN = 0.1  # the same, relative to the motion between them: slip may vary a little [-]
 _ITERATIONS = 50
 _CONVERGED = 1e-10
 
@@ -21,8 +29,9 @@ def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     """Least-squares fit of six parameters, a pose and a twist with lateral speed, to all valid poses.
 
     All poses have equal weight: their covariances, optimistic where the plate is seen nearly edge-on, would make the
-    fit worse. Huber's loss limits outliers. The covariance is that of an M-estimator with scores correlated in time.
-    Raises LogError if there are fewer than MIN_ARC_POSES valid poses or their numbers are too large to compute with.
+    fit worse. Huber's loss limits outliers, as poses that are wild for a few rows. The covariance is that of an
+    M-estimator with scores correlated in time. Raises LogError if there are fewer than MIN_ARC_POSES valid poses, if
+    they jump for good, as of a relocalisation, or if their numbers are too large to compute with.
     """
     try:
         with np.errstate(all="ignore"):
@@ -39,12 +48,37 @@ def _fitted(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     require_poses(rows, MIN_ARC_POSES, log, window)
     time = log.time[rows] - log.time[rows].mean()
     parameters, hessian, scores, count = fit_arc(time, log.pose[rows])
+    _require_no_jump(log.run, log.time[rows], log.pose[rows], poses_on_arc(parameters, time)[0])
     if not np.isfinite(np.sum(scores**2)):
         raise np.linalg.LinAlgError
     inverse = np.linalg.inv(hessian)
     covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
     correction = count / (count - len(parameters))
     return SteadyTwist.of_arc(parameters, covariance * correction)
+
+
+def _require_no_jump(run: str, time: Array, pose: Array, on_arc: Array) -> None:
+    """Raise LogError where poses (T, 3) step away from their arc (T, 3) and stay there longer than a few wild ones."""
+    fresh = np.append(True, (np.diff(pose, axis=0) != 0).any(axis=1))  # held poses lag behind, then catch up
+    time, on_arc, off = time[fresh], on_arc[fresh], (pose - on_arc)[fresh]
+    off[:, 2] = wrap_angle(off[:, 2])
+    noise = _OF_MEDIAN / np.sqrt(2) * np.median(_sizes(np.diff(off, axis=0)), axis=0)
+    width = 2 * _WILD + 1
+    lasting = scipy.ndimage.median_filter(off, (width, 1))[_WILD:-_WILD]
+    step = _sizes(lasting[width:] - lasting[:-width])
+    motion = _sizes(on_arc[width:] - on_arc[:-width])[_WILD:-_WILD]
+    excess = (step / np.maximum(np.maximum(_LEAST_JUMP, _JUMP * noise), _UNEVEN * motion)).max(axis=1, initial=0.0)
+    if excess.max(initial=0.0) > 1:
+        k = int(excess.argmax())
+        raise LogError(
+            f"run {run!r}: its poses jump by {step[k, 0]:.2g} m and {np.degrees(step[k, 1]):.2g}° about "
+            f"t = {time[k + _WILD + width]:.12g} s and stay there; if they don't, check the units (m, rad)"
+        )
+
+
+def _sizes(change: Array) -> Array:
+    """Distances and turns (T, 2) of changes of poses (T, 3), neither negative."""
+    return np.column_stack([np.hypot(change[:, 0], change[:, 1]), np.abs(change[:, 2])])
 
 
 def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
@@ -56,7 +90,9 @@ def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
     parameters = _start(time, pose)
     for _ in range(_ITERATIONS):
         predicted, jacobian = poses_on_arc(parameters, time)
-        residual, jacobian = (predicted - pose) / _SCALE, jacobian / _SCALE[:, None]
+        missed = predicted - pose
+        missed[:, 2] = wrap_angle(missed[:, 2])
+        residual, jacobian = missed / _SCALE, jacobian / _SCALE[:, None]
         spread = np.maximum(1.0, 1.4826 * np.median(np.abs(residual), axis=0))
         weight = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(residual), 1e-300))
         weighted = jacobian * weight[..., None]
@@ -69,13 +105,17 @@ def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
 
 
 def _start(time: Array, pose: Array) -> Array:
-    """x, y, phi in the middle of the run, and v, u, w (6,), from chords projected on the heading."""
-    w, phi = np.polyfit(time, pose[:, 2], 1)
+    """x, y, phi in the middle of the run, and v, u, w (6,), from chords projected on the heading.
+
+    Medians, as a few poses may be wild, and a wild heading may have added a turn to those after it.
+    """
     stride = max(1, len(time) // 30)
-    coarse, at = pose[::stride], time[::stride]
-    v = np.sum(se2.log(se2.steps(coarse))[:, 0]) / (at[-1] - at[0])
-    nearest = pose[np.abs(time).argmin()]
-    return np.array([nearest[0], nearest[1], phi, v, 0.0, w])
+    coarse, elapsed = pose[::stride], np.diff(time[::stride])
+    v = np.median(se2.log(se2.steps(coarse))[:, 0] / elapsed)
+    w = np.median(np.diff(coarse[:, 2]) / elapsed)
+    start = np.array([0.0, 0.0, np.median(pose[:, 2] - w * time), v, 0.0, w])
+    start[:2] = np.median(pose[:, :2] - poses_on_arc(start, time)[0][:, :2], axis=0)
+    return start
 
 
 def poses_on_arc(parameters: Array, time: Array) -> tuple[Array, Array]:

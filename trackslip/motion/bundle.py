@@ -82,6 +82,5 @@ def _slopes(fit: Evaluation, jacobian: Array) -> tuple[Array, Array]:
     """
     fit = fit.in_lrf_frame()
     scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
-    parameters = jacobian.shape[-1]
-    weighted = (fit.hessian[..., None] * jacobian[:, :, None]).reshape(-1, parameters)  # of all pairs of coordinates
-    return scores, np.einsum("ri,rj->ij", weighted, jacobian.repeat(3, axis=0).reshape(-1, parameters))
+    hessian = (jacobian.swapaxes(1, 2) @ fit.hessian @ jacobian).sum(axis=0)
+    return scores, hessian

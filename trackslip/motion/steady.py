@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.kinematics import Array, RobotGeometry
+from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
 from trackslip.motion.constant_speed import SETTLE, constant_stretches
-from trackslip.motion.jumps import Jumps, find_jumps
 from trackslip.motion.steady_twist import within
 
 MARGIN = 0.5
@@ -22,19 +20,14 @@ MARGIN = 0.5
 _SHORTEST = 0.5  # what has to be left of a stretch [s]
 _GAP = 5.0  # time step that is a gap in the clock [median time steps]
 _MIN_GAP = 0.3  # [s]
-_FAR = 0.3  # error of a pose beyond which its step says something about the units [m]
-_OVERDRIVE = 3.0  # maximum ratio of the distance between plausible poses to that of the faster sprocket [-]
 STANDING = 1e-3  # sprocket speed at rest: one turn takes more than an hour and a half [rad/s]
 _RESTING = 0.01  # the same, relative to the run's fastest
-_MOSTLY = 0.5  # share of implausible steps above which the units are wrong, not the poses
-_LENGTHS = (("millimetres", 1000.0), ("centimetres", 100.0))
 _MIN_HALF = 2 * MIN_ARC_POSES  # minimum number of valid poses in each half, to compare them
 _SIGNIFICANT = 6.0  # significant difference between the halves [standard errors]
 _CHANGE = 0.05  # relevant relative change of the twist
 _TURNING = 0.2  # curvature [1/m] of nearly straight paths, and radius [m] of turns nearly in place
 _EVEN = 1e-3  # relative difference of time steps that count as equal
-_MIN_COMPARED = 8  # poses needed to find jumps
-_LISTED = 3  # gaps and jumps that are described where no stretch is long enough
+_LISTED = 3  # gaps that are described where no stretch is long enough
 _LOAD_CHANGE = 0.1  # change of the traction per unit load within a piece [-]
 _SHORTEST_PIECE = 1.5  # duration of a piece [s]
 
@@ -46,7 +39,7 @@ class SteadyPart:
     name: str
     """Name of the run and, if the run has several stretches, when this one begins."""
     log: RunLog
-    """The run from the stretch before to the one after; poses that jump away and back are marked as not valid."""
+    """The run from the stretch before to the one after."""
     window: tuple[float, float]
     """Start and end [s]."""
     notes: tuple[str, ...]
@@ -82,20 +75,18 @@ def turning_stretches(log: RunLog) -> int:
     return sum(_turns(log.omega, *piece) for piece in pieces)
 
 
-def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
+def steady_part(log: RunLog, settle: float = SETTLE) -> SteadyPart:
     """The longest steady stretch of a run, under the name of the run; raises LogError like `steady_parts`."""
-    longest = max(steady_parts(log, geometry, settle), key=lambda part: part.window[1] - part.window[0])
+    longest = max(steady_parts(log, settle), key=lambda part: part.window[1] - part.window[0])
     return replace(longest, name=log.run)
 
 
-def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
+def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
     """All steady stretches of a run in which its sprockets turn, each less `settle` [s] at its start.
 
-    The geometry reveals wrong units of length. Raises LogError if the run is at rest, has no headings or no steady
-    stretch that is long enough.
+    Raises LogError if the run is at rest, has no headings or no steady stretch that is long enough.
     """
     _require_headings(log)
-    _require_lengths(log, geometry)
     step = np.diff(log.time)
     gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
     notes = [
@@ -104,12 +95,8 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
     lead = max(settle, MARGIN)
     enough = max(_SHORTEST, _time_of_poses(log, MIN_ARC_POSES))
     least = lead + MARGIN + enough
-    constant, longest = constant_stretches(log.time, log.omega, gaps, least)
-    log, pieces, jumps = _without_jumps(log, constant)
-    notes += jumps
-    long = [(first, last) for first, last in pieces if log.time[last] - log.time[first] >= least]
+    long, longest = constant_stretches(log.time, log.omega, gaps, least)
     if not long:
-        longest = max(pieces, key=lambda piece: log.time[piece[1]] - log.time[piece[0]], default=longest)
         begin, end = log.time[list(longest)]
         why = [note.removeprefix(f"run {log.run!r}: ") for note in notes[:_LISTED]] + [
             f"steady from {begin:.12g} s to {end:.12g} s only, too short"
@@ -134,11 +121,12 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
 
 
 def require_steady_motion(part: SteadyPart) -> None:
-    """Raise LogError if the twist differs between the halves of a steady part although the sprocket speeds do not.
+    """Raise LogError if the poses of a steady part jump, or the twist differs between its halves.
 
     For example, the robot drives onto other ground or against an obstacle.
     """
     begin, end = part.window
+    arc(part.log, part.window)  # refuses jumps
     middle = (begin + end) / 2
     halves = (part.rows & part.log.is_valid & (late == (part.log.time > middle)) for late in (False, True))
     if min(half.sum() for half in halves) < _MIN_HALF:
@@ -170,64 +158,11 @@ def _require_headings(log: RunLog) -> None:
         raise LogError(f"run {log.run!r}: has no positions: steady stretches need x and y, --method drive does not")
 
 
-def _require_lengths(log: RunLog, geometry: RobotGeometry) -> None:
-    """Raise LogError if most poses are farther apart than the sprockets could drive."""
-    rows = np.flatnonzero(log.has_place)
-    if len(rows) < 2:
-        return
-    ways, steps = np.hypot(*np.diff(log.pose[rows, :2], axis=0).T), np.diff(log.time[rows])
-    driven = geometry.sprocket_radius * float(np.abs(log.omega).max()) * steps
-    if (ways > _FAR + _OVERDRIVE * driven).mean() > _MOSTLY:
-        times = float(np.median(ways)) / max(float(np.median(driven)), 1e-300)
-        unit = next((f"; it looks like {name}" for name, per in _LENGTHS if per / 2 < times < per * 1.4), "")
-        raise LogError(
-            f"run {log.run!r}: its poses move {times:.3g} times as far as its sprockets drive: check the units "
-            f"(m, rad/s){unit}"
-        )
-
-
 def _turns(omega: Array, first: int, last: int) -> bool:
     """True if a sprocket turns in a stretch by more than its encoder's noise."""
     of_stretch = omega[first : last + 1]
     rest = max(STANDING, _RESTING * float(np.abs(omega).max()), float(of_stretch.std(axis=0).max()))
     return float(np.abs(of_stretch.mean(axis=0)).max()) > rest
-
-
-def _without_jumps(
-    log: RunLog, stretches: Sequence[tuple[int, int]]
-) -> tuple[RunLog, list[tuple[int, int]], list[str]]:
-    """The run with glitches marked as not valid, the stretches cut where poses jump for good, and notes."""
-    headed = np.flatnonzero(log.has_heading & log.has_place)
-    valid = log.is_valid.copy()
-    pieces: list[tuple[int, int]] = []
-    notes: list[str] = []
-    for first, last in stretches:
-        rows = headed[np.searchsorted(headed, first) : np.searchsorted(headed, last + 1)]
-        starts: list[int] = []
-        if len(rows) >= _MIN_COMPARED:
-            jumps = find_jumps(log.time[rows], log.pose[rows])
-            valid[rows[jumps.glitch]] = False
-            starts = [int(rows[k]) for k in jumps.lasting]
-            notes += _described(log.run, log.time[rows], jumps)
-        edges = [first, *starts, last + 1]
-        pieces += [(begin, end - 1) for begin, end in itertools.pairwise(edges)]
-    if valid.sum() < log.is_valid.sum():
-        log = replace(log, valid=valid, pose=log.pose.copy())
-        kept = log.has_heading
-        log.pose[kept, 2] = np.unwrap(log.pose[kept, 2])  # a glitch may have added a turn
-    return log, pieces, notes
-
-
-def _described(run: str, time: Array, jumps: Jumps) -> list[str]:
-    """A line for each jump; successive glitches count as one."""
-    notes = []
-    begins = jumps.glitch & ~np.concatenate([[False], jumps.glitch[:-1]])
-    for k in sorted([*np.flatnonzero(begins), *jumps.lasting]):
-        way, turn = float(np.hypot(*jumps.size[k, :2])), float(np.degrees(np.abs(jumps.size[k, 2])))
-        size = f"{way:.3g} m" + (f" and {turn:.2g}°" if turn > 1 else "")
-        stays = " and stays there" if k in jumps.lasting else ""
-        notes.append(f"run {run!r}: its pose jumps by {size} at t = {time[k]:.12g} s{stays}")
-    return notes
 
 
 def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:

@@ -104,19 +104,21 @@ def test_an_unknown_unit_is_an_alarm_that_deploy_minds(trackslip, refused, tmp_p
 
 
 def test_what_is_odd_is_listed_and_the_rest_is_used(tmp_path):
-    """A gap in the clock, a jump of the pose, and degrees in one run."""
+    """A gap in the clock, a wild heading, a lasting jump, and degrees, each in a run."""
     runs = rows_of()
     for row in runs[0][50:]:
         row[1] += 30.0
-    runs[2][100][5] += 3.0
+    runs[1][100][6] += 3.0
+    for row in runs[2][100:]:
+        row[5] += 3.0
     for row in runs[3]:
         row[6] = np.degrees(row[6])
     found = identify(written(runs, tmp_path / "log.csv"), ROBOT, method="steady")
     warnings = " ".join(found.warnings)
     assert "run 'run 0': its clock has a gap from t = 4.9 s to 35 s" in warnings
-    assert "run 'run 2': its pose jumps by" in warnings
+    assert "run 'run 2' left out: its poses jump by" in warnings
     assert "check the units" in next(outlier.reason for outlier in found.outliers if outlier.run.startswith("run 3"))
-    assert {outlier.run.partition(" @")[0] for outlier in found.outliers} == {"run 3"}
+    assert {outlier.run.partition(" @")[0] for outlier in found.outliers} == {"run 2", "run 3"}
     assert [name for name in found.samples.run if name.startswith("run 0")] == ["run 0 @ 1.5 s", "run 0 @ 36.5 s"]
     assert offset_of(found) == pytest.approx(0.09, abs=0.003)
 

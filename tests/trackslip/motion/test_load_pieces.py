@@ -37,7 +37,7 @@ def driven(slope: float, known: bool = True) -> RunLog:
 
 
 def test_pieces_under_nearly_one_load_make_up_the_stretch():
-    part = steady_part(driven(0.17), GEOMETRY)
+    part = steady_part(driven(0.17))
     pieces = load_pieces(part)
     assert len(pieces) > 3
     assert pieces[0].window[0] == part.window[0]
@@ -49,7 +49,7 @@ def test_pieces_under_nearly_one_load_make_up_the_stretch():
 
 @pytest.mark.parametrize(("slope", "known"), [(0.0, True), (0.17, False)])
 def test_a_stretch_without_load_stays_whole(slope, known):
-    part = steady_part(driven(slope, known), GEOMETRY)
+    part = steady_part(driven(slope, known))
     assert load_pieces(part) == (part,)
 
 
