@@ -132,7 +132,7 @@ def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
     commanded = body_twist(samples.omega, 0.0, geometry)
     along = length * np.where(commanded < 0, -samples.twist, samples.twist)  # (n, 2) [m/s]
     size = length * np.abs(commanded)
-    covariance = 0.0 if samples.covariance is None else np.einsum("nkk->nk", samples.covariance)
+    covariance = 0.0 if samples.covariance is None else np.maximum(np.einsum("nkk->nk", samples.covariance), 0.0)
     error = _SIGNIFICANT * length * np.sqrt(covariance)
     plausible = (along >= _KEPT[0] * size - error) & (along <= _KEPT[1] * size + error)
     fastest = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1, keepdims=True)
