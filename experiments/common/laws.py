@@ -14,16 +14,15 @@ from trackslip.laws.families import FAMILIES, GAINS
 
 @dataclass(frozen=True)
 class Look:
-    """Appearance of a slip law, of a compensation by a law, or of another model of the motion."""
+    """Appearance of a slip law, of a compensation by a law, or of another model of the motion.
 
-    label: str
-    """What it is, in a few words."""
+    Colours have a contrast of at least 3 : 1 on light pages and on dark ones, which invert figures.
+    """
+
+    label: str  # what it is, in a few words
     colour: str = "#009E73"
-    """Colour of its lines, with a contrast of at least 3 : 1 on light pages and on dark ones, which invert figures."""
-    dashes: Any = "-"
-    """Its line style in matplotlib, unique so that lines differ without colour."""
-    formula: tuple[str, ...] = ("-",)
-    """Lines."""
+    dashes: Any = "-"  # matplotlib's line style, unique so that lines differ without colour
+    formula: tuple[str, ...] = ("-",)  # lines
 
 
 _LOOKS: dict[str, tuple[Any, ...]] = {

@@ -14,8 +14,7 @@ from trackslip.identification.result import Identification
 from trackslip.laws.families import FAMILIES
 from trackslip.logs.runlog import in_few_lines
 
-LINES = 25
-"""On the terminal at most, with the line of the report."""
+LINES = 25  # on the terminal at most, with the line of the report
 _AHEAD = 5.0  # horizon of the errors that are told [s]
 _MOST_ALARMS, _MOST_NOTES = 4, 2
 
