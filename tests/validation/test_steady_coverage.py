@@ -33,7 +33,7 @@ REPEATS = 100
 """Sets of samples drawn from each law."""
 GRIDS = 40
 """Grids of the paper's runs, from new points of the circles, that are driven and fitted."""
-DRAWN_LAWS = tuple(name for name, law in FAMILIES.items() if law.names and not law.loaded and not law.fast)
+DRAWN_LAWS = tuple(n for n, law in FAMILIES.items() if law.names and law.of_runs and not law.loaded and not law.fast)
 """The laws that samples are drawn from: on level ground and in slow turns, none of slip under load or by speed."""
 
 Values = Mapping[str, float]
