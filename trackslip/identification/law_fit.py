@@ -100,7 +100,7 @@ def fit_drives(
     free, mean = _free(model, fixed), _means(model, sensor)
     if "offset_left" in model.names:
         values[model.index("sensor_y")] = (held or {}).get("sensor_y", mean[model.index("sensor_y")])
-    fit = fit_windows(model, first.data, first.length, values, free, mean, first.spread, rounds=1)
+    fit = fit_windows(model, first.data, first.length, values, free, mean, first.spread)
     return _described(fit, fixed, geometry)
 
 
@@ -149,7 +149,7 @@ def _reference(
     for length in LENGTHS:
         if fits and length > longest:
             break
-        fit = fit_windows(model, data, length, values, free, mean, spread, rounds=1, twice=False)
+        fit = fit_windows(model, data, length, values, free, mean, spread, twice=False)
         if fits and len(fit.score) < min(FEWEST_BLOCKS, len(fits[0][1].score)):
             break
         few = len(fit.score) < FEWEST_BLOCKS
@@ -160,7 +160,7 @@ def _reference(
         least = min(least, missed)
     if best is None:
         _, best = min(fits, key=lambda pair: pair[0])
-    fit = fit_windows(model, data, best.length, best.values, free, mean, best.spread, rounds=1)
+    fit = fit_windows(model, data, best.length, best.values, free, mean, best.spread)
     return _described(fit, fixed, geometry)
 
 

@@ -292,12 +292,11 @@ def fit_windows(
     free: np.ndarray,
     mean: Array,
     spread: Array | None = None,
-    rounds: int = 3,
     twice: bool = True,
 ) -> WindowFit:
     """Fit the parameters `free` (f,) to windows of a length [s].
 
-    It begins at `values` (p,) and the `spread` (3,) of residuals there, which it estimates again in `rounds`;
+    It begins at `values` (p,) and the `spread` (3,) of residuals there, which it estimates again;
     `mean` (p,) is that of the priors; `twice` is as for `Windows.cut`.
     """
     windows, values = Windows.cut(data, length, twice), values.copy()
@@ -307,18 +306,17 @@ def fit_windows(
     if spread is None:
         spread = residuals(model, data, windows, values, free, weight).spread
     weight /= spread[:2, None] ** 2
-    for _ in range(rounds):
-        for _ in range(_ITERATIONS):
-            found = residuals(model, data, windows, values, free, weight)
-            pull = found.weights(spread)
-            hessian = np.einsum("kfr,kr,kgr->fg", found.slope, pull, found.slope, optimize=True) + np.diag(prior)
-            gradient = np.einsum("kfr,kr->f", found.slope, pull * found.value) + prior * (values - mean)[free]
-            moved = np.clip(values[free] - _RELAXED * np.linalg.solve(hessian, gradient), low, high)
-            change = np.abs(moved - values[free]) * np.sqrt(np.diag(hessian))
-            values[free] = moved
-            if (change < _TOLERANCE).all():
-                break
-        weight, spread = found.alignment(spread), found.spread
+    for _ in range(_ITERATIONS):
+        found = residuals(model, data, windows, values, free, weight)
+        pull = found.weights(spread)
+        hessian = np.einsum("kfr,kr,kgr->fg", found.slope, pull, found.slope, optimize=True) + np.diag(prior)
+        gradient = np.einsum("kfr,kr->f", found.slope, pull * found.value) + prior * (values - mean)[free]
+        moved = np.clip(values[free] - _RELAXED * np.linalg.solve(hessian, gradient), low, high)
+        change = np.abs(moved - values[free]) * np.sqrt(np.diag(hessian))
+        values[free] = moved
+        if (change < _TOLERANCE).all():
+            break
+    weight, spread = found.alignment(spread), found.spread
     found = residuals(model, data, windows, values, free, weight)
     block = data.blocks(2 * length)  # where windows that overlap share little
     middle = (windows.first + np.append(windows.first[1:], len(windows.pose)) - 1) // 2

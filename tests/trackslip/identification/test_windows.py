@@ -150,7 +150,7 @@ def test_leaving_out_blocks_by_one_step_is_a_refit_to_first_order():
     error = np.sqrt(np.diag(fit.covariance))[:2]
     for k in range(10):
         data = Data.of([drive for j, drive in enumerate(fit.data.drives) if j != k])
-        again = fit_windows(fit.model, data, fit.length, fit.values, fit.free, none, fit.spread, rounds=1)
+        again = fit_windows(fit.model, data, fit.length, fit.values, fit.free, none, fit.spread)
         step, refit = (values - fit.values for values in (fit.without(np.arange(10)[None] == k)[0], again.values))
         np.testing.assert_allclose(step[:2] / error, refit[:2] / error, atol=0.2)
     assert np.isnan(fit_drives("icr_radius", logs[:5], GEOMETRY).stderr["offset"])
