@@ -186,23 +186,24 @@ def _alarms(law: DriveFit, error: Array, known: Mapping[str, Array], pairs: Pair
     if law.blocks < FEWEST_BLOCKS:
         what = f"{law.blocks} independent parts of driving are too few for an interval, which takes {FEWEST_BLOCKS}"
         return [*alarms, Alarm("blocks", f"{what}: drive for a minute or more")]
-    for name, kind in ((TODAY, "worse"), (GAINS, "gains")):
-        for horizon in np.unique(pairs.horizon):
-            rows = pairs.horizon == horizon
-            ours, theirs = (sizes(each[rows]) for each in (error, known[name]))
-            both = np.isfinite(ours) & np.isfinite(theirs)
-            for k, what in enumerate(("position", "heading")):
-                usable = both[:, k]
-                if usable.any() and np.median(ours[usable, k]) > _WORSE * np.median(theirs[usable, k]) + _LEAST_ERROR:
-                    line = (
-                        f"{horizon:g} s ahead, law {law.name} predicts the {what} worse than {name.replace('_', ' ')}"
-                    )
-                    alarms.append(Alarm(kind, f"{line} does: don't use it"))
-                    break
-            else:
-                continue
-            break
+    for name, kind, others in ((TODAY, "worse", "the robot does today"), (GAINS, "gains", "two gains do")):
+        if where := _worse(sizes(error), sizes(known[name]), pairs):
+            ahead, what = where[0]
+            line = f"{ahead:g} s ahead, law {law.name} predicts the {what} worse than {others}: don't use it"
+            alarms.append(Alarm(kind, line))
     return alarms
+
+
+def _worse(ours: Array, theirs: Array, pairs: Pairs) -> list[tuple[float, str]]:
+    """Where the median of errors (n, 2) is larger than that of others: horizons [s], position or heading."""
+    both = np.isfinite(ours) & np.isfinite(theirs)
+    where = []
+    for horizon in np.unique(pairs.horizon).tolist():
+        for k, what in enumerate(("position", "heading")):
+            rows = both[:, k] & (pairs.horizon == horizon)
+            if rows.any() and np.median(ours[rows, k]) > _WORSE * np.median(theirs[rows, k]) + _LEAST_ERROR:
+                where.append((horizon, what))
+    return where
 
 
 def expressible(laws: Mapping[str, Fit]) -> dict[str, Fit]:
