@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from sim.tracks.presets import LEAST_ODDS
 from sim.width import WIDEST
 from trackslip.kinematics import SIDES, Array
 
@@ -39,6 +38,8 @@ def lay_wheels(spec: Any, axles: Sequence[float], patch_length: float) -> None:
     makes up for it, so that creep is the same. The more axles, the less so, as the engine knows no softer points than
     those of shearing ground then are.
     """
+    from sim.tracks.presets import LEAST_ODDS  # late: MuJoCo takes 0.1 s
+
     chassis = spec.body("chassis")
     pads = [geom.name for geom in chassis.geoms if "_pad" in geom.name]  # as many as a side has points
     odds = _odds(next(pair for pair in spec.pairs if pair.geomname2 == pads[0])) * len(pads)
