@@ -189,11 +189,12 @@ def seen_from_above(model: mujoco.MjModel, points: Array, above: float) -> tuple
     Each point is looked at a trifle aside, in four directions, so that edges belong to the solids that end there. The
     height is -inf where there is nothing.
     """
-    height, upward = np.full(len(points), -np.inf), np.zeros((len(points), 3))
-    world, down = batch.Batch(model, 1, nthread=1), np.array([0.0, 0.0, -1.0])
-    for aside in itertools.product((-_ASIDE, _ASIDE), repeat=2):
-        origin = np.column_stack([points + aside, np.full(len(points), above)])
-        distance, _, normal = world.ray(origin, down, normal=True)
-        higher = (distance[0] >= 0) & (above - distance[0] > height)
-        height[higher], upward[higher] = above - distance[0, higher], normal[0, higher]
+    sides = np.array([*itertools.product((-_ASIDE, _ASIDE), repeat=2)])
+    beside = (points + sides[:, None]).reshape(-1, 2)
+    origin = np.column_stack([beside, np.full(len(beside), above)])
+    distance, _, normal = batch.Batch(model, 1, nthread=1).ray(origin, np.array([0.0, 0.0, -1.0]), normal=True)
+    seen = np.where(distance[0] >= 0, above - distance[0], -np.inf).reshape(len(sides), -1)
+    side, point = seen.argmax(axis=0), np.arange(len(points))
+    height = seen[side, point]
+    upward = np.where(np.isfinite(height)[:, None], normal[0].reshape(len(sides), -1, 3)[side, point], 0.0)
     return height, upward

@@ -147,6 +147,10 @@ class Belts:
         return BatchBelts(self._map, batch)
 
 
+Record = tuple[Floats, Floats, Floats]
+"""Of R simulations in some steps: data of all sensors, the tracks' axes, and the belts' speeds."""
+
+
 class BatchBelts:
     """The belts of T tracks in each of N simulations of a batch."""
 
@@ -202,16 +206,23 @@ class BatchBelts:
         """Forces and motion (N, T) of the tracks in the last step, at the belts' current speeds."""
         return self._map.read(self._sensordata, self._axes(self._xmat), self.speeds()).complete(self.names)
 
-    def run(self, steps: int, rows: Any = slice(None)) -> Reading:
+    def run(self, steps: int, rows: Any = slice(None)) -> Record:
         """Advance the simulations `rows` by physics steps at the belts' current speeds, without motors.
 
-        Returns forces and motion (R, steps, T) in each step. A simulation that diverges stops; its last step repeats.
-        Readings may lack contacts: see `Reading.complete`.
+        Returns what `read_all` reads. A simulation that diverges stops; its last step repeats.
         """
         where = np.arange(len(self._surface))[rows]
         recorded = self._batch.rollout(steps, record=("sensordata", "xmat"), ids=where)
         speeds = np.repeat(self._motors.speed[where][:, None], steps, axis=1)
-        return self._map.read(recorded["sensordata"], self._axes(recorded["xmat"]), speeds)
+        return recorded["sensordata"], self._axes(recorded["xmat"]), speeds
+
+    def read_all(self, records: Sequence[Record], rows: Any = slice(None)) -> Reading:
+        """Forces and motion (R, steps, T) in each step of these runs, one after the other, of some of their rows.
+
+        Readings may lack contacts: see `Reading.complete`.
+        """
+        sensordata, axes, speeds = (np.concatenate(parts, axis=1)[rows] for parts in zip(*records, strict=True))
+        return self._map.read(sensordata, axes, speeds)
 
     def _axes(self, xmat: Floats) -> Floats:
         """The tracks' axes to the left (..., T, 3) from the matrices of all bodies (..., nbody, 9)."""
@@ -259,10 +270,6 @@ class Reading:
     """Largest penetration (..., T) [m]."""
     missing: Floats
     """Largest share of the load (..., T) at contacts that the sensor had no room for [-]."""
-
-    def of(self, rows: Any) -> Reading:
-        """The reading of some simulations, an index of the leading axis."""
-        return Reading(**{name: values[rows] for name, values in vars(self).items()})
 
     def complete(self, names: Sequence[str]) -> Reading:
         """This reading of the tracks `names` (T,); raises TrackslipError where it lacks contacts that matter."""

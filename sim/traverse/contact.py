@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -35,13 +34,12 @@ class TrackContact:
         return cls(zero, zero.copy(), zero.copy(), np.full(zero.shape, np.nan), zero > 0, zero.copy(), zero.copy())
 
     @classmethod
-    def mean(cls, readings: Sequence[Reading], belts: Sequence[Array], step: float) -> TrackContact:
-        """Means of readings (N, S, T), each of S physics steps of `step` [s] with belt speeds (N, T) [m/s]."""
+    def mean(cls, reading: Reading, belts: Array, step: float) -> TrackContact:
+        """Means of a reading (N, steps, T) of physics steps of `step` [s]; belts have speeds (S, N, T) [m/s]."""
         traction, load, sliding, touching, depth = (
-            np.concatenate([getattr(reading, name) for reading in readings], axis=1).swapaxes(0, 1)
-            for name in ("traction", "load", "sliding", "touching", "depth")
+            getattr(reading, name).swapaxes(0, 1) for name in ("traction", "load", "sliding", "touching", "depth")
         )  # (steps, N, T) each
-        belt = np.repeat(np.array(belts), len(traction) // len(belts), axis=0)
+        belt = np.repeat(belts, len(traction) // len(belts), axis=0)
         slid, driven = (np.where(touching, values, 0.0).sum(axis=0) for values in (sliding, belt))
         touched: NDArray[np.bool_] = np.logical_or.reduce(touching, axis=0)
         defined = touched & (np.abs(driven) > _STILL * len(belt))

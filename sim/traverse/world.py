@@ -185,24 +185,23 @@ class Traverse(BatchedWorld):
         if not rows.size:
             return
         self.servo.command(command.speed, command.flippers)
-        readings, belts = [], []
+        records, belts = [], []
         for _ in range(self._samples):
             speed = self.servo.advance(self.sample)[:, self.tracked.track_side]
             self._belts.set(speed)
             belts.append(speed[rows])
             self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
             with quietly():  # a run that breaks down ends by name
-                readings.append(self._belts.run(self._substeps, rows))
+                records.append(self._belts.run(self._substeps, rows))
         self.time[rows] += self.period
         broken = self._broken(rows)
         fine = rows[~broken[rows]]
         self.state.qpos[fine], self.state.qvel[fine] = self.batch.qpos[fine], self.batch.qvel[fine]
-        if len(fine) < len(rows):
+        if fine.size:
             kept = ~broken[rows]
-            readings, belts = [reading.of(kept) for reading in readings], [speed[kept] for speed in belts]
-        for reading in readings:
-            reading.complete(self.track_names)
-        self.contact.put(fine, TrackContact.mean(readings, belts, float(self.tracked.model.opt.timestep)))
+            reading = self._belts.read_all(records, kept).complete(self.track_names)
+            step = float(self.tracked.model.opt.timestep)
+            self.contact.put(fine, TrackContact.mean(reading, np.array(belts)[:, kept], step))
         self._judge(rows, broken)
 
     def elevation(self, points: Array) -> Array:
