@@ -149,7 +149,7 @@ def _reference(
     for length in LENGTHS:
         if fits and length > longest:
             break
-        fit = fit_windows(model, data, length, values, free, mean, spread, twice=False)
+        fit = fit_windows(model, data, length, values, free, mean, spread)
         if fits and len(fit.score) < min(FEWEST_BLOCKS, len(fits[0][1].score)):
             break
         few = len(fit.score) < FEWEST_BLOCKS

@@ -292,14 +292,13 @@ def fit_windows(
     free: np.ndarray,
     mean: Array,
     spread: Array | None = None,
-    twice: bool = True,
 ) -> WindowFit:
     """Fit the parameters `free` (f,) to windows of a length [s].
 
     It begins at `values` (p,) and the `spread` (3,) of residuals there, which it estimates again;
-    `mean` (p,) is that of the priors; `twice` is as for `Windows.cut`.
+    `mean` (p,) is that of the priors.
     """
-    windows, values = Windows.cut(data, length, twice), values.copy()
+    windows, values = Windows.cut(data, length), values.copy()
     low, high, _ = model.limits[:, free]
     prior = 1 / model.prior[free] ** 2
     weight = data.known[:, windows.pose].astype(float)
