@@ -30,8 +30,6 @@ from trackslip.trajectory.named import load_reference
 _POLICY = "ppo:"
 _OF_THE_ROBOT = ("geometry", "half_gauge", "track_speed", "period")  # parameters of constructors that are given
 _MARGIN = 0.98  # share of the top speed that controllers plan with
-REACH = 1.27
-"""(b + D) / b on hard ground: how far out slip compensation places the tracks [-]."""
 
 
 @functools.lru_cache(maxsize=64)
@@ -45,18 +43,21 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
     return named_compensation(name, robot, laws or SHIPPED)
 
 
-def controller(name: str, geometry: RobotGeometry, top_speed: float, period: float) -> Controller:
+def controller(
+    name: str, geometry: RobotGeometry, top_speed: float, period: float, half_gauge: float | None = None
+) -> Controller:
     """A new controller: one of CONTROLLERS or a user's MODULE:CLASS, both with arguments, or a policy, ppo:PATH.
 
     Arguments of the constructor follow the name, as in linear:stiffness=160,damping=1. Unless given, parameters of
-    these names get what they are for this robot: `geometry`; `half_gauge`, effective with slip compensation [m];
-    `track_speed`, slightly below `top_speed` of the tracks [m/s]; `period` between two commands [s].
+    these names get what they are for this robot: `geometry`; `half_gauge`, b + D of the slip law in use [m], by default
+    b; `track_speed`, slightly below `top_speed` of the tracks [m/s]; `period` between two commands [s].
 
     Raises InvalidValueError for an unknown name or argument and a value that is not allowed.
     """
     if name.startswith(_POLICY):
         return PolicyController(Policy.load(Path(name.removeprefix(_POLICY))), top_speed / geometry.sprocket_radius)
-    known = dict(zip(_OF_THE_ROBOT, (geometry, REACH * geometry.half_gauge, _MARGIN * top_speed, period), strict=True))
+    values = (geometry, half_gauge or geometry.half_gauge, _MARGIN * top_speed, period)
+    known = dict(zip(_OF_THE_ROBOT, values, strict=True))
     with _errors_of(name):
         make, parameters, given = _constructor(name)
         arguments = {key: value for key, value in known.items() if key in parameters}

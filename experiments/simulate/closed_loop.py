@@ -113,11 +113,14 @@ def drive_closed_loops(
     driven_by: dict[tuple[str, str], list[int]] = {}
     for k, run in enumerate(runs):
         driven_by.setdefault((run.controller, run.compensation), []).append(k)
-    pilots = [
-        Pilot(controller(name, *limits), robots, compensation(law), preview)
-        for (name, law), robots in driven_by.items()
-    ]
-    fleet = world.fleet(np.array([run.start for run in runs]), [setting.ground for setting in settings])
+    starts = np.array([run.start for run in runs])
+    pilots = []
+    for (name, law), robots in driven_by.items():
+        slip = compensation(law)
+        slip.reset(starts[robots])
+        half_gauge = slip.law().effective_half_gauge(world.robot.geometry)
+        pilots.append(Pilot(controller(name, *limits, half_gauge), robots, slip, preview))
+    fleet = world.fleet(starts, [setting.ground for setting in settings])
     if any(run.plant is not None for run in runs):
         fleet.restart(np.arange(len(runs)), settings)
     scanner = world.config.scanner

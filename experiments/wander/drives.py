@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from experiments.common.lookup import REACH
 from experiments.common.plain_json import plain
 from experiments.simulate.drives import driven_by_law, driven_in_mujoco
 from experiments.simulate.world import World
@@ -24,6 +23,7 @@ from trackslip.logs.runlog import RunLog
 _SLIPS = {"white": WHITE, "lasting": LASTING, "none": SlipVariation()}
 _POSE_MESSAGES = {"mocap": "PoseStamped", "odometry": "Odometry"}
 _AT_REST = 1e-3  # mean speed of the tracks below which a robot stands [m/s]
+_REACH = 1.27  # (b + D) / b of the shipped robot on stone, with which the driver keeps the tracks within their speed [-]
 _IN_FRONT = 3.0  # of the scanner: most drives of a minute stay in its view from there [m]
 _ON_TIME = 1e-6  # of a period: difference of a reading's time from a multiple of it, by rounding
 
@@ -35,7 +35,7 @@ def wander(config: Config, world: World, progress: Progress) -> list[RunLog]:
     """
     geometry, rate = world.robot.geometry, config.encoder_rate
     names = [f"{config.driving} {k + 1}" for k in range(config.drives)]
-    driver = Driver(config.max_speed, config.acceleration, REACH * geometry.half_gauge)
+    driver = Driver(config.max_speed, config.acceleration, _REACH * geometry.half_gauge)
     commands = [
         track_commands(config.driving, config.duration, rate, driver, _random(config, name, "commands"))
         for name in names

@@ -68,6 +68,15 @@ class SlipLaw(ABC):
                     break
         return _of_plane(np.where(in_place, 1j * turning, real), geometry)
 
+    def effective_half_gauge(self, geometry: RobotGeometry) -> float:
+        """Half gauge [m] of tracks that turn alike without slip: b + D of constant ICRs.
+
+        Other laws are taken in turns to both sides with a radius of four half gauges; of several robots, the mean.
+        """
+        radius = 4 * geometry.half_gauge
+        left, right = np.moveaxis(self.sprocket_speeds([[[radius, 1.0]], [[radius, -1.0]]], geometry), -1, 0)
+        return float(np.mean(np.abs((right - left) / (right + left)))) * radius
+
     def turns_in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
         """Mask of sprocket speeds (..., 2) in the jump between left and right turns in place, and b w there.
 

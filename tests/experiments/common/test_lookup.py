@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.common.lookup import REACH, controller, tunable
+from experiments.common.lookup import controller, tunable
 from experiments.simulate.closed_loop import start_pose
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.lqr import Lqr
@@ -26,14 +26,14 @@ class Mine:
 
 
 def made(name):
-    return controller(name, GEOMETRY, 0.5, 0.1)
+    return controller(name, GEOMETRY, 0.5, 0.1, half_gauge=0.25)
 
 
 def test_arguments_are_those_of_the_constructor_and_those_of_the_robot_are_known():
     assert made("linear") == LinearTimeVarying()
     assert made("linear:stiffness=160,damping=1") == LinearTimeVarying(damping=1.0, stiffness=160.0)
     assert isinstance(made("linear:stiffness=160").stiffness, float)
-    limits = {"track_speed": pytest.approx(0.49), "half_gauge": pytest.approx(REACH * 0.2)}
+    limits = {"track_speed": pytest.approx(0.49), "half_gauge": 0.25}
     assert dataclasses.asdict(made("mpc")) == dataclasses.asdict(ModelPredictive()) | limits
     assert made("mpc:track_speed=0.2,intervals=9") == dataclasses.replace(made("mpc"), track_speed=0.2, intervals=9)
     assert made("lqr") == Lqr(period=0.1)
@@ -42,7 +42,7 @@ def test_arguments_are_those_of_the_constructor_and_those_of_the_robot_are_known
 def test_a_users_class_gets_both(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("asks_for_limits.py").write_text(MINE)
-    known = {"geometry": GEOMETRY, "half_gauge": REACH * 0.2, "track_speed": pytest.approx(0.49), "period": 0.1}
+    known = {"geometry": GEOMETRY, "half_gauge": 0.25, "track_speed": pytest.approx(0.49), "period": 0.1}
     default = {"gain": 1.0, "name": "a", "fast": False, "more": None}
     assert made("asks_for_limits:Mine").found == known | default
     given = {"gain": 3.0, "name": "7", "fast": True, "more": 0.5, "period": 0.2}

@@ -55,6 +55,16 @@ def test_constant_icr_is_the_hyperbola():
     np.testing.assert_allclose(ConstantIcr(d, b, 0.01)(0.0), [-0.01, -0.01])
 
 
+def test_the_effective_half_gauge_is_b_plus_d():
+    robots = ConstantIcr(np.array([0.0, 0.09]), 0.168, np.array([0.0, 0.05]))
+    cases = [(NoSlip(), 0.168), (LAWS[3], 0.213), (SIDES, 0.213), (ConstantIcr(0.9, 0.168), 1.068), (robots, 0.213)]
+    for law, expected in cases:
+        assert law.effective_half_gauge(GEOMETRY) == pytest.approx(expected, abs=1e-4)
+    radius = 4 * 0.168  # of the paper's law: belts of an inner and an outer track at that radius
+    inner, outer = (radius - 0.168) / (1 - PUBLISHED(1 / radius)[0]), (radius + 0.168) / (1 - PUBLISHED(1 / radius)[1])
+    assert PUBLISHED.effective_half_gauge(GEOMETRY) == pytest.approx(radius * (outer - inner) / (outer + inner))
+
+
 @pytest.mark.parametrize("law", LAWS)
 @given(v=st.floats(-0.3, 0.3), kappa=curvatures)
 def test_sprocket_speeds_undo_the_slip(law, v, kappa):
