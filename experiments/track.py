@@ -16,9 +16,9 @@ from experiments.common.results import RUNS_FILE, bags_text, write_bags
 from experiments.common.run import Run
 from experiments.recorder import record_all
 from experiments.simulate import options
-from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
+from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops
 from experiments.simulate.grid_runs import before_scanner
-from experiments.simulate.grid_summary import LocalizationErrors, simulated_seconds
+from experiments.simulate.grid_summary import LocalizationErrors, saturation_warnings, simulated_seconds
 from experiments.simulate.tracking import tracking_results, tracking_table
 from experiments.simulate.world import World
 from sim.drive.drive import Drive
@@ -47,7 +47,7 @@ class Config(options.Simulation):
     localization: Literal["plate", "line", "truth"] = "plate"
     """Source of the controller's poses: scans by the plate or the line method, or the true pose."""
     reference: Annotated[str, tyro.conf.arg(metavar=REFERENCES)] = "paper"
-    """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has waypoints x, y [m]."""
+    """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has waypoints x,y[,yaw][,v]."""
     circle_radius: Annotated[float, Within(0.1, options.MAX_RADIUS, "m")] = 1.25
     """Radius of the circle, to the left; needs --reference circle [m]."""
     circle_speed: float = 0.15
@@ -57,9 +57,9 @@ class Config(options.Simulation):
     start: Annotated[
         tuple[float, float, float] | None,
         Within(-options.MAX_COORDINATE, options.MAX_COORDINATE),
-        default_is("0.3 -0.2 1.0472, as in the paper, for linear on the paper's path; else the reference's", "X Y PHI"),
+        default_is("that of the path", "X Y PHI"),
     ] = None
-    """Start pose [m, m, rad]."""
+    """Start pose; that of the paper's linear controller is 0.3 -0.2 1.0472 [m, m, rad]."""
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
     """Identified laws: a summary.json, or a folder that contains one."""
     bag: bool = False
@@ -92,7 +92,7 @@ def run(config: Config) -> None:
         path: Reference = circle(**shape, start=before_scanner(world.robot))
     else:
         path = reference(config.reference)
-    start = start_pose(config.controller, config.reference, path) if config.start is None else np.array(config.start)
+    start = path.pose(0.0) if config.start is None else np.array(config.start)
     case = ClosedLoopRun(name, f"track {name}", config.seed, *names, start, metadata=metadata)
     law = partial(compensation, robot=world.robot.geometry, laws=config.laws)
     with Run(config) as run:
@@ -107,6 +107,8 @@ def run(config: Config) -> None:
             with run.busy("recording"):
                 record_all(run.folder, logs)
     tracking_table(results).print()
+    for warning in saturation_warnings(logs):
+        print(f"Warning: {warning}.")
     bridged = "; odometry bridged the rest" if poses.valid_fraction < 1 else ""
     print(f"{poses.valid_fraction:.1%} of the scans gave a valid pose{bridged}")
     if config.bag:

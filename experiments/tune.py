@@ -14,7 +14,7 @@ from scipy.stats import qmc
 
 from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.drive import ClosedLoops
-from experiments.benchmark.gains import GAINS_FILE, specified
+from experiments.benchmark.gains import GAINS_FILE, ROUGHNESS_LIMIT, specified
 from experiments.benchmark.rows import score
 from experiments.common.choices import COMPENSATIONS, CONTROLLER_NAMES, TRAINING_PATHS
 from experiments.common.lookup import tunable
@@ -55,7 +55,7 @@ class Config(ClosedLoopOptions):
     controllers: tyro.conf.Positional[
         Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar="[CONTROLLER ...]")]
     ] = CONTROLLER_NAMES[1:]
-    """Names, or MODULE:CLASS for your own, whose constructor's positive numbers are the gains."""
+    """Names, or MODULE:CLASS for your own; parameters of the constructor that default to positive floats are gains."""
     compensations: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{COMPENSATIONS} ...")] = (
         "none",
         "icr_radius",
@@ -64,7 +64,7 @@ class Config(ClosedLoopOptions):
     """Compensations to tune for."""
     evaluations: Annotated[int, Whole(_POPULATION, _MAX_EVALUATIONS)] = 60
     """Candidates for each controller and compensation, in generations of 12."""
-    roughness: float = 2.0
+    roughness: float = ROUGHNESS_LIMIT
     """Limit on the root mean square rate of change of the set points, averaged over the training runs [rad/s^2]."""
     seeds: Annotated[tuple[int, ...], Distinct(), Whole()] = (100,)
     """Seeds of training plants, random starts and the scanner's noise."""
@@ -88,9 +88,10 @@ def run(config: Config) -> None:
     for name in config.controllers:
         tunable(name)
     ids, jobs = {id for search in searches for id in search.ids()}, config.threads or processors()
+    count = len(TRAINING_PATHS) * len(config.seeds) * len(ids)
     with (
         resumable(config, ids, "candidates tried") as (run, store),
-        run.progress("candidates", len(ids), "candidates") as report,
+        run.progress("runs", count, "runs") as report,
         workers("inline" if jobs == 1 else "processes", jobs) as pool,
     ):
         rows = [search.best(partial(search.drive, pool, store, report)) for search in searches]
@@ -98,6 +99,10 @@ def run(config: Config) -> None:
         write_json(run.folder / GAINS_FILE, {"found_by": about, "gains": rows})
         run.write({"gains": rows}, manifest=about)
     gains_table(rows).print()
+    for name in config.controllers:
+        _, others = tunable(name)
+        if others:
+            print(f"Not tuned, as they do not default to a positive float: {', '.join(others)} of {name}.")
     print(f"{config.out / GAINS_FILE}: {run.wall:.1f} s; trackslip benchmark --gains {config.out}")
 
 
@@ -134,8 +139,10 @@ class Search:
         }
         runs = fleets([case for cases in missing.values() for case in cases], pool.count, _FLEETS)
         driven: dict[str, Row] = {}
+        report((len(generation) - len(missing)) * len(self.cases({})))
         for fleet in pool.each(partial(drive_fleet, self.loops), runs):
             driven |= {row["run"]: row for row in fleet.rows}
+            report(len(fleet.rows))
         rows = []
         for id, cases in missing.items():
             measured = [driven[case.name] for case in cases]
@@ -145,7 +152,6 @@ class Search:
             row["roughness"] = None if errors else float(np.mean([row["roughness"] for row in measured]))
             rows.append(row)
         store.keep(rows)
-        report(len(generation))
         return [store.rows[id] for id in generation]
 
     def cost(self, candidate: Row) -> float:
@@ -158,10 +164,10 @@ class Search:
     def best(self, drive: Callable[[Mapping[str, Gains]], list[Row]]) -> Row:
         """The best gains, within a factor of ten of the defaults of the controller's class.
 
-        The search is in the logarithms of the gains, and the defaults are the first candidate. Raises TrackslipError if
-        a run fails with each of the candidates.
+        The search is in the logarithms of the gains, and the defaults are the first candidate. They are kept if no
+        candidate is smooth enough. Raises TrackslipError if a run fails with each of the candidates.
         """
-        defaults, ids = tunable(self.controller), self.ids()
+        (defaults, _), ids = tunable(self.controller), self.ids()
         candidates: list[Row] = []
 
         def costs(logarithms: Array) -> Array:
@@ -187,6 +193,8 @@ class Search:
             rng=rng,
         )
         default, best = candidates[0], min(candidates, key=self.cost)
+        if self.cost(best) > LOST and default["error"] is None:
+            best = default
         if best["error"] is not None:
             reason = f"no gains drive all training runs: {best['error']}"
             raise TrackslipError(f"{self.controller} with {self.compensation}: {reason}")

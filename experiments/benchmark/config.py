@@ -35,7 +35,7 @@ class Config(ClosedLoopOptions):
     )
     """LAW of --laws; online starts from icr_radius, online_cold from no slip, online_load from icr_load in --laws."""
     references: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{REFERENCES} ...")] = None
-    """Paths; a .csv file lists waypoints in the columns x, y [m]."""
+    """Paths of more than 12 s; a .csv file lists waypoints in the columns x,y[,yaw][,v]."""
     grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", _GROUNDS)] = None
     """Grounds; sticky is stone whose friction rises after 20 s, robot is the ground of the --robot file."""
     starts: Annotated[tuple[Start, ...] | None, Distinct(), default_is("the suite's", "{zero,paper,random} ...")] = None
@@ -45,7 +45,7 @@ class Config(ClosedLoopOptions):
     plants: Annotated[Literal["nominal", "drawn"] | None, default_is("the suite's", "{nominal,drawn}")] = None
     """Robots: the one that the laws were identified on, or robots, grounds and scanners drawn around it."""
     gains: Annotated[str | None, default_is("the suite's", "{default,tuned,FOLDER}")] = None
-    """Gains of the controllers: those of their classes, the tuned ones, or those that tune wrote."""
+    """Gains of the controllers: their classes' defaults, the tuned ones, or those that tune wrote, else the tuned."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
     """Number of processes, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/benchmark")

@@ -1,9 +1,11 @@
 """Driving and measuring the cases of a benchmark, fleet by fleet."""
 
+import contextlib
 import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from time import perf_counter
 from typing import ClassVar
 
 import numpy as np
@@ -23,13 +25,14 @@ from sim.loop import Progress
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, require
 from trackslip.laws.file import SHIPPED
 from trackslip.logs.runlog import RunLog
-from trackslip.metrics import expense, tracking_errors
+from trackslip.metrics import TRANSIENT, expense, tracking_errors
 from trackslip.online.compensation import Compensation
 
 _NOISE = (0.5, 2.0)  # range of the factor on the scanner's noise [-]
+_TIMED_STEPS = 21  # of a controller
 _SPACING = 0.05  # of the points of a path that patches may lie on [s]
 
 
@@ -90,10 +93,27 @@ class ClosedLoops:
         except InvalidValueError as error:
             option = f"{error.field}s" if error.field in FACTORS else error.field
             raise InvalidValueError(option, error.value, error.allowed) from error
+        for name in dict.fromkeys(case.reference for case in cases):
+            duration = reference(name).duration
+            allowed = f"a path of more than {TRANSIENT:g} s, from which on errors count"
+            require(duration > TRANSIENT, "references", f"{name} of {duration:.1f} s", allowed)
         try:
             self.plant(cases[0])
         except InvalidValueError as error:
             raise InvalidValueError(f"{error.field} of drawn plants", error.value, error.allowed) from error
+
+    def step_time(self, controller: str, reference_name: str) -> float:
+        """Median time that a controller takes for a step with one robot, while it follows a reference [s]."""
+        path, follower = reference(reference_name), self.controller(controller)
+        follower.reset()
+        taken = []
+        with contextlib.suppress(Exception):  # of a user's controller that fails in some runs
+            for time in self.config.scanner.period * np.arange(_TIMED_STEPS):
+                pose = path.pose(time)[None]
+                begin = perf_counter()
+                follower.twist(float(time), pose, path)
+                taken.append(perf_counter() - begin)
+        return float(np.median(taken)) if taken else 0.0
 
     def identified(self, cases: Sequence[BenchmarkCase]) -> list[BenchmarkCase]:
         """The cases with their ids, for which a user's controllers must have been imported."""

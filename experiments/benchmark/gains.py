@@ -4,47 +4,79 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
+from experiments.common.lookup import has_arguments
 from trackslip.errors import InvalidValueError
 
 GAINS_FILE = "gains.json"
 """Of a folder of results, and of trackslip's controllers beside this module."""
+ROUGHNESS_LIMIT = 2.0
+"""Above which `tune` prefers smoother gains and the leaderboard marks an entry [rad/s^2]."""
+TUNED = "tuned"
+"""Source of the gains of trackslip's controllers."""
+
+Arguments = Mapping[tuple[str, str], Mapping[str, float]]
+"""Constructor arguments by controller and compensation."""
+
+
+class Choice(NamedTuple):
+    """The gains of a controller with a compensation."""
+
+    gains: str
+    """Where they come from: "tuned", the name of a result of `tune`, "given" with the controller, or "default"."""
+    arguments: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Gains:
     """Constructor arguments of controllers that were tuned; those of the others are their classes' defaults."""
 
-    arguments: Mapping[tuple[str, str], Mapping[str, float]] = field(default_factory=dict)
-    """Arguments by controller and compensation."""
+    tables: Mapping[str, Arguments] = field(default_factory=dict)
+    """By source; the first that has a controller counts."""
 
     @classmethod
     def load(cls, source: str) -> Self:
         """Gains by name: "default" for those of the classes, "tuned" for the shipped ones, or a result of `tune`.
 
-        Raises InvalidValueError for any other source.
+        Controllers that a result of `tune` lacks take the shipped gains. Raises InvalidValueError for any other source.
         """
         if source == "default":
             return cls()
-        path = Path(__file__).parent if source == "tuned" else Path(source)
+        shipped = {TUNED: _arguments(Path(__file__).parent)}
         try:
-            rows = json.loads((path / GAINS_FILE if path.is_dir() else path).read_text(encoding="utf-8"))["gains"]
-            gains = {(row["controller"], row["compensation"]): row["arguments"] for row in rows}
-            return cls({pair: {name: float(value) for name, value in row.items()} for pair, row in gains.items()})
+            return cls(shipped if source == TUNED else {source: _arguments(Path(source))} | shipped)
         except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError):
             allowed = "tuned, default, or a folder or file that trackslip tune wrote"
             raise InvalidValueError("gains", source, allowed) from None
 
-    def specification(self, controller: str, compensation: str) -> str:
-        """A controller's name with its tuned arguments; unchanged if there are none.
+    def choice(self, controller: str, compensation: str) -> Choice:
+        """The gains of a controller with a compensation.
 
         A compensation that was not tuned for takes the gains of a similar one: `online` for those that learn, else
         `icr_radius`.
         """
+        if has_arguments(controller):
+            return Choice("given", {})
         similar = "online" if compensation.startswith("online") else "icr_radius"
-        fallback = self.arguments.get((controller, similar), {})
-        return specified(controller, self.arguments.get((controller, compensation), fallback))
+        for source, arguments in self.tables.items():
+            for law in (compensation, similar):
+                if (controller, law) in arguments:
+                    label = source if law == compensation else f"{source} for {law}"
+                    return Choice(label, arguments[controller, law])
+        return Choice("default", {})
+
+    def specification(self, controller: str, compensation: str) -> str:
+        """A controller's name with its tuned arguments; unchanged if there are none."""
+        return specified(controller, self.choice(controller, compensation).arguments)
+
+
+def _arguments(path: Path) -> Arguments:
+    rows = json.loads((path / GAINS_FILE if path.is_dir() else path).read_text(encoding="utf-8"))["gains"]
+    return {
+        (row["controller"], row["compensation"]): {name: float(value) for name, value in row["arguments"].items()}
+        for row in rows
+    }
 
 
 def specified(controller: str, arguments: Mapping[str, float]) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from experiments.benchmark.gains import ROUGHNESS_LIMIT
 from experiments.benchmark.rows import ENTRY, SETTING
 from experiments.common.manifest import command_line
 from experiments.common.page import Answer, Bullets, Page, Plot, Section
@@ -34,13 +35,16 @@ BOARD_LEGEND = (
     "Entries of equal rank can't be distinguished from the first of them. Kept: runs that stayed within 0.5 m. Error:"
     " rms position error from 12 s on, 0.5 m for a run that lost it. Gain: the error without compensation over this"
     " one. Behind: mean of the paired differences, with a 95 % bootstrap interval. Turning: error while the reference"
-    " turns. Rough: rms rate of change of the set points."
+    f" turns. Rough: rms rate of change of the set points; ! above {ROUGHNESS_LIMIT:g} rad/s², the limit of tune."
 )
 """What the columns of the leaderboard are."""
 
 
-def answer(entries: Sequence[Row], next_command: str) -> Answer:
-    """The first entry of the leaderboard and its error, its gain over no compensation, and its rivals."""
+def answer(entries: Sequence[Row], next_command: str, steps: Mapping[str, float], period: float) -> Answer:
+    """The first entry of the leaderboard and its error, its gain over no compensation, its rivals, and warnings.
+
+    `steps` are the times that controllers take for a step, `period` is the time between two commands [s].
+    """
     best, *others = entries
     heading = f"Best: {_name(best, entries)}, {_millimetres(best['score'], best['score_ci95'])} from the path"
     lines = []
@@ -60,8 +64,13 @@ def answer(entries: Sequence[Row], next_command: str) -> Answer:
     losing = sum(entry["success"] < 1 for entry in entries)
     if losing:
         warnings.append(f"{losing} of {len(entries)} entries lose the path in some runs")
+    warnings += [
+        f"{name} takes {1e3 * step:.0f} ms a step for one robot, but commands are due every {1e3 * period:.0f} ms"
+        for name, step in steps.items()
+        if step > period
+    ]
     if best["score_ci95"] is None:
-        warnings.append("one seed tells no intervals: ranks are just the order of the errors")
+        warnings.append("there are no intervals with one seed: ranks are the order of the errors")
     return Answer(heading, lines=lines, warnings=warnings, next=[next_command])
 
 
@@ -85,7 +94,8 @@ def _interval(ends: Sequence[float] | None, scale: float = 1.0, share: str = "95
 
 def board_table(entries: Sequence[Row]) -> Table:
     """The leaderboard."""
-    names = ENTRY if len({entry["start"] for entry in entries}) > 1 else ENTRY[:2]
+    starts = ENTRY[2:] if len({entry["start"] for entry in entries}) > 1 else ()
+    names = (*ENTRY[:2], "gains", *starts)
     title = "Position errors, means over references, grounds and seeds"
     return _table(title, entries, ("rank", *names), _OF_ENTRIES, BOARD_LEGEND)
 
@@ -99,7 +109,8 @@ def _cell(row: Row, header: str) -> str:
     if header == _BEHIND:
         return MISSING if row["behind"] == 0 else f"{1e3 * row['behind']:.1f}{_interval(row['behind_ci95'], 1e3, '')}"
     name, factor, digits = _NUMBERS[header]
-    return number(None if row[name] is None else factor * row[name], digits)
+    mark = "!" if name == "roughness" and (row[name] or 0.0) > ROUGHNESS_LIMIT else ""
+    return mark + number(None if row[name] is None else factor * row[name], digits)
 
 
 def page(

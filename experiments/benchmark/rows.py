@@ -28,14 +28,9 @@ _RESAMPLES = 2000
 
 
 def score(run: Row) -> float:
-    """What a run is ranked by [m]: its position error after the transient, or over the whole of a shorter run.
-
-    It is LOST for a run that lost the path or failed.
-    """
-    if run["error"] is not None or not run["success"]:
-        return LOST
-    settled: float | None = run["rms_position_after_12s"]
-    return run["rms_position"] if settled is None else settled
+    """What a run is ranked by [m]: its position error after the transient, LOST if it lost the path or failed."""
+    kept = run["error"] is None and run["success"]
+    return float(run["rms_position_after_12s"]) if kept else LOST
 
 
 def over_seeds(runs: Sequence[Row]) -> list[Row]:

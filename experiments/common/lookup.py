@@ -67,21 +67,27 @@ def controller(
     return made
 
 
-def tunable(name: str) -> dict[str, float]:
-    """Gains in a controller's constructor with their defaults: positive floats, but for those that describe the robot.
+def tunable(name: str) -> tuple[dict[str, float], list[str]]:
+    """Gains in a controller's constructor with their defaults, and the names of its other parameters.
 
-    Raises InvalidValueError for an unknown name, a controller with arguments, and one that has no gains.
+    Gains are positive floats that do not describe the robot. Raises InvalidValueError for an unknown name, a controller
+    with arguments, and one that has no gains.
     """
-    gains: dict[str, float] = {}
-    if not name.startswith(_POLICY):
+    parameters: Mapping[str, inspect.Parameter] = {}
+    if not has_arguments(name):
         with _errors_of(name):
-            _, parameters, given = _constructor(name)
-        if given is None:
-            defaults = {key: parameter.default for key, parameter in parameters.items() if key not in _OF_THE_ROBOT}
-            gains = {key: value for key, value in defaults.items() if isinstance(value, float) and 0 < value < math.inf}
+            _, parameters, _ = _constructor(name)
+    free = {key: parameter.default for key, parameter in parameters.items() if key not in _OF_THE_ROBOT}
+    gains = {key: value for key, value in free.items() if isinstance(value, float) and 0 < value < math.inf}
     if not gains:
         raise InvalidValueError("controllers", name, "a controller, without arguments, with gains such as gain=2.0")
-    return gains
+    return gains, [key for key in free if key not in gains]
+
+
+def has_arguments(name: str) -> bool:
+    """Whether arguments of the constructor follow a controller's name; a policy's file counts as one."""
+    base, _, rest = name.partition(":")
+    return bool(rest) if base in CONTROLLERS or name.startswith(_POLICY) else ":" in rest
 
 
 def _constructor(name: str) -> tuple[Callable[..., Any], Mapping[str, inspect.Parameter], str | None]:
@@ -154,6 +160,14 @@ def user_modules() -> list[str]:
     here = os.getcwd() + os.sep
     files = {getattr(module, "__file__", None) or "" for module in list(sys.modules.values())}
     return sorted(file for file in files if file.startswith(here) and "site-packages" not in file)
+
+
+def module_file(name: str) -> Path | None:
+    """The file of the module of a user's controller, which has been imported; None for other controllers."""
+    base, _, attribute = name.partition(":")
+    module = sys.modules.get(base) if attribute and base not in CONTROLLERS else None
+    file = getattr(module, "__file__", None)
+    return Path(file) if file else None
 
 
 def policy_path(name: str) -> Path | None:

@@ -3,9 +3,12 @@
 All runs of the grid are one fleet, and so are the closed loops.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
+
+import numpy as np
 
 from experiments.common.manifest import command_line
 from experiments.common.results import REPORT_FILE
@@ -15,7 +18,7 @@ from experiments.recorder import record_all
 from experiments.reproduce.comparison import comparison_table
 from experiments.reproduce.config import Config
 from experiments.reproduce.page import page
-from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
+from experiments.simulate.closed_loop import ClosedLoopRun, drive_closed_loops
 from experiments.simulate.grid_runs import cells_of, drive_grid
 from experiments.simulate.grid_summary import GridSummary, saturation_warnings, simulated_seconds
 from experiments.simulate.options import IDENTIFIED
@@ -28,10 +31,10 @@ from trackslip.identification.samples import usable_samples
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import KNOWN_LAWS, FixedLaw
-from trackslip.trajectory.segmented import paper_reference
+from trackslip.trajectory.segmented import PAPER_START, paper_reference
 
-CONTROLLERS = ("feedforward", "linear")
-"""The paper's, in the order of its runs."""
+STARTS = {"feedforward": PAPER_START, "linear": (0.3, -0.2, math.pi / 3)}
+"""Start poses (x, y, phi) of the paper's controllers, in the order of its runs (Secs. IV-B and IV-C) [m, m, rad]."""
 
 
 def run(config: Config) -> None:
@@ -50,8 +53,7 @@ def run(config: Config) -> None:
             grid = GridSummary.of_logs(grid_logs, sampling.samples, geometry)
 
         laws = {**KNOWN_LAWS, **{name: found.comparison.laws[name].law for name in IDENTIFIED}}
-        starts = {name: start_pose(name, "paper", path) for name in CONTROLLERS}
-        loops = [_loop(name, law, start, config.seed) for name, start in starts.items() for law in laws]
+        loops = [_loop(name, law, np.array(start), config.seed) for name, start in STARTS.items() for law in laws]
         with run.busy("closed loops"), run.watch.stage("closed loops"):
             try:
                 loop_logs = drive_closed_loops(loops, world, path, config.localization, lambda law: FixedLaw(laws[law]))

@@ -8,7 +8,6 @@ import numpy as np
 
 from experiments.common.lookup import controller, locator
 from experiments.common.plain_json import plain
-from experiments.simulate.options import LINEAR_START
 from experiments.simulate.world import World
 from sim.fleet import Setting
 from sim.ground.ground import Ground
@@ -131,12 +130,3 @@ def drive_closed_loops(
     descriptions = [Description(run.name, common | run.own_metadata()) for run in runs]
     method = None if localization == "truth" else locator(localization, world.robot)
     return closed_loop(fleet, pilots, path, feed, method, descriptions, progress)
-
-
-def start_pose(controller: str, reference: str, path: Reference) -> Array:
-    """The default start (3,) [m, m, rad] of a run on the reference called `reference`: its beginning.
-
-    The linear controller starts beside the paper's path, as in the paper (Sec. IV-C).
-    """
-    linear = controller.partition(":")[0] == "linear"
-    return np.array(LINEAR_START) if linear and reference == "paper" else path.pose(0.0)

@@ -1,6 +1,5 @@
 """The options that describe the simulated world, shared by every command that simulates."""
 
-import math
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -35,8 +34,6 @@ MIN_RADIUS, MAX_RADIUS = 1e-3, 1000.0  # [m]
 MIN_FRICTION_RATIO = 0.01  # across the track over along it [-]
 MAX_COORDINATE = 100.0  # of a start [m]
 RADIUS_ERROR = Within(-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
-LINEAR_START = (0.3, -0.2, math.pi / 3)
-"""Start of the paper's linear controller: (x, y, phi) (Sec. IV-C) [m, m, rad]."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,9 @@ from trackslip.logs.runlog import RunLog
 _SLIPS = {"white": WHITE, "lasting": LASTING, "none": SlipVariation()}
 _POSE_MESSAGES = {"mocap": "PoseStamped", "odometry": "Odometry"}
 _AT_REST = 1e-3  # mean speed of the tracks below which a robot stands [m/s]
-_REACH = 1.27  # (b + D) / b of the shipped robot on stone, with which the driver keeps the tracks within their speed [-]
+_REACH = (
+    1.27  # (b + D) / b of the shipped robot on stone, with which the driver keeps the tracks within their speed [-]
+)
 _IN_FRONT = 3.0  # of the scanner: most drives of a minute stay in its view from there [m]
 _ON_TIME = 1e-6  # of a period: difference of a reading's time from a multiple of it, by rounding
 

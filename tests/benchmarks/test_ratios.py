@@ -14,7 +14,6 @@ import pytest
 from bare_engine import SameMotion, bare_copy, seconds
 
 from experiments.common.lookup import locator
-from experiments.simulate.closed_loop import start_pose
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.grid_runs import before_scanner, cells_of, drive_grid
 from experiments.simulate.options import IDENTIFIED
@@ -205,7 +204,7 @@ def test_reproduce_over_its_physics(benchmark, within, robot, tmp_path):
     threads = min(2, os.cpu_count() or 1)
     grid, path, laws = GridConfig(threads=threads), paper_reference(), {**KNOWN_LAWS, **load_laws()}
     runs = [(name, laws[law]) for name in ("feedforward", "linear") for law in (*KNOWN_LAWS, *IDENTIFIED)]
-    fleet = Fleet(robot, [start_pose(name, "paper", path) for name, _ in runs], threads=threads)
+    fleet = Fleet(robot, [path.pose(0.0)] * len(runs), threads=threads)
     pilots = [Pilot(CONTROLLERS[name](), [k], FixedLaw(law)) for k, (name, law) in enumerate(runs)]
     motion, feed = SameMotion(fleet), ScannerFeed(LaserScanner(), fleet)
     closed_loop(fleet, pilots, path, feed, locator("plate", robot), progress=motion.note)

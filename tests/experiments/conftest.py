@@ -71,7 +71,7 @@ def short(tmp_path, monkeypatch):
     """Options of a benchmark that takes seconds, run in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")
+    (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.7,0.1\n1.4,0.45\n")
     return ("--references", "bend.csv", "--starts", "zero", "--localization", "truth", "--jobs", "1")
 
 

@@ -94,6 +94,10 @@ class ParametricPath(PlanarPath):
         heading = self._heading[k] + np.angle(self._curve(u, 1) * np.conj(self._velocity[k]))
         return np.stack([point.real, point.imag, heading], axis=-1)
 
+    def parameter(self, s: Array) -> Array:
+        """Parameters (...) of the curve at arc lengths (...) [m]."""
+        return self._parameter(s)
+
     def curvature(self, s: Array) -> Array:
         """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
         u = self._parameter(s)
@@ -132,5 +136,5 @@ def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
         if lengths[shortest] < _MIN_KNOT_SPACING:
             point = curve(u[shortest], 0)
             where = f"turns back sharply at ({point.real:.3f}, {point.imag:.3f})"
-            raise InvalidValueError("path", where, "smooth, to be driven without stopping")
+            raise InvalidValueError("path", where, "smooth; waypoints may reverse where a column yaw says so")
         u = np.sort(np.concatenate([u, (u[:-1] + u[1:])[coarse] / 2]))

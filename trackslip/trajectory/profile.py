@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,10 +62,15 @@ LIMITS = MotionLimits()
 class ProfiledReference(PiecewiseReference):
     """A path driven as fast as the limits allow, from rest to rest, at constant acceleration between its knots."""
 
-    def __init__(self, path: PlanarPath, limits: MotionLimits = LIMITS) -> None:
-        """Raises InvalidValueError for a path too tight to be driven at MIN_SPEED."""
+    def __init__(
+        self, path: PlanarPath, limits: MotionLimits = LIMITS, speed_at: Callable[[Array], Array] | None = None
+    ) -> None:
+        """`speed_at` gives largest speeds (...) at arc lengths (...), below MIN_SPEED taken as that [m/s].
+
+        Raises InvalidValueError for a path too tight to be driven at MIN_SPEED.
+        """
         self._path = path
-        speeds = _speeds(path, limits)  # (K,)
+        speeds = _speeds(path, limits, speed_at)  # (K,)
         super().__init__(2 * np.diff(path.knots) / (speeds[:-1] + speeds[1:]), speeds[:-1], speeds[1:])
 
     def _pose(self, k: NDArray[np.intp], way: Array) -> Array:
@@ -74,7 +80,7 @@ class ProfiledReference(PiecewiseReference):
         return self._path.curvature(self._path.knots[k] + way)
 
 
-def _speeds(path: PlanarPath, limits: MotionLimits) -> Array:
+def _speeds(path: PlanarPath, limits: MotionLimits, speed_at: Callable[[Array], Array] | None) -> Array:
     """The maximum speeds (K,) at the knots of the path, zero at both ends; their squares are linear in between."""
     s = path.knots
     within = s[:-1, None] + np.diff(s)[:, None] * _WITHIN
@@ -88,6 +94,8 @@ def _speeds(path: PlanarPath, limits: MotionLimits) -> Array:
             float(f"{1 / abs(curvature[row, column]):.3g}"),
             f"large enough to drive at {MIN_SPEED:g} m/s within the limits of yaw rate and track speed",
         )
+    if speed_at is not None:
+        allowed = np.minimum(allowed, np.maximum(speed_at(within).min(axis=1), MIN_SPEED))
     square = np.minimum(np.append(allowed, 0.0), np.insert(allowed, 0, 0.0)) ** 2
     # v^2 may grow by 2 a per metre, forwards from the start and backwards from the end
     growth = 2 * limits.acceleration * s

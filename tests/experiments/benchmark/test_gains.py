@@ -41,7 +41,10 @@ def test_a_controller_gets_the_gains_of_its_compensation_or_the_like(tmp_path):
     assert gains.specification("linear", "exponential") == "linear:stiffness=40.0"
     assert gains.specification("linear", "online_cold") == "linear:stiffness=60.0,damping=1.0"
     assert gains.specification("linear:stiffness=160", "online") == "linear:stiffness=160"
-    assert gains.specification("lqr", "online") == "lqr"
+    assert gains.choice("linear", "online_cold").gains == f"{tmp_path} for online"
+    assert gains.choice("linear:stiffness=160", "online").gains == "given"
+    assert gains.choice("my:Mine", "online") == Gains.load("default").choice("lqr", "online") == ("default", {})
+    assert gains.choice("lqr", "online") == Gains.load("tuned").choice("lqr", "online")  # which is not in the folder
 
 
 @pytest.mark.parametrize(
@@ -69,8 +72,8 @@ def test_robots_whose_plants_would_exceed_limits_are_refused():
 
 def test_shipped_gains_are_those_of_controllers_that_take_them():
     gains = Gains.load("tuned")
-    for (name, compensation), arguments in gains.arguments.items():
-        assert set(arguments) == set(tunable(name))
+    for (name, compensation), arguments in gains.tables["tuned"].items():
+        assert set(arguments) == set(tunable(name)[0])
         controller(gains.specification(name, compensation), RobotParameters().geometry, 0.3, 0.05)
 
 
@@ -95,6 +98,17 @@ def test_the_search_finds_the_best_gains_within_the_limit_on_roughness():
     assert 28 < row["arguments"]["stiffness"] <= 30
     assert row["roughness"] <= 2.0
     assert row["default_error"] == pytest.approx(0.01 + np.log(0.7 / 0.9) ** 2 + np.log(10 / 40) ** 2)
+
+
+def test_where_nothing_is_smooth_enough_the_defaults_stay():
+    def drive(generation):
+        rows = [{"error": None, "gains": gains, "position": gains["stiffness"]} for gains in generation.values()]
+        return [row | {"roughness": 3 + 1 / row["position"]} for row in rows]  # the smoother, the worse
+
+    config = Config(evaluations=24, roughness=2.0)
+    row = tune.Search(config, ClosedLoops(config, "drawn"), "linear", "none").best(drive)
+    assert row["arguments"] == tunable("linear")[0]
+    assert row["error"] == row["default_error"]
 
 
 def test_a_search_resumes_unless_the_controllers_have_changed(trackslip, short, tmp_path, monkeypatch):

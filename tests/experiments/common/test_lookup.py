@@ -3,17 +3,14 @@
 import dataclasses
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from experiments.common.lookup import controller, tunable
-from experiments.simulate.closed_loop import start_pose
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.lqr import Lqr
 from trackslip.controllers.mpc import ModelPredictive
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
-from trackslip.trajectory.named import load_reference
 
 GEOMETRY = RobotGeometry(0.2, 0.05)
 MINE = """
@@ -61,14 +58,8 @@ def test_gains_are_positive_finite_floats_that_do_not_describe_the_robot(tmp_pat
     monkeypatch.chdir(tmp_path)
     defaults = 'gain=2.0, rate=0.5, top=float("inf"), zero=0.0, back=-1.0, n=3, on=True, more=None, period=0.1'
     Path("has_gains.py").write_text(f"class Mine:\n    def __init__(self, name, {defaults}): ...")
-    assert tunable("has_gains:Mine") == {"gain": 2.0, "rate": 0.5}
+    others = ["name", "top", "zero", "back", "n", "on", "more"]
+    assert tunable("has_gains:Mine") == ({"gain": 2.0, "rate": 0.5}, others)
     for name in ("feedforward", "linear:damping=1", "ppo:out/train"):
         with pytest.raises(InvalidValueError, match="without arguments, with gains such as"):
             tunable(name)
-
-
-def test_the_linear_controller_with_arguments_starts_where_it_does_without():
-    path = load_reference("paper")
-    starts = [start_pose(name, "paper", path) for name in ("linear", "linear:stiffness=160", "lqr")]
-    np.testing.assert_array_equal(starts[0], starts[1])
-    assert not np.allclose(starts[0], starts[2])

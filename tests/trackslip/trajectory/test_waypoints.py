@@ -6,6 +6,7 @@ from quadrature import integral_miss, times
 
 from trackslip.errors import InvalidValueError, ReferenceFileError
 from trackslip.trajectory.named import load_reference, named_reference
+from trackslip.trajectory.path import STEP
 from trackslip.trajectory.profile import LIMITS
 from trackslip.trajectory.waypoints import read_waypoints, waypoints
 
@@ -58,6 +59,42 @@ def test_points_on_a_line_make_it_straight_and_may_return():
     np.testing.assert_allclose(ring.pose([0.0, ring.duration])[:, :2], 0, atol=1e-12)
 
 
+def test_headings_say_where_it_reverses_and_speeds_how_fast():
+    """A turn in three moves, as a planner writes it: to the right ahead, to the right in reverse, straight on."""
+    angles = np.linspace(0, np.pi / 4, 6)
+    ahead = np.stack([np.sin(angles), np.cos(angles) - 1, -angles], axis=-1)
+    back = ahead[-1] + np.stack([-np.sin(angles), 1 - np.cos(angles), 0 * angles], axis=-1) @ _turned(-np.pi / 4)
+    back[:, 2] = -np.pi / 4 - angles
+    last = back[-1] + 0.3 * np.arange(1, 4)[:, None] * [0.0, -1.0, 0.0]
+    table = np.concatenate([ahead, back[1:], last])
+    reference = waypoints(table[:, :2], yaw=table[:, 2] + 2 * np.pi, speed=np.full(len(table), 0.1))
+    assert nearest(reference, table[:, :2]).max() < 1e-4
+    assert integral_miss(reference) < 1e-9
+    time = times(reference)
+    v, w = reference.twist(time).T
+    assert (v.min(), v.max()) == pytest.approx((-0.1, 0.1))
+    assert (np.sign(v[np.abs(v) > 0.05])[:-1] != np.sign(v[np.abs(v) > 0.05])[1:]).sum() == 2
+    assert np.abs(w).max() == pytest.approx(0.1, rel=0.05)  # arcs of 1 m
+    assert np.ptp(reference.pose(time)[:, 2]) == pytest.approx(np.pi / 2, abs=1e-3)
+    np.testing.assert_allclose(reference.pose([0.0, reference.duration])[:, :2], table[[0, -1], :2], atol=1e-12)
+
+
+def _turned(angle):
+    """What turns rows (x, y, phi) by an angle [rad]."""
+    return np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+
+
+def test_speeds_brake_evenly_towards_a_waypoint():
+    reference = waypoints([(0, 0), (1, 0), (2, 0)], speed=[0.1, 0.05, 0.1])
+    time = np.linspace(0, reference.duration, 20_001)
+    x, v = reference.pose(time)[:, 0], reference.twist(time)[:, 0]
+    growth = 0.1**2 - 0.05**2
+    inside = (x > 0.2) & (x < 1.8)  # where it neither starts nor stops
+    below = 0.05**2 + growth * np.abs(x - 1)[inside] - v[inside] ** 2
+    assert below.min() > -1e-9
+    assert below.max() < growth * 2 * STEP  # a cell has the speed of its slower end, and so has a knot of its cells
+
+
 @settings(max_examples=30)
 @given(st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=8, unique_by=cell))
 def test_any_points_give_a_drivable_reference_or_are_refused(points):
@@ -84,7 +121,10 @@ def test_any_points_give_a_drivable_reference_or_are_refused(points):
         ([(0, 0), (np.nan, 0), (1, 1)], "point 2, column x = nan: must be from -100 to 100 m"),
         ([(0, 0), (1, 0), (1, 101)], "point 3, column y = 101.0: must be from -100 to 100 m"),
         ([(0, 0), (1, 0), (1, 0)], r"point 3 = \(1.0, 0.0\): must be at least 0.001 m from point 2"),
-        ([(0, 0), (1, 0), (0.5, 0)], "path = 'turns back sharply at .*: must be smooth"),
+        (
+            [(0, 0), (1, 0), (0.5, 0)],
+            "path = 'turns back sharply at .*: must be smooth; waypoints may reverse where",
+        ),
         ([(0, 0), (1, 0.05), (0.5, 0)], "radius of curvature at .*: must be large enough to drive at 0.001 m/s"),
         ([(100 * (-1) ** k, 0.1 * k) for k in range(10)], "way through all points = .*: must be at most 1000 m"),
     ],
@@ -114,12 +154,15 @@ def test_csv_with_and_without_header(csv, content):
     [
         ("", "number of waypoints = 0"),
         ("x,y\n0,0\n1,zero\n2,0", "row 2, column y = 'zero': must be a number"),
-        ("lat,lon\n0,0\n", "row 1, column x = 'lat': must be a number"),
+        ("lat,lon\n0,0\n", "columns = 'lat,lon': must be x,y"),
         ("0,0\n1,nan\n2,0", "row 2, column y = nan: must be from -100"),
         ("0,0\n1e999,0\n2,0", "row 2, column x = inf: must be from -100"),
         ("0,0\n1,\n2,0", "row 2, column y = '': must be a number"),
-        ("0;0\n1;0\n2;0", "row 1, number of columns = 1: must be 2"),
+        ("0;0\n1;0\n2;0", "columns = '0;0': must be x,y"),
         ("x,y\n0,0\n1,0\n1,0\n", r"row 3 = \(1.0, 0.0\): must be at least 0.001 m from row 2"),
+        ("x,y,yaw\n0,0,0\n1,0,1.6\n2,0,0", "row 2, column yaw = 1.6: must be within 45 deg of the way from row 1"),
+        ("v,x,y\n.1,0,0\n.1,1,0\n-.1,2,0", "row 3, column v = -0.1: must be at least 0 without a column yaw"),
+        ("t,x,y,phi\n0,0,0,0", "columns = 't,x,y,phi': must be x,y"),
         ("0,0\n" * 10_001, "number of waypoints = 10001: must be from 3 to 10000"),
         (b"\xff\xfe\x00\x81", "codec can't decode"),
         ("0," + "1" * 200_000, "field larger than field limit"),
