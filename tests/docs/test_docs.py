@@ -6,9 +6,12 @@ import sys
 
 import pytest
 from page_runner import PageRunner
-from pages import PAGES, ROOT, blocks, links
+from pages import PAGES, ROOT, arguments, blocks, commands, links
 
-SLOW = [page for page in PAGES if any(block.directive == "slow" for block in blocks(page.read_text(encoding="utf-8")))]
+from experiments.cli import parse
+
+FIRST = (ROOT / "README.md", ROOT / "docs" / "quick_start.md")
+"""The pages whose blocks run in the fast tests."""
 
 
 def ids(page):
@@ -48,14 +51,22 @@ def run(page, runner):
         pytest.skip(f"the rest runs; {', '.join(runner.missing)}: not installed")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=ids)
-def test_every_block_runs(page, runner):
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in FIRST], ids=ids)
+def test_every_command_and_its_options_are_there(page):
+    for block in blocks(page.read_text(encoding="utf-8")):
+        if block.language == "sh" and block.directive not in ("refused", "not run"):
+            for words in map(arguments, commands(block.text)):
+                parse(words)
+
+
+@pytest.mark.parametrize("page", FIRST, ids=ids)
+def test_blocks_of_the_first_pages_run(page, runner):
     run(page, runner)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", SLOW, ids=ids)
-def test_slow_blocks_run(page, runner):
+@pytest.mark.parametrize("page", PAGES, ids=ids)
+def test_every_block_runs(page, runner):
     runner.slow = True
     run(page, runner)
 

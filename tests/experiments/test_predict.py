@@ -21,6 +21,7 @@ def test_the_default_is_the_simulated_robot(robot, trackslip):
     assert predicted.offset == pytest.approx(0.0445, abs=0.0005)
 
 
+@pytest.mark.slow
 def test_on_ground_that_shears_slip_depends_on_radius_and_load(trackslip):
     result = trackslip("predict", "--shear", "0.01", "--slope", "0.174533", "--radii", "0.606", "2.938")
     summary = result.summary

@@ -37,7 +37,7 @@ class PageRunner:
     captured: Callable[[], str]
     """Gives what was printed since the last call."""
     slow: bool = False
-    """Whether slow commands are run, or only parsed."""
+    """Whether slow blocks are run, too; their commands are parsed anyhow."""
     names: dict[str, Any] = field(default_factory=lambda: {"__name__": "__main__"})
     printed: str | None = None
     """By the block before, if it was run."""

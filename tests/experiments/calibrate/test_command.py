@@ -75,6 +75,7 @@ def driven(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
     options = ("--target", str(driven / "out"), "--robot", str(driven / "start.toml"), "--folds", "2")
     found = ran(tmp_path / "out", "calibrate", *options, "--free", "friction_ratio", "radius_error", "com_height")
@@ -102,6 +103,7 @@ def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
     assert ahead["robot"] < 0.6 * ahead["none"]
 
 
+@pytest.mark.slow
 def test_another_log_is_predicted_with_a_clock_of_its_own(driven, tmp_path):
     """Poses of the second log are stamped 0.1 s later."""
     late = tmp_path / "late.csv"

@@ -51,6 +51,7 @@ def test_steady_driving_on_the_flat():
     assert run.travel[-1] == pytest.approx(run.contact.belt[1:].sum(axis=0) * 0.02)
 
 
+@pytest.mark.slow
 def test_a_path_is_followed_to_its_end(tmp_path):
     path = tmp_path / "path.csv"
     path.write_text("x,y\n-1,0\n0,0\n1,0.4\n2,-0.2\n3,0\n")

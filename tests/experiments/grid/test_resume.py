@@ -46,13 +46,13 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
     same_results(whole, result.folder)
 
 
-@pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.slow)])
-def test_a_grid_that_is_killed_again_and_again_gives_the_same_bytes(kills, trackslip, tmp_path):
+@pytest.mark.slow
+def test_a_grid_that_is_killed_again_and_again_gives_the_same_bytes(trackslip, tmp_path):
     whole = trackslip("grid", *SHORT, *VARY, "--out", str(tmp_path / "whole")).folder
     rng = random.Random(0)
     out = tmp_path / "killed"
     command = [sys.executable, "-m", "experiments", "grid", *SHORT[:-1], "processes", "--jobs", "2", *VARY]
-    for _ in range(kills):
+    for _ in range(20):
         process = subprocess.Popen([*command, "--out", str(out)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         time.sleep(rng.uniform(0.5, 8.0))
         process.kill()
@@ -76,6 +76,7 @@ def test_overwrite_drives_anew(trackslip, refused, tmp_path):
     assert trackslip("grid", *SHORT, "--overwrite", "--out", str(out)).summary["timing"]["driven"] == 2
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_loses_nothing(trackslip, tmp_path):
     """On a Dask cluster of two, whose other worker drives the rest."""
     distributed = pytest.importorskip("distributed")

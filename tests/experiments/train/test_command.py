@@ -32,6 +32,7 @@ def test_a_policy_is_trained_and_takes_part_in_the_benchmark(trackslip, tmp_path
     assert [row["controller"] for row in table.summary["rows"]] == ["feedforward", f"ppo:{trained.folder}"]
 
 
+@pytest.mark.slow
 def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
     """The checkpoint fixes the network; every other option may change.
 

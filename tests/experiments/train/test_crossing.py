@@ -21,6 +21,7 @@ def test_a_policy_that_corrects_nothing_crosses_what_the_scripted_controller_doe
     assert (scripted["low"], scripted["high"]) == pytest.approx((0.342, 1.0), abs=1e-3)  # Wilson, two of two
 
 
+@pytest.mark.slow
 def test_several_kinds_of_courses_have_a_row_for_each_controller():
     policy = CrossingPolicy(NO_CORRECTION, OPTIONS | {"course": ["steps_down", "rails"]})
     rows = crossing_rates(policy, (0.0, 0.2), 2, seed=0, threads=1)
