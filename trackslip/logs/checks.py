@@ -72,35 +72,32 @@ def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Arr
     return None if len(turn) < _MIN_STEPS or np.mean(turn**2) < _MIN_TURN**2 else (turn, by)
 
 
-def compared_turns(time: Array, turned: Array, heading: Array) -> tuple[float, float]:
-    """Correlation of turns (T,) with the headings', and their factor to these; NaN if there are hardly any."""
-    paired = paired_turns(time, turned, heading)
-    if paired is None or not paired[1].any():
-        return np.nan, np.nan
-    turn, by = paired
-    return float(turn @ by / np.sqrt((turn @ turn) * (by @ by))), float(turn @ by / (by @ by))
-
-
 def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[Array | None, str]:
     """Yaw rates (T,), None if they don't follow the headings (T,) at all, and a line on that; both may hold NaN.
 
     Logs whose maker took the gyro's rate for an angle hold its derivative; its sums are the rate but for a constant.
     Raises LogError for rates in another unit, or clockwise.
     """
+
+    def compared(turned: Array) -> tuple[float, float]:
+        """Correlation of turns with the headings', and their factor to these; NaN if there are hardly any."""
+        paired = paired_turns(time, turned, heading)
+        if paired is None or not paired[1].any():
+            return np.nan, np.nan
+        turn, by = paired
+        return float(turn @ by / np.sqrt((turn @ turn) * (by @ by))), float(turn @ by / (turn @ turn))
+
     turned = np.append(0.0, np.cumsum(np.nan_to_num(rate[1:]) * np.diff(time)))
-    agreement, factor = compared_turns(time, turned, heading)
+    agreement, factor = compared(turned)
     if np.isnan(agreement) or (agreement >= _DISAGREES and _SAME_UNIT[0] < factor < _SAME_UNIT[1]):
         return rate, ""
-    if agreement >= _DISAGREES:
-        degrees = _SAME_UNIT[0] < np.degrees(factor) < _SAME_UNIT[1]
-        wrong = "fit the headings in degrees per second" if degrees else f"are {1 / factor:.3g} times the headings'"
-        raise LogError(f"run {run!r}: column gyro: turns {wrong}, must be in rad/s")
-    if agreement <= -_DISAGREES:
-        raise LogError(f"run {run!r}: column gyro: turns fit the headings clockwise, must be counter-clockwise")
+    if abs(agreement) >= _DISAGREES:
+        must = "must be in rad/s, counter-clockwise"
+        raise LogError(f"run {run!r}: column gyro: turns are {factor:.3g} times the headings', {must}")
     first, last = np.flatnonzero(np.isfinite(heading))[[0, -1]]
     twice = np.append(0.0, np.cumsum(turned[1:] * np.diff(time)))
     offset = np.diff((heading - twice)[[first, last]]) / np.diff(time[[first, last]])
-    if compared_turns(time, twice + offset * time, heading)[0] >= CLEARLY:
+    if compared(twice + offset * time)[0] >= CLEARLY:
         line = "is the change of the yaw rate, in rad/s²: its sums over time, which follow the headings, are taken"
         return np.where(np.isfinite(rate), turned + offset, np.nan), f"run {run!r}: column gyro {line}"
     return None, f"run {run!r}: column gyro left out: its turns don't follow the headings (correlation {agreement:.2f})"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,7 +18,7 @@ from trackslip.files import regular_file
 from trackslip.logs.csv_file import read_csv
 from trackslip.logs.file_format import known_manifest
 from trackslip.logs.runlog import RunLog
-from trackslip.logs.table import file_metadata, stored_text, to_table
+from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 
 RUNS = "runs.parquet"
@@ -106,19 +105,15 @@ def read_log(path: Path) -> ReadRuns:
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     """Write runs, each given as (file, name, new name), from files by `write_parquet` to a single file, in order.
 
-    Raises LogError if a file cannot be read or lacks the run.
+    Raises LogError if a file cannot be read.
     """
     files = {file: StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
-    joined = pa.unify_schemas([stored.schema for stored in files.values()])
-    about = {new: files[file].metadata(name) for file, name, new in runs}
-    joined = joined.with_metadata(file_metadata(joined, about))
-    with pa.parquet.ParquetWriter(path, joined, **packing(joined)) as writer:
+    schema = pa.unify_schemas([stored.schema for stored in files.values()])
+    about = {new: files[file].metadata[name] for file, name, new in runs}
+    schema = schema.with_metadata(file_metadata(schema, about))
+    with pa.parquet.ParquetWriter(path, schema, **packing(schema)) as writer:
         for file, name, new in runs:
-            table = files[file].table(name, new)
-            for field in joined:
-                if field.name not in table.column_names:
-                    table = table.append_column(field, pa.nulls(len(table), field.type))
-            table = table.select(joined.names).cast(joined)
+            table = pa.concat_tables([schema.empty_table(), files[file].table(name, new)], promote_options="default")
             writer.write_table(table, row_group_size=len(table))
 
 
@@ -128,32 +123,23 @@ class StoredRuns:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            self._file = pa.parquet.ParquetFile(regular_file(path), page_checksum_verification=True)
-            runs = json.loads(stored_text(self._file.schema_arrow.metadata))["runs"]
-            self._metadata = {name: {**description} for name, description in runs.items()}
-            self._groups = {name: k for k, name in enumerate(runs)}
-        except (pa.ArrowException, OSError, ValueError, RecursionError, LookupError, TypeError) as error:
+            self._file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
+        except (pa.ArrowException, OSError) as error:
             raise LogError(f"{path}: {first_line(error)}") from error
-        if self._file.num_row_groups != len(self._groups):
-            raise LogError(f"{path}: not as trackslip writes runs")
+        self.metadata = stored_metadata(self._file.schema_arrow.metadata, str(path))
+        """That of each run, by name."""
         self.schema = self._file.schema_arrow.remove_metadata()
-
-    def metadata(self, name: str) -> dict[str, Any]:
-        """The metadata of a run."""
-        if name not in self._metadata:
-            raise LogError(f"{self._path}: it has no run {name!r}")
-        return self._metadata[name]
 
     def log(self, name: str) -> RunLog:
         """A run; raises LogError if it cannot be read."""
-        about = file_metadata(self.schema, {name: self.metadata(name)})
+        about = file_metadata(self.schema, {name: self.metadata[name]})
         (log,) = runs_from_table(self.table(name, name).replace_schema_metadata(about), str(self._path)).runs
         return log
 
     def table(self, name: str, new: str) -> pa.Table:
-        """The rows of a run under a new name."""
+        """The rows of a run under a new name; raises LogError if they cannot be read."""
         try:
-            table = self._file.read_row_group(self._groups[name]).replace_schema_metadata(None)
+            table = self._file.read_row_group([*self.metadata].index(name)).replace_schema_metadata(None)
         except (pa.ArrowException, OSError) as error:
             raise LogError(f"{self._path}: run {name!r}: {first_line(error)}") from error
         return table.set_column(0, "run", pa.repeat(new, len(table)))

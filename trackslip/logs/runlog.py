@@ -17,7 +17,7 @@ from trackslip.logs.scanlog import ScanLog
 
 MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError, OverflowError)
 """Errors from metadata of runs that are not as trackslip writes them."""
-_BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid", "load", "gyro")
+_OPTIONAL = ("command", "twist_command", "icr", "covariance", "valid", "load", "gyro", "truth", "scans")
 _NUMBERS_AND_NAMES = re.compile(r"'[^']*'|[-+]?\d[\d.,e+-]*")
 MAX_YAW_RATE = 100.0
 """Yaw rate above which a gyro's reading is none [rad/s]."""
@@ -66,26 +66,16 @@ class RunLog:
         rows = len(self.time)
         if rows < 2:
             raise LogError(f"run {self.run!r}: {counted(rows, 'row')}, needs at least 2")
-        backwards = np.flatnonzero(~(np.diff(self.time) > 0))
-        if backwards.size:
-            k = int(backwards[0]) + 1
-            raise LogError(
-                f"run {self.run!r}: t = {self.time[k]:.12g} in its row {k + 1} is not after the previous row"
-            )
         unknown = np.isnan(self.pose)
         halves = (unknown[:, 0] != unknown[:, 1]) | unknown.all(axis=1)  # a position or a heading alone is a pose
-        bad = {
-            "omega": ~np.isfinite(self.omega).all(axis=1),
-            "pose": self.is_valid & (np.isinf(self.pose).any(axis=1) | halves),
+        wrong = {
+            "time is not after the previous row": np.append(False, ~(np.diff(self.time) > 0)),
+            "omega is not finite": ~np.isfinite(self.omega).all(axis=1),
+            "pose is not finite": self.is_valid & (np.isinf(self.pose).any(axis=1) | halves),
         }
-        for name, where in bad.items():
+        for what, where in wrong.items():
             if where.any():
-                raise LogError(f"run {self.run!r}: {name} is not finite in row {np.argmax(where) + 1}")
-        if self.gyro is not None and (wild := np.abs(self.gyro) > MAX_YAW_RATE).any():
-            k = int(np.argmax(wild))
-            raise LogError(
-                f"run {self.run!r}: gyro = {self.gyro[k]:g} rad/s in row {k + 1}, at most {MAX_YAW_RATE:g} is allowed"
-            )
+                raise LogError(f"run {self.run!r}: {what} in row {np.argmax(where) + 1}")
 
     @property
     def is_valid(self) -> np.ndarray:
@@ -115,14 +105,16 @@ class RunLog:
         if first == 0 and end == len(self.time):
             return self
         rows = slice(first, end)
-        changed: dict[str, Any] = {name: value[rows] for name in _BY_ROW if (value := getattr(self, name)) is not None}
+
+        def part(value: Any) -> Any:
+            return value[rows] if isinstance(value, np.ndarray) else value
+
+        known = {name: part(value) for name, value in vars(self).items()} | {"beyond": None}
         if self.truth is not None:
-            known = {name: value for name, value in vars(self.truth).items() if value is not None}
-            changed["truth"] = Truth(**{name: value[rows] for name, value in known.items()})
+            known["truth"] = Truth(**{name: part(value) for name, value in vars(self.truth).items()})
         if self.scans is not None:
-            changed["scans"] = self.scans.between(first, end)
-        changed["beyond"] = None
-        return replace(self, **changed)
+            known["scans"] = self.scans.between(first, end)
+        return RunLog(**known)
 
     def cut(self, duration: float) -> list[RunLog]:
         """Parts of equal duration, about `duration` [s]; the log itself if it isn't longer."""
@@ -130,13 +122,12 @@ class RunLog:
         ends = np.searchsorted(self.time, np.linspace(self.time[0], self.time[-1], count + 1)).tolist()
         ends[-1] += 1
         parts = [self.between(first, end) for first, end in pairwise(ends) if end - first > 1]
-        return [replace(one, run=f"{self.run} {k + 1}") for k, one in enumerate(parts)] if count > 1 else [self]
+        return [replace(part, run=f"{self.run} {k}") for k, part in enumerate(parts, start=1)] if count > 1 else [self]
 
     def __repr__(self) -> str:
-        optional = ("command", "twist_command", "icr", "covariance", "valid", "load", "gyro", "truth", "scans")
-        held = [name for name in optional if getattr(self, name) is not None]
+        known = [name for name in _OPTIONAL if getattr(self, name) is not None]
         size = f"{len(self.time)} rows, {self.time[-1] - self.time[0]:.4g} s"
-        return f"<RunLog {self.run!r}: {', '.join([size, *held])}>"
+        return f"<RunLog {self.run!r}: {', '.join([size, *known])}>"
 
 
 @dataclass(frozen=True)
@@ -161,26 +152,16 @@ def none_usable(refused: Sequence[Refused]) -> str:
     """One line for a log all of whose runs are refused: the most frequent reason."""
     if len(refused) == 1:
         return f"run {refused[0].run!r}: {refused[0].reason}"
-    most = max(alike(map(str, refused)), key=len)
-    return f"none of the {len(refused)} runs can be used; {summed_up(most)}"
+    return f"none of the {len(refused)} runs can be used; {in_few_lines(map(str, refused))[0]}"
 
 
 def in_few_lines(lines: Iterable[str]) -> list[str]:
-    """A line for each group of lines that differ only in numbers and quoted names."""
-    return [summed_up(group) for group in alike(lines)]
-
-
-def alike(lines: Iterable[str]) -> list[list[str]]:
-    """Lines in groups that differ only in numbers and quoted names."""
+    """A line for each group of lines that differ only in numbers and quoted names, the largest groups first."""
     groups: dict[str, list[str]] = {}
     for line in dict.fromkeys(lines):
         groups.setdefault(_NUMBERS_AND_NAMES.sub("", line), []).append(line)
-    return list(groups.values())
-
-
-def summed_up(group: Sequence[str]) -> str:
-    """The first of some lines, and how many there are."""
-    return group[0] if len(group) == 1 else f"{group[0]} (and {len(group) - 1:,} more alike)"
+    ordered = sorted(groups.values(), key=len, reverse=True)
+    return [first + (f" (and {len(others):,} more alike)" if others else "") for first, *others in ordered]
 
 
 def stored_geometry(log: RunLog) -> RobotGeometry | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -42,17 +41,3 @@ class ScanLog:
         cluster, width = self.cluster, self.cluster.width
         within = np.arange(cluster.hit.shape[1]) < width[:, None]
         return np.where(cluster.hit, cluster.range, np.nan)[within], width
-
-    def metadata(self) -> dict[str, Any]:
-        """Everything but the ranges, JSON-compatible."""
-        scan = self.scan
-        return {
-            "first_bearing": float(scan.bearings[0]),
-            "beam_step": scan.beam_step,
-            "beams": len(scan.bearings),
-            "noise": scan.noise,
-            "max_range": scan.max_range if np.isfinite(scan.max_range) else None,
-            "dropout": scan.dropout,
-            "mount": [float(value) for value in scan.mount],
-            "plate": {"length": self.plate.length, "thickness": self.plate.thickness},
-        }

@@ -7,7 +7,6 @@ REQUIRED, and x and y or phi; samples of steady driving without a trace need SAM
 from __future__ import annotations
 
 import json
-import zlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -18,7 +17,7 @@ from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
 from trackslip.logs.file_format import FORMAT, require_known_format
 from trackslip.logs.runlog import RunLog
-from trackslip.logs.scan_columns import SCANNED, list_column, scan_columns
+from trackslip.logs.scan_columns import SCANNED, list_column, scan_columns, scanner_metadata
 from trackslip.logs.schema import with_units
 
 REQUIRED = ("t", "omega_l", "omega_r")
@@ -45,11 +44,11 @@ TRUTH: dict[str, tuple[str, ...]] = {  # columns of fields of its Truth
     "lean": ("true_lean",),
 }
 COVARIANCE = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")
-UPPER = np.triu_indices(3)
+SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+"""Places of the elements of a covariance among COVARIANCE."""
 CONTACT = "contact"
 SHEAR = "shear"
 _METADATA_KEY = b"trackslip"  # of the description of runs and columns in the metadata of a file
-_CHECKSUM_KEY = b"trackslip_crc32"  # of its checksum: Parquet's own only cover the pages of the columns
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
@@ -62,7 +61,7 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
         name = max(names, key=names.count)
         raise LogError(f"run {name!r}: there are {names.count(name)} of it")
     table = with_units(pa.concat_tables(map(_table, logs), promote_options="default").combine_chunks())
-    runs = {log.run: log.metadata | ({SCANNED: log.scans.metadata()} if log.scans else {}) for log in logs}
+    runs = {log.run: log.metadata | ({SCANNED: scanner_metadata(log.scans)} if log.scans else {}) for log in logs}
     return table.replace_schema_metadata(file_metadata(table.schema, runs))
 
 
@@ -73,26 +72,16 @@ def file_metadata(fields: Sequence[pa.Field], runs: Mapping[str, Any]) -> dict[b
         for field in fields
         if field.metadata
     }
-    text = json.dumps({"format": FORMAT, "columns": columns, "runs": runs})
-    return {_METADATA_KEY: text, _CHECKSUM_KEY: _checksum(text.encode())}
+    return {_METADATA_KEY: json.dumps({"format": FORMAT, "columns": columns, "runs": runs})}
 
 
-def stored_text(metadata: Mapping[bytes, bytes]) -> bytes:
-    """The JSON under _METADATA_KEY in UTF-8; raises KeyError if there is none, ValueError if its checksum is wrong."""
-    text = metadata[_METADATA_KEY]
-    expected = metadata.get(_CHECKSUM_KEY)  # older files have none
-    if expected not in (None, _checksum(text).encode()):
-        raise ValueError("its checksum is wrong")
-    return text
-
-
-def stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
-    """Descriptions of the runs in a table by name; raises LogError if they are damaged or in a newer format."""
-    about = table.schema.metadata or {}
-    if not about.get(_METADATA_KEY):
+def stored_metadata(metadata: Mapping[bytes, bytes] | None, source: str) -> dict[str, dict[str, Any]]:
+    """Descriptions of the runs by name in the metadata of a file; LogError if damaged or in a newer format."""
+    text = (metadata or {}).get(_METADATA_KEY)
+    if not text:
         return {}
     try:
-        content = json.loads(stored_text(about))
+        content = json.loads(text)
         require_known_format(content, source)
         return {name: {**description} for name, description in content["runs"].items()}
     except LogError:
@@ -101,15 +90,11 @@ def stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
         raise LogError(f"{source}: its metadata is damaged ({first_line(error)})") from error
 
 
-def _checksum(text: bytes) -> str:
-    return f"{zlib.crc32(text):08x}"
-
-
 def _table(log: RunLog) -> pa.Table:
     """A run without metadata."""
     blocks: dict[tuple[str, ...], Array | None] = {("t",): log.time}
     blocks |= {names: getattr(log, field) for field, names in BLOCKS.items()}
-    blocks[COVARIANCE] = None if log.covariance is None else log.covariance[:, *UPPER]
+    blocks[COVARIANCE] = None if log.covariance is None else log.covariance[:, *np.triu_indices(3)]
     lists: dict[str, Array | None] = {}
     if log.truth is not None:
         blocks |= {names: getattr(log.truth, field) for field, names in TRUTH.items()}

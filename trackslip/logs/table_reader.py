@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
 from trackslip.logs.checks import in_order, plausible_gyro, restarts, unwrapped
 from trackslip.logs.columns import Columns
 from trackslip.logs.runlog import MAX_YAW_RATE, Refused, RunLog, Truth, none_usable
 from trackslip.logs.scan_columns import SCANNED, from_list_column, scans_from_table
-from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, SHEAR, TRUTH, UPPER, stored_metadata
+from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, SHEAR, SYMMETRIC, TRUTH, stored_metadata
 
 _OPTIONAL = ("command", "twist_command", "icr", "load")
-_ENCODER, _POSE, _GYRO = BLOCKS["omega"], BLOCKS["pose"], BLOCKS["gyro"]
+_NAMES = ("t", *BLOCKS["omega"], *BLOCKS["pose"], *BLOCKS["gyro"], "valid")
+_OMEGA, _POSE, _GYRO, _VALID = [1, 2], [3, 4, 5], 6, 7
 _GAP = 1.0  # without readings that the next one covers [s]
 _QUATERNION = re.compile(r"(^|[._/ ])(q_?|orientation[._/ ]?)(?P<part>[xyzw])$", re.IGNORECASE)
 _MOST = 0.5  # share of damaged rows above which a run cannot be read
@@ -65,12 +66,17 @@ class _Reader:
         headings_alone = "phi" in table.column_names and not {"x", "y"} & set(table.column_names)
         columns.require(REQUIRED if headings_alone else (*REQUIRED, "x", "y"))
         self._table, self._source, self._columns = table, source, columns
-        self._metadata = stored_metadata(table, source)
-        self._cells = {name: columns.cells(name) for name in ("t", *_ENCODER, *_POSE, *_GYRO)}
-        self._valid = columns.boolean("valid") if "valid" in table.column_names else None
+        self._metadata = stored_metadata(table.schema.metadata, source)
+        cells = [*map(columns.cells, _NAMES[:_VALID]), columns.boolean("valid")]
+        self._values = np.column_stack([cell.values for cell in cells])  # (T, 8), as _NAMES; NaN where not read
+        self._damaged = np.column_stack([cell.damaged for cell in cells])
+        self._damaged[:, _GYRO] |= np.abs(self._values[:, _GYRO]) > MAX_YAW_RATE
+        self._values[self._damaged] = np.nan
+        self._damaged[:, 0] = np.isnan(self._values[:, 0])
+        self._gyro_empty = cells[_GYRO].empty
         self._blocks = {field: columns.optional(BLOCKS[field]) for field in _OPTIONAL}
         upper = columns.optional(COVARIANCE)
-        self._blocks["covariance"] = None if upper is None else _symmetric(upper)
+        self._blocks["covariance"] = None if upper is None else upper[:, SYMMETRIC]
         self._truth = {field: columns.optional(names) for field, names in TRUTH.items()}
         self._refused: list[Refused] = []
         self._notes: list[str] = []
@@ -80,168 +86,150 @@ class _Reader:
         number, names = self._columns.categories("run")
         if not len(number):
             raise LogError(f"{self._source}: no rows")
-        order = np.argsort(number, kind="stable")
         runs: list[RunLog] = []
+        order = np.argsort(number, kind="stable")
         for name, rows in zip(names, np.split(order, np.cumsum(np.bincount(number))[:-1]), strict=True):
-            if not name.strip():
-                self._notes.append(f"{_rows(len(rows))} left out: row {rows[0] + 1}, column run: empty")
-                continue
-            try:
+            if name.strip():
                 runs += self._runs(name, rows)
-            except LogError as error:
-                self._refused.append(Refused.of(name, error))
+            else:
+                self._notes.append(f"{counted(len(rows), 'row')} left out: row {rows[0] + 1}, column run: empty")
         if not runs:
             raise LogError(f"{self._source}: {none_usable(self._refused) if self._refused else self._notes[0]}")
         return ReadRuns(tuple(runs), tuple(self._refused), tuple(self._notes))
 
     def _runs(self, name: str, rows: np.ndarray) -> list[RunLog]:
-        """The run in `rows`, or several if its clock restarts; raises LogError if it cannot be read."""
-        unread = {column: self._cells[column].damaged for column in _ENCODER}
-        unread["t"] = np.isnan(self._cells["t"].values)
-        rows = rows[~self._left_out(name, rows, unread, "row")]
-        time = self._cells["t"].values[rows]
-        starts = restarts(time)
-        if not starts.size:
-            return [self._run(name, name, rows)]
-        first = starts[0]
-        back = f"goes back from {time[first - 1]:.12g} s to {time[first]:.12g} s: read as {starts.size + 1} runs"
-        self._notes.append(f"run {name!r}: row {rows[first] + 1}, column t: {back}")
-        runs = []
-        for number, part in enumerate(np.split(rows, starts), start=1):
-            called = f"{name}, part {number}"
+        """The run in `rows`, several if its clock restarts, fewer where it cannot be read."""
+        runs = list[RunLog]()
+        try:
+            rows = rows[~self._left_out(name, rows, self._damaged[rows], [*_OMEGA, 0], "row")]
+            time = self._values[rows, 0]
+            starts = restarts(time)
+            if starts.size:
+                k = starts[0]
+                back = f"goes back from {time[k - 1]:.12g} s to {time[k]:.12g} s: read as {starts.size + 1} runs"
+                self._notes.append(f"run {name!r}: row {rows[k] + 1}, column t: {back}")
+        except LogError as error:
+            self._refused.append(Refused.of(name, error))
+            return []
+        for number, section in enumerate(np.split(rows, starts), start=1):
+            part = f"{name}, part {number}" if starts.size else name
             try:
-                runs.append(self._run(called, name, part))
+                runs.append(self._run(part, section, self._metadata.get(name, {})))
             except LogError as error:
-                self._refused.append(Refused.of(called, error))
+                self._refused.append(Refused.of(part, error))
         return runs
 
-    def _run(self, called: str, name: str, rows: np.ndarray) -> RunLog:
-        """A run of rows under one clock, with the metadata of the run `name`."""
-        rows = self._in_order(called, self._joined(rows))
-        omega, read = self._encoder(called, rows)
-        beyond = self._beyond(rows, read)
+    def _run(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> RunLog:
+        """A run of rows under one clock."""
+        rows = self._in_order(name, self._joined(rows))
+        omega, read = self._encoder(name, rows)
+        beyond = self._beyond(np.setdiff1d(rows, read, assume_unique=True))
         rows = read
-        pose, valid = self._poses(called, rows)
-        time = self._cells["t"].values[rows]
+        pose, valid = self._poses(name, rows)
         headed = valid & np.isfinite(pose[:, 2])
         pose[headed, 2] = unwrapped(pose[headed, 2])
-        metadata = self._metadata.get(name, {})
+        all_valid = valid.all() and "valid" not in self._table.column_names
         return RunLog(
-            run=called,
-            time=time,
+            run=name,
+            time=self._values[rows, 0],
             omega=omega,
             pose=pose,
             **_present(self._blocks, rows),
-            valid=None if self._valid is None and valid.all() else valid,
-            gyro=self._gyro(called, rows, np.where(valid, pose[:, 2], np.nan)),
+            valid=None if all_valid else valid,
+            gyro=self._gyro(name, rows, np.where(headed, pose[:, 2], np.nan)),
             truth=self._truth_of(rows),
             scans=scans_from_table(self._table, rows, metadata),
             beyond=beyond,
             metadata={key: value for key, value in metadata.items() if key != SCANNED},
         )
 
-    def _left_out(self, name: str, rows: np.ndarray, unread: Mapping[str, np.ndarray], what: str) -> np.ndarray:
-        """Mask (n,) of the rows that are bad in any column, with a note; raises LogError if most of them are."""
-        bad = np.any([marks[rows] for marks in unread.values()], axis=0)
+    def _left_out(self, name: str, rows: np.ndarray, damaged: np.ndarray, columns: list[int], what: str) -> np.ndarray:
+        """Mask (n,) of the rows that are `damaged` (n, 8) in a column, with a note; LogError if most of them are."""
+        bad = np.asarray(damaged[:, columns].any(axis=1))
         if bad.any():
-            row = rows[np.argmax(bad)]
-            column = next(column for column, marks in unread.items() if marks[row])
-            self._say(name, int(bad.sum()), len(rows), what, self._columns.complaint(column, int(row)))
+            k = int(np.argmax(bad))
+            column = next(column for column in columns if damaged[k, column])
+            self._note(name, int(bad.sum()), len(rows), what, self._columns.complaint(_NAMES[column], int(rows[k])))
         return bad
 
-    def _say(self, name: str, count: int, total: int, what: str, reason: str) -> None:
+    def _note(self, name: str, count: int, total: int, what: str, reason: str) -> None:
         """Note that rows or poses are left out; raises LogError if these are most of them."""
         if count > _MOST * total:
             raise LogError(f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason)
-        self._notes.append(f"run {name!r}: {count} {what}{'s' if count > 1 else ''} left out: {reason}")
+        self._notes.append(f"run {name!r}: {counted(count, what)} left out: {reason}")
 
     def _joined(self, rows: np.ndarray) -> np.ndarray:
-        """The rows without those that only add to a row before, of the same time: encoders, gyro and pose apart."""
-        first = np.append(True, np.diff(self._cells["t"].values[rows]) != 0)[: len(rows)]
-        group = np.cumsum(first) - 1
-        names = (*_ENCODER, *_POSE, *_GYRO)
-        there = {name: np.isfinite(self._cells[name].values[rows]) for name in names}
-        twice = np.zeros(len(rows), bool)  # groups with two readings, or a damaged one
-        for name in names:
-            damaged = self._cells[name].damaged[rows] & ~first
-            twice[: group[-1] + 1] |= np.bincount(group, there[name]) > 1 if len(rows) else False
-            twice[group[damaged]] = True
-        adds = ~first & ~twice[group]
-        into = rows[first][group]
-        for name in names:
-            new = adds & there[name]
-            self._cells[name].values[into[new]] = self._cells[name].values[rows[new]]
-            if name in _POSE and self._valid is not None:
-                self._valid.values[into[new]] = self._valid.values[rows[new]]
-        return rows[~adds]
+        """The rows with those of one time as one, if no column has two readings: encoders, gyro and pose apart."""
+        first = np.append(True, np.diff(self._values[rows, 0]) != 0)[: len(rows)]
+        if first.all():
+            return rows
+        starts, group = np.flatnonzero(first), np.cumsum(first) - 1
+        values, damaged = self._values[rows], self._damaged[rows].any(axis=1)
+        values[np.isnan(values[:, _POSE]).all(axis=1), _VALID] = np.nan  # that of a row without pose says nothing
+        readings = np.add.reduceat(np.isfinite(values[:, 1:]), starts)
+        joins = (readings <= 1).all(axis=1) & ~np.logical_or.reduceat(damaged, starts)
+        self._values[rows[starts[joins]]] = np.fmax.reduceat(values, starts)[joins]
+        return rows[first | ~joins[group]]
 
     def _in_order(self, name: str, rows: np.ndarray) -> np.ndarray:
-        """The rows whose times ascend."""
-        time = self._cells["t"].values[rows]
-        kept = in_order(time)
-        if len(kept) < len(rows):
+        """The rows whose times ascend, with a note on the others."""
+        time = self._values[rows, 0]
+        ascending = in_order(time)
+        if len(ascending) < len(rows):
             k = int(np.argmax(np.diff(time) <= 0))
             order = f"{time[k + 1]:.12g} is not after {time[k]:.12g}, the time before it"
-            self._say(name, len(rows) - len(kept), len(rows), "row", f"row {rows[k + 1] + 1}, column t: {order}")
-        return rows[kept]
+            reason = f"row {rows[k + 1] + 1}, column t: {order}"
+            self._note(name, len(rows) - len(ascending), len(rows), "row", reason)
+        return rows[ascending]
 
     def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
         """Sprocket speeds (n, 2), and the rows (n,) from the first to the last reading; others take the next one.
 
         Rows up to _GAP before the first reading are covered by it.
         """
-        omega = np.stack([self._cells[column].values[rows] for column in _ENCODER], axis=-1)
+        time, omega = self._values[rows, 0], self._values[rows][:, _OMEGA]
         read = np.flatnonzero(np.isfinite(omega).all(axis=1))
         if not read.size:
             raise LogError("columns omega_l, omega_r: no row has both")
-        time = self._cells["t"].values[rows]
         begin, end = int(np.searchsorted(time, time[read[0]] - _GAP)), int(read[-1]) + 1
         for count, where in ((begin, "before its first"), (len(rows) - end, "after its last")):
             if count:
-                self._notes.append(f"run {name!r}: {_rows(count)} {where} encoder reading left out")
+                self._notes.append(f"run {name!r}: {counted(count, 'row')} {where} encoder reading left out")
         return omega[read[np.searchsorted(read, np.arange(begin, end))]], rows[begin:end]
 
-    def _beyond(self, rows: np.ndarray, read: np.ndarray) -> Array | None:
-        """Times and poses (B, 4) of `rows` that aren't `read` with encoders; they tell how clocks differ."""
-        others = rows[~np.isin(rows, read)]
-        columns = [self._cells[column].values[others] for column in ("t", *_POSE)]
-        poses = np.stack(columns, axis=-1)[np.isfinite(columns[1:]).any(axis=0)]
-        if not len(poses):
-            return None
+    def _beyond(self, rows: np.ndarray) -> Array | None:
+        """Times and poses (B, 4) of rows before and after the encoders' readings; they tell how clocks differ."""
+        poses = self._values[rows][:, [0, *_POSE]]
+        poses = poses[np.isfinite(poses[:, 1:]).any(axis=1)]
         headed = np.isfinite(poses[:, 3])
         poses[headed, 3] = unwrapped(poses[headed, 3])
-        return poses
+        return poses if len(poses) else None
 
     def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
         """Poses (n, 3), and which of them were measured."""
-        pose = np.stack([self._cells[column].values[rows] for column in _POSE], axis=-1)
-        unread = {column: self._cells[column].damaged for column in _POSE}
-        stated = np.ones(len(rows), bool)
-        if self._valid is not None and (np.isfinite(self._valid.values) | self._valid.damaged)[rows].any():
-            said = self._valid.values == 1
-            unread = {column: damaged & said for column, damaged in unread.items()} | {"valid": self._valid.damaged}
-            stated = said[rows]
-        bad = self._left_out(name, rows, unread, "pose")
-        placed = np.isfinite(pose[:, :2]).all(axis=1)
-        pose[~placed, :2] = np.nan
-        return pose, (placed | np.isfinite(pose[:, 2])) & stated & ~bad
+        pose, stated, damaged = self._values[rows][:, _POSE], self._values[rows, _VALID], self._damaged[rows]
+        measured = np.ones(len(rows), bool)
+        if (np.isfinite(stated) | damaged[:, _VALID]).any():
+            measured = stated == 1
+            damaged[:, _POSE] &= measured[:, None]  # what is said not to be valid may hold anything
+        bad = self._left_out(name, rows, damaged, [*_POSE, _VALID], "pose")
+        pose[np.isnan(pose[:, :2]).any(axis=1), :2] = np.nan
+        return pose, np.asarray(measured & ~bad & np.isfinite(pose).any(axis=1))
 
     def _gyro(self, name: str, rows: np.ndarray, heading: Array) -> Array | None:
         """Yaw rates (n,), NaN where not measured, None if nowhere; empty cells take the next reading, as encoders do.
 
         `heading` (n,) [rad] is NaN where not measured. Raises LogError if it shows that the gyro has another unit.
         """
-        cells, time = self._cells["gyro"], self._cells["t"].values[rows]
-        wild = {"gyro": cells.damaged | (np.abs(cells.values) > MAX_YAW_RATE)}
-        rate = np.where(self._left_out(name, rows, wild, "gyro reading"), np.nan, cells.values[rows])
+        time, rate = self._values[rows, 0], self._values[rows, _GYRO]
+        self._left_out(name, rows, self._damaged[rows], [_GYRO], "gyro reading")
         read = np.flatnonzero(np.isfinite(rate))
         if not read.size:
             return None
         after = read[np.minimum(np.searchsorted(read, np.arange(len(rows))), len(read) - 1)]
         ahead = time[after] - time
-        empty = ~(np.isfinite(cells.values) | cells.nan | cells.damaged)[rows]
-        rate = np.where(empty & (ahead >= 0) & (ahead <= _GAP), rate[after], rate)
-        plausible, doubt = plausible_gyro(time, rate, heading, name)
+        covered = np.isnan(rate) & self._gyro_empty[rows] & (ahead >= 0) & (ahead <= _GAP)
+        plausible, doubt = plausible_gyro(time, np.where(covered, rate[after], rate), heading, name)
         self._notes += [doubt] if doubt else []
         return plausible
 
@@ -257,16 +245,9 @@ class _Reader:
 
 def _with_heading(table: pa.Table, source: str) -> pa.Table:
     """The table with phi from the columns of a quaternion, if it has these instead; LogError if z or w is missing."""
-    if "phi" in table.column_names:
-        return table
-    parts = dict[str, str]()
-    for name in table.column_names:
-        match = _QUATERNION.search(name)
-        if match and match["part"].lower() in parts:
-            return table  # of several things
-        if match:
-            parts[match["part"].lower()] = name
-    if not parts:
+    matches = [match for name in table.column_names if (match := _QUATERNION.search(name))]
+    parts = {match["part"].lower(): match.string for match in matches}
+    if "phi" in table.column_names or not parts or len(parts) < len(matches):  # or of several things
         return table
     missing = [part for part in "zw" if part not in parts]
     if missing:
@@ -275,8 +256,7 @@ def _with_heading(table: pa.Table, source: str) -> pa.Table:
             "phi, the heading in rad, or all of it"
         )
     columns = Columns(table, source)
-    none = np.zeros(len(table))
-    x, y, z, w = (columns.cells(parts[part]).values if part in parts else none for part in "xyzw")
+    x, y, z, w = (columns.cells(parts[part]).values if part in parts else 0.0 for part in "xyzw")
     phi = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
     return table.append_column("phi", pa.array(phi, from_pandas=True))
 
@@ -288,20 +268,8 @@ def _named(table: pa.Table, source: str) -> pa.Table:
     return table.add_column(0, "run", pa.repeat(Path(source).stem, len(table)))
 
 
-def _rows(count: int) -> str:
-    return f"{count} row{'s' if count > 1 else ''}"
-
-
 def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, Any]:
     """Rows of the blocks of columns that the run has: the others are null in its rows."""
     return {
         field: block[rows] for field, block in blocks.items() if block is not None and not np.isnan(block[rows]).all()
     }
-
-
-def _symmetric(upper: Array) -> Array:
-    """Symmetric matrices (T, 3, 3) from their upper triangles (T, 6)."""
-    full = np.empty((len(upper), 3, 3))
-    full[:, *UPPER] = upper
-    full[:, UPPER[1], UPPER[0]] = upper
-    return full

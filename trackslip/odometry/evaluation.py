@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip import se2
-from trackslip.errors import InvalidValueError, LogError, counted
+from trackslip.errors import LogError, counted
 from trackslip.identification.prediction import trailing_heading
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import MEASURED, RunLog
@@ -62,12 +62,11 @@ def odometry_errors(
     odometry: SlipOdometry,
     mounting: Mounting | None = None,
     clock_offset: float = 0.0,
-    lengths: Sequence[float] = LENGTHS,
 ) -> OdometryErrors:
     """Errors of odometry against the measured poses of drives.
 
-    Relative errors are errors of the motion over stretches from every measured pose, after `lengths` of way and time:
-    the way is the distance of the middle of the tracks by the encoders, without slip. They include the errors of the
+    Relative errors are errors of the motion over stretches from every measured pose, after LENGTHS of way and time: the
+    way is the distance of the middle of the tracks by the encoders, without slip. They include the errors of the
     measured poses at both ends of a stretch. Without measured headings, stretches start with the heading at which the
     odometry fits the positions of the last 10 s.
 
@@ -76,36 +75,28 @@ def odometry_errors(
         odometry: of the robot; its pose and covariance do not matter. It takes the logs' gyro if it has one.
         mounting: of the sensor that measured the poses; at the turning centre by default.
         clock_offset: encoder clock minus pose clock [s].
-        lengths: of stretches [m and s].
 
     Raises:
         LogError: if no drive has poses to compare with.
-        InvalidValueError: for a length that is not positive.
     """
-    for length in lengths:
-        if not 0 < length < np.inf:
-            raise InvalidValueError("lengths", length, "finite and > 0")
     trajectories, notes = [], []
     for log in [logs] if isinstance(logs, RunLog) else logs:
         try:
             trajectories.append(trajectory_of(log, odometry, mounting or Mounting(), clock_offset))
         except LogError as error:
             notes.append(str(error))
-    return errors_of(trajectories, notes, lengths)
+    return errors_of(trajectories, notes)
 
 
-def errors_of(
-    trajectories: Sequence[Trajectory], notes: Sequence[str] = (), lengths: Sequence[float] = LENGTHS
-) -> OdometryErrors:
+def errors_of(trajectories: Sequence[Trajectory], notes: Sequence[str] = ()) -> OdometryErrors:
     """Errors of estimated trajectories, as `odometry_errors` gives those of odometry; raises LogError without any."""
-    notes = list(notes)
     if not trajectories:
         raise LogError(notes[0] if notes else "no drives")
-    errors = []
-    for unit, of in (("m", errors_after_metres), ("s", errors_after_seconds)):
-        parts = {length: [of(drive, length) for drive in trajectories] for length in lengths}
-        errors.append({length: each for length, part in parts.items() if (each := _relative(part)) is not None})
-        short = [f"{length:g}" for length in lengths if length not in errors[-1]]
+    notes, errors = list(notes), []
+    for unit, errors_after in (("m", errors_after_metres), ("s", errors_after_seconds)):
+        parts = {length: _relative([errors_after(drive, length) for drive in trajectories]) for length in LENGTHS}
+        errors.append({length: part for length, part in parts.items() if part is not None})
+        short = [f"{length:g}" for length, part in parts.items() if part is None]
         if short:
             notes.append(f"no two poses are {', '.join(short)} {unit} apart, so relative errors end before")
     after_metres, after_seconds = errors

@@ -8,6 +8,7 @@ from typing import Any
 
 from trackslip.errors import LogError, TrackslipError, require_finite
 from trackslip.files import reason
+from trackslip.identification.path import GYRO
 from trackslip.identification.result import Identification, identification_to_json
 from trackslip.kinematics import RobotGeometry, wrap_angle
 from trackslip.laws.base import SlipLaw
@@ -37,7 +38,6 @@ class LawInUse:
     """Mounting of the poses' sensor when the law was identified; None if not known."""
     clock_offset: float | None = None
     """Encoder clock minus pose clock there, less the lag of the motion; None if not known [s]."""
-
     gyro: Gyro | None = None
     """Errors of the gyroscope there; None without one."""
 
@@ -78,30 +78,27 @@ def identified_law(
 
 def _beside(stored: StoredLaws, name: str) -> dict[str, Any]:
     """Noise, errors, sensor and clock, from the fit to whole drives, else to steady stretches."""
-    found: dict[str, Any] = {}
+    known: dict[str, Any] = {}
     fit = stored.fit(name)
     if fit.get("values") and fit.get("stderr"):
         errors = LawErrors.stored(fit)
         if set(errors.names) >= set(fit["values"]) & set(fit["stderr"]):  # what isn't known isn't certain
-            found["errors"] = errors
+            known["errors"] = errors
     drive = stored.content.get("drive")
-    if drive:
-        own = stored.drive_fit(name)
-        fit = own or drive["laws"][drive["best"]]
-        extras = {key: float(value) for key, value in fit["extras"].items()}
-        for key, value in extras.items():
-            require_finite(key, value)
-        found["noise"] = SlipNoise.of(fit["noise"])
-        found["clock_offset"] = extras["clock_offset"] - extras["lag"]
-        if "gyro" in fit["noise"]:
-            bias_error, scale_error = (float(fit["stderr"].get(name) or 0.0) for name in ("gyro_bias", "gyro_scale"))
-            found["gyro"] = Gyro(
-                extras["gyro_bias"],
-                extras["gyro_scale"],
-                float(fit["noise"]["gyro"]),
-                bias_error,
-                scale_error,
-            )
-        found["drift"] = extras["drift"] if own else 0.0
-        found["mounting"] = Mounting(extras["sensor_x"], extras["sensor_y"], float(wrap_angle(extras["sensor_yaw"])))
-    return found
+    if not drive:
+        return known
+    own = stored.drive_fit(name)
+    fit = own or drive["laws"][drive["best"]]
+    extras = {key: float(value) for key, value in fit["extras"].items()}
+    for key, value in extras.items():
+        require_finite(key, value)
+    if "gyro" in fit["noise"]:
+        bias, scale = extras["gyro_bias"], extras["gyro_scale"]
+        errors_of_gyro = (float(fit["stderr"].get(name) or 0.0) for name in GYRO)
+        known["gyro"] = Gyro(bias, scale, float(fit["noise"]["gyro"]), *errors_of_gyro)
+    return known | {
+        "noise": SlipNoise.of(fit["noise"]),
+        "drift": extras["drift"] if own else 0.0,
+        "clock_offset": extras["clock_offset"] - extras["lag"],
+        "mounting": Mounting(extras["sensor_x"], extras["sensor_y"], float(wrap_angle(extras["sensor_yaw"]))),
+    }

@@ -36,12 +36,9 @@ _TRUSTED = 5.0  # time at rest that tells as much of the bias as its first value
 class OdometryPath:
     """Poses by odometry."""
 
-    time: Array
-    """(T,) [s]."""
-    pose: Array
-    """(T, ..., 3) [m, m, rad]; headings are not wrapped."""
-    covariance: Array
-    """(T, ..., 3, 3) of the poses."""
+    time: Array  # (T,) [s]
+    pose: Array  # (T, ..., 3) [m, m, rad]; headings are not wrapped
+    covariance: Array  # (T, ..., 3, 3) of the poses
 
 
 @dataclass(frozen=True)

@@ -25,17 +25,11 @@ class Trajectory:
 
     name: str
     """Name of the drive."""
-    time: Array
-    """(K,) stamps of the measured poses [s]."""
-    way: Array
-    """(K,) driven until then [m]."""
-    measured: Array
-    """(K, 3) [m, m, rad]; NaN headings where none were measured."""
-    estimated: Array
-    """(K, 3) [m, m, rad], from any start."""
-    heading: Array
-    """(K,) that the sensor is taken to have at the start of a stretch: measured, or from the positions driven before
-    [rad]; NaN where neither is known."""
+    time: Array  # (K,) stamps of the measured poses [s]
+    way: Array  # (K,) driven until then [m]
+    measured: Array  # (K, 3) [m, m, rad]; NaN headings where none were measured
+    estimated: Array  # (K, 3) [m, m, rad], from any start
+    heading: Array  # (K,) at the start of stretches, measured or by the positions before [rad]; NaN if unknown
 
     @property
     def has_heading(self) -> bool:
@@ -72,12 +66,9 @@ class Statistics:
 class Stretches:
     """Relative errors over stretches of one length."""
 
-    way: Array
-    """(n,) driven on each [m]."""
-    position: Array
-    """(n,) distances between the estimated and the measured end [m]."""
-    heading: Array
-    """(n,) absolute errors of the turn [rad]; NaN where it was not measured."""
+    way: Array  # (n,) driven on each [m]
+    position: Array  # (n,) distances between the estimated and the measured end [m]
+    heading: Array  # (n,) absolute errors of the turn [rad]; NaN where it was not measured
 
 
 def errors_after_metres(drive: Trajectory, length: float) -> Stretches:

@@ -65,17 +65,10 @@ def test_wild_readings_are_left_out_in_one_line(log, tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("factor", "words"),
-    [
-        (180 / np.pi, "fit the headings in degrees per second"),
-        (-1.0, "fit the headings clockwise"),
-        (1e-3, "are 0.001 times the headings'"),
-    ],
-)
-def test_other_units_are_refused(log, tmp_path, factor, words):
+@pytest.mark.parametrize(("factor", "shown"), [(180 / np.pi, "57.3"), (-1.0, "-1"), (1e-3, "0.001")])
+def test_other_units_are_refused(log, tmp_path, factor, shown):
     write_parquet([replace(log, gyro=factor * log.gyro)], tmp_path / "a.parquet")
-    with pytest.raises(LogError, match=f"run 'a': column gyro: turns {words}, must be"):
+    with pytest.raises(LogError, match=f"run 'a': column gyro: turns are {shown} times the headings', must be"):
         read_log(tmp_path / "a.parquet")
 
 
@@ -102,11 +95,6 @@ def test_headings_that_come_late_or_not_at_all_leave_no_doubt(log, tmp_path):
         read = read_log(tmp_path / "a.parquet")
         np.testing.assert_array_equal(read.runs[0].gyro, log.gyro)
         assert not read.warnings
-
-
-def test_a_run_in_memory_has_no_wild_rates(log):
-    with pytest.raises(LogError, match=r"run 'a': gyro = -120 rad/s in row 8, at most 100 is allowed"):
-        replace(log, gyro=np.where(np.arange(len(TIME)) == 7, -120.0, log.gyro))
 
 
 def test_turns_are_sums_of_readings(log):

@@ -1,3 +1,5 @@
+"""Files of runs: every bit comes back, columns have units, and what is damaged is named in one line."""
+
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -6,77 +8,93 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
-from full_log import full_log
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+import trackslip
 from trackslip.errors import LogError
-from trackslip.logs.logfile import join_parquet, read_runs, write_csv, write_parquet
+from trackslip.localization.scan import Plate, extract_plate
+from trackslip.logs.logfile import RUNS, StoredRuns, join_parquet, read_runs, write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, Truth
+from trackslip.logs.scanlog import ScanLog
+from trackslip.logs.schema import COLUMNS, NO_UNIT, PURE, markdown
 from trackslip.logs.table import to_table
 from trackslip.logs.table_reader import runs_from_table
 
+DOCS = Path(__file__).parents[3] / "docs" / "data.md"
+OF_SAMPLES = {"v", "w", "slip_l", "slip_r"}
+ROWS = 40
 HEADER = "run,t,omega_l,omega_r,x,y,phi\n"
 LINES = ["a,0.0,1,2,0,0,0\n", "a,0.1,1,2,0.1,0,0\n", "a,0.2,1,2,0.2,0,0\n"]
+WRITERS = [("runs.csv", write_csv), ("runs.parquet", write_parquet)]
 
 
-def make_log(name, rows=5, seed=0, truth=True):
-    rng = np.random.default_rng(seed)
-    valid = rng.random(rows) > 0.2
-    half = rng.normal(size=(rows, 3, 3))
+@pytest.fixture(scope="module")
+def full(scan_rectangle):
+    """A run with everything that a log can hold."""
+    rng = np.random.default_rng(0)
+    pose = np.column_stack([np.full(ROWS, 2.0), np.zeros(ROWS), np.linspace(0.5, 1.0, ROWS)])
+    scan = scan_rectangle(pose, rng)
+    two, three, half = rng.normal(size=(ROWS, 2)), rng.normal(size=(ROWS, 3)), rng.normal(size=(ROWS, 3, 3))
+    seen = replace(scan, ranges=np.empty((0, len(scan.bearings))))
+    scans = ScanLog(seen, Plate(), extract_plate(scan, Plate()), full=scan.ranges)
     return RunLog(
-        run=name,
-        time=np.cumsum(rng.uniform(0.01, 0.1, rows)),
-        omega=rng.normal(size=(rows, 2)),
-        pose=np.cumsum(rng.uniform(-0.5, 0.5, size=(rows, 3)), axis=0),
-        command=rng.normal(size=(rows, 2)),
+        "a",
+        np.cumsum(rng.uniform(0.01, 0.1, ROWS)),
+        two,
+        pose,
+        command=two + 1,
+        twist_command=two + 2,
+        icr=two + 3,
         covariance=half @ half.swapaxes(1, 2),
-        valid=valid,
-        truth=Truth(*(rng.normal(size=(rows, n)) for n in (3, 3, 2, 2))) if truth else None,
-        metadata={"seed": seed, "geometry": {"half_gauge": 0.168}},
+        valid=rng.random(ROWS) > 0.2,
+        load=two + 4,
+        gyro=two[:, 0],
+        truth=Truth(pose, three, two, two, two, two, three[:, 0], np.ones((ROWS, 20, 3)), np.ones((ROWS, 20))),
+        scans=scans,
+        metadata={"seed": 1, "geometry": {"half_gauge": 0.168}},
     )
 
 
-def assert_same(a, b):
-    assert a.run == b.run
-    for name in ("time", "omega", "pose", "command", "covariance", "valid", "twist_command"):
-        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
-    assert (a.truth is None) == (b.truth is None)
-    if a.truth is not None and b.truth is not None:
-        for name in ("pose", "twist", "traction", "torque"):
-            np.testing.assert_array_equal(getattr(a.truth, name), getattr(b.truth, name))
+@pytest.fixture
+def stored(full, tmp_path):
+    """The same in a folder of results."""
+    write_parquet([full], tmp_path / RUNS)
+    return tmp_path / RUNS
 
 
-@pytest.mark.parametrize(("suffix", "write"), [("csv", write_csv), ("parquet", write_parquet)])
-def test_round_trip_is_exact(tmp_path, suffix, write):
-    logs = [make_log("a"), make_log("b", rows=9, seed=1), make_log("c", seed=2, truth=False)]
-    write(logs, tmp_path / f"runs.{suffix}")
-    back = read_runs(tmp_path / f"runs.{suffix}")
+def assert_same(read, written):
+    for name in ("run", "time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid", "load"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(written, name))
+    assert (read.truth is None) == (written.truth is None)
+    if written.truth is not None:
+        for name in ("pose", "twist", "traction", "torque", "power", "saturated", "lean"):
+            np.testing.assert_array_equal(getattr(read.truth, name), getattr(written.truth, name))
+
+
+@pytest.mark.parametrize(("name", "write"), WRITERS)
+def test_round_trip_is_exact_whatever_the_runs_have(tmp_path, full, name, write):
+    full = replace(full, gyro=None)
+    logs = [
+        full,
+        replace(full.between(3, 30), run="b", valid=None),
+        replace(full, run="c", truth=None, covariance=None, scans=None),
+        replace(full, run="d", load=None, command=None),
+    ]
+    write(logs, tmp_path / name)
+    back = read_runs(tmp_path / name)
     for before, after in zip(logs, back, strict=True):
-        assert_same(before, after)
-    assert [log.metadata for log in back] == ([log.metadata for log in logs] if suffix == "parquet" else [{}] * 3)
+        assert_same(after, replace(before, valid=before.is_valid))
+    if name.endswith("parquet"):
+        assert [log.metadata for log in back] == [log.metadata for log in logs]
+        np.testing.assert_array_equal(back[1].truth.contact, logs[1].truth.contact)
+        np.testing.assert_array_equal(back[1].truth.shear, logs[1].truth.shear)
+        np.testing.assert_array_equal(back[0].scans.cluster.count, full.scans.cluster.count)
+        assert back[2].scans is None
 
 
-@pytest.mark.parametrize(("suffix", "write"), [("csv", write_csv), ("parquet", write_parquet)])
-def test_runs_with_and_without_validity_and_covariance_go_together(tmp_path, suffix, write):
-    logs = [make_log("a"), replace(make_log("b"), valid=None), replace(make_log("c"), covariance=None)]
-    write(logs, tmp_path / f"runs.{suffix}")
-    for before, after in zip(logs, read_runs(tmp_path / f"runs.{suffix}"), strict=True):
-        np.testing.assert_array_equal(after.is_valid, before.is_valid)
-        assert (after.covariance is None) == (before.covariance is None)
-        if before.covariance is not None:
-            np.testing.assert_array_equal(after.covariance, before.covariance)
-
-
-def test_runs_with_other_columns_may_come_between_alike_ones():
-    logs = [make_log("a"), replace(make_log("b"), covariance=None), make_log("c", rows=7, seed=1)]
-    logs += [replace(make_log("d"), valid=None), make_log("e", seed=2)]
-    together = to_table(logs).combine_chunks()
-    apart = pa.concat_tables([to_table([log]) for log in logs], promote_options="default")
-    assert together.equals(apart.combine_chunks())
-
-
+@settings(max_examples=25)
 @given(arrays(float, (2, 2), elements=st.floats(-1e21, 1e21)), st.floats(-1, 1))
 def test_csv_keeps_every_bit(tmp_path_factory, position, heading):
     pose = np.column_stack([position, [heading, -heading]])
@@ -85,24 +103,84 @@ def test_csv_keeps_every_bit(tmp_path_factory, position, heading):
     np.testing.assert_array_equal(read_runs(path)[0].pose, pose)
 
 
-def test_columns_carry_their_units(tmp_path):
-    write_parquet([make_log("a")], tmp_path / "a.parquet")
-    schema = pyarrow.parquet.read_schema(tmp_path / "a.parquet")
-    units = {f.name: f.metadata[b"unit"].decode() for f in schema if f.metadata and b"unit" in f.metadata}
-    assert units["x"] == "m"
-    assert units["omega_l"] == "rad/s"
-    assert set(schema.names) == set(units)
+def test_columns_have_units_and_descriptions(stored):
+    schema = pyarrow.parquet.read_schema(stored)
+    assert set(schema.names) == set(COLUMNS) - OF_SAMPLES
+    for field in schema:
+        column = COLUMNS[field.name]
+        assert field.metadata[b"unit"].decode() == column.unit
+        assert field.metadata[b"description"].decode() == column.description
+        assert (column.unit == NO_UNIT) == (field.name in ("run", "valid"))
+        assert column.unit != PURE or pa.types.is_floating(field.type) or pa.types.is_integer(field.type)
+    assert DOCS.read_text(encoding="utf-8").count(f"\n{markdown(COLUMNS.values())}\n") == 1
+
+
+def test_runs_of_several_files_are_joined_under_new_names(stored, tmp_path, full):
+    write_parquet([full, replace(full, run="s", scans=None)], tmp_path / "other.parquet")
+    joined = tmp_path / "joined.parquet"
+    join_parquet([(stored, "a", "r"), (tmp_path / "other.parquet", "s", "t")], joined)
+    schema = pyarrow.parquet.read_schema(joined)
+    about = json.loads(schema.metadata[b"trackslip"])
+    assert about["columns"]["true_w"]["unit"] == "rad/s"
+    assert set(about["columns"]) == set(schema.names)
+    assert schema.field("ranges").metadata[b"unit"] == b"m"
+    first, second = trackslip.load(joined)
+    assert (first.run, second.run) == ("r", "t")
+    assert (first.scans is None, second.scans is None) == (False, True)
+    alone = StoredRuns(joined).log("t")
+    assert_same(alone, second)
+    assert alone.metadata == full.metadata
+
+
+def test_loading_takes_folders_and_files(stored, tmp_path, full):
+    write_csv([full], tmp_path / "runs.csv")
+    for path in (tmp_path, str(tmp_path), stored, tmp_path / "runs.csv"):
+        (log,) = trackslip.load(path)
+        np.testing.assert_array_equal(log.pose, full.pose)
+    assert_same(runs_from_table(to_table([full]), "memory").runs[0], full)
+
+
+def test_pandas_and_polars_read_it(stored, full):
+    pandas, polars = pytest.importorskip("pandas"), pytest.importorskip("polars")
+    np.testing.assert_array_equal(pandas.read_parquet(stored)[["x", "y", "phi"]].to_numpy(), full.pose)
+    np.testing.assert_array_equal(polars.read_parquet(stored).select("x", "y", "phi").to_numpy(), full.pose)
+    about = json.loads(polars.read_parquet_metadata(stored)["trackslip"])
+    assert about["columns"]["x"]["unit"] == "m"
 
 
 def test_a_real_robots_log_needs_seven_columns(tmp_path):
     path = tmp_path / "real.csv"
     path.write_text(HEADER + "".join(LINES) + "b,5,1,1,0,0,0\nb,6,1,1,1,0,0\n")
     first, second = read_runs(path)
-    assert first.run == "a"
-    assert second.run == "b"
+    assert (first.run, second.run) == ("a", "b")
     np.testing.assert_allclose(first.pose[:, 0], [0, 0.1, 0.2])
     assert first.truth is None
     assert first.is_valid.all()
+
+
+def test_wrapped_headings_are_unwrapped(tmp_path):
+    heading = 0.2 * np.arange(60) + 1.0
+    pose = np.column_stack([np.zeros((60, 2)), heading])
+    pose[20:25] = np.nan
+    wrapped = pose.copy()
+    wrapped[:, 2] = (wrapped[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    valid = np.isfinite(pose[:, 2])
+    write_csv([RunLog("r", np.arange(60) * 0.1, np.ones((60, 2)), wrapped, valid=valid)], tmp_path / "wrapped.csv")
+    np.testing.assert_allclose(read_runs(tmp_path / "wrapped.csv")[0].pose[:, 2], pose[:, 2])
+
+
+@pytest.mark.parametrize(("duration", "count"), [(65.0, 10), (68.0, 10), (9.9, 2), (9.7, 1), (2.0, 1)])
+def test_a_long_run_is_cut_into_parts_of_equal_duration(duration, count):
+    time = 3.0 + np.arange(round(duration / 0.1) + 1) * 0.1
+    whole = RunLog("drive", time, np.ones((len(time), 2)), np.zeros((len(time), 3)), gyro=time)
+    parts = whole.cut(6.5)
+    assert len({part.run for part in parts}) == len(parts) == count
+    np.testing.assert_array_equal(np.concatenate([part.time for part in parts]), time)
+    np.testing.assert_array_equal(np.concatenate([part.gyro for part in parts]), time)
+    assert np.ptp([part.time[-1] - part.time[0] for part in parts]) < 0.21
+
+
+# What cannot be read
 
 
 @pytest.mark.parametrize(
@@ -119,36 +197,16 @@ def test_a_real_robots_log_needs_seven_columns(tmp_path):
         (HEADER + 3 * LINES[0], "row 2, column t: 0 is not after 0, the time before it; so are 2 of its 3 rows"),
         (HEADER + 2 * ",0.1,1,2,0,0,0\n", "2 rows left out: row 1, column run: empty"),
         (HEADER + "a,0,,2,0,0,0\na,1,1,,0,0,0\n", "run 'a': columns omega_l, omega_r: no row has both"),
+        (HEADER[:-1] + ",x\n" + LINES[0][:-1] + ",1\n", "column x is there 2 times"),
     ],
 )
-def test_malformed_logs_are_named_by_row_and_column(tmp_path: Path, text, message):
+def test_malformed_logs_are_named_by_row_and_column(tmp_path, text, message):
     path = tmp_path / "bad.csv"
     path.write_text(text)
     with pytest.raises(LogError, match=message) as caught:
         read_runs(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_poses_that_were_not_measured_may_be_missing(tmp_path):
-    path = tmp_path / "gap.csv"
-    path.write_text(
-        HEADER[:-1] + ",valid\n" + "a,0,1,2,0,0,0,true\na,0.1,1,2,nan,nan,nan,false\na,0.2,1,2,0,0,0,true\n"
-    )
-    log = read_runs(path)[0]
-    assert log.valid is not None
-    assert log.valid.tolist() == [True, False, True]
-
-
-def test_wrapped_headings_are_unwrapped(tmp_path):
-    heading = 0.2 * np.arange(60) + 1.0
-    pose = np.column_stack([np.zeros((60, 2)), heading])
-    pose[20:25] = np.nan
-    wrapped = pose.copy()
-    wrapped[:, 2] = (wrapped[:, 2] + np.pi) % (2 * np.pi) - np.pi
-    valid = np.isfinite(pose[:, 2])
-    write_csv([RunLog("r", np.arange(60) * 0.1, np.ones((60, 2)), wrapped, valid=valid)], tmp_path / "wrapped.csv")
-    np.testing.assert_allclose(read_runs(tmp_path / "wrapped.csv")[0].pose[:, 2], pose[:, 2])
 
 
 @pytest.mark.parametrize(
@@ -161,62 +219,59 @@ def test_wrapped_headings_are_unwrapped(tmp_path):
         ("valid", pa.array([[1], [1], [1]])),
     ],
 )
-def test_odd_columns_are_named(tmp_path, column, values):
-    columns = {"run": ["a"] * 3, "t": [0.0, 1.0, 2.0]} | dict.fromkeys(
-        ("omega_l", "omega_r", "x", "y", "phi"), [0.0] * 3
-    )
-    pyarrow.parquet.write_table(pa.table(columns | {column: values}), tmp_path / "odd.parquet")
+def test_odd_columns_are_named(column, values):
+    columns = {"run": ["a"] * 3, "t": [0.0, 1.0, 2.0]} | {name: [0.0] * 3 for name in HEADER.strip().split(",")[2:]}
     with pytest.raises(LogError, match=f"column {column}"):
-        read_runs(tmp_path / "odd.parquet")
+        runs_from_table(pa.table(columns | {column: values}), "odd")
 
 
-def test_damaged_files(tmp_path):
-    (tmp_path / "twice.csv").write_text(HEADER[:-1] + ",x\n" + LINES[0][:-1] + ",1\n")
-    with pytest.raises(LogError, match="column x is there 2 times"):
-        read_runs(tmp_path / "twice.csv")
-    for damage in (b"{", b"[]", b'{"runs": [1]}', b'{"runs": {"a": 1}}'):
-        table = to_table([make_log("a")]).replace_schema_metadata({b"trackslip": damage})
-        pyarrow.parquet.write_table(table, tmp_path / "damaged.parquet")
-        with pytest.raises(LogError, match="damaged"):
-            read_runs(tmp_path / "damaged.parquet")
+@pytest.mark.parametrize("damage", [b"{", b"[]", b'{"runs": [1]}', b'{"runs": {"a": 1}}'])
+def test_damaged_metadata_is_named(full, damage):
+    with pytest.raises(LogError, match="odd: its metadata is damaged"):
+        runs_from_table(to_table([full]).replace_schema_metadata({b"trackslip": damage}), "odd")
 
 
 @pytest.mark.parametrize(("name", "value"), [("beams", "many"), ("mount", "there")])
-def test_descriptions_of_scanners_that_are_none_are_refused(name, value):
-    table = to_table([full_log()])
+def test_descriptions_of_scanners_that_are_none_are_refused(full, name, value):
+    table = to_table([full])
     about = json.loads(table.schema.metadata[b"trackslip"])
-    about["runs"]["a run"]["scanned"] |= {name: value}
-    with pytest.raises(LogError, match="run 'a run': invalid description of its scanner"):
+    about["runs"]["a"]["scanned"] |= {name: value}
+    with pytest.raises(LogError, match="run 'a': its scans are not as trackslip writes them"):
         runs_from_table(table.replace_schema_metadata({b"trackslip": json.dumps(about)}), "memory")
 
 
-def test_two_runs_of_one_name_are_not_written(tmp_path):
-    with pytest.raises(LogError, match="run 'a': there are 2 of it"):
-        write_parquet([make_log("a"), make_log("a")], tmp_path / "a.parquet")
+def damaged(good):
+    """What may become of a file, by name."""
+    middle = len(good) // 2
+    return {
+        "truncated": good[:middle],
+        "end only": good[middle:],
+        "a byte short": good[:-1],
+        "random": np.random.default_rng(0).bytes(5000),
+        "empty": b"",
+        "a block overwritten": good[:middle] + bytes(64) + good[middle + 64 :],
+    }
 
 
-def test_files_that_are_no_logs(tmp_path):
-    with pytest.raises(LogError, match="no such file"):
-        read_runs(tmp_path / "none.csv")
+@pytest.mark.parametrize("what", damaged(b"PAR1" * 9))
+def test_damaged_files_are_refused_in_one_line(stored, what):
+    stored.write_bytes(damaged(stored.read_bytes())[what])
+    for path in (stored, stored.parent):
+        with pytest.raises(LogError) as caught:
+            trackslip.load(path)
+        assert str(stored) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_no_logs(tmp_path, full):
     (tmp_path / "x.txt").write_text("")
-    with pytest.raises(LogError, match="must end in"):
-        read_runs(tmp_path / "x.txt")
-
-
-def test_a_table_in_memory_is_read_as_well():
-    assert_same(runs_from_table(to_table([make_log("a")]), "memory").runs[0], make_log("a"))
-
-
-def test_damage_to_what_is_remembered_of_runs_is_noticed(tmp_path):
-    """It stands in the footer, of which Parquet has no checksum."""
-    path = tmp_path / "runs.parquet"
-    write_parquet([make_log("a")], path)
-    footer = pa.parquet.read_metadata(path).metadata
-    assert footer[b"trackslip"].count(b"0.168") == 1
-    table = pa.parquet.read_table(path)
-    changed = {**table.schema.metadata, b"trackslip": footer[b"trackslip"].replace(b"0.168", b"0.178")}
-    pa.parquet.write_table(table.replace_schema_metadata(changed), path)
-    with pytest.raises(LogError, match=r"runs.parquet: its metadata is damaged \(its checksum is wrong\)"):
-        read_runs(path)
-    with pytest.raises(LogError, match="its checksum is wrong"):
-        join_parquet([(path, "a", "a")], tmp_path / "joined.parquet")
+    for path, message in (
+        (tmp_path / "none", "no such file"),
+        (tmp_path / "none.csv", "no such file"),
+        (tmp_path / "x.txt", "must end in"),
+        (tmp_path, r"there is no runs\.parquet in this folder"),
+    ):
+        with pytest.raises(LogError, match=message):
+            trackslip.load(path)
+    with pytest.raises(LogError, match="run 'a': there are 2 of it"):
+        write_parquet([full, full], tmp_path / "a.parquet")

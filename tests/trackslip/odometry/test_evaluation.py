@@ -7,7 +7,7 @@ import pytest
 from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
 
 from sim.wander.pose_source import PoseSource
-from trackslip.errors import InvalidValueError, LogError
+from trackslip.errors import LogError
 from trackslip.kinematics import advance, body_twist
 from trackslip.laws.constant import NoSlip
 from trackslip.logs.runlog import RunLog
@@ -116,11 +116,3 @@ def test_a_drive_without_poses_is_left_out_of_several():
         odometry_errors(empty, BY_LAW)
     with pytest.raises(LogError, match="run 'drive 7': encoders were read at 0 of 100 measured"):
         odometry_errors(log, BY_LAW, clock_offset=1e6)
-
-
-def test_bad_values_are_named():
-    log = drive_log(7, 10.0, EXACT, STILL)
-    with pytest.raises(InvalidValueError, match="lengths = 0: must be finite and > 0"):
-        odometry_errors(log, BY_LAW, lengths=(1, 0))
-    with pytest.raises(InvalidValueError, match=r"sensor\.y = nan: must be a finite number"):
-        Mounting(0.0, float("nan"), 0.0)

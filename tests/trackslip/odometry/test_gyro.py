@@ -9,7 +9,6 @@ import pytest
 from drives import GEOMETRY, ICR, drive_log
 
 from sim.wander.motion import LASTING, WHITE
-from trackslip.errors import InvalidValueError
 from trackslip.odometry.evaluation import odometry_errors
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
@@ -55,17 +54,6 @@ def test_step_by_step_is_the_same_as_the_whole_log(gyro):
     np.testing.assert_array_equal(odometry.covariance, path.covariance[-1])
 
 
-def test_many_robots_at_once_are_the_same_as_one_by_one():
-    speeds = np.array([[0.2, 0.3], [0.1, -0.2], [0.0, 0.0]])
-    omega = np.tile(ICR.sprocket_speeds(speeds, GEOMETRY), (len(TIME), 1, 1))
-    turned = np.tile(readings(np.array([0.5, np.nan, 0.0])), (len(TIME), 1))
-    together = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, start=np.zeros((3, 3)), gyro=GYRO).path(TIME, omega, turned)
-    for k in range(3):
-        alone = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, gyro=GYRO).path(TIME, omega[:, k], turned[:, k])
-        np.testing.assert_allclose(together.pose[:, k], alone.pose, atol=1e-12)
-        np.testing.assert_allclose(together.covariance[:, k], alone.covariance, atol=1e-15)
-
-
 def test_at_rest_it_learns_the_bias():
     """A minute at rest, then a spin: the heading is off by less than a tenth of what another bias would make it."""
     bias, omega = 0.03, np.zeros((6001, 2))
@@ -104,17 +92,3 @@ def test_on_slip_that_lasts_it_is_far_better():
     )
     assert gyro.heading.rms < 0.2 * plain.heading.rms
     assert gyro.position.rms < 0.75 * plain.position.rms
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda odometry: odometry.update([1.0, 1.0], 0.1, np.inf), "gyro = inf"),
-        (lambda odometry: odometry.path(TIME, np.zeros((len(TIME), 2)), np.zeros(3)), "gyro = "),
-        (lambda _: Gyro(noise=-1.0), "noise = -1"),
-        (lambda _: Gyro(bias=np.nan), "bias = nan"),
-    ],
-)
-def test_impossible_readings_are_refused(change, words):
-    with pytest.raises(InvalidValueError, match=words):
-        change(SlipOdometry(ICR, GEOMETRY, gyro=GYRO))

@@ -67,26 +67,16 @@ def test_a_folder_holds_the_same_as_the_identification(found, folder, name):
 
 
 def test_laws_of_steady_stretches_have_their_own_errors():
-    log = wandered(duration=10.0)
-    omega = [ICR.sprocket_speeds([0.2, w], GEOMETRY) for w in (-0.4, -0.2, 0.0, 0.2, 0.4, 0.3)]
     rng = np.random.default_rng(0)
-    runs = []
-    for k, speeds in enumerate(omega):
-        motion, _ = LawMotion(ICR, GEOMETRY, WHITE).drive(np.tile(speeds, (300, 1)), 20.0, rng)
-        time = np.arange(300) / 20.0
-        runs.append(RunLog(f"{k}", time, np.tile(speeds, (300, 1)), motion.at(time)))
+    time, runs = np.arange(200) / 20.0, []
+    for w in (-0.4, -0.2, 0.0, 0.2, 0.4, 0.3):
+        omega = np.tile(ICR.sprocket_speeds([0.2, w], GEOMETRY), (len(time), 1))
+        motion, _ = LawMotion(ICR, GEOMETRY, WHITE).drive(omega, 20.0, rng)
+        runs.append(RunLog(f"{w}", time, omega, motion.at(time)))
     found = identify(runs, GEOMETRY, method="steady")
-    assert found.method == "steady"
-    used = identified_law(found, "icr_radius")
-    assert used.law == found.comparison.laws["icr_radius"].law
-    fit = found.comparison.laws["icr_radius"]
+    used, fit = identified_law(found, "icr_radius"), found.comparison.laws["icr_radius"]
+    assert used.law == fit.law
     assert np.sqrt(used.errors.covariance[0, 0]) >= fit.stderr["offset"]
-    assert used.odometry(start=log.pose[0]).pose.shape == (3,)
-
-
-def test_laws_of_whole_drives_can_be_saved(found, tmp_path):
-    save_laws(tmp_path / "laws.json", found.laws, GEOMETRY)
-    assert identified_law(tmp_path / "laws.json", "icr_radius").law == found.laws["icr_radius"]
 
 
 def test_a_file_of_laws_knows_nothing_else(tmp_path):
@@ -103,12 +93,7 @@ def test_what_is_wrong_is_told_in_a_line(found, folder, tmp_path):
     for source, name, robot, message in [
         (folder, "constant", None, "law = 'constant': must be one of none, icr, icr_radius (in "),
         (found, "constant", None, "(in the identification)"),
-        (
-            tmp_path / "two.json",
-            None,
-            None,
-            "two.json: says nothing of which law is best: choose one of icr, ",
-        ),
+        (tmp_path / "two.json", None, None, "two.json: says nothing of which law is best: choose one of icr, "),
         (folder, "icr", other, "its laws are for half_gauge = 0.168 m and sprocket_radius = 0.06 m"),
         (found, "icr", other, "the identification: its laws are for half_gauge = 0.168 m"),
         (tmp_path / "nowhere", "icr", None, "nowhere: No such file or directory"),

@@ -15,7 +15,7 @@ from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.icr import ConstantIcr
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss
 from trackslip.odometry.slip_odometry import SlipOdometry
-from trackslip.odometry.uncertainty import LawErrors, SlipNoise
+from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
 
 NOISE = SlipNoise(WHITE.along, WHITE.across, WHITE.turning)
 ERRORS = LawErrors(("offset", "radius_error"), np.outer((1e-3, 4e-3), (1e-3, 4e-3)) * [[1, 0.6], [0.6, 1]])
@@ -47,32 +47,24 @@ def test_step_by_step_is_the_same_as_the_whole_log(law):
     time, omega = driving(0, 6.0)
     errors = ERRORS if isinstance(law, ConstantIcr | TurnLoss) else None
     odometry = SlipOdometry(law, GEOMETRY, NOISE, errors, drift=0.02, start=(1.0, 2.0, 1.0))
-    path = odometry.path(time, omega)
-    for k in range(1, len(time)):
-        odometry.update(omega[k], time[k] - time[k - 1])
-    exactly = law is not PUBLISHED  # whose twists are iterated until all rows have converged to 1e-12
-    np.testing.assert_allclose(odometry.pose, path.pose[-1], rtol=0, atol=0 if exactly else 1e-12)
-    np.testing.assert_allclose(odometry.covariance, path.covariance[-1], rtol=0, atol=0 if exactly else 1e-12)
-
-
-def test_a_path_goes_on_from_where_updates_have_led():
-    time, omega = driving(1, 6.0)
-    whole = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS).path(time, omega)
-    part = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS)
+    whole = odometry.path(time, omega)
     for k in range(1, 101):
-        part.update(omega[k], time[k] - time[k - 1])
-    rest = part.path(time[100:], omega[100:])
-    np.testing.assert_array_equal(rest.pose, whole.pose[100:])
-    np.testing.assert_array_equal(rest.covariance, whole.covariance[100:])
+        odometry.update(omega[k], time[k] - time[k - 1])
+    rest = odometry.path(time[100:], omega[100:])
+    exactly = law is not PUBLISHED  # whose twists are iterated until all rows have converged to 1e-12
+    np.testing.assert_allclose(rest.pose, whole.pose[100:], rtol=0, atol=0 if exactly else 1e-12)
+    np.testing.assert_allclose(rest.covariance, whole.covariance[100:], rtol=0, atol=0 if exactly else 1e-12)
 
 
 def test_many_robots_are_independent_bit_by_bit():
     runs = [driving(seed, 4.0) for seed in range(3)]
-    time, omega = runs[0][0], np.stack([one[1] for one in runs], axis=1)
+    time, omega = runs[0][0], np.stack([run[1] for run in runs], axis=1)
     starts = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [-1.0, 0.5, 0.0]])
-    fleet = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, start=starts).path(time, omega)
+    gyro = np.column_stack([0.1 * omega[:, 0, 0], np.full(len(time), np.nan), 0.05 * omega[:, 2, 1]])
+    fleet = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, start=starts, gyro=Gyro()).path(time, omega, gyro)
     for k, start in enumerate(starts):
-        alone = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, start=start).path(time, omega[:, k])
+        odometry = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, start=start, gyro=Gyro())
+        alone = odometry.path(time, omega[:, k], gyro[:, k])
         np.testing.assert_array_equal(fleet.pose[:, k], alone.pose)
         np.testing.assert_array_equal(fleet.covariance[:, k], alone.covariance)
 
@@ -162,11 +154,6 @@ def test_an_outward_drift_is_that_of_the_simulator():
     np.testing.assert_allclose(path.pose, motion.at(time), atol=1e-9)
 
 
-def test_noise_is_taken_as_a_fit_to_drives_has_it():
-    noise = {"position": 0.02, "heading": 0.01, "slip_forward": 0.002, "slip_sideways": 0.003, "slip_turn": 0.005}
-    assert SlipNoise.of(noise) == SlipNoise(0.002, 0.003, 0.005)
-
-
 def test_at_rest_nothing_grows():
     odometry = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS)
     odometry.update([3.0, 4.0], 1.0)
@@ -196,10 +183,11 @@ def test_a_reset_starts_anew():
         (lambda o: o.path([0.0, 0.0], np.ones((2, 2))), "time = 0.0: must be finite, and ascending from row to row"),
         (lambda o: o.path([0.0, 1.0], np.ones((3, 2))), "time = (2,): must be one time per row of omega, (3,)"),
         (lambda o: SlipNoise(turn=-1.0), "turn = -1.0: must be a finite number >= 0"),
-        (
-            lambda o: SlipNoise.of({"slip_turn": 0.1}),
-            "noise = ['slip_turn']: must be a mapping with",
-        ),
+        (lambda o: SlipNoise.of({"slip_turn": 0.1}), "noise = ['slip_turn']: must be a mapping with"),
+        (lambda o: o.update([1.0, 1.0], 0.1, np.inf), "gyro = inf: must be finite, or NaN"),
+        (lambda o: o.path([0.0, 1.0], np.ones((2, 2)), np.zeros(3)), "gyro = (3,): must be of shape (2,)"),
+        (lambda o: Gyro(noise=-1.0), "noise = -1.0: must be a finite number >= 0"),
+        (lambda o: Gyro(bias=np.nan), "bias = nan: must be a finite number"),
         (lambda o: LawErrors(("offset",), np.eye(2)), "covariance = (2, 2): must be of shape (1, 1)"),
         (lambda o: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])), "correlations from -1 to 1"),
         (lambda o: SlipOdometry(NoSlip(), GEOMETRY, errors=ERRORS).update([1.0, 2.0], 0.1), "names = 'offset'"),
