@@ -10,11 +10,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-import models
 from sim.ground.ground import Ground
+from sim.robot.chassis import MODELS, shaped_robot
 from sim.robot.inertia import composite
 from sim.robot.keyframe import start
-from sim.robot.parameters import TRACK_LOOKS, TRACKS, RobotParameters
+from sim.robot.parameters import TRACKS, RobotParameters
 from sim.robot.tracked import TrackedRobot, Wheels
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.urdf import said_of
@@ -24,10 +24,9 @@ from trackslip.errors import InvalidValueError, SettingsFileError, require
 
 SHIPPED = "shipped"
 """Name of the robot of models/tracked_robot.xml."""
-_FOLDER = Path(models.__file__).parent
 _FILES = {
-    **{name: _FOLDER / f"{name}_robot.toml" for name in ("rescue", "box")},
-    **{name: _FOLDER / f"{name}.toml" for name in ("husky", "warthog", "maxxii")},
+    **{name: MODELS / f"{name}_robot.toml" for name in ("rescue", "box")},
+    **{name: MODELS / f"{name}.toml" for name in ("husky", "warthog", "maxxii")},
 }
 ROBOTS = (SHIPPED, *_FILES)
 """Names of robots."""
@@ -132,7 +131,7 @@ def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
     require(parameters.contact == TRACKS, "contact", parameters.contact, f"{TRACKS}, to drive over terrain")
     radius, half = parameters.sprocket_radius + _BELT, parameters.contact_length / 2
     hull: Wheels = ((-half, radius, radius), (half, radius, radius))
-    model, drive = _FOLDER / "tracked_robot.xml", parameters.drive
+    model, drive = MODELS / "tracked_robot.xml", parameters.drive
     return PlainRobot(model, parameters.half_gauge, hull, name=name, parameters=parameters, drive=drive)
 
 
@@ -145,12 +144,10 @@ class PlainRobot(TrackedRobot):
 
     def spec(self) -> Any:
         """See TrackedRobot."""
-        spec = super().spec()
-        self.parameters.apply(spec)
-        for thing in (*spec.pairs, *spec.sensors):
+        spec = shaped_robot(self.parameters, self.model.name)
+        pads = [geom for geom in spec.geoms if "_pad" in geom.name]
+        for thing in (*spec.pairs, *spec.sensors, *pads):
             spec.delete(thing)
-        for part in (*(geom for geom in spec.geoms if "_pad" in geom.name), *map(spec.body, TRACK_LOOKS)):
-            spec.delete(part)
         spec.option.timestep = mujoco.MjSpec().option.timestep  # that of the file is for pads
         spec.authored.option = 0
         hull = spec.geom("hull")

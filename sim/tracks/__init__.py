@@ -11,7 +11,7 @@ from sim.tracks.add import Tracks, add_tracks
 from sim.tracks.belts import BatchBelts, Belts, Reading, bind
 from sim.tracks.drawing import DrawnTracks
 from sim.tracks.motors import MotorReading
-from sim.tracks.presets import PRESETS, Preset
+from sim.tracks.recipe import PRESETS, Preset
 
 __all__ = [
     "PRESETS",

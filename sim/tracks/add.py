@@ -12,8 +12,7 @@ from sim.tracks.belts import Belts, bind
 from sim.tracks.connect import connect, require_friction
 from sim.tracks.hull import Hull
 from sim.tracks.parts import TrackParts, lines_across, track_parts
-from sim.tracks.presets import Preset, load_preset, require_stable
-from sim.width import WIDEST, warn_if_unverified
+from sim.tracks.recipe import Preset, load_preset, require_stable, track_points
 from trackslip.errors import (
     InvalidValueError,
     TrackslipError,
@@ -28,10 +27,6 @@ from trackslip.errors import (
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Data that a contact sensor reports per contact, as bits: found, force, dist, normal, tangent, linvel."""
 _MAX_SEGMENTS = 40
-_SEGMENTS, _GROWTH = (
-    2.6,
-    1.8,
-)  # least capsules of a run as long as the gauge, and the power of the gauge of their growth
 _MAX_HALF_GAUGE = 10.0  # [m]
 _MAX_LINES = 9
 _MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
@@ -90,7 +85,9 @@ def add_tracks(
     require_at_most("load", load, 1.0)
     require_friction(friction)
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
-    count = segments if segments is not None else pair_segments(recipe, half_gauge, shape) if side == "both" else 2
+    count = segments
+    if count is None:
+        count = 2 * math.ceil(track_points(half_gauge, shape.longest_below, recipe) / 4) if side == "both" else 2
     require_whole("segments", count, 1, _MAX_SEGMENTS)
     require_non_negative("width", width)
     widest = 2 * half_gauge if side == "both" else _MAX_HALF_GAUGE
@@ -132,16 +129,6 @@ def add_tracks(
                 spec.delete(spec.body(track))
             raise
     return tracks
-
-
-def pair_segments(preset: Preset, half_gauge: float, hull: Hull) -> int:
-    """Even number of capsules along the longest run of each of two tracks.
-
-    The wider the robot, the closer its ICRs lie to its tracks, and the finer the points that resolve them.
-    """
-    warn_if_unverified(half_gauge, hull.longest_below, level=3)
-    width = min(2 * half_gauge / hull.longest_below, WIDEST)
-    return max(preset.segments, 2 * math.ceil(_SEGMENTS * width**_GROWTH / 2))
 
 
 def _body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sim.tracks.motors import MotorReading, Motors
 from sim.tracks.parts import TrackParts
-from sim.tracks.presets import require_impedances, require_options, require_stable
+from sim.tracks.recipe import require_impedances, require_options, require_stable
 from trackslip.errors import InvalidValueError, TrackslipError, require
 
 SENSED_WIDTH = 14
@@ -41,7 +41,7 @@ class _Map:
             sensors = [model.sensor(body).id for body in bodies]
         except KeyError:
             raise InvalidValueError("tracks", self.names, "in the model: compile the spec they were added to") from None
-        require_options(model.opt)
+        require_options(model.opt, tracks[0].preset)
         require_impedances(model, self.geoms)
         counts = [len(names) for each in tracks for names in each.geoms]
         self.track = np.repeat(np.arange(len(self.names)), counts)

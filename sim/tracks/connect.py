@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from sim.tracks.parts import TrackParts
-from sim.tracks.presets import ContactParameters, set_options
+from sim.tracks.recipe import ContactParameters, set_options
 from trackslip.errors import InvalidValueError, TrackslipError, in_one_line, require, require_at_most, require_positive
 
 _MAX_FRICTION = 10.0

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.tracks.hull import Hull
-from sim.tracks.presets import Preset
+from sim.tracks.recipe import Preset
 
 Lines = tuple[tuple[float, float], ...]
 """Lateral place of each line of contact, from the belt's middle [m], and its share of the belt's load [-]."""

@@ -6,7 +6,7 @@ import pytest
 from tracked import HALF_GAUGE, HALF_LENGTH, HULL, add_robot, plane
 
 from sim.tracks import PRESETS, add_tracks
-from sim.tracks.presets import soft_contacts
+from sim.tracks.recipe import soft_contacts
 from trackslip.errors import InvalidValueError
 from trackslip.skid_theory import Contact, steady_twist
 

@@ -1,9 +1,9 @@
-"""Contact presets: springs that many points share on a plane; what is deeper is left to hard cores.
+"""The one recipe of contacts: springs that many points share on a plane; what is deeper is left to hard cores.
 
 A contact with impedance d between bodies of inverse weight A pushes with f = (d / (1 - d)) / A * (a* - a),
 a* = -K r - B v at depth r. N points with d / (1 - d) = e m A / N have a softness of 1 / (e m) together, e being the
-`regularisation` and m the robot's mass. Standing on them, the robot sinks in by g / (e K), and heave has about the
-squared frequency w^2 = e K and the damping e B = 2 zeta w.
+`regularisation` and m the robot's mass. Standing on them, the robot sinks in by g / (e K), and heave has the
+squared frequency w^2 = e K / (1 + e) and the damping e B / (1 + e).
 
 Landing must not create energy. In a physics step h, a point moves by h v at most before it is pushed, so that damping
 and spring take (h B + h^2 K) a of the speed v, where a = e l / (1 + e l) is the share of a* that the bodies follow, and
@@ -18,17 +18,21 @@ grows for light limbs, so that they don't hop when they slide.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+import warnings
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from trackslip.errors import require
+from trackslip.errors import RobotWarning, require
 
-IMPRATIO = 1e4
-"""Ratio of frictional to normal constraint impedance [-]."""
+WIDEST = 3.0
+"""Gauge over contact length up to which turns are verified to follow theory [-]."""
+_POINTS, _GROWTH = 10, 1.6  # points of a track as long as the gauge, and the power of the gauge with which they grow
+_ENOUGH = 1.2  # gauge over contact length up to which a preset's own points will do [-]
 LEAST_ODDS = 1.001 * mujoco.mjMINIMP
 """Least d / (1 - d) of a contact [-]; the engine raises lower impedances d, and the contact then has other rates."""
 _MAX_TAKEN = 2.0  # share of its speed that landing takes from a robot in one physics step [-]
@@ -51,13 +55,20 @@ class Preset:
     sink: float
     """Depth of a robot that stands on one run of each track [m]."""
     damping_ratio: float
-    """Damping ratio of heave [-]."""
+    """Damping ratio of heave, times the root of 1 + regularisation [-]."""
     regularisation: float = 0.02
     """Inverse softness of all points of the standing robot together, in robot masses [-]."""
     grip: float = 100.0
     """Rate at which sliding decays where the ground holds, at that softness [1/s]."""
     core_depth: float = 0.003
     """Depth at which the belt's hard core touches; more than a robot that stands sinks in [m]."""
+    impratio: float = 1e4
+    """Ratio of frictional to normal constraint impedance [-]. A robot parked on a slope creeps at g sin(slope) over
+    regularisation * impratio * grip."""
+
+    def softer(self, factor: float) -> Preset:
+        """The same with so many times softer points, which shift less load where they slide, and the same creep."""
+        return replace(self, regularisation=self.regularisation / factor, impratio=self.impratio * factor)
 
     @property
     def edge_depth(self) -> float:
@@ -126,6 +137,28 @@ PRESETS = {
     "fast": Preset(0.004, 4, 0.00125, 0.35, core_depth=0.003),
 }
 """Presets by name."""
+_SOFT = 20 * 0.004 / 0.996  # of 20 points whose impedance is 0.004
+LEVEL = Preset(0.005, 5, 0.002, 0.7 * math.sqrt(1 + _SOFT), _SOFT)
+"""Tracks that never leave a plane: no cores, and heave of a damping ratio of 0.7."""
+LEVEL_WIDE = replace(LEVEL, regularisation=_SOFT / 2, grip=2 * LEVEL.grip)
+"""The same of a wide robot. Near the middle of a short track the time that the grip takes, at the speed of the robot,
+is a way that counts."""
+LEVEL_WHEELS = LEVEL.softer(25)
+"""The same of wheels, whose robots are faster: they shift less load to points that slide."""
+
+
+def track_points(half_gauge: float, contact_length: float, preset: Preset) -> int:
+    """Number of points at which each of two tracks touches the ground, 2 at either end of a segment [-].
+
+    The ICRs of a short, wide robot are so close to its tracks that only the elements of track within a few
+    millimetres of its middle slide along themselves more than across: the wider the robot, the finer its points.
+    Beyond WIDEST there are no more, and a RobotWarning.
+    """
+    if half_gauge > WIDEST * contact_length / 2 * (1 + 1e-9):
+        allowed = f"turns are verified up to {WIDEST / 2 * contact_length:.4g} m, {WIDEST / 2:g} contact lengths"
+        warnings.warn(f"half_gauge = {half_gauge:.4g}: {allowed}", RobotWarning, stacklevel=4)
+    width = min(2 * half_gauge / contact_length, WIDEST)
+    return 2 * preset.segments if width <= _ENOUGH else 2 * math.ceil(_POINTS * width**_GROWTH / 2)
 
 
 def load_preset(preset: str | Preset) -> Preset:
@@ -137,7 +170,7 @@ def load_preset(preset: str | Preset) -> Preset:
 
 
 def set_options(spec: mujoco.MjSpec, preset: Preset, finer: float = 1.0) -> None:
-    """Set the cone and impratio, `finer` times the least, and the time step unless the user has chosen one.
+    """Set the cone and impratio, `finer` times the preset's, and the time step unless the user has chosen one.
 
     Raises InvalidValueError for a time step at which the preset isn't stable, and if the spec overrides contacts.
     """
@@ -147,7 +180,7 @@ def set_options(spec: mujoco.MjSpec, preset: Preset, finer: float = 1.0) -> None
         option.timestep = preset.timestep
     require_stable(option.timestep, preset)
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = max(option.impratio, finer * IMPRATIO)
+    option.impratio = max(option.impratio, finer * preset.impratio)
     if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at such an impratio
         option.solver = plain.solver
 
@@ -158,14 +191,19 @@ def require_stable(timestep: float, preset: Preset) -> None:
     require(0 < timestep <= preset.timestep, "timestep", timestep, allowed)
 
 
-def require_options(option: Any) -> None:
+def require_options(option: Any, preset: Preset) -> None:
     """Raise InvalidValueError for options of a model (or a spec) with which contacts don't follow the recipe.
 
     `attach` keeps those of the spec that the robot is attached to.
     """
     elliptic = option.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
     require(elliptic, "cone", "pyramidal", "elliptic, as connect sets it")
-    require(option.impratio >= IMPRATIO, "impratio", option.impratio, f"at least {IMPRATIO:g}, as connect sets it")
+    require(
+        option.impratio >= preset.impratio,
+        "impratio",
+        option.impratio,
+        f"at least {preset.impratio:g}, as connect sets it",
+    )
     _require_own_contacts(option)
 
 
