@@ -84,7 +84,7 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     frame = spec.body("chassis").add_frame(pos=[-robot.middle, 0.0, -robot.lowest])
     frame.attach_body(body, _ATTACHED, "")
     model = spec.compile()
-    names = [f"{name}_track" for each in built.tracks for name in each.names]
+    names = [f"{name}_track" for name in built.belts.names]
     tracks = [
         (name, model.body(_ATTACHED + built.model.body(carrier).name).id, look)
         for name, (carrier, look) in zip(names, track_looks(built), strict=True)

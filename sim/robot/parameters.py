@@ -26,10 +26,11 @@ TRACKS, WHEELS = "tracks", "wheels"
 """Kinds of contact with the ground."""
 SINK = 0.002
 """Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for any robot [m]."""
+PATCH_LENGTH = 0.1
+"""Length of a wheel's contact with the ground, by default [m]."""
 _MIN_SIZE = 1e-3  # length [m] and mass [kg]
 _MAX_MASS = 1e5  # [kg]
 _PLATE_HEIGHT = 0.5  # of models/tracked_robot.xml [m]
-_PATCH_LENGTH = 0.1  # of a wheel, by default [m]
 _MOST_AXLES = 10
 _CENTRED = 1e-3  # mean of the axles' positions, at most [m]
 _SPREAD = (0.2, 3.0)  # radius of gyration about the vertical axis, over the distance of the contact's corners [-]
@@ -67,7 +68,7 @@ class RobotParameters:
     """What touches the ground: "tracks", or "wheels", those of a side turning at one speed."""
     axles: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
     """Axles of the wheels, ahead of the middle of all [m]. Their contact length is from the first patch to the last."""
-    patch_length: float = field(default=_PATCH_LENGTH, metadata={"stored_unless": _PATCH_LENGTH})
+    patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
     yaw_inertia: float = field(default=0.0, metadata=UNLESS_ZERO)
     """Inertia about the vertical axis through the centre of mass; 0 for that of `inertia` or the shape [kg m^2]."""
@@ -126,11 +127,10 @@ class RobotParameters:
         """Check the kind of contact; sort the axles, and take the contact length from them."""
         require(self.contact in (TRACKS, WHEELS), "contact", self.contact, f"{TRACKS} or {WHEELS}")
         if self.contact == TRACKS:
-            for name, default in (("axles", ()), ("patch_length", _PATCH_LENGTH)):
+            for name, default in (("axles", ()), ("patch_length", PATCH_LENGTH)):
                 value = getattr(self, name)
                 require(value == default, name, value, f'left out without contact = "{WHEELS}"')
             return
-        require(not self.looks, "looks", self.looks, f'left out with contact = "{WHEELS}"')
         axles = tuple(sorted(self.axles))
         few = 2 <= len(axles) <= _MOST_AXLES and bool(np.isfinite(axles).all())
         require(few, "axles", list(axles), f"2 to {_MOST_AXLES} positions ahead of the middle [m]")

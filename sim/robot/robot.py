@@ -12,7 +12,6 @@ import numpy as np
 from sim.robot.chassis import shaped_robot
 from sim.robot.pads import lay_pads
 from sim.robot.parameters import RobotParameters
-from sim.tracks.recipe import require_impedances
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.localization.scan import Plate
 
@@ -105,7 +104,6 @@ def load_robot(
     model.flg_surfacevel = 1  # compiled with tracks at rest, the engine would ignore later writes
     count, half_gauge = (1 if single_contacts else CONTACT_POINTS), parameters.half_gauge
     pads = slice(first := int(model.geom("left_pad0").id), first + 2 * len(x) // count)
-    require_impedances(model, np.arange(pads.start, pads.stop))
     forwards = np.array([_rotation(quaternion)[0] for quaternion in model.geom_quat[pads]])  # in the pads' frames
     middles, y = x.reshape(-1, count).mean(axis=1), half_gauge * -SIDES
     plate, lrf = model.geom("plate"), model.body("lrf")

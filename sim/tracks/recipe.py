@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from trackslip.errors import RobotWarning, require
 
+Array = NDArray[np.float64]
 WIDEST = 3.0
 """Gauge over contact length up to which turns are verified to follow theory [-]."""
 _POINTS, _GROWTH = 10, 1.6  # points of a track as long as the gauge, and the power of the gauge with which they grow
@@ -75,8 +76,8 @@ class Preset:
         """The same at the edges of wide belts, whose few springs would let a robot lean far before it tips over [m]."""
         return _EDGE * self.sink
 
-    def regularise(self, gravity: float, mobility: float, least_share: float) -> float:
-        """Regularisation with which landing creates no energy, and no impedance is below the engine's least.
+    def regularise(self, gravity: float, mobility: Array | float, least_share: Array | float) -> Array:
+        """Regularisation (...) with which landing creates no energy, and no impedance is below the engine's least.
 
         Args:
             gravity: acceleration of gravity [m/s^2].
@@ -85,10 +86,13 @@ class Preset:
         """
         stiffness, damping = self._rates(gravity)
         taken = self.timestep * damping + self.timestep**2 * stiffness
-        return max(self.regularisation, taken / _MAX_TAKEN - 1 / mobility, LEAST_ODDS / least_share)
+        least = np.maximum(taken / _MAX_TAKEN - 1 / np.asarray(mobility), LEAST_ODDS / np.asarray(least_share))
+        return np.maximum(self.regularisation, least)
 
-    def contact(self, gravity: float, share: float, regularisation: float, grip: float) -> ContactParameters:
-        """Parameters of a contact.
+    def contact(
+        self, gravity: float, share: Array | float, regularisation: Array | float, grip: Array | float
+    ) -> ContactParameters:
+        """Parameters (...) of contacts.
 
         Args:
             gravity: acceleration of gravity [m/s^2].
@@ -96,13 +100,9 @@ class Preset:
             regularisation: e above [-].
             grip: rate at which sliding decays where the ground holds [1/s].
         """
-        d = regularisation * share / (1 + regularisation * share)
-        stiffness, damping = self._rates(gravity)
-        return ContactParameters(
-            solref=(-d * stiffness / regularisation, -d * damping / regularisation),  # the engine divides by d
-            solimp=(d, d, _WIDTH, 0.5, 1.0),
-            solreffriction=(-1.0, -d * grip),
-        )
+        odds = np.asarray(regularisation * share)
+        d, (stiffness, damping) = odds / (1 + odds), self._rates(gravity)
+        return ContactParameters.of(d, d * stiffness / regularisation, d * damping / regularisation, d * grip)
 
     def core(self) -> ContactParameters:
         """Parameters of the hard core below a belt's surface.
@@ -111,12 +111,9 @@ class Preset:
         points then yield by centimetres. The impedance of a core is near 1, so that a is, too: cores never take more
         than they are asked for, whatever their number and the robot.
         """
-        d = _CORE_IMPEDANCE
-        return ContactParameters(
-            solref=(-d * _CORE_PUSH / self.timestep**2, -d * _CORE_BRAKE / self.timestep),
-            solimp=(d, d, _WIDTH, 0.5, 1.0),
-            solreffriction=(-1.0, -d * self.grip),
-        )
+        d = np.asarray(_CORE_IMPEDANCE)
+        push, brake = d * _CORE_PUSH / self.timestep**2, d * _CORE_BRAKE / self.timestep
+        return ContactParameters.of(d, push, brake, d * self.grip)
 
     def _rates(self, gravity: float) -> tuple[float, float]:
         """The products e K [1/s^2] and e B [1/s]."""
@@ -125,11 +122,18 @@ class Preset:
 
 @dataclass(frozen=True)
 class ContactParameters:
-    """Fields of a contact pair."""
+    """Fields of contact pairs."""
 
-    solref: tuple[float, float]
-    solimp: tuple[float, float, float, float, float]
-    solreffriction: tuple[float, float]
+    solref: Array  # (..., 2)
+    solimp: Array  # (..., 5)
+    solreffriction: Array  # (..., 2)
+
+    @classmethod
+    def of(cls, impedance: Array, stiffness: Array, damping: Array, grip: Array) -> ContactParameters:
+        """Fields for an impedance (...), whatever the depth, and rates (...), which the engine divides by it."""
+        solimp = [impedance, impedance, *(np.full_like(impedance, value) for value in (_WIDTH, 0.5, 1.0))]
+        columns = ([-stiffness, -damping], solimp, [-np.ones_like(impedance), -grip])
+        return cls(*(np.stack(column, axis=-1) for column in columns))
 
 
 PRESETS = {
@@ -169,82 +173,24 @@ def load_preset(preset: str | Preset) -> Preset:
     return PRESETS[preset]
 
 
-def set_options(spec: mujoco.MjSpec, preset: Preset, finer: float = 1.0) -> None:
-    """Set the cone and impratio, `finer` times the preset's, and the time step unless the user has chosen one.
+def set_timestep(spec: mujoco.MjSpec, preset: Preset) -> None:
+    """Set the preset's time step, unless the user has chosen one; InvalidValueError if that isn't stable."""
+    if spec.option.timestep == mujoco.MjSpec().option.timestep and not spec.authored.option & _TIMESTEP:
+        spec.option.timestep = preset.timestep
+    require_stable(spec.option.timestep, preset)
 
-    Raises InvalidValueError for a time step at which the preset isn't stable, and if the spec overrides contacts.
-    """
-    option, plain = spec.option, mujoco.MjSpec().option
-    _require_own_contacts(option)
-    if option.timestep == plain.timestep and not spec.authored.option & _TIMESTEP:
-        option.timestep = preset.timestep
-    require_stable(option.timestep, preset)
+
+def set_options(option: Any, preset: Preset) -> None:
+    """Set cone, impratio and solver of a spec or a model; InvalidValueError if it overrides contacts."""
+    override = option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
+    require(not override, "flag override", "enable", "disable: the contacts of tracks have parameters of their own")
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = max(option.impratio, finer * preset.impratio)
+    option.impratio = max(option.impratio, preset.impratio)
     if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at such an impratio
-        option.solver = plain.solver
+        option.solver = mujoco.mjtSolver.mjSOL_NEWTON
 
 
 def require_stable(timestep: float, preset: Preset) -> None:
     """Raise InvalidValueError for a time step [s] at which the preset isn't stable."""
     allowed = f"at most {preset.timestep:g} s, for contacts of this preset to be stable"
     require(0 < timestep <= preset.timestep, "timestep", timestep, allowed)
-
-
-def require_options(option: Any, preset: Preset) -> None:
-    """Raise InvalidValueError for options of a model (or a spec) with which contacts don't follow the recipe.
-
-    `attach` keeps those of the spec that the robot is attached to.
-    """
-    elliptic = option.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
-    require(elliptic, "cone", "pyramidal", "elliptic, as connect sets it")
-    require(
-        option.impratio >= preset.impratio,
-        "impratio",
-        option.impratio,
-        f"at least {preset.impratio:g}, as connect sets it",
-    )
-    _require_own_contacts(option)
-
-
-def _require_own_contacts(option: Any) -> None:
-    override = option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
-    require(not override, "flag override", "enable", "disable: the contacts of tracks have parameters of their own")
-
-
-def soft_contacts(model: mujoco.MjModel) -> dict[str, float]:
-    """Impedances of contact pairs and geoms below the engine's least, by "pair NAME" or "geom NAME".
-
-    The engine raises them, so that these contacts have other rates than their model asks for.
-    """
-    pairs = {f"pair {_pair_name(model, k)}": impedance for k, impedance in enumerate(_impedances(model.pair_solimp))}
-    collide = (model.geom_contype | model.geom_conaffinity) > 0
-    geoms = {
-        f"geom {_geom_name(model, k)}": impedance
-        for k, impedance in enumerate(_impedances(model.geom_solimp))
-        if collide[k]
-    }
-    return {name: impedance for name, impedance in (pairs | geoms).items() if impedance < mujoco.mjMINIMP}
-
-
-def require_impedances(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> None:
-    """Raise InvalidValueError for contact pairs of these geoms whose impedance is below the engine's least."""
-    low = _impedances(model.pair_solimp) < mujoco.mjMINIMP
-    for k in np.flatnonzero(low & (np.isin(model.pair_geom1, geoms) | np.isin(model.pair_geom2, geoms))).tolist():
-        allowed = f"at least {mujoco.mjMINIMP:g}, the least that the engine knows: use fewer contact points"
-        require(False, f"solimp of pair {_pair_name(model, k)}", model.pair_solimp[k, :2].min(), allowed)
-
-
-def _impedances(solimp: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least impedance (K,) of contacts with parameters (K, 5), at any depth."""
-    return np.asarray(solimp[:, :2].min(axis=1))
-
-
-def _pair_name(model: mujoco.MjModel, pair: int) -> str:
-    first, second = (_geom_name(model, int(ids[pair])) for ids in (model.pair_geom1, model.pair_geom2))
-    return model.pair(pair).name or f"{first}/{second}"
-
-
-def _geom_name(model: mujoco.MjModel, geom: int) -> str:
-    """Name of a geom, or its number and body."""
-    return model.geom(geom).name or f"{geom} of body {model.body(model.geom_bodyid[geom]).name}"

@@ -11,7 +11,7 @@ from sim.ground.ground import Ground as GroundOf
 from sim.robot.looks import robot_looks
 from sim.robot.named import ROBOTS, load_parameters, load_tracked, on_flat_ground
 from sim.robot.robot import compiled
-from sim.tracks import bind
+from sim.tracks import Belts
 from trackslip.errors import InvalidValueError, SettingsFileError, TrackslipError
 from trackslip.skid_theory import line_contact, steady_twist
 
@@ -88,8 +88,8 @@ def test_it_turns_alike_on_flat_ground_and_on_terrain(source):
     data.qpos[made.free[0] + 2] = -tracked.lowest
     data.qpos[made.flipper_qpos] = made.flipper_control(np.full(len(made.flipper_sign), np.pi / 2))
     data.ctrl[made.flipper_motor] = data.qpos[made.flipper_qpos]
-    belts = bind(model, *made.tracks)
-    belts.set(model, speeds[made.track_side])
+    belts = Belts(model)
+    belts.set(speeds[made.track_side])
     mujoco.mj_step(model, data, nstep=round(2.0 / model.opt.timestep))
     on_terrain = (speeds[1] - speeds[0]) / (2 * data.qvel[made.free[1] + 5])
     size = parameters.half_gauge, parameters.contact_length / 2
