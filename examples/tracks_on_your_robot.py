@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from sim.terrain import Course, Stairs
-from sim.tracks import add_tracks, bind
+from sim.tracks import Belts, Track, add_tracks
 
 ROBOT = """<mujoco><worldbody><body name="robot"><freejoint/>
   <geom type="box" size=".25 .12 .05" pos=".05 0 .13" mass="25"/>
@@ -19,17 +19,17 @@ def main(duration: float = 16.0) -> None:
     course = Course((Stairs(rise=0.15, run=0.28, number=3),), friction=0.8)
     ground, grip = course.add_to(spec), (course.friction, course.friction)
     wheels, flipper_wheels = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)], [(0.0, 0.0, 0.08), (0.25, 0.0, 0.04)]
-    chassis = add_tracks(spec, "robot", half_gauge=0.2, hull=wheels, friction=grip, terrain=ground)
-    flippers = add_tracks(spec, "flippers", half_gauge=0.27, hull=flipper_wheels, friction=grip, terrain=ground)
+    add_tracks(spec, "robot", Track(half_gauge=0.2, hull=wheels, friction=grip), terrain=ground)
+    add_tracks(spec, "flippers", Track(half_gauge=0.27, hull=flipper_wheels, friction=grip), terrain=ground)
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:3], data.ctrl[0] = course.start[:3], 0.3
-    belts = bind(model, chassis, flippers)
-    belts.set(model, [0.3] * 4)
+    belts = Belts(model)
+    belts.set([0.3] * 4)
     readings = []
     while data.time < duration and data.qpos[0] < course.goal:
         mujoco.mj_step(model, data, nstep=10)
-        readings.append(belts.read(model, data))
+        readings.append(belts.read(data))
     x, y = data.qpos[:2]
     print(f"x = {x:.2f} m, on ground {course.height(x, y):.2f} m high, after {data.time:.1f} s")
     for name, slip in zip(belts.names, np.nanmean([reading.slip for reading in readings], axis=0), strict=True):

@@ -16,7 +16,7 @@ from sim.drive.saturation import SpeedSearch
 from sim.fleet_ground import FleetGround, one_each, require_at_rest, require_held
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
-from sim.robot.parameters import SINK, RobotParameters
+from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require
@@ -71,10 +71,9 @@ class Fleet(Bodies):
         shears = shears or any(one.largest_shear > 0 for one in grounds)
         super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads)
         robot = self.robot
-        parameters = robot.parameters or RobotParameters()
-        self._split = parameters.radius_split * np.array([-1.0, 1.0])
+        self._split = robot.parameters.radius_split * np.array([-1.0, 1.0])
         self._radius = self._effective_radius(np.broadcast_to(radius_error, (self.size,)))
-        drive = drive or parameters.drive
+        drive = drive or robot.parameters.drive
         self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius, robot.mass)
         self.period = drive.period
         self._substeps = substeps(drive, robot)

@@ -9,10 +9,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from sim.robot.chassis import BODY_LOOKS, shaped_robot
 from sim.robot.keyframe import start, with_joints_of
 from sim.robot.named import load_tracked
-from sim.robot.parameters import BODY_LOOKS, TRACK_LOOKS, RobotParameters
-from sim.robot.robot import FIELD
+from sim.robot.parameters import RobotParameters
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.tracked_view import track_looks
 from sim.tracks.drawing import TrackLook, WheelLook
@@ -45,10 +45,7 @@ class RobotLooks:
 
 def robot_looks(parameters: RobotParameters, colour: Sequence[float] = ()) -> RobotLooks:
     """The looks of a robot, in its own colours or painted in one (4,); TrackslipError where its file is gone."""
-    spec = mujoco.MjSpec.from_file(str(FIELD))
-    parameters.apply(spec)
-    for name in TRACK_LOOKS:
-        spec.delete(spec.body(name))
+    spec = shaped_robot(parameters)
     looks = _tracked_looks(spec, parameters.looks) if parameters.looks else _shipped_looks(spec, parameters)
     model = looks.model
     painted = [model.geom(name).id for name in _PAINTED if not parameters.looks or name == "plate"]
@@ -87,7 +84,7 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     frame = spec.body("chassis").add_frame(pos=[-robot.middle, 0.0, -robot.lowest])
     frame.attach_body(body, _ATTACHED, "")
     model = spec.compile()
-    names = [f"{name}_track" for each in built.tracks for name in each.names]
+    names = [f"{name}_track" for name in built.belts.names]
     tracks = [
         (name, model.body(_ATTACHED + built.model.body(carrier).name).id, look)
         for name, (carrier, look) in zip(names, track_looks(built), strict=True)

@@ -10,12 +10,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-import models
 from sim.ground.ground import Ground
+from sim.robot.chassis import MODELS, shaped_robot
 from sim.robot.inertia import composite
 from sim.robot.keyframe import start
-from sim.robot.parameters import TRACK_LOOKS, TRACKS, RobotParameters
-from sim.robot.tracked import TrackedRobot, Wheels
+from sim.robot.parameters import WHEELS, RobotParameters
+from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.urdf import said_of
 from sim.robot.wheels import own_wheels
@@ -24,10 +24,9 @@ from trackslip.errors import InvalidValueError, SettingsFileError, require
 
 SHIPPED = "shipped"
 """Name of the robot of models/tracked_robot.xml."""
-_FOLDER = Path(models.__file__).parent
 _FILES = {
-    **{name: _FOLDER / f"{name}_robot.toml" for name in ("rescue", "box")},
-    **{name: _FOLDER / f"{name}.toml" for name in ("husky", "warthog", "maxxii")},
+    **{name: MODELS / f"{name}_robot.toml" for name in ("rescue", "box")},
+    **{name: MODELS / f"{name}.toml" for name in ("husky", "warthog", "maxxii")},
 }
 ROBOTS = (SHIPPED, *_FILES)
 """Names of robots."""
@@ -108,9 +107,13 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
     middle = np.einsum("gi,gi->g", data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2], model.geom_aabb[geoms, :3])
     top = float((data.geom_xpos[geoms, 2] + middle + reach.sum(axis=1)).max())
     x, y, z = centre.tolist()
+    contact: dict[str, Any] = {"contact_length": robot.contact_length}
+    if robot.contact == WHEELS:
+        axles = tuple(axle - robot.middle for axle in robot.standing)
+        contact = {"contact": WHEELS, "axles": axles, "patch_length": robot.patch_length}
     return RobotParameters(
         half_gauge=robot.half_gauge,
-        contact_length=robot.contact_length,
+        **contact,
         sprocket_radius=robot.sprocket_radius,
         radius_error=0.0,
         mass=mass,
@@ -125,15 +128,19 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
 
 
 def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
-    """The tracked robot that parameters describe: the shipped one's body on tracks as long as its contact.
-
-    Raises InvalidValueError for a robot on wheels.
-    """
-    require(parameters.contact == TRACKS, "contact", parameters.contact, f"{TRACKS}, to drive over terrain")
-    radius, half = parameters.sprocket_radius + _BELT, parameters.contact_length / 2
-    hull: Wheels = ((-half, radius, radius), (half, radius, radius))
-    model, drive = _FOLDER / "tracked_robot.xml", parameters.drive
-    return PlainRobot(model, parameters.half_gauge, hull, name=name, parameters=parameters, drive=drive)
+    """The robot that parameters describe: the shipped one's body on its wheels, or on tracks as long as its contact."""
+    radius, half = parameters.sprocket_radius, parameters.contact_length / 2
+    ends, radius = (parameters.axles, radius) if parameters.axles else ((-half, half), radius + _BELT)
+    return PlainRobot(
+        model=MODELS / "tracked_robot.xml",
+        half_gauge=parameters.half_gauge,
+        hull=tuple((x, radius, radius) for x in ends),
+        contact=parameters.contact,
+        patch_length=parameters.patch_length,
+        name=name,
+        parameters=parameters,
+        drive=parameters.drive,
+    )
 
 
 @dataclass(frozen=True)
@@ -145,12 +152,10 @@ class PlainRobot(TrackedRobot):
 
     def spec(self) -> Any:
         """See TrackedRobot."""
-        spec = super().spec()
-        self.parameters.apply(spec)
-        for thing in (*spec.pairs, *spec.sensors):
+        spec = shaped_robot(self.parameters, self.model.name)
+        pads = [geom for geom in spec.geoms if "_pad" in geom.name]
+        for thing in (*spec.pairs, *spec.sensors, *pads):
             spec.delete(thing)
-        for part in (*(geom for geom in spec.geoms if "_pad" in geom.name), *map(spec.body, TRACK_LOOKS)):
-            spec.delete(part)
         spec.option.timestep = mujoco.MjSpec().option.timestep  # that of the file is for pads
         spec.authored.option = 0
         hull = spec.geom("hull")

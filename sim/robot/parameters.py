@@ -5,14 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive
 from sim.ground.ground import UNLESS_ZERO, Ground
-from sim.robot.pads import lay_wheels, lay_wide_tracks, points_per_track
-from sim.width import warn_if_unverified
 from trackslip.errors import (
     require,
     require_at_most,
@@ -24,21 +22,15 @@ from trackslip.errors import (
 from trackslip.kinematics import RobotGeometry
 from trackslip.skid_theory import Contact, line_contact, wheel_contact
 
-if TYPE_CHECKING:
-    import mujoco
-
 TRACKS, WHEELS = "tracks", "wheels"
 """Kinds of contact with the ground."""
-TRACK_LOOKS = ("track0", "track1")
-"""Bodies that are the looks of the shipped robot's tracks, left and right."""
-BODY_LOOKS = ("hull", "deck", "bumper", "left_lamp", "right_lamp")
-"""Geoms that are the looks of its body."""
 SINK = 0.002
 """Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for any robot [m]."""
+PATCH_LENGTH = 0.1
+"""Length of a wheel's contact with the ground, by default [m]."""
 _MIN_SIZE = 1e-3  # length [m] and mass [kg]
 _MAX_MASS = 1e5  # [kg]
 _PLATE_HEIGHT = 0.5  # of models/tracked_robot.xml [m]
-_PATCH_LENGTH = 0.1  # of a wheel, by default [m]
 _MOST_AXLES = 10
 _CENTRED = 1e-3  # mean of the axles' positions, at most [m]
 _SPREAD = (0.2, 3.0)  # radius of gyration about the vertical axis, over the distance of the contact's corners [-]
@@ -76,7 +68,7 @@ class RobotParameters:
     """What touches the ground: "tracks", or "wheels", those of a side turning at one speed."""
     axles: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
     """Axles of the wheels, ahead of the middle of all [m]. Their contact length is from the first patch to the last."""
-    patch_length: float = field(default=_PATCH_LENGTH, metadata={"stored_unless": _PATCH_LENGTH})
+    patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
     yaw_inertia: float = field(default=0.0, metadata=UNLESS_ZERO)
     """Inertia about the vertical axis through the centre of mass; 0 for that of `inertia` or the shape [kg m^2]."""
@@ -104,7 +96,6 @@ class RobotParameters:
             corner = self.mass * (self.half_gauge**2 + self.contact_length**2 / 4)
             least, most = (share**2 * corner for share in _SPREAD)
             require_within("yaw_inertia", self.yaw_inertia, least, most, "kg m^2, for this mass, gauge and length")
-        warn_if_unverified(self.half_gauge, self.contact_length, level=3)
 
     @property
     def geometry(self) -> RobotGeometry:
@@ -136,11 +127,10 @@ class RobotParameters:
         """Check the kind of contact; sort the axles, and take the contact length from them."""
         require(self.contact in (TRACKS, WHEELS), "contact", self.contact, f"{TRACKS} or {WHEELS}")
         if self.contact == TRACKS:
-            for name, default in (("axles", ()), ("patch_length", _PATCH_LENGTH)):
+            for name, default in (("axles", ()), ("patch_length", PATCH_LENGTH)):
                 value = getattr(self, name)
                 require(value == default, name, value, f'left out without contact = "{WHEELS}"')
             return
-        require(not self.looks, "looks", self.looks, f'left out with contact = "{WHEELS}"')
         axles = tuple(sorted(self.axles))
         few = 2 <= len(axles) <= _MOST_AXLES and bool(np.isfinite(axles).all())
         require(few, "axles", list(axles), f"2 to {_MOST_AXLES} positions ahead of the middle [m]")
@@ -174,64 +164,6 @@ class RobotParameters:
         allowed = f"closer to the centre, to load every point of the {self.contact}"
         require(central, "com_x, com_y", (self.com_x, self.com_y), allowed)
 
-    def apply(self, spec: mujoco.MjSpec) -> None:
-        """Apply the parameters to a model: move the tracks, stretch their contact, set mass, inertia and its centre."""
-        default = RobotParameters()
-        if dataclasses.replace(self, drive=default.drive, radius_split=0.0) == default:
-            return
-        stretch = self.contact_length / default.contact_length
-        chassis = spec.body("chassis")
-        for thing in (*chassis.geoms, *chassis.sites):
-            side = {"left": 1.0, "right": -1.0}.get(thing.name.split("_")[0], 0.0)
-            outwards = side * (self.half_gauge - default.half_gauge)
-            if "_pad" in thing.name:
-                ends = np.array(thing.fromto).reshape(2, 3)
-                thing.fromto = (ends * [stretch, 1.0, 1.0] + [0.0, outwards, 0.0]).ravel()
-            elif "lamp" not in thing.name:
-                thing.pos = np.add(thing.pos, [0.0, outwards, 0.0])
-            if "_footprint" in thing.name:
-                thing.size = np.array(thing.size) * [stretch, 1.0, 1.0]
-        for name, y in zip(TRACK_LOOKS, (self.half_gauge, -self.half_gauge), strict=True):
-            spec.body(name).pos[1] = y
-        for name in ("sprocket0", "sprocket1"):
-            spec.geom(name).size[0] = self.sprocket_radius
-        if self.axles:
-            lay_wheels(spec, self.axles, self.patch_length)
-            self._enlarge_body(spec)
-        elif (points := points_per_track(self.half_gauge, self.contact_length)) > points_per_track(
-            default.half_gauge, default.contact_length
-        ):
-            lay_wide_tracks(spec, points)
-        raised = [0.0, 0.0, self.plate_height - default.plate_height]
-        mast = spec.geom("mast")
-        mast.pos = np.add(mast.pos, np.divide(raised, 2))
-        mast.size[1] += max(raised[2] / 2, -0.1)
-        spec.geom("plate").pos = np.add(spec.geom("plate").pos, raised)
-        if lrf := spec.body("lrf"):  # in the model of the field
-            lrf.pos = np.add(lrf.pos, raised)
-        chassis.ipos = [self.com_x, self.com_y, self.com_height]
-        # the mass distribution scales with the shape: its second moments with the squares of length, gauge and height
-        growth = np.array([stretch, self.half_gauge / default.half_gauge, self.com_height / default.com_height]) ** 2
-        inertia = np.array(chassis.inertia) * (self.mass / chassis.mass)
-        moments = (inertia.sum() / 2 - inertia) * growth
-        chassis.inertia = moments.sum() - moments
-        chassis.mass = self.mass
-        own = self.inertia
-        if self.yaw_inertia > 0:
-            own = _with_yaw_inertia(own or (*chassis.inertia, 0.0, 0.0, 0.0), self.yaw_inertia)
-        if own:
-            chassis.inertia, chassis.fullinertia = [0.0, 0.0, 0.0], own
-
-    def _enlarge_body(self, spec: mujoco.MjSpec) -> None:
-        """Draw a body as large as the wheels need."""
-        default = RobotParameters()
-        wide = self.half_gauge / default.half_gauge
-        size = np.array([self.contact_length / default.contact_length, wide, wide])
-        spec.mesh("hull").scale = size
-        for name in BODY_LOOKS:
-            geom = spec.geom(name)
-            geom.pos, geom.size = geom.pos * size, geom.size * size
-
 
 def require_inertia(inertia: Sequence[float]) -> None:
     """Raise InvalidValueError unless six numbers xx, yy, zz, xy, xz, yz are a rigid body's inertia [kg m^2]."""
@@ -240,16 +172,6 @@ def require_inertia(inertia: Sequence[float]) -> None:
     xx, yy, zz, xy, xz, yz = inertia
     moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     require(moments[0] > 0 and moments[2] <= moments[:2].sum() * (1 + 1e-9), "inertia", list(inertia), allowed)
-
-
-def _with_yaw_inertia(inertia: Sequence[float], yaw_inertia: float) -> tuple[float, ...]:
-    """An inertia xx, yy, zz, xy, xz, yz whose masses are moved along the ground so that zz is `yaw_inertia`."""
-    xx, yy, zz, xy, xz, yz = inertia
-    moments = (xx + yy + zz) / 2 * np.eye(3) - [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-    away = np.sqrt([yaw_inertia / zz, yaw_inertia / zz, 1.0])
-    moments *= np.outer(away, away)
-    moved = np.trace(moments) * np.eye(3) - moments
-    return tuple(moved[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist())
 
 
 def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import mujoco
 import numpy as np
 
-import models
-from sim.robot.pads import lay_pads, shearing_points
-from sim.robot.parameters import TRACK_LOOKS, RobotParameters
-from sim.tracks.presets import require_impedances
-from trackslip.errors import TrackslipError
-from trackslip.kinematics import Array, RobotGeometry
+from sim.robot.chassis import shaped_robot
+from sim.robot.pads import lay_pads
+from sim.robot.parameters import RobotParameters
+from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.localization.scan import Plate
 
-FIELD = Path(models.__file__).parent / "field.xml"
-"""Model of the robot on the paper's field, with the laser range finder."""
 SCANNED_GROUP = 0
 """Geom group that the laser range finder sees."""
 VISUAL_GROUP = 1
@@ -62,17 +57,15 @@ class Robot:
     """Height of the scan plane above the ground [m]."""
     digest: str
     """SHA-256 of the model, without visuals and contact sensors."""
-    path: Path
-    """The MJCF file."""
-    parameters: RobotParameters | None
-    """Changes of the file's robot."""
-    contact_sensors: bool = False
+    parameters: RobotParameters
+    """Shape and mass."""
+    contact_sensors: bool
     """True if there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
-    points_per_pad: int = CONTACT_POINTS
+    points_per_pad: int
     """Number of points at which a pad touches the ground."""
-    patches: int = 1
+    patches: int
     """Number of contact patches of a side: one a wheel, or the track's."""
-    patch_length: float = 0.0
+    patch_length: float
     """Length of a patch [m]."""
 
     def pad_speeds(self, belts: Array) -> Array:
@@ -81,73 +74,69 @@ class Robot:
         return (-belts).take(self.pad_side, axis=-1) * self.pad_sign
 
     def with_single_contacts(self) -> Robot:
-        """The same robot with pads that touch the ground at one point each, twice as many, as shearing ground needs.
-
-        Options and contact parameters are those that the model has now.
-        """
+        """The same robot with pads that touch the ground at one point each, as shearing ground needs; same options."""
         if self.points_per_pad == 1:
             return self
-        robot = load_robot(self.path, self.parameters, self.contact_sensors, single_contacts=True)
-        for name in (n for n in dir(self.model.opt) if not n.startswith("_")):
-            value = getattr(self.model.opt, name)
-            if isinstance(value, np.ndarray):
-                getattr(robot.model.opt, name)[:] = value
-            else:
-                setattr(robot.model.opt, name, value)
-        alike = len(robot.contact_points) == len(self.contact_points)
-        for name in ("pair_solref", "pair_solreffriction", "pair_solimp") if alike else ():
-            getattr(robot.model, name)[:] = getattr(self.model, name)[0]
-        return replace(robot, digest=self.digest)
+        robot = load_robot(self.parameters, self.contact_sensors, single_contacts=True)
+        robot.model.opt = self.model.opt
+        return robot
 
 
 def load_robot(
-    path: Path = FIELD,
-    parameters: RobotParameters | None = None,
-    contact_sensors: bool = False,
-    single_contacts: bool = False,
+    parameters: RobotParameters | None = None, contact_sensors: bool = False, single_contacts: bool = False
 ) -> Robot:
-    """Compile the MJCF file `path`, changed by `parameters`, and read its numbers.
+    """Compile a robot on the paper's field, by default the shipped one, and read its numbers.
 
     With `contact_sensors`, every pad has a sensor, for `sim.contact_forces` to read and runs to record; with
-    `single_contacts`, a pad touches the ground at one point instead of two, and there are twice as many.
-
-    Raises:
-        TrackslipError: for a file that doesn't compile or lacks a required part.
+    `single_contacts`, a pad touches the ground at one point instead of two, and there are more.
     """
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        if [joint.type for joint in spec.joints] == [mujoco.mjtJoint.mjJNT_FREE]:
-            spec.option.disableflags |= _NOT_FOR_A_BODY
-        if parameters is not None:
-            parameters.apply(spec)
-        sprocket_radius = float(spec.geom("sprocket0").size[0])
-        shape = parameters or RobotParameters()
-        if single_contacts:
-            lay_pads(spec, single=True, at=shearing_points(shape.axles, shape.patch_length) if shape.axles else None)
-        for name in TRACK_LOOKS:
-            spec.delete(spec.body(name))
-        for geom in [geom for geom in spec.geoms if geom.group == VISUAL_GROUP]:
-            spec.delete(geom)
-        spec.compile()
-        digest = hashlib.sha256(spec.to_xml().encode()).hexdigest()
-        if contact_sensors:
-            _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
-        model = spec.compile()
-        robot = _read(model, sprocket_radius, digest, single_contacts)
-        require_impedances(model, np.arange(robot.pads.start, robot.pads.stop))
-        robot = replace(robot, patch_length=2 * robot.contact_half_length)
-        if shape.axles:
-            half, patches = shape.contact_length / 2, len(shape.axles)
-            robot = replace(robot, contact_half_length=half, patches=patches, patch_length=shape.patch_length)
-        return replace(robot, path=path, parameters=parameters, contact_sensors=contact_sensors)
-    except (ValueError, KeyError, AttributeError) as error:
-        raise TrackslipError(f"{path}: {' '.join(str(error).split())}") from error
+    parameters = parameters or RobotParameters()
+    spec = shaped_robot(parameters)
+    spec.option.disableflags |= _NOT_FOR_A_BODY
+    x = lay_pads(spec, parameters, single_contacts)
+    for geom in [geom for geom in spec.geoms if geom.group == VISUAL_GROUP]:
+        spec.delete(geom)
+    spec.compile()
+    digest = hashlib.sha256(spec.to_xml().encode()).hexdigest()
+    if contact_sensors:
+        _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
+    model = spec.compile()
+    model.flg_surfacevel = 1  # compiled with tracks at rest, the engine would ignore later writes
+    count, half_gauge = (1 if single_contacts else CONTACT_POINTS), parameters.half_gauge
+    pads = slice(first := int(model.geom("left_pad0").id), first + 2 * len(x) // count)
+    forwards = np.array([_rotation(quaternion)[0] for quaternion in model.geom_quat[pads]])  # in the pads' frames
+    middles, y = x.reshape(-1, count).mean(axis=1), half_gauge * -SIDES
+    plate, lrf = model.geom("plate"), model.body("lrf")
+    heading = _rotation(lrf.quat)[:, 0]
+    return Robot(
+        model=model,
+        geometry=parameters.geometry,
+        contact_half_length=parameters.contact_length / 2,
+        mass=float(model.body_subtreemass[model.body("chassis").id]),
+        plate=Plate(2 * float(plate.size[0]), 2 * float(plate.size[1])),
+        plate_radius=float(np.linalg.norm(plate.size)),
+        pads=pads,
+        pad_side=np.repeat([0, 1], len(middles)),
+        pad_sign=forwards[:, 2] if single_contacts else np.sign(forwards[:, 2]),
+        pad_slant=forwards[:, 0] / forwards[:, 2],
+        pad_position=np.stack([np.tile(middles, 2), np.repeat(y, len(middles))], axis=1),
+        pad_pairs=slice(0, 2 * len(middles)),
+        contact_points=np.stack([np.tile(x, 2), np.repeat(y, len(x))], axis=1),
+        lrf_mount=np.array([*lrf.pos[:2], np.arctan2(heading[1], heading[0])]),
+        lrf_height=float(lrf.pos[2]),
+        digest=digest,
+        parameters=parameters,
+        contact_sensors=contact_sensors,
+        points_per_pad=count,
+        patches=len(parameters.axles) or 1,
+        patch_length=parameters.patch_length if parameters.axles else parameters.contact_length,
+    )
 
 
 @lru_cache(maxsize=16)
 def compiled(parameters: RobotParameters) -> Robot:
     """The robot of the paper's field with these parameters, compiled once."""
-    return load_robot(parameters=parameters)
+    return load_robot(parameters)
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, points: int) -> None:
@@ -165,57 +154,6 @@ def _add_contact_sensors(spec: mujoco.MjSpec, points: int) -> None:
                 refname=geom.name,
                 intprm=[1 << _FORCE | 1 << _POSITION | 1 << _VELOCITY, 0, points],
             )
-
-
-def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str, single_contacts: bool) -> Robot:
-    pads = np.array([i for i in range(model.ngeom) if "_pad" in model.geom(i).name])
-    side = np.array([0 if model.geom(i).name.startswith("left_") else 1 for i in pads])
-    pairs = {int(model.pair_geom2[i]): i for i in range(model.npair)}
-    rotation = np.array([_rotation(model.geom_quat[i]) for i in pads])  # (P, 3, 3) geom -> chassis
-    # a capsule lies along its own z; a contact point is at either end, or at the lower one
-    ends = model.geom_size[pads, 1, None] * rotation[:, :, 2]
-    if single_contacts:
-        points = middle = (model.geom_pos[pads] - np.sign(ends[:, 2:]) * ends)[:, :2]
-    else:
-        points = np.concatenate([model.geom_pos[pads] - ends, model.geom_pos[pads] + ends])[:, :2]
-        middle = model.geom_pos[pads, :2].copy()
-    on_left = np.sort(points[points[:, 1] > 0, 0])
-    spacing = (on_left[-1] - on_left[0]) / (len(on_left) - 1)
-    plate = model.geom("plate").id
-    plate_size = model.geom_size[plate]
-    if np.any(model.geom_pos[plate, :2] != 0) or list(np.flatnonzero(model.geom_group == SCANNED_GROUP)) != [plate]:
-        raise ValueError(f"geom group {SCANNED_GROUP} must contain only the plate, above the centre of the tracks")
-    lrf = model.body("lrf")
-    heading = _rotation(model.body_quat[lrf.id])[:, 0]
-    model.flg_surfacevel = 1  # compiled with tracks at rest, the engine would ignore later writes
-    return Robot(
-        model=model,
-        geometry=RobotGeometry(round(float(np.abs(points[:, 1]).mean()), 9), sprocket_radius),
-        contact_half_length=round(float(on_left[-1] - on_left[0] + spacing) / 2, 9),
-        mass=float(model.body_subtreemass[model.body("chassis").id]),
-        plate=Plate(2 * float(plate_size[0]), 2 * float(plate_size[1])),
-        plate_radius=float(np.linalg.norm(plate_size)),
-        pads=_consecutive(pads, "pads"),
-        pad_side=side,
-        pad_sign=rotation[:, 0, 2] if single_contacts else np.sign(rotation[:, 0, 2]),
-        pad_slant=rotation[:, 0, 0] / rotation[:, 0, 2],
-        pad_position=middle,
-        pad_pairs=_consecutive(np.array([pairs[int(i)] for i in pads]), "pairs of the pads"),
-        contact_points=points,
-        lrf_mount=np.array([*model.body_pos[lrf.id][:2], np.arctan2(heading[1], heading[0])]),
-        lrf_height=float(model.body_pos[lrf.id][2]),
-        digest=digest,
-        path=FIELD,
-        parameters=None,
-        points_per_pad=1 if single_contacts else CONTACT_POINTS,
-    )
-
-
-def _consecutive(ids: np.ndarray, what: str) -> slice:
-    """Ids (n,) as a slice, so that arrays can be viewed and written without copying."""
-    if not np.array_equal(ids, np.arange(ids[0], ids[0] + len(ids))):
-        raise ValueError(f"the {what} must be consecutive, in the order of the geoms")
-    return slice(int(ids[0]), int(ids[-1]) + 1)
 
 
 def _rotation(quaternion: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Tracked robots: a model, its tracks and its flippers."""
+"""Tracked robots: a model, its tracks or wheels, and its flippers."""
 
 from __future__ import annotations
 
@@ -6,31 +6,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sim.drive.drive import Drive
+from sim.robot.parameters import PATCH_LENGTH, TRACKS, WHEELS
 from sim.robot.urdf import read_model
+from sim.tracks import Track
 from sim.tracks.hull import Hull
 from trackslip.errors import require, require_non_negative, require_positive
 
 Wheels = tuple[tuple[float, float, float], ...]
 
-_WIDTH = 0.08  # [m]
 _LEVEL = -0.9998  # upwards component of the normals of runs that stand on level ground: 1.1 degrees off [-]
-
-
-class _Belts:
-    """Belts whose width may touch the ground."""
-
-    width: float
-    lines: int
-
-    @property
-    def contact_width(self) -> float:
-        """Width of the belts on the ground, 0 for a line in their middle [m]."""
-        return self.width if self.lines > 1 else 0.0
+_SAME_HEIGHT = 0.005  # of the wheels that stand on level ground, at most apart [m]
 
 
 @dataclass(frozen=True)
-class Flipper(_Belts):
+class Flipper:
     """A hinged body with one track, which is driven together with the chassis' track on its side."""
 
     body: str
@@ -60,21 +52,31 @@ class Flipper(_Belts):
             require_positive(name, getattr(self, name))
         require_non_negative("damping", self.damping)
 
+    def track(self, preset: str, friction: tuple[float, float]) -> Track:
+        """Its track."""
+        options: dict[str, Any] = {"preset": preset, "friction": friction, "lines": self.lines}
+        width = self.width if self.lines > 1 else 0.0
+        return Track(self.y, self.hull, name=f"{self.body}_track", side="left", width=width, **options)
+
 
 @dataclass(frozen=True)
-class TrackedRobot(_Belts):
-    """A model and its tracks; a robot file has these fields, and a table `flippers` for each of them."""
+class TrackedRobot:
+    """A model and its tracks or wheels; a robot file has these fields, and a table `flippers` for each of them."""
 
     model: Path
     """MJCF or URDF file; in a robot file relative to that file."""
     half_gauge: float
     """Half the distance between the chassis' tracks [m]."""
     hull: Wheels
-    """Wheels (x, z, radius) of the chassis' tracks in its frame [m]; the belt is their convex hull."""
+    """Wheels (x, z, radius) of a side of the chassis in its frame [m]; the belt is their convex hull."""
     body: str = ""
     """Name of the chassis; by default the model's only body that lies in the world itself."""
-    width: float = _WIDTH
-    """Width of the chassis' belts [m]."""
+    contact: str = TRACKS
+    """What touches the ground: "tracks", or "wheels", those of a side turning at one speed."""
+    patch_length: float = PATCH_LENGTH
+    """Length of a wheel's contact with level ground [m]."""
+    width: float = 0.08
+    """Width of the chassis' belts or tyres [m]."""
     lines: int = 1
     """Lines of contact across that width, which is only drawn with one line; three resist tipping over its edges."""
     flippers: tuple[Flipper, ...] = ()
@@ -91,14 +93,20 @@ class TrackedRobot(_Belts):
     name: str = "robot"
     """Name of the robot: its robot file's without .toml."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
-    """Servos and motors, on flat ground."""
+    """Servos and motors."""
 
     def __post_init__(self) -> None:
-        Hull.from_wheels(self.hull)
         require_positive("half_gauge", self.half_gauge)
         require_positive("width", self.width)
+        self.track("accurate", (1.0, 1.0))
         bodies = self.flipper_bodies
         require(len(set(bodies)) == len(bodies), "flippers", bodies, "on bodies that are all different")
+
+    def track(self, preset: str, friction: tuple[float, float]) -> Track:
+        """The chassis' pair of tracks, or wheels."""
+        options: dict[str, Any] = {"preset": preset, "friction": friction, "lines": self.lines}
+        options |= {"contact": self.contact, "patch_length": self.patch_length}
+        return Track(self.half_gauge, self.hull, width=self.width if self.lines > 1 else 0.0, **options)
 
     @property
     def flipper_bodies(self) -> tuple[str, ...]:
@@ -107,16 +115,22 @@ class TrackedRobot(_Belts):
 
     @property
     def contact_length(self) -> float:
-        """Length of the runs that stand on level ground, from the first end to the last [m]."""
-        return max(self._standing) - min(self._standing)
+        """Length of the contact with level ground, from the first end to the last [m]."""
+        patch = self.patch_length if self.contact == WHEELS else 0.0
+        return max(self.standing) - min(self.standing) + patch
 
     @property
     def middle(self) -> float:
-        """Middle between these ends, ahead of the chassis' frame [m]."""
-        return (max(self._standing) + min(self._standing)) / 2
+        """Middle of the contact with level ground, ahead of the chassis' frame [m]."""
+        if self.contact == WHEELS:
+            return float(np.mean(self.standing))
+        return (max(self.standing) + min(self.standing)) / 2
 
     @property
-    def _standing(self) -> list[float]:
+    def standing(self) -> list[float]:
+        """Axles of the wheels, or ends of the runs, that stand on level ground, ahead of the chassis' frame [m]."""
+        if self.contact == WHEELS:
+            return [x for x, z, radius in self.hull if z - radius < self.lowest + _SAME_HEIGHT]
         level = [run for run in Hull.from_wheels(self.hull).runs if run.outwards[1] < _LEVEL]
         return [float(end[0]) for run in level for end in (run.start, run.end)] or [0.0]
 

@@ -17,7 +17,7 @@ from sim.robot.robot import VISUAL_GROUP
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import find_meshes, said_of, some, weightless
 from sim.robot.wheels import endless, switch_off
-from sim.tracks import Tracks, add_tracks
+from sim.tracks import Belts, add_tracks, connect
 from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
 
@@ -46,8 +46,8 @@ class TrackedModel:
 
     model: mujoco.MjModel
     robot: TrackedRobot
-    tracks: tuple[Tracks, ...]
-    """Tracks to pass to `sim.tracks.bind`: the chassis' pair, then one per flipper."""
+    belts: Belts
+    """Its belts: the chassis' pair, then one per flipper."""
     body: int
     """The chassis."""
     free: tuple[int, int]
@@ -100,16 +100,17 @@ def build_tracked(
         if friction is None:
             coefficient = _FRICTION if terrain is None else terrain.friction
             friction = (coefficient, coefficient)
-        tracks = _add_tracks(spec, robot, chassis, preset, friction)
-        for one in tracks:
-            one.connect(spec, names)
+        add_tracks(spec, chassis, robot.track(preset, friction))
+        for flipper in robot.flippers:
+            add_tracks(spec, flipper.body, flipper.track(preset, friction))
+        connect(spec, names)
         chassis_name, motors = chassis.name, [(f.body, joint, motor) for f, joint, motor in flippers]
         add_start(spec, robot)
         model = spec.compile()
     if not looks and model.nu == len(motors):
         _warn_of_loose_joints(model, robot)
     warn_of_inertia(model, model.body(chassis_name).id, robot.model)
-    return _read(model, robot, tracks, chassis_name, motors)
+    return _read(model, robot, chassis_name, motors)
 
 
 def load_spec(robot: TrackedRobot, looks: bool = False) -> Any:
@@ -198,37 +199,6 @@ def _motor_of(spec: Any, flipper: Flipper, chassis: Any) -> tuple[str, str]:
     return hinge.name, motors[0].name
 
 
-def _add_tracks(
-    spec: Any, robot: TrackedRobot, chassis: Any, preset: str, friction: tuple[float, float]
-) -> tuple[Tracks, ...]:
-    pair = add_tracks(
-        spec,
-        chassis,
-        half_gauge=robot.half_gauge,
-        hull=robot.hull,
-        preset=preset,
-        friction=friction,
-        width=robot.contact_width,
-        lines=robot.lines,
-    )
-    made = [pair]
-    for flipper in robot.flippers:
-        one = add_tracks(
-            spec,
-            flipper.body,
-            half_gauge=flipper.y,
-            hull=flipper.hull,
-            preset=preset,
-            friction=friction,
-            name=f"{flipper.body}_track",
-            side="left",
-            width=flipper.contact_width,
-            lines=flipper.lines,
-        )
-        made.append(one)
-    return tuple(made)
-
-
 def _warn_of_loose_joints(model: mujoco.MjModel, robot: TrackedRobot) -> None:
     """Give a RobotWarning for endless hinges of a model without motors, such as a URDF."""
     hinges = [model.joint(k) for k in np.flatnonzero(endless(model) & (model.jnt_type == _HINGE))]
@@ -252,7 +222,6 @@ def _plane(spec: Any) -> list[str]:
 def _read(
     model: mujoco.MjModel,
     robot: TrackedRobot,
-    tracks: tuple[Tracks, ...],
     chassis: str,
     motors: Sequence[tuple[str, str, str]],
 ) -> TrackedModel:
@@ -278,7 +247,7 @@ def _read(
     return TrackedModel(
         model=model,
         robot=robot,
-        tracks=tracks,
+        belts=Belts(model),
         body=body,
         free=(int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])),
         track_side=np.array(sides),

@@ -5,8 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from sim.robot.parameters import WHEELS
 from sim.robot.tracked_model import TrackedModel
-from sim.tracks.drawing import TrackLook, draw
+from sim.tracks.drawing import TrackLook, WheelLook, draw
 from trackslip.kinematics import Array
 
 _AZIMUTH, _ELEVATION = 106.0, -21.0  # of the camera: it looks at the robot from the right, a little ahead of it [deg]
@@ -18,7 +19,8 @@ def track_looks(world: TrackedModel) -> list[tuple[int, TrackLook]]:
     """Bodies and visuals of T tracks, in the order of `world.track_side`."""
     robot = world.robot
     hull = np.array(robot.hull)
-    chassis = [(world.body, TrackLook(hull, sign * robot.half_gauge, robot.width)) for sign in (1.0, -1.0)]
+    look = WheelLook if robot.contact == WHEELS else TrackLook
+    chassis = [(world.body, look(hull, sign * robot.half_gauge, robot.width)) for sign in (1.0, -1.0)]
     flippers = [(world.model.body(f.body).id, TrackLook(np.array(f.hull), f.y, f.width)) for f in robot.flippers]
     return chassis + flippers
 

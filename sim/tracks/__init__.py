@@ -1,17 +1,19 @@
 """Tracks for any MuJoCo robot: needs MuJoCo and NumPy only.
 
-tracks = add_tracks(spec, "chassis", half_gauge=0.2, hull=[(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)])
-tracks.connect(spec)  # with every colliding geom that is fixed to the world
+add_tracks(spec, "chassis", Track(half_gauge=0.2, hull=[(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]))
+connect(spec)  # with every colliding geom that is fixed to the world
 model = spec.compile()
-belts = bind(model, tracks)
-belts.set(model, [0.3, 0.3])  # [m/s]
+belts = Belts(model)
+belts.set([0.3, 0.3])  # [m/s]
 """
 
-from sim.tracks.add import Tracks, add_tracks
-from sim.tracks.belts import BatchBelts, Belts, Reading, bind
+from sim.tracks.add import add_tracks
+from sim.tracks.belts import BatchBelts, Belts, Reading
+from sim.tracks.connect import connect
 from sim.tracks.drawing import DrawnTracks
 from sim.tracks.motors import MotorReading
-from sim.tracks.presets import PRESETS, Preset
+from sim.tracks.recipe import PRESETS, Preset
+from sim.tracks.track import Track
 
 __all__ = [
     "PRESETS",
@@ -21,7 +23,7 @@ __all__ = [
     "MotorReading",
     "Preset",
     "Reading",
-    "Tracks",
+    "Track",
     "add_tracks",
-    "bind",
+    "connect",
 ]

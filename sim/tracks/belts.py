@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim.tracks.contact import set_contacts
+from sim.tracks.description import tracks_in
 from sim.tracks.motors import MotorReading, Motors
-from sim.tracks.parts import TrackParts
-from sim.tracks.presets import require_impedances, require_options, require_stable
-from trackslip.errors import InvalidValueError, TrackslipError, require
+from trackslip.errors import TrackslipError, require
 
 SENSED_WIDTH = 14
 """Numbers that a contact sensor gives per contact: found, force 3, distance, normal 3, tangent 3, velocity 3."""
@@ -28,28 +28,26 @@ Floats = NDArray[np.float64]
 class _Map:
     """Indices of T tracks in a compiled model."""
 
-    def __init__(self, model: mujoco.MjModel, tracks: tuple[TrackParts, ...]) -> None:
-        require(tracks, "tracks", tracks, "at least one")
-        for each in tracks:
-            require_stable(model.opt.timestep, each.preset)
-        self.names = tuple(name for each in tracks for name in each.names)
-        require(len(set(self.names)) == len(self.names), "tracks", self.names, "each bound once")
-        try:
-            bodies = [body for each in tracks for body in each.bodies]
-            self.bodies = np.array([model.body(body).id for body in bodies])
-            self.geoms = np.array([model.geom(geom).id for each in tracks for names in each.geoms for geom in names])
-            sensors = [model.sensor(body).id for body in bodies]
-        except KeyError:
-            raise InvalidValueError("tracks", self.names, "in the model: compile the spec they were added to") from None
-        require_options(model.opt)
-        require_impedances(model, self.geoms)
-        counts = [len(names) for each in tracks for names in each.geoms]
-        self.track = np.repeat(np.arange(len(self.names)), counts)
-        self.direction = np.array([part.direction for each in tracks for _ in each.names for part in each.parts])
+    def __init__(self, model: mujoco.MjModel, names: Sequence[str]) -> None:
+        every = tracks_in(model)
+        for tracks in every:
+            set_contacts(model, tracks)
+        known = {name: (tracks, k) for tracks in every for k, name in enumerate(tracks.names)}
+        allowed = f"tracks of the model: {', '.join(known) or 'there are none'}"
+        require(known and known.keys() >= set(names), "names", tuple(names), allowed)
+        self.names = tuple(names) or tuple(known)
+        chosen = [known[name] for name in self.names]
+        own = [(tracks, tracks.track == k) for tracks, k in chosen]
+        self.bodies = np.array([tracks.bodies[k] for tracks, k in chosen])
+        self.geoms = np.concatenate([tracks.geoms[mask] for tracks, mask in own])
+        self.track = np.repeat(np.arange(len(own)), [mask.sum() for _, mask in own])
+        self.direction = np.concatenate([tracks.direction[mask] for tracks, mask in own])
+        self.hulls = [tracks.hull for tracks, _ in own]
         mass = model.body_subtreemass[model.body_rootid[self.bodies]].max()
         self.weight = mass * (float(np.linalg.norm(model.opt.gravity)) or 9.81)
-        self.slope = mass * max(each.preset.grip for each in tracks)
-        self.radius = np.array([each.hull.wheels[:, 2].max() for each in tracks for _ in each.names])
+        self.slope = mass * max(tracks.preset.grip for tracks, _ in own)
+        self.radius = np.array([hull.wheels[:, 2].max() for hull in self.hulls])
+        sensors = [model.sensor(model.body(body).name).id for body in self.bodies]
         self.first, self.slots = model.sensor_adr[sensors], model.sensor_dim[sensors] // SENSED_WIDTH  # (T,) each
 
     def motors(self, size: int) -> Motors:
@@ -59,6 +57,13 @@ class _Map:
     def surface(self, speeds: Floats) -> Floats:
         """Surface velocities (..., G, 6) of the geoms for belt speeds (..., T)."""
         return speeds[..., self.track, None] * self.direction
+
+    def speeds(self, surface: Floats) -> Floats:
+        """Belt speeds (..., T) of surface velocities (..., ngeom, 6): the inverse."""
+        first = np.searchsorted(self.track, np.arange(len(self.names)))
+        direction = self.direction[first]
+        moved: Floats = (surface[..., self.geoms[first], :] * direction).sum(axis=-1)
+        return moved / (direction**2).sum(axis=-1)
 
     def read(self, sensordata: Floats, axes: Floats, speeds: Floats) -> Reading:
         """Reading from sensor data (..., S), the tracks' axes to the left (..., T, 3), and speeds (..., T)."""
@@ -73,20 +78,28 @@ class _Map:
 
 
 class Belts:
-    """The belts of T tracks in a compiled model."""
+    """The belts of T tracks in a compiled model, however it was made."""
 
     names: tuple[str, ...]
     """Name of each track (T,)."""
 
-    def __init__(self, model: mujoco.MjModel, tracks: tuple[TrackParts, ...]) -> None:
-        """See `bind`."""
-        self._map = _Map(model, tracks)
+    def __init__(self, model: mujoco.MjModel, names: Sequence[str] = ()) -> None:
+        """Find the tracks of a model, in the order in which they were added, or those of these `names`.
+
+        This sets the parameters of their contacts, which depend on the robot's complete mass.
+
+        Raises InvalidValueError for a model without tracks, and for contacts that can't follow their recipe.
+        """
+        self._model, self._map = model, _Map(model, names)
         self.names, self._motors = self._map.names, self._map.motors(1)
+        self.hulls = self._map.hulls
+        """Hull of each track."""
+        self.bodies = self._map.bodies
+        """Body of each track (T,), at its middle."""
         model.flg_surfacevel = 1  # compiled with belts at rest, the engine would ignore later speeds
 
     def set(
         self,
-        model: mujoco.MjModel,
         speeds: ArrayLike,
         torque_limit: ArrayLike | None = None,
         inertia: ArrayLike = 0.0,
@@ -97,7 +110,6 @@ class Belts:
         With a torque limit they are set points, and `step` finds the speeds.
 
         Args:
-            model: the bound model.
             speeds: of the belts [m/s].
             torque_limit: largest torque of each belt's motor at its sprocket, one for all or (T,) [N m]; by default the
                 belts have the speeds at once.
@@ -108,21 +120,22 @@ class Belts:
             InvalidValueError: for speeds that aren't finite, negative limits or inertias, and other shapes.
         """
         self._motors.set(_ONE, _speeds(speeds, len(self.names)), torque_limit, inertia, radius)
-        self._put(model, self._motors.speed[0])
+        self._put(self._motors.speed[0])
 
-    def step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def step(self, data: mujoco.MjData) -> None:
         """Advance by one physics step, instead of `mujoco.mj_step`, with the motors that are set.
 
         The step is repeated, from the same state, until the belts' speeds agree with their motors and the ground.
         """
+        model = self._model
         state = np.empty(mujoco.mj_stateSize(model, _STATE))
         mujoco.mj_getState(model, data, state, _STATE)
 
         def attempt(_: NDArray[np.int_], speeds: Floats) -> Floats:
             mujoco.mj_setState(model, data, state, _STATE)
-            self._put(model, speeds[0])
+            self._put(speeds[0])
             mujoco.mj_step(model, data)
-            return self.read(model, data).traction[None]
+            return self.read(data).traction[None]
 
         self._motors.advance(_ONE, model.opt.timestep, attempt)
 
@@ -130,20 +143,20 @@ class Belts:
         """Torque, speed, power and energy (T,) of the motors after the last `step`."""
         return self._motors.read(0)
 
-    def _put(self, model: mujoco.MjModel, speeds: Floats) -> None:
-        model.geom_surfacevel[self._map.geoms] = self._map.surface(speeds)
+    def _put(self, speeds: Floats) -> None:
+        self._model.geom_surfacevel[self._map.geoms] = self._map.surface(speeds)
 
-    def speeds(self, model: mujoco.MjModel) -> Floats:
+    def speeds(self) -> Floats:
         """Speeds (T,) of the belts [m/s]."""
-        return _set_speeds(self._map, model.geom_surfacevel)
+        return self._map.speeds(self._model.geom_surfacevel)
 
-    def read(self, model: mujoco.MjModel, data: mujoco.MjData) -> Reading:
+    def read(self, data: mujoco.MjData) -> Reading:
         """Forces and motion (T,) of the tracks in the last step, at the belts' current speeds."""
         axes = data.xmat.reshape(-1, 3, 3)[self._map.bodies, :, 1]
-        return self._map.read(data.sensordata, axes, self.speeds(model)).complete(self.names)
+        return self._map.read(data.sensordata, axes, self.speeds()).complete(self.names)
 
     def bind_batch(self, batch: Any) -> BatchBelts:
-        """Return the belts of a `mujoco.batch.Batch` of the bound model."""
+        """Return the belts of a `mujoco.batch.Batch` of the model."""
         return BatchBelts(self._map, batch)
 
 
@@ -200,7 +213,7 @@ class BatchBelts:
 
     def speeds(self) -> Floats:
         """Speeds (N, T) of the belts [m/s]."""
-        return _set_speeds(self._map, self._surface)
+        return self._map.speeds(self._surface)
 
     def read(self) -> Reading:
         """Forces and motion (N, T) of the tracks in the last step, at the belts' current speeds."""
@@ -229,27 +242,12 @@ class BatchBelts:
         return xmat[..., self._map.bodies, 1::3]
 
 
-def bind(model: mujoco.MjModel, *tracks: TrackParts) -> Belts:
-    """Return the belts of all these tracks in a compiled model, in this order; each pair is (left, right).
-
-    Raises InvalidValueError if the model lacks one of the tracks.
-    """
-    return Belts(model, tracks)
-
-
 def _speeds(speeds: ArrayLike, count: int) -> Floats:
     values = np.asarray(speeds, float)
     fits = values.ndim > 0 and values.shape[-1] == count
     require(fits, "shape of speeds", values.shape, f"(..., {count}), a belt each")
     require(np.isfinite(values).all(), "speeds", values[~np.isfinite(values)][:1].tolist(), "finite")
     return values
-
-
-def _set_speeds(where: _Map, surface: Floats) -> Floats:
-    first = np.searchsorted(where.track, np.arange(len(where.names)))
-    direction = where.direction[first]
-    moved: Floats = (surface[..., where.geoms[first], :] * direction).sum(axis=-1)
-    return moved / (direction**2).sum(axis=-1)
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tracks.belts import bind
+from sim.tracks.belts import Belts
 from sim.tracks.hull import Hull, Outline
-from sim.tracks.parts import TrackParts
 from trackslip.errors import require_positive
 
 Array = NDArray[np.float64]
@@ -185,17 +184,11 @@ class DrawnTracks:
         viewer.sync()
     """
 
-    def __init__(self, model: mujoco.MjModel, *tracks: TrackParts, width: float = 0.08) -> None:
-        """Prepare to draw belts of a `width` [m].
-
-        Raises InvalidValueError if the model lacks one of the tracks, and for a width that isn't positive.
-        """
+    def __init__(self, belts: Belts, width: float = 0.08) -> None:
+        """Prepare to draw belts of a `width` [m]; raises InvalidValueError for a width that isn't positive."""
         require_positive("width", width)
-        self._model, self._belts = model, bind(model, *tracks)
-        self._bodies = [model.body(body).id for each in tracks for body in each.bodies]
-        self._looks = [TrackLook(each.hull.wheels, 0.0, width) for each in tracks for _ in each.bodies]
-        self._travel = np.zeros(len(self._bodies))
-        self._time = 0.0
+        self._belts, self._looks = belts, [TrackLook(hull.wheels, 0.0, width) for hull in belts.hulls]
+        self._travel, self._time = np.zeros(len(belts.names)), 0.0
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData) -> None:
         """Append the tracks to a scene; the belts are taken to have run at their current speeds since the last call."""
@@ -203,6 +196,6 @@ class DrawnTracks:
         if passed < 0:  # the simulation was reset
             self._travel[:] = passed = 0.0
         self._time = data.time
-        self._travel += self._belts.speeds(self._model) * passed
-        for body, look, way in zip(self._bodies, self._looks, self._travel, strict=True):
+        self._travel += self._belts.speeds() * passed
+        for body, look, way in zip(self._belts.bodies, self._looks, self._travel, strict=True):
             draw(scene, look.pieces(way), data.xpos[body], data.xmat[body].reshape(3, 3))

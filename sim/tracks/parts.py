@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.tracks.hull import Hull
-from sim.tracks.presets import Preset
 
 Lines = tuple[tuple[float, float], ...]
 """Lateral place of each line of contact, from the belt's middle [m], and its share of the belt's load [-]."""
@@ -19,7 +20,6 @@ MIDDLE: Lines = ((0.0, 1.0),)
 WHEEL_WEIGHT = 0.5
 """Load of a wheel on a plane, relative to a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
-_ALONG = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -32,56 +32,10 @@ class Part:
     """Type, place and size, in the track's frame; the own z axis of a capsule along the run is the belt's direction."""
     weight: float
     """Stiffness relative to a capsule's end [-]."""
-    crosswise: bool
-    """True if it is a capsule across the track."""
     cored: bool
     """True if it may land alone, so that it has a core; see `sim.tracks.connect`."""
-    direction: tuple[float, ...]
-    """Surface velocity (6,) in its own frame, at a belt speed of 1 m/s."""
     edge: bool = False
     """True on either edge of a belt with several lines of contact."""
-
-
-@dataclass(frozen=True)
-class TrackParts:
-    """The tracks of one call of `add_tracks`: each a body without joints, with its geoms and a contact sensor."""
-
-    names: tuple[str, ...]
-    """Name of each track."""
-    hull: Hull
-    """The hull of each track."""
-    preset: Preset
-    """The contact recipe."""
-    friction: tuple[float, float]
-    """Friction coefficients along and across the belt [-]."""
-    load: float
-    """Part of the robot's weight that these tracks carry when it stands on them [-]."""
-    segments: int
-    """Capsules along the longest run that faces the ground."""
-    parts: tuple[Part, ...]
-    """The geoms of each track."""
-    lines: Lines = MIDDLE
-    """Its lines of contact."""
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """Names of the tracks' bodies and sensors: NAME_track."""
-        return tuple(f"{name}_track" for name in self.names)
-
-    @property
-    def geoms(self) -> tuple[tuple[str, ...], ...]:
-        """Names of the geoms of each track, in the order of its parts."""
-        return tuple(tuple(f"{body}_{part.name}" for part in self.parts) for body in self.bodies)
-
-    @property
-    def segment(self) -> float:
-        """Length of track for each capsule of a run that faces the ground [m]."""
-        return self.hull.longest_below / self.segments
-
-    @property
-    def points(self) -> float:
-        """Number of points with which a line of each stands on its longest run, a wheel counting by its load."""
-        return len(self.names) * 2 * (self.segments + WHEEL_WEIGHT)
 
 
 def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines = MIDDLE) -> tuple[Part, ...]:
@@ -97,6 +51,13 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines = MID
             name, shape = f"{part.name}_{k}" if k else part.name, part.shape | {"pos": [x, y, z]}
             found.append(replace(part, name=name, shape=shape, weight=part.weight * share, edge=edge))
     return tuple(found)
+
+
+def wheel_parts(wheels: Sequence[Sequence[float]], patch: float, anisotropic: bool) -> tuple[Part, ...]:
+    """Geoms of wheels without a belt, two a wheel, which spread as an even pressure on a patch [m] does."""
+    places = [(x + end * patch / math.sqrt(12), z, radius) for x, z, radius in wheels for end in (-1, 1)]
+    parts = [_wheel(i, x, z, radius, anisotropic) for i, (x, z, radius) in enumerate(places)]
+    return tuple(replace(part, weight=part.weight / WHEEL_WEIGHT) for part in parts)
 
 
 def lines_across(width: float, count: int) -> Lines:
@@ -132,7 +93,7 @@ def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
                 "size": [radius, (end - start) / 2, 0.0],
                 "quat": [np.cos(turn / 2), 0.0, np.sin(turn / 2), 0.0],
             }
-            parts.append(Part(f"run{i}_{j}", shape, 1.0, False, below, _ALONG))
+            parts.append(Part(f"run{i}_{j}", shape, 1.0, below))
     for i, (x, z, radius) in enumerate(hull.wheels.tolist()):
         parts.append(_wheel(i, x, z, radius, anisotropic))
     return tuple(parts)
@@ -156,7 +117,7 @@ def _chain(length: float, count: int) -> NDArray[np.float64]:
 def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> Part:
     if not anisotropic:
         sphere = {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "pos": [x, 0.0, z], "size": [radius, 0.0, 0.0]}
-        return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, False, True, (0.0, 0.0, 0.0, 0.0, 1 / radius, 0.0))
+        return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, True)
     # on a plane only a capsule's contact frame turns with the robot; it touches at both ends
     across = {
         "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -164,4 +125,4 @@ def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> 
         "size": [radius, radius / 100, 0.0],
         "quat": [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0],
     }
-    return Part(f"wheel{index}", across, WHEEL_WEIGHT / 2, True, True, (0.0, 0.0, 0.0, 0.0, 0.0, -1 / radius))
+    return Part(f"wheel{index}", across, WHEEL_WEIGHT / 2, True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.robot.tracked_model import TrackedModel
-from sim.tracks import Reading, bind
+from sim.tracks import Reading
 from trackslip.kinematics import Array
 
 _STILL = 1e-3  # belt speed below which slip is not defined [m/s]
@@ -63,7 +63,7 @@ class ContactPoints:
     def __init__(self, world: TrackedModel) -> None:
         self._world = world
         self._data = mujoco.MjData(world.model)
-        self._belts = bind(world.model, *world.tracks)
+        self._belts = world.belts
 
     def at(self, qpos: Array, qvel: Array, belt: Array, flippers: Array) -> tuple[Array, Array]:
         """Points (n, 3) [m] and forces (n, 3) of the ground on the robot [N], in the world.
@@ -77,7 +77,7 @@ class ContactPoints:
         model, data = self._world.model, self._data
         data.qpos[:], data.qvel[:] = qpos, qvel
         data.ctrl[self._world.flipper_motor] = self._world.flipper_control(flippers)
-        self._belts.set(model, belt)
+        self._belts.set(belt)
         mujoco.mj_forward(model, data)
         contact = data.contact
         fixed = model.geom_bodyid[contact.geom.reshape(-1, 2)] == 0  # (n, 2)

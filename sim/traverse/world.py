@@ -15,7 +15,6 @@ from sim.batched_world import BatchedWorld, quietly
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
-from sim.tracks import bind
 from sim.traverse.contact import TrackContact
 from sim.traverse.footprint import Footprint
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
@@ -84,7 +83,7 @@ class Traverse(BatchedWorld):
         self.tracked = build_tracked(robot, self.terrain, preset=preset, friction=(friction, friction))
         """The robot's model."""
         model = self.tracked.model
-        belts = bind(model, *self.tracked.tracks)  # before the batch is made, in which belts at rest would stay
+        belts = self.tracked.belts
         super().__init__(model, size, threads, self.tracked.free[0])
         self.period, self.sample = period, sample
         self.limits, self.servos = limits or Limits(), servos or Servos()

@@ -11,7 +11,7 @@ from mujoco import batch
 
 from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
-from sim.tracks import add_tracks, bind
+from sim.tracks import Belts, Track, add_tracks
 from trackslip.climbing_theory import SideView
 from trackslip.skid_theory import line_contact
 
@@ -43,7 +43,6 @@ class Robot:
     """A compiled robot on its terrain, its flippers held, and its numbers for the theory."""
 
     model: mujoco.MjModel
-    tracks: tuple[Any, ...]
     belts: Any
     track_side: np.ndarray  # (T,) 0 left, 1 right
     qpos: np.ndarray  # (nq,) at the origin, its tracks on z = 0; the first seven are its pose
@@ -79,10 +78,10 @@ def box(
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, **shape)
     friction = (terrain.friction, terrain.friction)
     given = {"half_gauge": half_gauge, "hull": hull, "preset": preset, "friction": friction}
-    tracks = add_tracks(spec, "box", terrain=ground, **given)
+    add_tracks(spec, "box", Track(**given), terrain=ground)
     model, view = spec.compile(), SideView(np.array(hull), (x, z))
     qpos = np.array([0.0, 0.0, -view.ground, 1.0, 0.0, 0.0, 0.0])
-    return Robot(model, (tracks,), bind(model, tracks), np.arange(2), qpos, np.zeros(0), half_gauge, view)
+    return Robot(model, Belts(model), np.arange(2), qpos, np.zeros(0), half_gauge, view)
 
 
 def rescue(terrain, preset, flippers=UP):
@@ -99,9 +98,7 @@ def rescue(terrain, preset, flippers=UP):
     mujoco.mj_forward(model, data)
     x, _, z = data.subtree_com[model.body_rootid[built.body]] - data.xpos[built.body]
     view = SideView(np.array(robot.hull), (float(x), float(z)))
-    return Robot(
-        model, built.tracks, bind(model, *built.tracks), built.track_side, qpos, control, robot.half_gauge, view
-    )
+    return Robot(model, built.belts, built.track_side, qpos, control, robot.half_gauge, view)
 
 
 class Trial:

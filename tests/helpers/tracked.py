@@ -2,7 +2,7 @@
 
 import mujoco
 
-from sim.tracks import add_tracks
+from sim.tracks import Belts, Track, add_tracks
 
 HULL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
 HALF_LENGTH = 0.25
@@ -56,6 +56,6 @@ def add_flipper(spec, body, name, x, y, mass=1.5):
 
 def built(spec, preset="accurate", terrain="ground", half_gauge=HALF_GAUGE, **options):
     """Model, data and belts of the robot in `spec`, with tracks on the terrain."""
-    tracks = add_tracks(spec, "robot", half_gauge=half_gauge, hull=HULL, preset=preset, terrain=terrain, **options)
+    add_tracks(spec, "robot", Track(half_gauge=half_gauge, hull=HULL, preset=preset, **options), terrain=terrain)
     model = spec.compile()
-    return model, mujoco.MjData(model), tracks.bind(model)
+    return model, mujoco.MjData(model), Belts(model)

@@ -213,10 +213,6 @@ def test_a_robot_brings_its_own_drive_unless_another_is_given(tmp_path):
 @pytest.mark.parametrize("name", [TRACKING, TRAVERSE])
 @pytest.mark.parametrize("robot", [*ROBOTS, RobotParameters(half_gauge=0.25, contact_length=0.5), load_tracked("box")])
 def test_both_environments_take_any_robot(name, robot):
-    if name == TRAVERSE and robot in ("husky", "warthog"):
-        with pytest.raises(InvalidValueError, match="contact = 'wheels': must be tracks, to drive over terrain"):
-            gym.make(name, robot=robot)
-        return
     env = gym.make(name, robot=robot).unwrapped
     env.reset(seed=0)
     info = env.step(np.full(env.action_space.shape, 0.5, np.float32))[-1]

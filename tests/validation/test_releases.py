@@ -36,7 +36,7 @@ def release(robot, drop, roll=0.0, pitch=0.0):
     data.qpos[:], data.ctrl[:] = robot.qpos, robot.control
     mujoco.mju_euler2Quat(data.qpos[3:7], [roll, pitch, 0.0], "XYZ")
     mujoco.mj_kinematics(model, data)
-    geoms = [model.geom(name).id for tracks in robot.tracks for names in tracks.geoms for name in names]
+    geoms = np.flatnonzero(np.isin(model.geom_bodyid, robot.belts.bodies))
     reach = model.geom_size[geoms, 0] + np.abs(data.geom_xmat[geoms, 8]) * model.geom_size[geoms, 1]  # of capsules
     data.qpos[2] += drop - (data.geom_xpos[geoms, 2] - reach).min()
     mujoco.mj_forward(model, data)

@@ -5,23 +5,28 @@ import numpy as np
 import pytest
 
 from sim.ground.ground import Ground
-from sim.robot.parameters import RobotParameters
-from sim.robot.robot import FIELD, load_robot
-from trackslip.errors import TrackslipError
+from sim.robot.chassis import MODELS, shaped_robot
+from sim.robot.pads import lay_pads
+from sim.robot.parameters import SINK, RobotParameters
+from sim.tracks.recipe import LEVEL
+
+FIELD = MODELS / "field.xml"
 
 
-def test_the_model_holds_the_numbers_of_the_parameters(robot):
-    parameters, model = RobotParameters(), robot.model
-    assert parameters.half_gauge == robot.geometry.half_gauge == 0.168
-    assert parameters.sprocket_radius == robot.geometry.sprocket_radius == 0.06
-    assert parameters.contact_length == 2 * robot.contact_half_length == 0.34
-    assert parameters.mass == robot.mass
-    assert (robot.plate.length, robot.plate.thickness) == (0.6, 0.04)
-    assert len(robot.contact_points) == 2 * len(robot.pad_position) == 20
-    centre = [parameters.com_x, parameters.com_y, parameters.com_height]
-    np.testing.assert_array_equal(model.body("chassis").ipos, centre)
-    assert load_robot(parameters=parameters).digest == robot.digest
-    assert model.pair_friction[0, :2].tolist() == [Ground().along, Ground().across]
+def test_the_shipped_file_is_what_the_recipe_makes_of_the_default_parameters(robot):
+    """So that the model opens in MuJoCo's viewer as it is simulated."""
+    file, made = mujoco.MjModel.from_xml_path(str(FIELD)), robot.model
+    pads = [[k for k in range(model.ngeom) if "_pad" in model.geom(k).name] for model in (file, made)]
+    for name, tolerance in (("solref", 2e-4), ("solreffriction", 1e-9), ("solimp", 1e-9), ("friction", 0.0)):
+        written, by_recipe = (getattr(model, f"pair_{name}")[:, :3] for model in (file, made))
+        np.testing.assert_allclose(written, by_recipe, rtol=tolerance)
+    np.testing.assert_allclose(file.geom_pos[pads[0]], made.geom_pos[pads[1]], atol=1e-12)
+    inertias = [np.sort(model.body("chassis").inertia) for model in (file, made)]
+    np.testing.assert_allclose(*inertias, rtol=1e-12)
+    assert (file.opt.impratio, file.opt.timestep) == (made.opt.impratio, made.opt.timestep)
+    assert file.geom("sprocket0").size[0] == robot.geometry.sprocket_radius
+    assert made.pair_friction[0, :2].tolist() == [Ground().along, Ground().across]
+    assert LEVEL.sink == SINK
 
 
 @pytest.mark.parametrize("name", ["tracked_robot.xml", "field.xml"])
@@ -51,7 +56,9 @@ def test_springs_of_what_is_added_to_the_model_push(robot):
 
 def test_what_is_left_out_carries_no_physics(robot):
     """Visuals, cameras and lights."""
-    full, belts = mujoco.MjModel.from_xml_path(str(FIELD)), robot.pad_speeds(np.array([0.1, 0.3]))
+    spec, belts = shaped_robot(RobotParameters()), robot.pad_speeds(np.array([0.1, 0.3]))
+    lay_pads(spec, RobotParameters())
+    full = spec.compile()
     assert full.ngeom > robot.model.ngeom
     ends = []
     for model in (full, robot.model):
@@ -73,10 +80,3 @@ def test_the_contact_recipe_follows_from_its_formulas(robot):
     damping = 2 * zeta * frequency * d * (1 + n * c) / (n * c)
     np.testing.assert_allclose(robot.model.pair_solref[0], [-stiffness, -damping], rtol=1e-3)
     np.testing.assert_allclose(robot.model.pair_solreffriction[0], [-1, -rate * d])
-
-
-def test_files_that_are_no_model(tmp_path):
-    (tmp_path / "broken.xml").write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
-    for name in ("broken.xml", "none.xml"):
-        with pytest.raises(TrackslipError, match=name):
-            load_robot(tmp_path / name)

@@ -4,13 +4,17 @@ import re
 import time
 import warnings
 
+import mujoco
 import numpy as np
 import pytest
 
+from sim import Fleet, Ground, load_robot
+from sim.drive.drive import tireless
 from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.tracked_model import build_tracked, clear_angles
 from trackslip.errors import RobotWarning, TrackslipError
+from trackslip.skid_theory import steady_twist
 
 CUBE = "".join(f"v {x} {y} {z}\n" for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1))
 CUBE += "f 1 2 4\nf 1 4 3\nf 5 7 8\nf 5 8 6\nf 1 5 6\nf 1 6 2\nf 3 4 8\nf 3 8 7\nf 1 3 7\nf 1 7 5\nf 2 6 8\nf 2 8 4\n"
@@ -224,6 +228,25 @@ def test_what_reaches_below_the_tracks_is_named(tmp_path, shape, said):
         build_tracked(load_tracked(write(tmp_path, parts, TRACKS)))
     text = f'wheels = ["plate"]\n{TRACKS}'
     assert build_tracked(load_tracked(write(tmp_path, parts, text))).model.nv == 6
+
+
+def test_a_rover_on_its_own_wheels_turns_as_theory_says_on_flat_ground_and_on_terrain(tmp_path):
+    file = write(tmp_path, rover(), 'contact = "wheels"\nwheels = "replace"\npatch_length = 0.05\n')
+    parameters, _ = load_parameters(file)
+    assert (parameters.axles, parameters.half_gauge, parameters.contact_length) == ((-0.2, 0.2), 0.25, 0.45)
+    speeds, made = np.array([0.1, 0.2]), build_tracked(load_tracked(file))
+    model, data = made.model, mujoco.MjData(made.model)
+    data.qpos[made.free[0] + 2] = -made.robot.lowest
+    made.belts.set(speeds)
+    mujoco.mj_step(model, data, 1500)
+    fleet = Fleet(load_robot(parameters), np.zeros((1, 3)), Ground(0.7, 0.7), 0.0, tireless())
+    fleet.command(speeds / parameters.sprocket_radius)
+    fleet.advance(3.0)
+    expected = steady_twist(speeds, parameters.contact_theory(0.7, 0.7), 9.81)[2]
+    assert fleet.twist()[0, 2] == pytest.approx(expected, rel=1e-3)
+    assert data.qvel[5] == pytest.approx(expected, rel=2e-3)
+    looks = robot_looks(parameters)
+    assert [type(look).__name__ for *_, look in looks.tracks] == ["WheelLook"] * 2
 
 
 def test_masses_are_those_of_the_urdf(tmp_path):

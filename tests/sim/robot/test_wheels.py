@@ -14,7 +14,6 @@ from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters, robot_file_text
 from sim.robot.robot import load_robot
-from sim.tracks.presets import require_impedances, soft_contacts
 from trackslip.errors import InvalidValueError
 from trackslip.skid_theory import Load, steady_twist
 
@@ -114,7 +113,7 @@ def train(axles):
 def test_the_engine_grips_as_asked_and_turns_are_those_of_theory(axles, shear):
     robot = train(axles)
     loaded = load_robot(parameters=robot, single_contacts=shear > 0)
-    assert not soft_contacts(loaded.model)
+    assert loaded.model.pair_solimp[:, :2].min() >= mujoco.mjMINIMP
     impedance, damping = loaded.model.pair_solimp[:, 0], -loaded.model.pair_solreffriction[:, 1]
     np.testing.assert_allclose(damping / np.maximum(impedance, mujoco.mjMINIMP), 100.0, rtol=1e-6)
     belts = arcs(robot, 0.2)
@@ -137,15 +136,6 @@ def test_sliding_decays_at_the_rate_asked_for(shear):
         rate = -np.diff(np.log(speeds)) / 0.01
         step = fleet.robot.model.opt.timestep
         np.testing.assert_allclose(rate, -np.log(1 - 100.0 * step) / step, rtol=0.1)
-
-
-def test_wheels_that_the_engine_would_stiffen_are_refused():
-    model = load_robot(parameters=HUSKY).model
-    model.pair_solimp[3, :2] = 5e-5
-    pads = np.flatnonzero([("_pad" in model.geom(k).name) for k in range(model.ngeom)])
-    assert list(soft_contacts(model).values()) == [5e-5]
-    with pytest.raises(InvalidValueError, match=r"solimp of pair ground/.*_pad1_of2 = 5e-05: must be at least 0\.0001"):
-        require_impedances(model, pads)
 
 
 def test_parked_robots_sink_as_tracks_do_and_creep_as_slowly():
@@ -223,7 +213,6 @@ def test_a_robot_file_holds_wheels(robot, tmp_path):
         ({"patch_length": 0.4}, r"patch_length = 0.4: must be less than .* the wheels' diameter, 0.33 m"),
         ({"patch_length": 0.0}, r"patch_length = 0.0: must be a finite number > 0"),
         ({"contact_length": 0.5}, r"contact_length = 0.5: must be left out: the axles make it 0.612 m"),
-        ({"looks": "box"}, r"looks = 'box': must be left out with contact = \"wheels\""),
         ({"yaw_inertia": -1.0}, r"yaw_inertia = -1.0: must be a finite number >= 0"),
         ({"yaw_inertia": 1e4}, r"yaw_inertia = 10000.0: must be from .* for this mass, gauge and length"),
         ({"yaw_inertia": 1e-3}, r"yaw_inertia = 0.001: must be from"),

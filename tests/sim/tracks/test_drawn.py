@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from tracked import HULL, add_robot, plane
 
-from sim.tracks import DrawnTracks, add_tracks, bind
+from sim.tracks import Belts, DrawnTracks, Track, add_tracks
 
 
 @pytest.fixture
 def robot():
     spec = plane()
     body = add_robot(spec)
-    tracks = add_tracks(spec, body, half_gauge=0.2, hull=HULL, terrain=["ground"])
-    return spec.compile(), tracks
+    add_tracks(spec, body, Track(half_gauge=0.2, hull=HULL), terrain=["ground"])
+    return spec.compile()
 
 
 def places(scene):
@@ -21,9 +21,9 @@ def places(scene):
 
 
 def test_belts_move_as_far_as_they_have_run(robot):
-    model, tracks = robot
+    model = robot
     data, scene = mujoco.MjData(model), mujoco.MjvScene(model, 1000)
-    drawn, belts = DrawnTracks(model, tracks), bind(model, tracks)
+    drawn, belts = DrawnTracks(Belts(model)), Belts(model)
     mujoco.mj_forward(model, data)
 
     def seen():
@@ -34,7 +34,7 @@ def test_belts_move_as_far_as_they_have_run(robot):
     first = seen()
     assert (np.abs(np.abs(first[:, 1]) - 0.2) < 1e-6).all()
     np.testing.assert_array_equal(first, seen())
-    belts.set(model, [0.1, 0.0])
+    belts.set([0.1, 0.0])
     data.time = 0.1
     later = seen()
     left = first[:, 1] > 0
@@ -47,9 +47,9 @@ def test_belts_move_as_far_as_they_have_run(robot):
 
 
 def test_they_go_with_their_body(robot):
-    model, tracks = robot
+    model = robot
     data, scene = mujoco.MjData(model), mujoco.MjvScene(model, 1000)
-    drawn = DrawnTracks(model, tracks)
+    drawn = DrawnTracks(Belts(model))
     mujoco.mj_forward(model, data)
     drawn.draw(scene, data)
     before = places(scene)

@@ -8,7 +8,7 @@ from tracked import add_robot, built, plane, slab
 
 from sim.robot.named import load_tracked
 from sim.terrain import Course, Rough, load_course
-from sim.tracks import PRESETS, add_tracks, bind
+from sim.tracks import PRESETS, Belts, Track, add_tracks
 from sim.traverse.outcome import Outcome
 from sim.traverse.reflex import Reflex
 from sim.traverse.world import Command, Traverse
@@ -28,11 +28,11 @@ def bounces(spec, terrain, preset, size, start):
     body = spec.worldbody.add_body(name="box")
     body.add_freejoint()
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[0, 0, 0.12], mass=25, contype=0, conaffinity=0)
-    tracks = add_tracks(spec, "box", half_gauge=0.2, hull=HULL, preset=preset, terrain=terrain)
+    add_tracks(spec, "box", Track(half_gauge=0.2, hull=HULL, preset=preset), terrain=terrain)
     model = spec.compile()
     robots = batch.Batch(model, len(start), nthread=1)
     robots.qpos[:, :3] = start
-    tracks.bind(model).bind_batch(robots).set(np.zeros((len(start), 2)))
+    Belts(model).bind_batch(robots).set(np.zeros((len(start), 2)))
     rises, top = np.zeros(len(start), bool), np.full(len(start), -np.inf)
     for _ in range(round(0.7 / model.opt.timestep)):
         robots.step()
@@ -101,7 +101,7 @@ def test_a_robot_that_falls_on_a_beam_is_stopped_and_the_load_is_the_whole_force
     heights, depths, loads, cores, speeds = [], [], [], 0, [0.0]
     while data.time < 0.25:
         mujoco.mj_step(model, data)
-        reading = belts.read(model, data)
+        reading = belts.read(data)
         heights.append(data.qpos[0])
         depths.append(reading.depth.max())
         loads.append(reading.load.sum())
@@ -120,7 +120,7 @@ def test_a_robot_that_turns_on_the_spot_does_not_touch_with_its_cores(preset, gr
     spec = ground()
     add_robot(spec)
     model, data, belts = built(spec, preset)
-    belts.set(model, [-0.5, 0.5])
+    belts.set([-0.5, 0.5])
     for _ in range(round(1.0 / model.opt.timestep)):
         mujoco.mj_step(model, data)
         assert not touching_cores(data)
@@ -135,7 +135,6 @@ def test_belts_of_light_modules_that_slide_do_not_hop(preset, mass):
     body = spec.worldbody.add_body(name="robot")
     body.add_freejoint()
     body.mass, body.ipos, body.inertia, body.explicitinertial = 17.0, [0, 0, 0.15], [0.15, 0.4, 0.5], True
-    tracks = []
     for x in (-0.2, 0.2):
         for side in (-1.0, 1.0):
             module = body.add_body(name=f"module {x} {side}", pos=[x, 0.2 * side, 0.08])
@@ -144,15 +143,15 @@ def test_belts_of_light_modules_that_slide_do_not_hop(preset, mass):
             module.add_joint(name=module.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
             hull = [(-0.125, 0, 0.08), (0.125, 0, 0.08)]
             options = {"half_gauge": 0.0, "side": "left", "load": 0.5, "preset": preset}
-            tracks.append(add_tracks(spec, module, hull=hull, terrain=["ground"], **options))
+            add_tracks(spec, module, Track(hull=hull, **options), terrain=["ground"])
     model = spec.compile()
-    data, belts = mujoco.MjData(model), bind(model, *tracks)
+    data, belts = mujoco.MjData(model), Belts(model)
     for speed in (0.3, 0.6):
         mujoco.mj_resetData(model, data)
-        belts.set(model, [speed, -speed] * 2)
+        belts.set([speed, -speed] * 2)
         loads = []
         while data.time < 1.5:
             mujoco.mj_step(model, data)
-            loads.append(belts.read(model, data).load)
+            loads.append(belts.read(data).load)
         steady = np.array(loads)[len(loads) // 2 :]
         assert np.ptp(steady, axis=0).max() < 0.01 * steady.mean()

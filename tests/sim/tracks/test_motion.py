@@ -6,7 +6,7 @@ import pytest
 from mujoco import batch
 from tracked import HALF_GAUGE, HALF_LENGTH, HULL, add_flipper, add_robot, built, plane, slab
 
-from sim.tracks import PRESETS, add_tracks, bind
+from sim.tracks import PRESETS, Belts, Track, add_tracks, connect
 from trackslip.errors import RobotWarning
 from trackslip.skid_theory import line_contact, steady_twist
 
@@ -14,7 +14,7 @@ from trackslip.skid_theory import line_contact, steady_twist
 def driven(spec, speeds, time, preset="accurate", **options):
     """Model, data and belts of the robot in `spec` after `time` at belt speeds."""
     model, data, belts = built(spec, preset, **options)
-    belts.set(model, speeds)
+    belts.set(speeds)
     mujoco.mj_step(model, data, round(time / model.opt.timestep))
     return model, data, belts
 
@@ -63,7 +63,7 @@ def test_tracks_wider_than_verified_are_told_of():
     spec = plane()
     add_robot(spec)
     with pytest.warns(RobotWarning, match=r"half_gauge = 1: turns are verified up to 0\.75 m, 1\.5 contact lengths"):
-        add_tracks(spec, "robot", half_gauge=1.0, hull=HULL)
+        add_tracks(spec, "robot", Track(half_gauge=1.0, hull=HULL))
 
 
 @pytest.mark.parametrize("radius", [0.01, 0.02, 0.03])
@@ -72,15 +72,15 @@ def test_small_wheels_turn_like_large_ones(preset, bound, radius):
     spec = plane()
     add_robot(spec)
     hull = [(-0.2, radius, radius), (0.2, radius, radius)]
-    tracks = add_tracks(spec, "robot", half_gauge=HALF_GAUGE, hull=hull, preset=preset, terrain="ground")
-    measured = turned(spec, (tracks,), [0, 1])
+    add_tracks(spec, "robot", Track(half_gauge=HALF_GAUGE, hull=hull, preset=preset), terrain="ground")
+    measured = turned(spec, [0, 1])
     assert measured == pytest.approx(half_width_of_theory(0.2), rel=bound)
 
 
 @pytest.mark.parametrize("limbs", [1, 2])
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_robot_that_stands_on_tracks_of_hinged_limbs_turns_like_one_on_its_own(preset, limbs):
-    spec, tracks = plane(), []
+    spec = plane()
     body = add_robot(spec)
     half = HALF_LENGTH / limbs
     for sign, side in ((1, "left"), (-1, "right")):
@@ -90,18 +90,17 @@ def test_a_robot_that_stands_on_tracks_of_hinged_limbs_turns_like_one_on_its_own
             limb.joints[0].stiffness, limb.joints[0].damping = [600, 0, 0], [10, 0, 0]
             hull = [(-half, 0, 0.08), (half, 0, 0.08)]
             options = {"half_gauge": 0, "side": side, "load": 0.5 / limbs, "preset": preset, "name": f"{side}{k}"}
-            tracks.append(add_tracks(spec, limb, hull=hull, **options))
-    for each in tracks:
-        each.connect(spec)
-    measured = turned(spec, tracks, np.repeat([0, 1], limbs))
+            add_tracks(spec, limb, Track(hull=hull, **options))
+    connect(spec)
+    measured = turned(spec, np.repeat([0, 1], limbs))
     assert measured == pytest.approx(half_width_of_theory(HALF_LENGTH), rel=0.02)
 
 
-def turned(spec, tracks, side, speeds=(0.04, 0.08)):
+def turned(spec, side, speeds=(0.04, 0.08)):
     """Half of the distance of the ICRs of a robot that turns steadily, the speeds of its belts by their side [m]."""
     model = spec.compile()
     data = mujoco.MjData(model)
-    bind(model, *tracks).set(model, np.array(speeds)[side])
+    Belts(model).set(np.array(speeds)[side])
     mujoco.mj_step(model, data, round(2.0 / model.opt.timestep))
     start = data.qpos[3:7].copy()
     mujoco.mj_step(model, data, round(2.0 / model.opt.timestep))
@@ -156,12 +155,12 @@ def test_the_belt_of_a_moving_flipper_moves_relative_to_the_flipper():
     body = add_robot(spec)
     flipper = add_flipper(spec, body, "flipper", 0.25, 0.28)
     hulls = {"robot": HULL, "flipper": [(0, 0, 0.08), (0.25, 0, 0.05)]}
-    main = add_tracks(spec, body, half_gauge=0.2, hull=hulls["robot"], terrain="ground")
-    arm = add_tracks(spec, flipper, half_gauge=0.0, side="left", hull=hulls["flipper"], terrain="ground")
+    add_tracks(spec, body, Track(half_gauge=0.2, hull=hulls["robot"]), terrain="ground")
+    add_tracks(spec, flipper, Track(half_gauge=0.0, side="left", hull=hulls["flipper"]), terrain="ground")
     model = spec.compile()
-    belts, data = bind(model, main, arm), mujoco.MjData(model)
+    belts, data = Belts(model), mujoco.MjData(model)
     speeds = np.array([0.3, -0.2, 0.7])
-    belts.set(model, speeds)
+    belts.set(speeds)
     generator, seen = np.random.default_rng(0), set()
     for _ in range(60):
         data.qpos[:3] = [0, 0, generator.uniform(-0.004, 0.0)]
@@ -174,7 +173,7 @@ def test_the_belt_of_a_moving_flipper_moves_relative_to_the_flipper():
                 continue
             geom, sign = max((contact.geom[0], -1), (contact.geom[1], 1))  # the slab is the first geom
             track = model.geom_bodyid[geom]
-            k = [model.body(name).id for name in (*main.bodies, *arm.bodies)].index(track)
+            k = belts.bodies.tolist().index(track)
             centre, axis = data.geom_xpos[geom], data.xmat[track].reshape(3, 3)[:, 1]
             if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE:
                 surface = np.cross(axis, contact.pos - centre) * speeds[k] / model.geom_size[geom, 0]
@@ -203,6 +202,6 @@ def test_a_row_of_a_batch_moves_as_it_does_alone(preset):
     np.testing.assert_allclose(live.speeds(), speeds)
     together.step(nstep=round(1.0 / model.opt.timestep))
     np.testing.assert_array_equal(together.qpos[1], data.qpos)
-    alone, rows = belts.read(model, data), live.read()
+    alone, rows = belts.read(data), live.read()
     for name in ("traction", "load", "sliding", "slip", "touching", "depth"):
         np.testing.assert_array_equal(getattr(rows, name)[1], getattr(alone, name), err_msg=name)

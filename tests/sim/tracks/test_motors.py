@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from mujoco import batch
 
-from sim.tracks import PRESETS, add_tracks
+from sim.tracks import PRESETS, Belts, Track, add_tracks
 from trackslip.errors import InvalidValueError
 
 G, SLOPE = 9.81, np.radians(15.0)
@@ -28,14 +28,14 @@ def robot(mass=25.0, preset="accurate", size=1.0, slope=0.0, wall=None):
     shape = {"size": [x, y, z], "pos": [0, 0, up], "mass": mass, "contype": 0, "conaffinity": 0}
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, **shape)
     hull = np.array([(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]) * size
-    tracks = add_tracks(spec, "robot", half_gauge=0.2 * size, hull=hull, preset=preset, terrain=terrain)
+    add_tracks(spec, "robot", Track(half_gauge=0.2 * size, hull=hull, preset=preset), terrain=terrain)
     model = spec.compile()
-    return model, mujoco.MjData(model), tracks.bind(model)
+    return model, mujoco.MjData(model), Belts(model)
 
 
 def step(model, data, belts, time):
     for _ in range(round(time / model.opt.timestep)):
-        belts.step(model, data)
+        belts.step(data)
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -48,7 +48,7 @@ def test_a_robot_on_a_slope_accelerates_by_what_torque_is_left(preset, mass, siz
     radius, downhill = RADIUS * size, G * np.sin(SLOPE)
     for torque in (0.99, 1.01):
         limit = torque * mass * downhill * radius / 2
-        belts.set(model, [0.2, 0.2], torque_limit=limit, inertia=share * mass * radius**2 / 2)
+        belts.set([0.2, 0.2], torque_limit=limit, inertia=share * mass * radius**2 / 2)
         before = data.qvel[0]
         step(model, data, belts, 1.0)
         expected = (torque - 1) * downhill / (1 + share)
@@ -59,7 +59,7 @@ def test_a_robot_on_a_slope_accelerates_by_what_torque_is_left(preset, mass, siz
 def test_belts_stall_at_a_wall_and_draw_nothing():
     model, data, belts = robot(wall=0.36)
     weight, limit = 25.0 * G, 0.3 * 25.0 * G * RADIUS / 2
-    belts.set(model, [0.3, 0.3], torque_limit=limit, inertia=0.01)
+    belts.set([0.3, 0.3], torque_limit=limit, inertia=0.01)
     step(model, data, belts, 3.0)
     drawn = belts.motors().energy.copy()
     step(model, data, belts, 1.0)
@@ -67,7 +67,7 @@ def test_belts_stall_at_a_wall_and_draw_nothing():
     assert np.abs(motor.speed).max() < 0.01
     np.testing.assert_allclose(motor.torque, limit, rtol=1e-6)
     assert (motor.energy - drawn).sum() < 0.02 * 0.3 * weight * 0.3  # of what it would draw without the wall
-    belts.set(model, [0.0, 0.0], torque_limit=limit, inertia=0.01)
+    belts.set([0.0, 0.0], torque_limit=limit, inertia=0.01)
     step(model, data, belts, 1.0)
     assert np.abs(belts.motors().speed).max() < 1e-3
 
@@ -78,12 +78,12 @@ def test_impulse_and_energy_are_balanced(preset, share):
     model, data, belts = robot(preset=preset)
     step(model, data, belts, 0.5)
     mass, force = share * 25.0, 0.15 * 25.0 * G  # of each belt
-    belts.set(model, [5.0, 5.0], torque_limit=force * RADIUS, inertia=mass * RADIUS**2)
+    belts.set([5.0, 5.0], torque_limit=force * RADIUS, inertia=mass * RADIUS**2)
     impulse, work, lost, h = np.zeros(2), np.zeros(2), 0.0, model.opt.timestep
     for _ in range(200):
         before = belts.motors().speed
-        belts.step(model, data)
-        motor, reading = belts.motors(), belts.read(model, data)
+        belts.step(data)
+        motor, reading = belts.motors(), belts.read(data)
         traction = reading.traction
         impulse += (motor.torque / RADIUS - traction) * h
         work += traction * (before + motor.speed) / 2 * h
@@ -102,7 +102,7 @@ def test_turns_need_the_torque_of_theory_and_stop_without_it():
     for torque in (0.95, 1.05):
         model, data, belts = robot()
         step(model, data, belts, 0.3)
-        belts.set(model, speeds, torque_limit=torque * needed, inertia=1e-3)
+        belts.set(speeds, torque_limit=torque * needed, inertia=1e-3)
         step(model, data, belts, 2.0)
         turned.append(data.qvel[5])
     assert turned[0] < 0.05
@@ -113,7 +113,7 @@ def test_a_limit_that_is_never_reached_changes_nothing():
     speeds = []
     for limit in (None, 1e9):
         model, data, belts = robot()
-        belts.set(model, [0.2, 0.3], torque_limit=limit)
+        belts.set([0.2, 0.3], torque_limit=limit)
         step(model, data, belts, 0.2)
         speeds.append(data.qvel.copy())
     np.testing.assert_allclose(*speeds, atol=1e-9)
@@ -122,8 +122,8 @@ def test_a_limit_that_is_never_reached_changes_nothing():
 def test_without_motors_a_step_is_the_engines():
     model, data, belts = robot()
     other, there, same = robot()
-    belts.set(model, [0.2, 0.3])
-    same.set(other, [0.2, 0.3])
+    belts.set([0.2, 0.3])
+    same.set([0.2, 0.3])
     step(model, data, belts, 0.2)
     mujoco.mj_step(other, there, nstep=100)
     assert (data.qpos == there.qpos).all()
@@ -140,7 +140,7 @@ def test_a_row_of_a_batch_is_the_same_as_the_robot_alone():
         fleet.step()
     for row, limit in enumerate(limits):
         model, data, alone = robot(slope=0.1)
-        alone.set(model, [0.3, 0.2], torque_limit=limit, inertia=0.01)
+        alone.set([0.3, 0.2], torque_limit=limit, inertia=0.01)
         step(model, data, alone, 150 * model.opt.timestep)
         assert (robots.qpos[row] == data.qpos).all()
         for name, value in vars(alone.motors()).items():
@@ -158,6 +158,6 @@ def test_a_row_of_a_batch_is_the_same_as_the_robot_alone():
     ],
 )
 def test_motors_that_make_no_sense_are_refused(options, message):
-    model, _, belts = robot()
+    _, _, belts = robot()
     with pytest.raises(InvalidValueError, match=message):
-        belts.set(model, [0.1, 0.1], **options)
+        belts.set([0.1, 0.1], **options)

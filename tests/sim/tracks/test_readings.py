@@ -5,7 +5,7 @@ from mujoco import batch
 from tracked import add_robot, built, plane
 
 from sim.terrain import Course, HeightField
-from sim.tracks import add_tracks
+from sim.tracks import Belts, Track, add_tracks
 from trackslip.errors import InvalidValueError, TrackslipError
 
 
@@ -19,12 +19,12 @@ def robot():
 def test_slip_in_a_turn_is_that_of_the_track_over_the_ground(robot):
     model, data, belts = robot
     speeds = np.array([0.1, 0.3])
-    belts.set(model, speeds)
+    belts.set(speeds)
     mujoco.mj_step(model, data, 1000)
     twist = data.qvel.copy()  # of the state that the last step began with, to within a step
     forwards = data.xmat[1].reshape(3, 3)[:, 0] @ twist[:3]
     over_ground = forwards + np.array([-0.2, 0.2]) * twist[5]
-    reading = belts.read(model, data)
+    reading = belts.read(data)
     np.testing.assert_allclose(reading.slip, 1 - over_ground / speeds, atol=1e-4)
     np.testing.assert_allclose(reading.sliding, speeds - over_ground, atol=1e-5)
 
@@ -32,19 +32,19 @@ def test_slip_in_a_turn_is_that_of_the_track_over_the_ground(robot):
 def test_tracks_share_the_pull_on_a_slope(robot):
     model, data, belts = robot
     model.opt.gravity[:] = [-9.81 * np.sin(0.3), 0, -9.81 * np.cos(0.3)]
-    belts.set(model, [0.2, 0.2])
+    belts.set([0.2, 0.2])
     mujoco.mj_step(model, data, 1000)
-    reading = belts.read(model, data)
+    reading = belts.read(data)
     np.testing.assert_allclose(reading.traction, 25 * 9.81 * np.sin(0.3) / 2, rtol=1e-3)
     np.testing.assert_allclose(reading.load, 25 * 9.81 * np.cos(0.3) / 2, rtol=1e-3)
 
 
 def test_a_track_in_the_air_has_no_slip(robot):
     model, data, belts = robot
-    belts.set(model, [0.2, 0.2])
+    belts.set([0.2, 0.2])
     data.qpos[2] = 1.0
     mujoco.mj_step(model, data)
-    reading = belts.read(model, data)
+    reading = belts.read(data)
     assert not reading.touching.any()
     assert np.isnan(reading.slip).all()
     assert np.isnan(reading.sliding).all()
@@ -57,11 +57,11 @@ def test_wheels_on_an_edge_pull_along_the_belt_there():
     spec.worldbody.add_geom(name="wall", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 1, 0.5], pos=[0.43, 0, 0.5])
     add_robot(spec)
     model, data, belts = built(spec, terrain=["ground", "wall"])
-    belts.set(model, [0.1, 0.1])
+    belts.set([0.1, 0.1])
     mujoco.mj_step(model, data, 300)
     wall = model.geom("wall").id
     assert (data.contact.geom == wall).any()
-    reading, pull, load = belts.read(model, data), 0.0, 0.0
+    reading, pull, load = belts.read(data), 0.0, 0.0
     for i, contact in enumerate(data.contact):
         force = np.zeros(6)
         mujoco.mj_contactForce(model, data, i, force)
@@ -87,16 +87,16 @@ def on_a_field(length, cell, preset, heading=0.0):
     body.add_freejoint()
     size = [length / 2, length / 3, length / 10]
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[0, 0, length / 4], mass=200 * length**3)
-    tracks = add_tracks(
+    add_tracks(
         spec,
         "robot",
-        half_gauge=0.4 * length,
-        hull=[(-length / 2, radius, radius), (length / 2, radius, radius)],
-        preset=preset,
+        Track(
+            half_gauge=0.4 * length, hull=[(-length / 2, radius, radius), (length / 2, radius, radius)], preset=preset
+        ),
         terrain=course.add_to(spec),
     )
     model = spec.compile()
-    return model, mujoco.MjData(model), tracks.bind(model)
+    return model, mujoco.MjData(model), Belts(model)
 
 
 @pytest.mark.parametrize("preset", ["accurate", "fast"])
@@ -115,7 +115,7 @@ def test_the_load_on_a_height_field_is_the_weight_or_its_cells_are_refused(lengt
     load = []
     while data.time < 1.0:
         mujoco.mj_step(model, data)
-        load.append(belts.read(model, data).load.sum())
+        load.append(belts.read(data).load.sum())
     weight = 9.81 * model.body_subtreemass[0]
     assert np.mean(load[len(load) // 2 :]) == pytest.approx(weight, rel=0.01)
 
@@ -125,7 +125,7 @@ def test_a_reading_that_lacks_contacts_says_so():
     belts._map.slots[:] = 20  # noqa: SLF001  no terrain of a test has as many contacts as it may have
     mujoco.mj_step(model, data, 200)
     with pytest.raises(TrackslipError, match="touches the terrain at more points than its sensor reports"):
-        belts.read(model, data)
+        belts.read(data)
 
 
 def test_belts_of_a_batch_run_and_read_every_step(robot):

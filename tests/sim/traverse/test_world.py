@@ -8,7 +8,7 @@ from sim.batched_world import quietly
 from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
 from sim.terrain import Course, Flat, Ramp
-from sim.tracks import bind
+from sim.tracks import Belts
 from sim.traverse.contact import ContactPoints
 from sim.traverse.policy import Scripted
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
@@ -151,8 +151,8 @@ def test_commands_and_starts_that_make_no_sense_are_refused(rescue):
 def test_forces_of_a_standing_robot_add_up_to_its_weight(speed):
     world = build_tracked(load_tracked("box"))
     model, data = world.model, mujoco.MjData(world.model)
-    belts = bind(model, *world.tracks)
-    belts.set(model, np.full(2, speed))
+    belts = Belts(model)
+    belts.set(np.full(2, speed))
     for _ in range(1000):
         mujoco.mj_step(model, data)
     points, forces = ContactPoints(world).at(data.qpos, data.qvel, np.full(2, speed), np.zeros(0))
@@ -161,7 +161,7 @@ def test_forces_of_a_standing_robot_add_up_to_its_weight(speed):
     assert (forces[:, 2] > 0).all()
     np.testing.assert_allclose(np.abs(points[:, 1]), 0.17, atol=1e-6)
     np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-3)
-    assert belts.read(model, data).load.sum() == pytest.approx(forces[:, 2].sum(), rel=1e-3)
+    assert belts.read(data).load.sum() == pytest.approx(forces[:, 2].sum(), rel=1e-3)
 
 
 def test_worlds_in_two_threads_leave_the_engines_log_as_it_was():

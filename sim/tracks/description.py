@@ -1,0 +1,114 @@
+"""What a model says of its tracks: a `<tuple>` of their geoms and a `<numeric>` of their recipe, both NAME_tracks.
+
+They stay with the model when it is saved, read and attached to another one with a prefix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.tracks.hull import Hull
+from sim.tracks.recipe import Preset
+
+Array = NDArray[np.float64]
+_ENDING = "_tracks"
+_TRACK = "_track"  # of the names of bodies and contact sensors
+_PRESET = len(fields(Preset))  # numbers of a recipe
+_HEAD = _PRESET + 5
+
+
+@dataclass(frozen=True)
+class Description:
+    """The tracks of one call of `add_tracks` in a spec."""
+
+    preset: Preset
+    """The contact recipe."""
+    friction: tuple[float, float]
+    """Coefficients along and across [-]."""
+    load: float
+    """Part of the robot's weight that they carry when it stands on them [-]."""
+    points: float
+    """Number of points with which they stand on their longest run, by their stiffness."""
+    segment: float
+    """Length of a capsule along that run [m]."""
+    geoms: tuple[str, ...]
+    """Names of the geoms of all tracks, one track after the other."""
+    weights: tuple[float, ...]
+    """Their stiffness, relative to a capsule's end [-]."""
+    cores: tuple[float, ...]
+    """Depths of their cores, 0 for none [m]."""
+
+    def write(self, spec: mujoco.MjSpec, name: str) -> None:
+        """Write it into a spec."""
+        head = (*astuple(self.preset), *self.friction, self.load, self.points, self.segment)
+        spec.add_numeric(name=name + _ENDING, data=[*map(float, head), *self.cores])
+        kinds = [mujoco.mjtObj.mjOBJ_GEOM] * len(self.geoms)
+        spec.add_tuple(name=name + _ENDING, objtype=kinds, objname=list(self.geoms), objprm=list(self.weights))
+
+
+def descriptions(spec: mujoco.MjSpec) -> dict[str, Description]:
+    """All tracks of a spec by their names without the ending, in the order in which they were added."""
+    numbers = {numeric.name: list(numeric.data) for numeric in spec.numerics}
+    return {
+        each.name.removesuffix(_ENDING): Description(
+            *_head(numbers[each.name]), tuple(each.objname), tuple(each.objprm), tuple(numbers[each.name][_HEAD:])
+        )
+        for each in spec.tuples
+        if each.name.endswith(_ENDING) and each.name in numbers
+    }
+
+
+def _head(numbers: Sequence[float]) -> tuple[Preset, tuple[float, float], float, float, float]:
+    timestep, segments, *rest, along, across, load, points, segment = numbers[:_HEAD]
+    return Preset(timestep, int(segments), *rest), (along, across), load, points, segment
+
+
+class TracksInModel:
+    """The tracks of one call of `add_tracks` in a compiled model."""
+
+    def __init__(self, model: mujoco.MjModel, name: str) -> None:
+        """Read the tracks of this name, the ending included."""
+        described, numbers = model.tuple(name), model.numeric(name).data.tolist()
+        self.preset, _, self.load, self.points, self.segment = _head(numbers)
+        self.geoms: NDArray[np.int_] = described.objid.copy()  # (G,)
+        self.weights: Array = described.objprm.copy()  # (G,) stiffness, relative to a capsule's end
+        owner = model.geom_bodyid[self.geoms]
+        self.bodies = owner[np.sort(np.unique(owner, return_index=True)[1])]  # (T,)
+        self.names = tuple(model.body(body).name.removesuffix(_TRACK) for body in self.bodies)
+        self.track = (owner[:, None] == self.bodies).argmax(axis=1)  # (G,) which of them
+        self.direction = _directions(model, self.geoms)
+        """Surface velocities (G, 6) in the geoms' frames at a belt speed of 1 m/s."""
+        round_ = self.direction[:, 3:].any(axis=1) & (owner == self.bodies[0])
+        place, radius = model.geom_pos[self.geoms[round_]], model.geom_size[self.geoms[round_], 0]
+        first = place[:, 1] == place[0, 1]
+        self.hull = Hull.from_wheels(np.column_stack([place[:, [0, 2]], radius])[first].tolist())
+        """The hull of each track."""
+        beside = (place[:, [0, 2]] == place[0, [0, 2]]).all(axis=1)
+        shares = self.weights[round_][beside]
+        self.lines = np.column_stack([place[beside, 1], shares / shares.sum()])
+        """Lateral places (L, 2) of the lines of contact, from the belt's middle [m], and their shares of the load."""
+
+
+def tracks_in(model: mujoco.MjModel) -> list[TracksInModel]:
+    """All tracks of a compiled model, in the order in which they were added."""
+    named = {model.numeric(k).name for k in range(model.nnumeric)}
+    names = [model.tuple(k).name for k in range(model.ntuple)]
+    return [TracksInModel(model, name) for name in names if name.endswith(_ENDING) and name in named]
+
+
+def _directions(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> Array:
+    """Surface velocities (G, 6): of spheres and capsules across, angular about y; of capsules along, their own z."""
+    direction, axes = np.zeros((len(geoms), 6)), np.zeros((len(geoms), 9))
+    for geom, into in zip(geoms, axes, strict=True):
+        mujoco.mju_quat2Mat(into, model.geom_quat[geom])
+    across, speed = axes.reshape(-1, 3, 3)[:, 1, 2], 1 / model.geom_size[geoms, 0]
+    sphere, lies_across = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE, np.abs(across) > 0.5
+    direction[:, 2] = ~sphere & ~lies_across
+    direction[:, 4] = np.where(sphere, speed, 0.0)
+    direction[:, 5] = np.where(~sphere & lies_across, np.sign(across) * speed, 0.0)
+    return direction

@@ -1,0 +1,196 @@
+"""The one recipe of contacts: springs that many points share on a plane; what is deeper is left to hard cores.
+
+A contact with impedance d between bodies of inverse weight A pushes with f = (d / (1 - d)) / A * (a* - a),
+a* = -K r - B v at depth r. N points with d / (1 - d) = e m A / N have a softness of 1 / (e m) together, e being the
+`regularisation` and m the robot's mass. Standing on them, the robot sinks in by g / (e K), and heave has the
+squared frequency w^2 = e K / (1 + e) and the damping e B / (1 + e).
+
+Landing must not create energy. In a physics step h, a point moves by h v at most before it is pushed, so that damping
+and spring take (h B + h^2 K) a of the speed v, where a = e l / (1 + e l) is the share of a* that the bodies follow, and
+l their mobility in the direction of the push, relative to heave. If that is more than 1 the robot leaves at once, and
+if it is more than 2 faster than it came. A light limb has a large l. With e K and e B given, and thus the depth at
+which the robot stands, a larger e bounds a: l / (1 + e l) is never more than 1 / e.
+
+Sliding pushes up, too: in an elliptic cone with the friction mu, points that slide at v are pushed off the ground as if
+a* were mu * grip * v more, with mu * e * grip * v of a robot's mass together. The grip is divided by as much as e
+grows for light limbs, so that they don't hop when they slide.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from trackslip.errors import RobotWarning, require
+
+Array = NDArray[np.float64]
+WIDEST = 3.0
+"""Gauge over contact length up to which turns are verified to follow theory [-]."""
+_POINTS, _GROWTH = 10, 1.6  # points of a track as long as the gauge, and the power of the gauge with which they grow
+_ENOUGH = 1.2  # gauge over contact length up to which a preset's own points will do [-]
+LEAST_ODDS = 1.001 * mujoco.mjMINIMP
+"""Least d / (1 - d) of a contact [-]; the engine raises lower impedances d, and the contact then has other rates."""
+_MAX_TAKEN = 2.0  # share of its speed that landing takes from a robot in one physics step [-]
+_CORE_IMPEDANCE = 0.95  # [-]
+_CORE_PUSH = 0.4  # share of its depth by which a core is pushed out in one physics step [-]
+_CORE_BRAKE = 0.7  # share of its speed that a core loses in one physics step [-]
+_EDGE = 1.5  # depth at which the core of a belt's edge touches, over that of a robot that stands [-]
+_TIMESTEP = 1  # in `spec.authored.option`, the bit of a timestep that the spec's file states
+_WIDTH = 0.001  # over which the engine would change the impedance, which is constant [m]
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A contact recipe."""
+
+    timestep: float
+    """Longest physics step that it is made for [s]."""
+    segments: int
+    """Capsules along the longest run of a track; even."""
+    sink: float
+    """Depth of a robot that stands on one run of each track [m]."""
+    damping_ratio: float
+    """Damping ratio of heave, times the root of 1 + regularisation [-]."""
+    regularisation: float = 0.02
+    """Inverse softness of all points of the standing robot together, in robot masses [-]."""
+    grip: float = 100.0
+    """Rate at which sliding decays where the ground holds, at that softness [1/s]."""
+    core_depth: float = 0.003
+    """Depth at which the belt's hard core touches; more than a robot that stands sinks in [m]."""
+    impratio: float = 1e4
+    """Ratio of frictional to normal constraint impedance [-]. A robot parked on a slope creeps at g sin(slope) over
+    regularisation * impratio * grip."""
+
+    def softer(self, factor: float) -> Preset:
+        """The same with so many times softer points, which shift less load where they slide, and the same creep."""
+        return replace(self, regularisation=self.regularisation / factor, impratio=self.impratio * factor)
+
+    @property
+    def edge_depth(self) -> float:
+        """The same at the edges of wide belts, whose few springs would let a robot lean far before it tips over [m]."""
+        return _EDGE * self.sink
+
+    def regularise(self, gravity: float, mobility: Array | float, least_share: Array | float) -> Array:
+        """Regularisation (...) with which landing creates no energy, and no impedance is below the engine's least.
+
+        Args:
+            gravity: acceleration of gravity [m/s^2].
+            mobility: l above, which may be infinite [-].
+            least_share: m A / N above, of the point that carries least [-].
+        """
+        stiffness, damping = self._rates(gravity)
+        taken = self.timestep * damping + self.timestep**2 * stiffness
+        least = np.maximum(taken / _MAX_TAKEN - 1 / np.asarray(mobility), LEAST_ODDS / np.asarray(least_share))
+        return np.maximum(self.regularisation, least)
+
+    def contact(
+        self, gravity: float, share: Array | float, regularisation: Array | float, grip: Array | float
+    ) -> ContactParameters:
+        """Parameters (...) of contacts.
+
+        Args:
+            gravity: acceleration of gravity [m/s^2].
+            share: m A / N above, for the point's part of the load [-].
+            regularisation: e above [-].
+            grip: rate at which sliding decays where the ground holds [1/s].
+        """
+        odds = np.asarray(regularisation * share)
+        d, (stiffness, damping) = odds / (1 + odds), self._rates(gravity)
+        return ContactParameters.of(d, d * stiffness / regularisation, d * damping / regularisation, d * grip)
+
+    def core(self) -> ContactParameters:
+        """Parameters of the hard core below a belt's surface.
+
+        A robot that tips over an edge meets the next one with a wheel or two, and contacts that share a plane with many
+        points then yield by centimetres. The impedance of a core is near 1, so that a is, too: cores never take more
+        than they are asked for, whatever their number and the robot.
+        """
+        d = np.asarray(_CORE_IMPEDANCE)
+        push, brake = d * _CORE_PUSH / self.timestep**2, d * _CORE_BRAKE / self.timestep
+        return ContactParameters.of(d, push, brake, d * self.grip)
+
+    def _rates(self, gravity: float) -> tuple[float, float]:
+        """The products e K [1/s^2] and e B [1/s]."""
+        return gravity / self.sink, float(2 * self.damping_ratio * np.sqrt(gravity / self.sink))
+
+
+@dataclass(frozen=True)
+class ContactParameters:
+    """Fields of contact pairs."""
+
+    solref: Array  # (..., 2)
+    solimp: Array  # (..., 5)
+    solreffriction: Array  # (..., 2)
+
+    @classmethod
+    def of(cls, impedance: Array, stiffness: Array, damping: Array, grip: Array) -> ContactParameters:
+        """Fields for an impedance (...), whatever the depth, and rates (...), which the engine divides by it."""
+        solimp = [impedance, impedance, *(np.full_like(impedance, value) for value in (_WIDTH, 0.5, 1.0))]
+        columns = ([-stiffness, -damping], solimp, [-np.ones_like(impedance), -grip])
+        return cls(*(np.stack(column, axis=-1) for column in columns))
+
+
+PRESETS = {
+    "accurate": Preset(0.002, 8, 0.00034, 0.4, core_depth=0.0015),
+    "fast": Preset(0.004, 4, 0.00125, 0.35, core_depth=0.003),
+}
+"""Presets by name."""
+_SOFT = 20 * 0.004 / 0.996  # of 20 points whose impedance is 0.004
+LEVEL = Preset(0.005, 5, 0.002, 0.7 * math.sqrt(1 + _SOFT), _SOFT)
+"""Tracks that never leave a plane: no cores, and heave of a damping ratio of 0.7."""
+LEVEL_WIDE = replace(LEVEL, regularisation=_SOFT / 2, grip=2 * LEVEL.grip)
+"""The same of a wide robot. Near the middle of a short track the time that the grip takes, at the speed of the robot,
+is a way that counts."""
+LEVEL_WHEELS = LEVEL.softer(25)
+"""The same of wheels, whose robots are faster: they shift less load to points that slide."""
+
+
+def track_points(half_gauge: float, contact_length: float, preset: Preset) -> int:
+    """Number of points at which each of two tracks touches the ground, 2 at either end of a segment [-].
+
+    The ICRs of a short, wide robot are so close to its tracks that only the elements of track within a few
+    millimetres of its middle slide along themselves more than across: the wider the robot, the finer its points.
+    Beyond WIDEST there are no more, and a RobotWarning.
+    """
+    if half_gauge > WIDEST * contact_length / 2 * (1 + 1e-9):
+        allowed = f"turns are verified up to {WIDEST / 2 * contact_length:.4g} m, {WIDEST / 2:g} contact lengths"
+        warnings.warn(f"half_gauge = {half_gauge:.4g}: {allowed}", RobotWarning, stacklevel=4)
+    width = min(2 * half_gauge / contact_length, WIDEST)
+    return 2 * preset.segments if width <= _ENOUGH else 2 * math.ceil(_POINTS * width**_GROWTH / 2)
+
+
+def load_preset(preset: str | Preset) -> Preset:
+    """Return the preset of that name, or the one given. Raises InvalidValueError for an unknown name."""
+    if isinstance(preset, Preset):
+        return preset
+    require(preset in PRESETS, "preset", preset, f"one of {', '.join(PRESETS)}")
+    return PRESETS[preset]
+
+
+def set_timestep(spec: mujoco.MjSpec, preset: Preset) -> None:
+    """Set the preset's time step, unless the user has chosen one; InvalidValueError if that isn't stable."""
+    if spec.option.timestep == mujoco.MjSpec().option.timestep and not spec.authored.option & _TIMESTEP:
+        spec.option.timestep = preset.timestep
+    require_stable(spec.option.timestep, preset)
+
+
+def set_options(option: Any, preset: Preset) -> None:
+    """Set cone, impratio and solver of a spec or a model; InvalidValueError if it overrides contacts."""
+    override = option.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE
+    require(not override, "flag override", "enable", "disable: the contacts of tracks have parameters of their own")
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = max(option.impratio, preset.impratio)
+    if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at such an impratio
+        option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+
+
+def require_stable(timestep: float, preset: Preset) -> None:
+    """Raise InvalidValueError for a time step [s] at which the preset isn't stable."""
+    allowed = f"at most {preset.timestep:g} s, for contacts of this preset to be stable"
+    require(0 < timestep <= preset.timestep, "timestep", timestep, allowed)
