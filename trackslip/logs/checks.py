@@ -75,29 +75,19 @@ def paired_turns(time: Array, turned: Array, heading: Array) -> tuple[Array, Arr
 def plausible_gyro(time: Array, rate: Array, heading: Array, run: str) -> tuple[Array | None, str]:
     """Yaw rates (T,), None if they don't follow the headings (T,) at all, and a line on that; both may hold NaN.
 
-    Logs whose maker took the gyro's rate for an angle hold its derivative; its sums are the rate but for a constant.
     Raises LogError for rates in another unit, or clockwise.
     """
-
-    def compared(turned: Array) -> tuple[float, float]:
-        """Correlation of turns with the headings', and their factor to these; NaN if there are hardly any."""
-        paired = paired_turns(time, turned, heading)
-        if paired is None or not paired[1].any():
-            return np.nan, np.nan
-        turn, by = paired
-        return float(turn @ by / np.sqrt((turn @ turn) * (by @ by))), float(turn @ by / (turn @ turn))
-
     turned = np.append(0.0, np.cumsum(np.nan_to_num(rate[1:]) * np.diff(time)))
-    agreement, factor = compared(turned)
-    if np.isnan(agreement) or (agreement >= _DISAGREES and _SAME_UNIT[0] < factor < _SAME_UNIT[1]):
+    paired = paired_turns(time, turned, heading)
+    if paired is None or not paired[1].any():
         return rate, ""
-    if abs(agreement) >= _DISAGREES:
+    turn, by = paired
+    agreement = turn @ by / np.sqrt((turn @ turn) * (by @ by))
+    factor = turn @ by / (turn @ turn)
+    if abs(agreement) < _DISAGREES:
+        follow = f"its turns don't follow the headings (correlation {agreement:.2f})"
+        return None, f"run {run!r}: column gyro left out: {follow}"
+    if not _SAME_UNIT[0] < factor < _SAME_UNIT[1]:
         must = "must be in rad/s, counter-clockwise"
         raise LogError(f"run {run!r}: column gyro: turns are {factor:.3g} times the headings', {must}")
-    first, last = np.flatnonzero(np.isfinite(heading))[[0, -1]]
-    twice = np.append(0.0, np.cumsum(turned[1:] * np.diff(time)))
-    offset = np.diff((heading - twice)[[first, last]]) / np.diff(time[[first, last]])
-    if compared(twice + offset * time)[0] >= CLEARLY:
-        line = "is the change of the yaw rate, in rad/s²: its sums over time, which follow the headings, are taken"
-        return np.where(np.isfinite(rate), turned + offset, np.nan), f"run {run!r}: column gyro {line}"
-    return None, f"run {run!r}: column gyro left out: its turns don't follow the headings (correlation {agreement:.2f})"
+    return rate, ""
