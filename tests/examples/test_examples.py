@@ -44,6 +44,13 @@ def test_drive_a_fleet(run, tmp_path):
     assert 0.9 < radii[0] < radii[1]
 
 
+def test_animation(run, tmp_path):
+    printed = run("animation", tmp_path / "animation.gif", frames=2)
+    without, compensated = numbers(r"(\S+) mm from the end of the path", printed)
+    assert without > 1000 > 20 > compensated
+    assert (tmp_path / "animation.gif").read_bytes().startswith(b"GIF8")
+
+
 def test_identify_from_python(run, tmp_path):
     printed = run("identify_from_python", tmp_path)
     assert printed.startswith("Slip laws from 8 steady samples")
