@@ -9,6 +9,8 @@ from .ground.named import load_ground as load_ground
 from .log_replay import replay as replay
 from .loop import closed_loop as closed_loop
 from .loop import open_loop as open_loop
+from .path_tracking.config import EnvConfig as EnvConfig
+from .path_tracking.randomization import Randomization as Randomization
 from .pilot import Pilot as Pilot
 from .robot.named import load_tracked as load_tracked
 from .robot.parameters import RobotParameters as RobotParameters
@@ -22,6 +24,9 @@ from .run_recorder import RunFailedError as RunFailedError
 from .scanner.feed import ScannerFeed as ScannerFeed
 from .scanner.obstacles import load_obstacles as load_obstacles
 from .scanner.scanner import LaserScanner as LaserScanner
+from .traverse.config import TraverseConfig as TraverseConfig
+from .traverse.observation import SensorNoise as SensorNoise
+from .traverse.outcome import Limits as Limits
 from .traverse.outcome import Outcome as Outcome
 from .traverse.policy import Scripted as Scripted
 from .traverse.reflex import Reflex as Reflex

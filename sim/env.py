@@ -1,20 +1,46 @@
 """Gymnasium environments for one robot and for N in a batch: trajectory tracking and crossing courses."""
 
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
 from sim import path_tracking, traverse
 from sim.path_tracking.config import EnvConfig
+from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.renderer import PathRenderer
 from sim.path_tracking.tracking import PathTracking
-from sim.task import TaskKind, metadata
+from sim.task import TaskKind, from_options, metadata
 from sim.task_env import TaskEnv, TaskVectorEnv
 from sim.traverse.config import TraverseConfig
 from sim.traverse.renderer import CourseRenderer
 from sim.traverse.task import Crossing
+from trackslip.errors import require
 
 _TRACKING = TaskKind(EnvConfig, PathTracking, PathRenderer)
 _CROSSING = TaskKind(TraverseConfig, Crossing, CourseRenderer)
 
 
-class PathTrackingEnv(TaskEnv):
+class _Tracking:
+    task: PathTracking
+
+    def set_randomization(self, randomization: Randomization | Mapping[str, Any] | str | None) -> None:
+        """Set what later episodes draw, as the option `randomization`; raises InvalidValueError as that does."""
+        options = {f.name: getattr(self.task.config, f.name) for f in fields(EnvConfig)}
+        config = from_options(EnvConfig, options | {"randomization": randomization})
+        allowed = "None in an environment that was made without ground that shears"
+        require(not config.shears or self.task.config.shears, "shear", config.drawn.shear, allowed)
+        self.task.config = config
+
+
+class _Traversing:
+    task: Crossing
+
+    def set_difficulty(self, low: float, high: float) -> None:
+        """Set the range from which later episodes draw the difficulty of their courses, within 0 to 1."""
+        self.task.set_difficulty(low, high)
+
+
+class PathTrackingEnv(_Tracking, TaskEnv):
     """trackslip/PathTracking-v0: a tracked robot that must follow a reference trajectory.
 
     Actions are float32 (2,) in [-1, 1], 20 per second: sprocket speeds or a twist, see `EnvConfig.action`. The
@@ -24,17 +50,15 @@ class PathTrackingEnv(TaskEnv):
     """
 
     kind, metadata = _TRACKING, metadata(path_tracking.config.PERIOD)
-    task: PathTracking
 
 
-class PathTrackingVectorEnv(TaskVectorEnv):
+class PathTrackingVectorEnv(_Tracking, TaskVectorEnv):
     """N robots, each with its own ground and reference: `PathTrackingEnv` in every row."""
 
     kind, metadata = _TRACKING, metadata(path_tracking.config.PERIOD)
-    task: PathTracking
 
 
-class TraverseEnv(TaskEnv):
+class TraverseEnv(_Traversing, TaskEnv):
     """trackslip/Traverse-v0: a tracked robot that must cross a course.
 
     Actions are float32 in [-1, 1], by default 10 per second: the belts' speeds, left and right, and the flippers'
@@ -44,11 +68,9 @@ class TraverseEnv(TaskEnv):
     """
 
     kind, metadata = _CROSSING, metadata(traverse.config.PERIOD)
-    task: Crossing
 
 
-class TraverseVectorEnv(TaskVectorEnv):
+class TraverseVectorEnv(_Traversing, TaskVectorEnv):
     """N robots, each on its own course: `TraverseEnv` in every row."""
 
     kind, metadata = _CROSSING, metadata(traverse.config.PERIOD)
-    task: Crossing

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.policy import corrected, features
 from sim.task_env import TaskVectorEnv
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import InvalidValueError, TrackslipError, require
 
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
@@ -52,8 +52,9 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         ended = terminated | truncated
         final, observations = info.pop("final_info", None), info.pop("final_obs", None)
         infos = _by_robot(info, self.num_envs)
+        last = _by_robot(final, self.num_envs) if ended.any() else []
         for row in np.flatnonzero(ended):
-            infos[row] = _by_robot(final, self.num_envs)[row] | {"terminal_observation": observations[row]}
+            infos[row] = last[row] | {"terminal_observation": observations[row]}
         for own, cut_off in zip(infos, truncated & ~terminated, strict=True):
             own["TimeLimit.truncated"] = bool(cut_off)
         return observation, reward.astype(np.float32), ended, infos
@@ -75,8 +76,10 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         raise InvalidValueError("attr_name", attr_name, "set on `env`, for all robots")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Raise InvalidValueError: the robots of a batch have no methods of their own."""
-        raise InvalidValueError("method_name", method_name, "called on `env`, for all robots")
+        """Call a method of the vector environment, once for all robots; its result is repeated for each."""
+        rows = list(self._get_indices(indices))
+        require(len(rows) == self.num_envs, "indices", indices, "None: robots of a batch have no own methods")
+        return [getattr(self.env, method_name)(*args, **kwargs)] * len(rows)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """False for each robot: none is wrapped."""

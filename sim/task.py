@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from numbers import Integral, Real
 from pathlib import PurePath
 from types import NoneType, UnionType
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.opengl import TaskRenderer, has_display
+from sim.toml_file import build
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
@@ -145,10 +146,40 @@ def row_of(info: dict[str, Any]) -> dict[str, Any]:
 def from_options(configuration: type[C], options: Mapping[str, Any]) -> C:
     """Build the dataclass `configuration` from keyword arguments; lists become tuples, and paths texts.
 
-    Raises InvalidValueError for unknown names, values of another type, and what the configuration itself refuses.
+    Options that are dataclasses may be dictionaries of their fields, as in a specification that was read from JSON.
+    Raises TypeError for unknown names, InvalidValueError for values of another type and what the configuration itself
+    refuses, SettingsFileError for such dictionaries.
     """
     hints = get_type_hints(configuration)
-    return configuration(**checked("option", options, {f.name: hints[f.name] for f in fields(configuration)}))  # type: ignore[arg-type]
+    known = {f.name: hints[f.name] for f in fields(configuration)}  # type: ignore[arg-type]
+    for name in options:
+        if name not in known:
+            raise TypeError(f"unexpected keyword argument {name!r}: options are {', '.join(known)}")
+    built = {name: _built(name, value, known[name]) for name, value in options.items()}
+    return configuration(**checked("option", built, known))
+
+
+def _built(name: str, value: object, hint: Any) -> object:
+    """An option, with dictionaries as what its type hint allows: dataclasses, or classes with `from_table`."""
+    parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
+    if isinstance(value, list | tuple):
+        items = [item for part in parts if get_origin(part) is tuple for item in get_args(part)[:1]]
+        return tuple(_built(name, each, items[0]) for each in value) if items else value
+    if not isinstance(value, Mapping):
+        return value
+    kinds = [kind for part in parts for kind in _dataclasses(part)]
+    alike = [kind for kind in kinds if {f.name for f in fields(kind)} == set(value)]
+    (kind,) = alike if len(alike) == 1 else kinds if len(kinds) == 1 else (None,)
+    if kind is None:
+        return value
+    return kind.from_table(dict(value), name) if hasattr(kind, "from_table") else build(kind, value, name)
+
+
+def _dataclasses(kind: Any) -> list[Any]:
+    """A type if it is a dataclass, else those of its subclasses that are."""
+    if is_dataclass(kind):
+        return [kind]
+    return [each for subclass in getattr(kind, "__subclasses__", list)() for each in _dataclasses(subclass)]
 
 
 def checked(field: str, options: object, hints: Mapping[str, Any]) -> dict[str, Any]:

@@ -126,7 +126,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
     the same spaces, autoreset modes and infos.
     """
 
-    STATE = ("task", "_generators", "_ended", "_begun", "_steps")
+    STATE = ("task", "_generators", "_seeds_used", "_ended", "_begun", "_steps")
 
     def __init__(
         self,
@@ -163,6 +163,7 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator | None] = [None] * num_envs
+        self._seeds_used: list[int | None] = [None] * num_envs
         self._ended = np.ones(num_envs, bool)  # whether each robot needs a new episode
         self._begun = False
         self._renderer = self.kind.renderer(self.task) if render_mode is not None else None
@@ -188,11 +189,21 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         for row in rows:
             own = seeds[row]
             if own is not None or self._generators[row] is None:
-                self._generators[row] = seeding.np_random(None if own is None else int(own))[0]
+                self._generators[row], self._seeds_used[row] = seeding.np_random(None if own is None else int(own))
         require(self._begun or len(rows) == self.num_envs, "reset_mask", "not all robots", "all, the first time")
         self._begin(rows, options)
         self._begun = True
         return self.task.observation(), self._infos(mask)
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]
+        """The generators (N) from which the robots' episodes are drawn, as in SyncVectorEnv; None before a reset."""
+        return tuple(self._generators)
+
+    @property
+    def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
+        """The seeds (N) of these generators."""
+        return tuple(self._seeds_used)
 
     def _seeds(self, seed: Any) -> list[int | None]:
         """Seeds (N) of the robots."""

@@ -11,6 +11,7 @@ import tomllib
 import typing
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import NoneType, UnionType
 from typing import Any, TypeVar
 
 from trackslip.errors import InvalidValueError, SettingsFileError, require
@@ -87,7 +88,11 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
 
 
 def _value(hint: Any, value: object, where: str, name: str) -> Any:
-    if hint in (float, float | None):
+    if isinstance(hint, UnionType):  # with None, which TOML lacks
+        if value is None:
+            return None
+        (hint,) = (part for part in typing.get_args(hint) if part is not NoneType)
+    if hint is float:
         return _number(value, where, name)
     if hint in (int, str):
         what = "a whole number" if hint is int else "a text"
@@ -99,7 +104,7 @@ def _value(hint: Any, value: object, where: str, name: str) -> Any:
     if dataclasses.is_dataclass(hint):
         return build(hint, value, f"{where}: {name}")  # type: ignore[arg-type]
     of = typing.get_args(hint)[0]
-    if not isinstance(value, list):
+    if not isinstance(value, list | tuple):
         raise SettingsFileError(f"{where}: {name} = {reprlib.repr(value)}: must be a list")
     if dataclasses.is_dataclass(of):
         return tuple(build(of, item, f"{where}: {name}[{k}]") for k, item in enumerate(value))  # type: ignore[arg-type]

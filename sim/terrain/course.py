@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -75,6 +75,23 @@ class Course:
     """Length of the level platform before the first piece [m]."""
     goal_length: float = 2.0
     """Length of the level platform behind the last piece [m]."""
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], where: str) -> Course:
+        """A course from its fields by name, each piece a table of its own; raises SettingsFileError, with `where`.
+
+        A piece has a `kind`; without one, it is the piece that has exactly these fields.
+        """
+        rows = table.get("pieces", [])
+        if not isinstance(rows, list | tuple):
+            raise SettingsFileError(f"{where}: pieces = {rows!r:.80}: must be a list of tables")
+        pieces = tuple(_piece(row, f"{where}: pieces[{k}]") for k, row in enumerate(rows))
+        others = {name: value for name, value in table.items() if name != "pieces"}
+        course = build(Course, others, where, Course((Flat(),)))
+        try:
+            return dataclasses.replace(course, pieces=pieces)
+        except InvalidValueError as error:
+            raise SettingsFileError(f"{where}: {error}") from error
 
     def __post_init__(self) -> None:
         require(len(self.pieces) > 0, "pieces", self.pieces, "at least one piece")
@@ -291,22 +308,16 @@ def load_course(source: str, seed: int | None = None, drawn: Sequence[str] = ())
     """
     named = _COURSES / f"{source}.toml"
     table = read_toml(named) if source in course_names() else read_named("course", source, (*course_names(), *drawn))
-    rows = table.pop("pieces", [])
-    if not isinstance(rows, list):
-        raise SettingsFileError(f"{source}: pieces = {rows!r:.80}: must be a list of tables")
-    pieces = tuple(_piece(row, f"{source}: pieces[{k}]") for k, row in enumerate(rows))
-    course = build(Course, table, source, Course((Flat(),)))
-    try:
-        course = dataclasses.replace(course, pieces=pieces)
-    except InvalidValueError as error:
-        raise SettingsFileError(f"{source}: {error}") from error
+    course = Course.from_table(table, source)
     return course if seed is None else dataclasses.replace(course, seed=seed)
 
 
 def _piece(row: object, where: str) -> Piece:
     if not isinstance(row, dict):
         raise SettingsFileError(f"{where}: {row!r:.80} is not a table")
-    kind = row.pop("kind", None)
+    fields = {name: value for name, value in row.items() if name != "kind"}
+    alike = [name for name, kind in _KINDS.items() if {f.name for f in dataclasses.fields(kind)} == set(fields)]
+    kind = row.get("kind", alike[0] if alike else None)
     if not isinstance(kind, str) or kind not in _KINDS:
         raise SettingsFileError(f"{where}: kind = {kind!r:.80}: must be one of {', '.join(_KINDS)}")
-    return build(_KINDS[kind], row, where)
+    return build(_KINDS[kind], fields, where)

@@ -24,8 +24,10 @@ from sim.robot.named import ROBOTS, load_tracked
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
 from sim.task import from_options
-from sim.terrain import Course, Flat, Step
+from sim.terrain import Course, Flat, Ramp, Step
+from sim.traverse.config import Reward as TraverseReward
 from sim.traverse.config import TraverseConfig
+from sim.traverse.observation import SensorNoise
 from sim.traverse.outcome import Limits
 from sim.traverse.reflex import Reflex
 from sim.traverse.states import Servos
@@ -254,6 +256,43 @@ def test_seeds_may_be_one_each():
     np.testing.assert_array_equal(observation[0], observation[2])
     with pytest.raises(InvalidValueError, match="seed"):
         native.reset(seed=[1, 2])
+    for envs in (native, single):
+        envs.reset(seed=7)
+    assert native.np_random_seed == single.np_random_seed == (7, 8, 9)
+    assert [rng.random() for rng in native.np_random] == [rng.random() for rng in single.np_random]
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        (TRAVERSE, {"reward": TraverseReward(weight_energy=0.01), "noise": SensorNoise(height=0.1)}),
+        (TRAVERSE, {"difficulty": (0.1, 0.2), "course": ("step10", Course((Flat(0.5), Step(0.05), Ramp(0.2, 1.0))))}),
+        (TRAVERSE, {"limits": Limits(time=3.0), "servos": Servos(), "robot": "box"}),
+        (TRACKING, {"randomization": Randomization.typical(), "drive": Drive(lag=0.1), "robot": RobotParameters()}),
+        (TRACKING, TWIST | {"compensation": PUBLISHED, "scanner": LaserScanner(noise=0.01), "pull": Pull(1.0)}),
+    ],
+)
+def test_specifications_round_trip_as_json_and_unknown_options_are_type_errors(name, options):
+    made = gym.make(name, **options)
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(made.spec.to_json()))
+    assert again.unwrapped.task.config == made.unwrapped.task.config
+    with pytest.raises(TypeError, match="unexpected keyword argument 'wrong': options are "):
+        gym.make(name, wrong=1)
+
+
+@pytest.mark.parametrize("vector", [False, True])
+def test_difficulty_and_randomization_change_between_episodes(vector):
+    make = partial(gym.make_vec, num_envs=2) if vector else gym.make
+    crossing = make(TRAVERSE, difficulty=(0.0, 0.0)).unwrapped
+    crossing.set_difficulty(0.6, 0.6)
+    assert np.all(crossing.reset(seed=0)[1]["difficulty"] == 0.6)
+    tracking = make(TRACKING).unwrapped
+    tracking.set_randomization({"radius_error": (0.2, 0.2)})
+    tracking.reset(seed=0)
+    radius = RobotParameters().sprocket_radius
+    np.testing.assert_allclose(tracking.task.fleet.drive.radius, 1.2 * radius)
+    with pytest.raises(InvalidValueError, match="shear"):
+        tracking.set_randomization(Randomization(shear=(0.0, 0.01)))
 
 
 def test_options_may_be_one_each_and_none_is_drawn():

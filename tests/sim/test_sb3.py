@@ -22,10 +22,14 @@ def test_single_environments_pass_its_checks():
     check_env(gym.make("sim:trackslip/PathTracking-v0", action="twist", pose_source="scanner").unwrapped)
     check_env(gym.make("sim:trackslip/Traverse-v0", flippers="pairs").unwrapped)
     env = TraverseVecEnv(2, threads=1, flippers="pairs")
+    env.env_method("set_difficulty", 0.7, 0.7)
+    with pytest.raises(InvalidValueError, match="no own methods"):
+        env.env_method("set_difficulty", 0.7, 0.7, indices=[0])
     assert env.reset().shape == (2, 63)
     observation, reward, done, infos = env.step(np.zeros((2, 4)))
     assert (observation.shape, reward.shape, done.shape) == ((2, 63), (2,), (2,))
     assert [info["outcome"] for info in infos] == ["driving", "driving"]
+    assert [info["difficulty"] for info in infos] == [0.7, 0.7]
 
 
 def test_robots_may_have_different_options():
