@@ -6,6 +6,7 @@ turn by the wheels, and the measured yaw rates on the speeds of both sides.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +36,14 @@ class Clock:
     """True if no other offset leaves less than twice the variance."""
 
 
-def clock_of(drive: PreparedDrive) -> Clock:
+def clock_of(drives: Sequence[PreparedDrive]) -> float:
+    """The median of the drives' offsets, where motion shows them [s]; 0 if it is more than a fit would find."""
+    offsets = [clock.offset for clock in map(clock_of_drive, drives) if clock.share > 0]
+    offset = float(np.median(offsets or [0.0]))
+    return offset if abs(offset) <= NEAR else 0.0
+
+
+def clock_of_drive(drive: PreparedDrive) -> Clock:
     """The offset at which encoders and poses of a drive fit best: near 0 unless a farther one is much better."""
     time, pose = drive.every_pose
     begin = float(drive.edges[0] - time[0])

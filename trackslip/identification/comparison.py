@@ -9,13 +9,11 @@ from typing import TypeVar
 import numpy as np
 
 from trackslip.identification.first_look import Alarm, Look
-from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.gains import Gain
-from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives, held_out
+from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, Gain
+from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
 from trackslip.identification.path import EXTRAS, DriveModel
 from trackslip.identification.prediction import Pairs, PredictionErrors, ranked, sizes
 from trackslip.identification.preparation import PreparedDrive
-from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
 from trackslip.se2 import Mounting
@@ -86,8 +84,8 @@ def compare_drives(
     By default, all families that are made for drives. Raises LogError if no law can be fitted.
     """
     fast = names is not None or turns_fast(np.concatenate([drive.omega for drive in drives]), geometry)
-    two = gains(look, geometry)
-    reference = fit_drives(REFERENCE, drives, geometry, sensor, start=start_of(look, geometry), lag=lag)
+    two = look.gains.law(geometry)
+    reference = fit_drives(REFERENCE, drives, geometry, sensor, start=look.gains.start(geometry, look.clock), lag=lag)
     laws, notes = {}, list(look.notes)
     for name in names or drive_laws():
         if names is None and "offset_left" in FAMILIES[name].names and _sits_aside(reference):
@@ -95,8 +93,8 @@ def compare_drives(
         elif fast or not FAMILIES[name].fast:
             laws[name] = fit_drives(name, drives, geometry, sensor, reference=reference, lag=lag)
         step(1.0)
-    pairs = Pairs.of(reference.fit.data, geometry)
-    errors = {name: held_out(law.fit, pairs) for name, law in laws.items()}
+    pairs = reference.pairs
+    errors = {name: law.missed for name, law in laws.items()}
     plain = {TODAY: "none", GAINS: REFERENCE}
     models = {name: DriveModel(FAMILIES[law], geometry, reference.fit.model.gyro) for name, law in plain.items()}
     values = {name: _placed(models[name], sensor, two if name == GAINS else {}) for name in plain}
@@ -129,13 +127,6 @@ def compare_drives(
     )
 
 
-def gains(look: Look, geometry: RobotGeometry) -> dict[str, float]:
-    """The gains of a first look as constant ICRs: (1 + ε) on the speed, (1 + ε) b / (b + D) on the yaw rate."""
-    speed = look.speed.value if look.speed else 1.0
-    turn = look.turn.value if look.turn else speed
-    return {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
-
-
 def _gains_fit(look: Look, values: dict[str, float], reference: DriveFit) -> DriveFit:
     """The gains of a first look as a law."""
     model = reference.fit.model
@@ -154,12 +145,6 @@ def _gains_fit(look: Look, values: dict[str, float], reference: DriveFit) -> Dri
         correlation=covariance / np.outer([*half.values()], [*half.values()]),
         fit=replace(reference.fit, values=_placed(model, None, reference.extras | values)),
     )
-
-
-def start_of(look: Look, geometry: RobotGeometry) -> dict[str, float]:
-    """Values from which to fit laws, by name."""
-    known = gains(look, geometry) if look.speed else {}
-    return {**known, "clock_offset": look.clock}
 
 
 def _sits_aside(fit: DriveFit) -> bool:

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.clocks import NEAR, Clock, clock_of
-from trackslip.identification.gains import Gain, Gains, Steps, Window, gains_of, windows_of
+from trackslip.identification.clocks import NEAR, Clock, clock_of_drive
+from trackslip.identification.fitted import FEWEST_BLOCKS, Gain
+from trackslip.identification.gains import Gains, Steps, Window, gains_of, windows_of
 from trackslip.identification.jumps import without_jumps
 from trackslip.identification.misread import (
     matches_of,
@@ -27,7 +28,7 @@ from trackslip.identification.misread import (
     refuse_zeros,
 )
 from trackslip.identification.preparation import PreparedDrive
-from trackslip.identification.windows import BLOCK, FEWEST_BLOCKS
+from trackslip.identification.windows import BLOCK
 from trackslip.kinematics import RobotGeometry
 
 DOUBTFUL = 0.5
@@ -75,7 +76,7 @@ class Look:
         content = {key: value for key, value in asdict(self).items() if key != "gains"}
         for key in ("speed", "turn"):
             if content[key] is not None:
-                content[key] = {name: None if np.isnan(v) else v for name, v in content[key].items()}
+                content[key] = {name: None if np.isnan(v) else v for name, v in content[key]._asdict().items()}
         return content | {"notes": list(self.notes)}
 
     def without_jumps(
@@ -92,7 +93,7 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
         refuse_zeros(drive)
         refuse_wrapped(drive)
     refuse_angles(drives, geometry)
-    clocks = [_checked_clock(drive, clock_of(drive)) for drive in drives]
+    clocks = [_checked_clock(drive, clock_of_drive(drive)) for drive in drives]
     offsets = [clock.offset for clock in clocks if clock.share > 0] or [0.0]
     clock = float(np.median(offsets))
     covered = [drive for drive in drives if len(Steps.of(drive, geometry, clock).time) > 1]

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackslip.identification.fitted import FEWEST_BLOCKS, Gain, student
 from trackslip.identification.preparation import PreparedDrive, reckoned
-from trackslip.identification.windows import BLOCK, FEWEST_BLOCKS, student
+from trackslip.identification.windows import BLOCK
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 
 WINDOW = 2.0
@@ -28,25 +29,6 @@ _TURNS = np.concatenate([-np.geomspace(0.05, 3.0, 25), np.geomspace(0.05, 3.0, 2
 
 
 @dataclass(frozen=True)
-class Gain:
-    """A ratio of what was measured to what the wheels say, with a 95 % interval, NaN for too little driving."""
-
-    value: float
-    low: float
-    high: float
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """Of the interval."""
-        return self.low, self.high
-
-    @property
-    def error(self) -> float:
-        """Half the width of the interval."""
-        return (self.high - self.low) / 2
-
-
-@dataclass(frozen=True)
 class Gains:
     """Of distances and turns; None where the driving doesn't tell."""
 
@@ -56,6 +38,17 @@ class Gains:
     """Direction of forward motion in the frame of the headings [rad]; 0 without headings."""
     arm: complex = 0j
     """Place of the sensor in the robot, x + i y [m]; 0 without headings."""
+
+    def law(self, geometry: RobotGeometry) -> dict[str, float]:
+        """The gains as constant ICRs: (1 + ε) on the speed, (1 + ε) b / (b + D) on the yaw rate; 1 where not known."""
+        speed = self.speed.value if self.speed else 1.0
+        turn = self.turn.value if self.turn else speed
+        return {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
+
+    def start(self, geometry: RobotGeometry, clock: float) -> dict[str, float]:
+        """Values to start fits from, by name, with a clock offset [s]; of the law only if distances are known."""
+        place = {"sensor_x": self.arm.real, "sensor_y": self.arm.imag, "sensor_yaw": self.heading}
+        return (self.law(geometry) if self.speed else {}) | place | {"clock_offset": clock}
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,12 @@ import numpy as np
 
 from trackslip.errors import counted
 from trackslip.identification.path import DriveModel
-from trackslip.identification.windows import Data
+from trackslip.identification.windows import Data, WindowFit
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms
 
+FOLDS = 5
+"""Parts of the driving, of every fifth block each, that are predicted by what the others tell."""
 HORIZONS = (1.0, 2.0, 5.0, 10.0)
 """Times ahead [s]."""
 _TRAIL = 10.0  # time over which positions give the heading at the start, without headings [s]
@@ -118,6 +120,19 @@ class Pairs:
         return found
 
 
+def folds(fit: WindowFit, pairs: Pairs) -> tuple[Array, np.ndarray]:
+    """Parameters (F, p) without every fifth block, one step from the fit, and which of them predict the pairs (n,)."""
+    count = len(fit.score)
+    number, fold = np.unique(np.arange(count) % FOLDS, return_inverse=True)
+    return fit.without(fold == np.arange(len(number))[:, None]), fold[np.minimum(fit.block[pairs.start], count - 1)]
+
+
+def held_out(fit: WindowFit, pairs: Pairs) -> Array:
+    """Errors (n, 3) of pairs that are predicted by what the other blocks tell."""
+    values, part = folds(fit, pairs)
+    return pairs.errors(fit.model, values, part)
+
+
 def sizes(error: Array) -> Array:
     """Sizes (n, 2) of errors (n, 3) of position [m] and heading [rad]."""
     return np.column_stack([np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])])
@@ -221,13 +236,13 @@ def _as_good_as(errors: Array, block: np.ndarray, leader: int) -> np.ndarray:
     return np.asarray(mean <= np.maximum(_CHANCE * chance, _UNNOTICED))
 
 
-def slip_noise(error: Array, pairs: Pairs, spread: Array) -> dict[str, float]:
+def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float] = HORIZONS) -> dict[str, float]:
     """Slip that varies, a random walk of the pose [m/√m, m/√m, rad/√m], from errors (n, 3) of predictions.
 
-    Their variance, by medians, is that of two poses and one that grows with the way from the shortest horizon to the
-    longest. With one horizon, poses have the `spread` (3,). Errors of the first heading and of turns add to the sides.
+    Their variance, by medians, is that of two poses and one that grows with the way from the shortest horizon `ahead`
+    [s] to the longest. With one horizon, poses have the `spread` (3,). Errors of the first heading and of turns add to the sides.
     """
-    horizons = np.unique(pairs.horizon)
+    horizons = np.intersect1d(pairs.horizon, ahead)
     rows = [pairs.horizon == horizon for horizon in horizons[[0, -1]]] if len(horizons) else []
     if not rows:
         return dict.fromkeys(_SLIP, 0.0)

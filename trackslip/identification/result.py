@@ -14,8 +14,7 @@ import numpy as np
 from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.identification.comparison import Comparison, DriveComparison
 from trackslip.identification.first_look import Alarm
-from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.gains import Gain
+from trackslip.identification.fitted import FittedLaw, Gain
 from trackslip.identification.law_fit import REFERENCE
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_comparison import SteadyComparison
@@ -30,7 +29,7 @@ Method = Literal["steady", "drive"]
 _MATTERS = 0.1  # difference of two answers that matters to a user [significant changes]: 0.1 % in ε
 _REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
 _SHOWN = 3  # laws in a repr
-_UNSTORED = ("name", "law", "fit")  # fields of fits
+_UNSTORED = ("name", "law", "fit", "missed", "pairs")  # fields of fits
 _HEADER = ("law", "parameter", "value", "95 % interval")
 
 
@@ -259,7 +258,7 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
     content: dict[str, Any] = laws_to_json(found.fits(), found.geometry) | {"method": found.method, "best": found.best}
     content["expressible"] = found.expressible
     content["answer"] = {
-        name: {end: None if np.isnan(value) else value for end, value in asdict(gain).items()}
+        name: {end: None if np.isnan(value) else value for end, value in gain._asdict().items()}
         for name, gain in found.answer.items()
     }
     if steady is not None:

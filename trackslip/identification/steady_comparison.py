@@ -9,9 +9,9 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.identification.comparison import Comparison, expressible, turns_fast
+from trackslip.identification.fitted import FEWEST_BLOCKS
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_fit import SteadyFit, fit_law
-from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.metrics import rms

@@ -23,9 +23,8 @@ from scipy.optimize import brentq, least_squares
 from scipy.special import stdtrit
 
 from trackslip.errors import LogError, counted
-from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.derivatives import twist_derivatives
 from trackslip.laws.families import LawFamily, family

@@ -49,7 +49,7 @@ def test_every_law_is_found_within_its_errors(name, variation):
     fit = fit_drives(name, [log], GEOMETRY)
     assert (fit.name, tuple(fit.values)) == (name, FAMILIES[name].names)
     require_within(fit, {key: getattr(law, key) for key in fit.values})
-    assert fit.correlation.shape == (len(fit.free),) * 2
+    assert fit.correlation.shape == (len(fit.stderr),) * 2
     np.testing.assert_allclose(np.diag(fit.correlation), 1.0)
     for key, (low, high) in fit.interval95.items():
         value = (fit.values | fit.extras)[key]

@@ -9,8 +9,8 @@ from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log
 from sim.wander.motion import WHITE
 from trackslip.identification.comparison import compare_drives
 from trackslip.identification.first_look import first_look
-from trackslip.identification.law_fit import fit_drives, folds, held_out
-from trackslip.identification.prediction import HORIZONS, Pairs, ranked, slip_noise, trailing_heading
+from trackslip.identification.law_fit import fit_drives
+from trackslip.identification.prediction import HORIZONS, Pairs, folds, held_out, ranked, slip_noise, trailing_heading
 from trackslip.identification.preparation import drive_of
 from trackslip.identification.windows import Data
 from trackslip.laws.icr import ConstantIcr
