@@ -34,6 +34,10 @@ class Gain(NamedTuple):
         """Half the width of the interval."""
         return (self.high - self.low) / 2
 
+    def to_json(self) -> dict[str, float | None]:
+        """The three numbers; None for NaN."""
+        return {name: None if np.isnan(value) else value for name, value in self._asdict().items()}
+
 
 @dataclass(frozen=True, kw_only=True)
 class FittedLaw:

@@ -257,10 +257,7 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
     steady, drive = found.steady, found.drive
     content: dict[str, Any] = laws_to_json(found.fits(), found.geometry) | {"method": found.method, "best": found.best}
     content["expressible"] = found.expressible
-    content["answer"] = {
-        name: {end: None if np.isnan(value) else value for end, value in gain._asdict().items()}
-        for name, gain in found.answer.items()
-    }
+    content["answer"] = {name: gain.to_json() for name, gain in found.answer.items()}
     if steady is not None:
         laws = {name: _steady_law(name, steady) for name in steady.laws}
         content |= {"laws": laws, "samples": len(steady.samples)}

@@ -23,13 +23,9 @@ from scipy.linalg import eigh
 
 from trackslip.identification.fitted import scatter, student
 from trackslip.identification.path import DriveModel, Path
-from trackslip.identification.preparation import PreparedDrive, Timeline
+from trackslip.identification.preparation import BLOCK, PreparedDrive, Timeline
 from trackslip.kinematics import Array, wrap_angle
 
-LENGTHS = (0.5, 1.0, 2.0, 5.0, 10.0)
-"""Lengths of windows that are tried, one after the other [s]."""
-BLOCK = 10.0
-"""Duration of the blocks whose slip is taken to be independent, at least [s]."""
 LOSS = 2.0
 """Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and Ronchetti)."""
 _PER_SECOND = 2.0  # poses; where they are rarer, a window has as many as in its length at this rate
@@ -72,14 +68,13 @@ class Data:
 
         Neighbouring drives under the same command are one block.
         """
-        blocks, count = [], 0
-        for k, drive in enumerate(self.drives):
-            time = drive.time - drive.time[0]
-            parts = max(1, round(time[-1] / max(BLOCK, self.span(drive, length))))
-            if k and parts == 1 and drive.command is not None and drive.command == self.drives[k - 1].command:
+        blocks, count, before = [], 0, None
+        for drive in self.drives:
+            block = drive.blocks(drive.time, max(BLOCK, self.span(drive, length)))
+            if block[-1] == 0 and drive.command is not None and drive.command == before:
                 count -= 1
-            blocks.append(count + np.minimum((time / max(time[-1], 1e-9) * parts).astype(int), parts - 1))
-            count = int(blocks[-1][-1]) + 1
+            blocks.append(count + block)
+            count, before = int(blocks[-1][-1]) + 1, drive.command
         return np.concatenate(blocks)
 
 
