@@ -84,7 +84,7 @@ def uncertainty(
     }
 
 
-def scatter(apart: Array) -> Array:
+def cr3(apart: Array) -> Array:
     """Covariance (f, f) of parameters, from how far apart (G, f) they are without each block; NaN for few blocks.
 
     CR3: A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015.

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackslip.identification.fitted import Gain, scatter, student
+from trackslip.identification.fitted import Gain, cr3, student
 from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
 
@@ -158,11 +158,11 @@ def _windows(
         return Window(none, none, none + 0j, none, none.astype(int), none)
     lost = (np.diff(steps.time) > _LONGEST) | (np.abs(np.diff(steps.turn)) > np.pi)
     duration = np.diff(steps.time[ends])
-    good = (np.add.reduceat(lost, ends[:-1]) == 0) & (duration > 0.49 * length)
+    good = (np.diff(np.append(0, np.cumsum(lost))[ends]) == 0) & (duration > 0.49 * length)
     block = drive.blocks((steps.time[ends[1:]] + steps.time[ends[:-1]]) / 2)
     distance, turn = np.diff(steps.distance[ends]), turn_gain * np.diff(steps.turn[ends])
     if steps.heading is not None:
-        turned, moved = np.diff(steps.heading[ends]), np.add.reduceat(steps.moved, ends[:-1])
+        turned, moved = np.diff(steps.heading[ends]), np.diff(np.append(0.0, np.cumsum(steps.moved))[ends])
     else:
         assert steps.place is not None
         chord = np.diff(steps.place[ends])
@@ -280,5 +280,5 @@ def _regression(
 
 def _gain(value: float, without: Array, quantile: float) -> Gain:
     """A gain with its interval, from values (G,) without each block of driving and Student's t."""
-    half = float(quantile * np.sqrt(scatter(without[:, None] - value)[0, 0]))
+    half = float(quantile * np.sqrt(cr3(without[:, None] - value)[0, 0]))
     return Gain(float(value), float(value) - half, float(value) + half)

@@ -23,7 +23,7 @@ from scipy.optimize import brentq, least_squares
 from scipy.special import stdtrit
 
 from trackslip.errors import LogError, counted
-from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw
+from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, cr3, uncertainty
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.derivatives import twist_derivatives
@@ -83,24 +83,19 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, vague: boo
     notes = (f"law {name}: {doubt}",) if doubt else ()
     if notes and not vague:
         raise LogError(notes[0])
-    low, high, _ = model.limits(geometry.half_gauge)
-    width = error * stdtrit(fit.freedom, 0.975)
-    ends = np.column_stack([np.maximum(fit.values - width, low), np.minimum(fit.values + width, high)])
     values = dict(zip(names, fit.values.tolist(), strict=True))
-    with np.errstate(invalid="ignore"):
-        correlation = covariance / np.outer(error, error)
+    limits = model.limits(geometry.half_gauge)[:2]
+    predicted = fit.family.law(fit.values, geometry).twist(samples.omega, geometry)
     return SteadyFit(
         name=name,
         law=model.build(values, geometry),
         values=values,
-        stderr=dict(zip(names, error.tolist(), strict=True)),
-        interval95=dict(zip(names, map(tuple, ends.tolist()), strict=True)),
-        correlation=correlation,
-        rms=rms(samples.relative_errors(fit.family.law(fit.values, geometry).twist(samples.omega, geometry), geometry)),
+        rms=rms(samples.relative_errors(predicted, geometry)),
         scatter=fit.scatter,
         aicc=fit.aicc,
         fit=fit,
         notes=notes,
+        **uncertainty(names, fit.values, covariance, stdtrit(fit.freedom, 0.975), limits),
     )
 
 
@@ -225,12 +220,8 @@ class Fit:
         labels = self.samples.by_command(self.geometry)
         if labels.max() + 1 < FEWEST_BLOCKS:
             labels = np.arange(len(labels))
-        count = labels.max() + 1
-        if count < FEWEST_BLOCKS:
-            return covariance
-        apart = self.without(labels, steps=1) - self.values
-        variance = (count - 1) / count * np.sum(apart**2, axis=0)
-        wider = np.sqrt(np.maximum(1.0, variance / np.diag(covariance)))
+        variance = np.diag(cr3(self.without(labels, steps=1) - self.values))
+        wider = np.sqrt(np.fmax(1.0, variance / np.diag(covariance)))  # as it is if there are few
         return covariance * np.outer(wider, wider)
 
     @property

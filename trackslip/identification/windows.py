@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import eigh
 
-from trackslip.identification.fitted import scatter, student
+from trackslip.identification.fitted import cr3, student
 from trackslip.identification.path import DriveModel, Path
 from trackslip.identification.preparation import BLOCK, PreparedDrive, Timeline
 from trackslip.kinematics import Array, wrap_angle
@@ -247,7 +247,7 @@ class WindowFit:
     def covariance(self) -> Array:
         """(f, f) of the free parameters: by leaving out blocks (CR3), and of the priors; NaN for few blocks."""
         apart = (self.without(np.eye(len(self.score), dtype=bool)) - self.values)[:, self.free]
-        return scatter(apart) + self._inverse @ (self.prior[:, None] * self._inverse)
+        return cr3(apart) + self._inverse @ (self.prior[:, None] * self._inverse)
 
     @property
     def quantile(self) -> Array:
