@@ -18,10 +18,9 @@ from trackslip.logs.checks import unwrapped
 
 NEAR = 2.0
 """Offset that a fit finds by itself from a start value [s]: its prior (`path.EXTRAS`)."""
-_GRID, _MOST = 0.1, 200_000  # step of the common grid [s], and its largest number of points
+_GRID = 0.1  # step of the common grid [s]; gains allow for as much
 _HALF = 0.5  # half of the time over which velocities are taken [s]: noise of 2 cm is 3 cm/s then
 _FITS = 0.5  # share of the variance that a clock explains at least
-_APART = 3.0  # shifts [s] that are other ones, for drivers who change speed every few seconds
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ def clock_of_drive(drive: PreparedDrive) -> Clock:
         poses = poses[np.argsort(poses[:, 0], kind="stable")]
     time = poses[:, 0]
     half = max(_HALF, 2 * drive.interval)
-    step = max(_GRID, max(drive.edges[-1] - drive.edges[0], time[-1] - time[0]) / _MOST)
+    step = max(_GRID, max(drive.edges[-1] - drive.edges[0], time[-1] - time[0]) / 200_000)
     of_poses, of_wheels = (np.arange(t[0] + half, t[-1] - half, step) for t in (time, drive.edges))
     if min(len(of_poses), len(of_wheels)) < 2 * NEAR / step:
         return Clock(0.0)
@@ -70,7 +69,7 @@ def clock_of_drive(drive: PreparedDrive) -> Clock:
     share = weights @ shares / max(weights.sum(), 1e-9)
     offset = drive.edges[0] - time[0] + np.arange(1 - len(of_poses), len(of_wheels)) * step
     best = int(np.argmax(share))
-    others = share[np.abs(offset - offset[best]) > _APART]
+    others = share[np.abs(offset - offset[best]) > 3.0]  # drivers change speed every few seconds
     distinct = bool(share[best] >= _FITS and 1 - others.max(initial=0.0) >= 2 * (1 - share[best]))
     near = np.abs(offset) <= NEAR
     if not distinct:

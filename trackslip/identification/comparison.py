@@ -13,7 +13,7 @@ from trackslip.identification.first_look import Alarm, Look
 from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, Gain, uncertainty
 from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
 from trackslip.identification.path import EXTRAS, DriveModel
-from trackslip.identification.prediction import PredictionErrors, ranked
+from trackslip.identification.prediction import LEAST_ERROR, PredictionErrors, ranked
 from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
@@ -22,9 +22,6 @@ from trackslip.se2 import Mounting
 Fit = TypeVar("Fit", bound=FittedLaw)
 TODAY = "today"
 """Name of the prediction without identification: dead reckoning without slip."""
-_WORSE = 1.1  # ratio of median errors that is worse
-_LEAST_ERROR = 1e-3  # difference of errors that nobody notices [m, rad]
-_FAST, _OFTEN = 0.5, 0.05  # lateral acceleration from which slip by it may show [m/s^2], and share of the driving
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +164,7 @@ def _alarms(law: DriveFit, errors: Mapping[str, Mapping[float, PredictionErrors]
     for name, kind, others in ((TODAY, "worse", "the robot does today"), (GAINS, "gains", "two gains do")):
         for (ahead, ours), what in product(errors[law.name].items(), ("position", "heading")):
             median, other = (getattr(each, f"{what}_median") for each in (ours, errors[name][ahead]))
-            if median is not None and other is not None and median > _WORSE * other + _LEAST_ERROR:
+            if median is not None and other is not None and median > 1.1 * other + LEAST_ERROR:
                 line = f"{ahead:g} s ahead, law {law.name} predicts the {what} worse than {others}: don't use it"
                 alarms.append(Alarm(kind, line))
                 break
@@ -180,6 +177,6 @@ def expressible(laws: Mapping[str, Fit]) -> dict[str, Fit]:
 
 
 def turns_fast(omega: Array, geometry: RobotGeometry) -> bool:
-    """True if sprocket speeds (n, 2) [rad/s] often demand a lateral acceleration that makes robots skid."""
+    """True if sprocket speeds (n, 2) [rad/s] often demand a lateral acceleration by which slip may show: 0.5 m/s²."""
     v, w = body_twist(omega, 0.0, geometry).T
-    return bool(np.mean(np.abs(v * w) > _FAST) > _OFTEN)
+    return bool(np.mean(np.abs(v * w) > 0.5) > 0.05)

@@ -30,7 +30,6 @@ from trackslip.identification.preparation import BLOCK, PreparedDrive
 from trackslip.kinematics import RobotGeometry
 
 _DOUBTFUL = 0.5  # correlation of wheels and poses below which it is doubtful that they belong together
-_SLIGHT = 0.1  # turn [half gauges] per distance of a straight; share of the turns to one side that are none
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
         clock,
         left_turns=float(turns.clip(min=0.0).sum()),
         right_turns=float((-turns).clip(min=0.0).sum()),
-        straight=float(distance[np.abs(turns) * geometry.half_gauge < _SLIGHT * distance].sum()),
+        straight=float(distance[np.abs(turns) * geometry.half_gauge < 0.1 * distance].sum()),
         top_speed=float((distance / window.duration).max(initial=0.0)),
         duration=float(sum(drive.time[-1] - drive.time[0] for drive in covered)),
     )
@@ -184,7 +183,7 @@ def _notes(drives: Sequence[PreparedDrive], look: Look) -> list[str]:
         notes.append("gains of distances can't be told: the robot hardly drives, or poses are too rare")
     if look.turn is None:
         notes.append("gains of turns can't be told: the robot hardly turns, or poses are too rare")
-    elif min(look.left_turns, look.right_turns) < _SLIGHT * turns:
+    elif min(look.left_turns, look.right_turns) < 0.1 * turns:
         side = "left" if look.left_turns > look.right_turns else "right"
         notes.append(f"turns to the {side} only: unequal sides can't be told from the turns")
     return notes

@@ -19,7 +19,6 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
 WINDOW = 2.0
 """Duration of windows [s]: noise of 2 cm is 5 % of the distance of a slow robot then, and steady arcs stay below half a
 turn."""
-_LONGEST = 10.0  # time between poses above which windows don't tell how often a robot turned [s]
 _OFF = 0.1  # error of the clock that is allowed for [s]: the step of its grid
 _HUBER = 1.345  # standard deviations: 95 % efficient for normal errors (P. J. Huber, *Robust Statistics*)
 _TURNS = np.concatenate([-np.geomspace(0.05, 3.0, 25), np.geomspace(0.05, 3.0, 25)])  # gains tried to start from
@@ -156,7 +155,7 @@ def _windows(
     if len(ends) < 2:
         none = np.zeros(0)
         return Window(none, none, none + 0j, none, none.astype(int), none)
-    lost = (np.diff(steps.time) > _LONGEST) | (np.abs(np.diff(steps.turn)) > np.pi)
+    lost = (np.diff(steps.time) > 10.0) | (np.abs(np.diff(steps.turn)) > np.pi)
     duration = np.diff(steps.time[ends])
     good = (np.diff(np.append(0, np.cumsum(lost))[ends]) == 0) & (duration > 0.49 * length)
     block = drive.blocks((steps.time[ends[1:]] + steps.time[ends[:-1]]) / 2)

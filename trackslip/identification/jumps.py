@@ -15,8 +15,6 @@ from trackslip.kinematics import Array, RobotGeometry
 
 _MOST_WILD = 3  # successive poses that are wild, or placeholders, rather than a path of their own
 _OUTLYING = 10.0  # robust standard deviations: slip in bursts reaches 6, relocalisations of a few cm exceed it
-_LEAST = 0.3, 0.2  # jumps [half gauges, rad] that are smaller do no harm under a robust loss
-_MANY = 0.1  # share of steps above which they are noise
 
 
 def without_jumps(
@@ -73,9 +71,10 @@ def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: f
 
     step, last = np.arange(1, len(steps.time)), 0
     missed, slip = too_far(step - 1, step)
-    limit = np.maximum(_OUTLYING * 1.4826 * np.median(missed, axis=1), [_LEAST[0] * geometry.half_gauge, _LEAST[1]])
+    harmless = np.array([0.3 * geometry.half_gauge, 0.2])  # [m, rad], under a robust loss
+    limit = np.maximum(_OUTLYING * 1.4826 * np.median(missed, axis=1), harmless)
     off = (missed - slip > limit[:, None]).any(axis=0)
-    for k in (np.flatnonzero(off) + 1).tolist() if off.mean() <= _MANY else []:
+    for k in (np.flatnonzero(off) + 1).tolist() if off.mean() <= 0.1 else []:  # else they are noise
         if k <= last:
             continue
         after = np.arange(k + 1, min(k + 1 + _MOST_WILD, len(steps.time)))

@@ -25,8 +25,6 @@ _LENGTHS = (10.0, 5.0, 2.0, 1.0)  # of windows that are tried [s]
 _COMPARED = (1.0, 5.0)  # horizons of the predictions that choose the length, and tell how slip varies [s]
 _NO_WORSE = 1.01  # ratio of errors of predictions that doesn't matter
 _MACHINED = 0.02  # error of an effective radius that is taken to be possible where the driving doesn't tell it [-]
-_NEAR = 0.3  # difference that doesn't matter [significant changes]: a fit may stop before it reaches a limit
-_VAGUE = 0.5  # share of the prior's width that a standard error has where the driving doesn't tell a parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +51,8 @@ class DriveFit(FittedLaw):
     def at_limit(self) -> tuple[str, ...]:
         """Names of the law's parameters at a limit, or so near that the difference doesn't matter; 0 is no limit."""
         low, high, scale = self.fit.model.limits[:, : len(self.values)]
-        values = self.fit.values[: len(self.values)]
-        bound = ((values < low + _NEAR * scale) & (low != 0)) | (values > high - _NEAR * scale)
+        values, near = self.fit.values[: len(self.values)], 0.3 * scale  # a fit may stop before it reaches a limit
+        bound = ((values < low + near) & (low != 0)) | (values > high - near)
         return tuple(name for name, at in zip(self.values, bound, strict=True) if at)
 
 
@@ -96,7 +94,7 @@ def fit_drives(
     fixed, mean = _held(model, first.data, sensor, held, lag), _means(model, sensor)
     if "offset_left" in model.names:
         values[model.index("sensor_y")] = held.get("sensor_y", mean[model.index("sensor_y")])
-    fit = fit_windows(model, first.data, first.length, values, _free(model, fixed), mean, first.spread)
+    fit = fit_windows(model, first.data, first.length, values, _free(model, fixed), mean)
     return _described(fit, fixed, reference.pairs)
 
 
@@ -195,7 +193,7 @@ def _described(fit: WindowFit, fixed: Mapping[str, str], pairs: Pairs) -> DriveF
     model, law = fit.model, len(fit.model.family.names)
     names, covariance = [model.names[k] for k in fit.free], fit.covariance
     known = uncertainty(names, fit.values[fit.free], covariance, fit.quantile, model.limits[:2, fit.free])
-    vague = np.sqrt(np.diag(covariance)) > _VAGUE / np.sqrt(fit.prior)
+    vague = np.sqrt(np.diag(covariance)) > 0.5 / np.sqrt(fit.prior)  # half of what is known without driving
     held = dict(fixed) | {
         name: "the driving doesn't tell it" for name, unknown in zip(names, vague, strict=True) if unknown
     }

@@ -26,7 +26,6 @@ _SPEED_UNITS = {
     1e-6: "t looks like µs: divide it by 1e6",
     1e-9: "t looks like ns: divide it by 1e9",
 }
-_MIRRORED = "the turns are mirrored: "
 _BACKWARDS = "the {0} encoder counts backwards: change the sign of omega_{1}, for a bag by --reversed {0}"
 _BOTH_WRONG = "the tracks are swapped and one encoder counts backwards: change the sign of omega_{}, then exchange both"
 _SIDES = {
@@ -34,7 +33,7 @@ _SIDES = {
     "both",
     (False, -1, 1): _BACKWARDS.format("left", "l"),
     (False, 1, -1): _BACKWARDS.format("right", "r"),
-    (True, 1, 1): f"{_MIRRORED}are the tracks swapped? Exchange omega_l and omega_r",
+    (True, 1, 1): "the turns are mirrored: are the tracks swapped? Exchange omega_l and omega_r",
     (True, -1, -1): "the robot moves backwards where its wheels drive forwards: turn phi by pi, or exchange omega_l "
     "and omega_r and change their signs",
     (True, -1, 1): _BOTH_WRONG.format("l"),
@@ -107,7 +106,9 @@ def refuse_sides(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock
     placed, headed = (any(np.isfinite(drive.pose[:, k]).any() for drive in drives) for k in (0, 2))
     what = _SIDES[best]
     if best[1] == best[2] and not (placed and headed):  # positions or headings alone don't tell these apart
-        what = f"{_MIRRORED}exchange omega_l and omega_r, or change the signs of both if they count backwards"
+        what = (
+            "the turns are mirrored: exchange omega_l and omega_r, or change the signs of both if they count backwards"
+        )
     raise LogError(f"{what} (correlation with the poses {match.mean():.2f} then, {now.mean():.2f} as it is)")
 
 

@@ -17,10 +17,8 @@ FOLDS = 5
 """Parts of the driving, of every fifth block each, that are predicted by what the others tell."""
 HORIZONS = (1.0, 2.0, 5.0, 10.0)
 """Times ahead [s]."""
-_TRAIL = 10.0  # time over which positions give the heading at the start, without headings [s]
-_MIN_DRIVEN = 0.1  # way of the belts during which a robot moves [half gauges]
-_LEAST_ERROR = 1e-3  # mean error below which no law is better [m, rad]
-_UNNOTICED = 0.002  # difference of errors that doesn't matter [smallest mean error]
+LEAST_ERROR = 1e-3
+"""Mean error, or difference of errors, that nobody notices [m, rad]."""
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")
 
 
@@ -78,7 +76,7 @@ class Pairs:
                 found.append(np.stack([begin + usable[hit], begin + usable[end[hit]], np.full(len(hit), horizon)]))
         *rows, ahead = np.concatenate(found, axis=1)
         start, end = np.array(rows, int)
-        kept = way[end] - way[start] > _MIN_DRIVEN * geometry.half_gauge
+        kept = way[end] - way[start] > 0.1 * geometry.half_gauge  # it moves
         kept &= np.isin(ahead, [h for h in horizons if (ahead[kept] == h).sum() >= 5])
         return cls(data, start[kept], end[kept], ahead[kept], (way[end] - way[start])[kept])
 
@@ -159,11 +157,11 @@ def trailing_heading(time: Array, position: Array, path: Array) -> Array:
 
 
 def _trailing_heading(time: Array, z: np.ndarray, c: np.ndarray, heading: Array) -> Array:
-    """Headings (n,) from positions z and places c of the path (n,), complex, and headings on the path."""
+    """Headings (n,) from 10 s of positions z and places c of the path (n,), complex, and headings on the path."""
     c = c - c[:1]
     sums = np.cumsum([np.ones(len(z)), z, c, z * c.conj(), np.abs(c) ** 2], axis=1)
     sums = np.concatenate([np.zeros((5, 1)), sums], axis=1)
-    begin = np.searchsorted(time, time - _TRAIL)
+    begin = np.searchsorted(time, time - 10.0)
     number, a, b, product, square = sums[:, 1:] - sums[:, begin]
     size = (square / number).real - np.abs(b / number) ** 2
     told = (number.real >= 5) & (size > 0.15**2)  # positions on 0.5 m, which noise of 2 cm turns by few degrees
@@ -200,10 +198,10 @@ def ranked(errors: Mapping[str, Array], terms: Mapping[str, float], pairs: Pairs
             continue
         size = np.where(known, size, 0.0)
         least = (size.sum(axis=1) / np.maximum(known.sum(axis=0), 1)).min(axis=0)
-        error = (size / np.maximum(least, _LEAST_ERROR)).sum(axis=2)
+        error = (size / np.maximum(least, LEAST_ERROR)).sum(axis=2)
         block = pairs.data.blocks(horizon)[pairs.start[rows]]
         means.append(error.mean(axis=1))
-        equal.append([as_good_as(error, leader, block, _UNNOTICED) for leader in range(len(names))])
+        equal.append([as_good_as(error, leader, block, 2 * LEAST_ERROR) for leader in range(len(names))])
     if not means:
         return None
     score = np.mean([(mean + 1e-9) / (mean.min() + 1e-9) for mean in means], axis=0)

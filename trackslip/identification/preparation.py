@@ -11,16 +11,12 @@ from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
 from trackslip.logs.checks import unwrapped
 from trackslip.logs.runlog import Refused, RunLog, none_usable
+from trackslip.motion.steady import STANDING
 
 MAX_ROWS = 200_000
 """Encoder intervals that are used in all; more are merged."""
 BLOCK = 10.0
 """Duration of the blocks of driving whose slip is taken to be independent, at least [s]."""
-_MIN_POSES = 2  # of a drive: start and end
-_TOO_OFTEN = 0.05  # time between poses below which more tell little more [s]: paths hardly bend in it
-_SLOWEST = 10.0  # time between rows of any log of a robot that drives [s]
-_STANDING = 1e-3  # sprocket speed of a robot at rest [rad/s]
-_PAUSE = 1.0  # between drives [s]
 
 
 @dataclass(frozen=True)
@@ -77,19 +73,18 @@ def drives_of(logs: Sequence[RunLog]) -> tuple[list[PreparedDrive], list[Refused
 def drive_of(log: RunLog, max_rows: int = MAX_ROWS) -> PreparedDrive:
     """A drive prepared; raises LogError if it stands still, has too few poses, or times that can't be seconds."""
     step = float(np.median(np.diff(log.time)))
-    if step > _SLOWEST:
+    if step > 10.0:  # more than of any log of a robot that drives
         raise LogError(f"run {log.run!r}: t rises by {step:.3g} per row: are these ms or ns? It must be in seconds")
     valid = np.flatnonzero(log.is_valid)
     rows = valid[_changing(log, valid)]
-    if len(rows) < _MIN_POSES and (log.beyond is None or len(log.beyond) < _MIN_POSES):
-        poses = counted(len(rows), "pose")
-        raise LogError(f"run {log.run!r}: {poses} while it drives, needs at least {_MIN_POSES}")
-    if not np.abs(log.omega[1:]).max() > _STANDING:
+    if len(rows) < 2 and (log.beyond is None or len(log.beyond) < 2):
+        raise LogError(f"run {log.run!r}: {counted(len(rows), 'pose')} while it drives, needs at least 2")
+    if not np.abs(log.omega[1:]).max() > STANDING:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
     time, pose = measured_poses(log.time[rows], log.pose[rows])
     measured = len(time)
     usual = float(np.median(np.diff(time if len(time) > 1 or log.beyond is None else log.beyond[:, 0])))
-    every = slice(None, None, max(1, int(_TOO_OFTEN / usual + 0.1)))
+    every = slice(None, None, max(1, int(0.05 / usual + 0.1)))  # paths hardly bend in 0.05 s
     time, pose = time[every], pose[every].copy()
     headed = np.isfinite(pose[:, 2])
     pose[headed, 2] = unwrapped(pose[headed, 2])
@@ -123,7 +118,7 @@ def _changing(log: RunLog, rows: np.ndarray) -> np.ndarray:
     turned = np.append(0.0, np.cumsum(np.abs(log.omega[1:]).max(axis=1) * np.diff(log.time)))[rows]
     pose = np.nan_to_num(log.pose[rows])
     same = (np.diff(pose, axis=0) == 0).all(axis=1) & np.isfinite(log.pose[rows[1:], 0])
-    return np.append(True, ~(same & (np.diff(turned) > _STANDING)))[: len(rows)]
+    return np.append(True, ~(same & (np.diff(turned) > STANDING)))[: len(rows)]
 
 
 def measured_poses(time: Array, pose: Array) -> tuple[Array, Array]:
@@ -161,7 +156,7 @@ def _between_ticks(time: Array, omega: Array) -> Array:
 def _of_side(time: Array, omega: Array) -> Array:
     """Mean speeds (T - 1,) of one sprocket."""
     read = np.flatnonzero(np.diff(omega, prepend=np.nan) != 0)  # first rows of readings
-    turning = np.abs(omega[read[:-1]]) > _STANDING
+    turning = np.abs(omega[read[:-1]]) > STANDING
     if turning.sum() < 4:
         return omega[1:]
     rows, usual = np.median(np.diff(read)[turning]), float(np.median(np.diff(time[read])[turning]))
@@ -217,7 +212,7 @@ class Timeline:
     @classmethod
     def of(cls, drives: Sequence[PreparedDrive]) -> Timeline:
         """The drives in a row."""
-        length = np.array([drive.edges[-1] - drive.edges[0] + _PAUSE for drive in drives])
+        length = np.array([drive.edges[-1] - drive.edges[0] + 1.0 for drive in drives])  # and a pause
         shift = np.cumsum(length) - length - [drive.edges[0] for drive in drives]
         count = np.array([len(drive.edges) for drive in drives])  # intervals, with the pause after
         begins, nodes = np.cumsum(count) - count, [len(drive.time) for drive in drives]

@@ -26,9 +26,7 @@ from trackslip.logs.runlog import Refused, RunLog
 
 Method = Literal["steady", "drive"]
 """Ways to identify laws: from stretches of constant sprocket speeds, or from whole drives."""
-_MATTERS = 0.1  # difference of two answers that matters to a user [significant changes]: 0.1 % in ε
 _REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
-_SHOWN = 3  # laws in a repr
 _UNSTORED = ("name", "law", "fit", "missed", "pairs")  # fields of fits
 _HEADER = ("law", "parameter", "value", "95 % interval")
 
@@ -85,7 +83,7 @@ class Identification:
         apart = []
         for name, change in zip(drive.values, FAMILIES[REFERENCE].limits(self.geometry.half_gauge)[2], strict=True):
             lows, highs = zip(*(fit.interval95.get(name, (-np.inf, np.inf)) for fit in (steady, drive)), strict=True)
-            if max(lows) > min(highs) and abs(steady.values[name] - drive.values[name]) > _MATTERS * change:
+            if max(lows) > min(highs) and abs(steady.values[name] - drive.values[name]) > 0.1 * change:
                 apart.append(f"{name} {steady.values[name]:.3g} and {drive.values[name]:.3g}")
         line = (
             f"steady stretches and whole drives contradict each other ({', '.join(apart)}): look at both in the report"
@@ -178,10 +176,10 @@ class Identification:
 
     def __repr__(self) -> str:
         names = self._ranking()
-        rows = [_HEADER, *(row for name in names[:_SHOWN] for row in self._rows(name))]
+        rows = [_HEADER, *(row for name in names[:3] for row in self._rows(name))]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-        more = [f"and {len(names) - _SHOWN} more, see .laws"] if len(names) > _SHOWN else []
+        more = [f"and {len(names) - 3} more, see .laws"] if len(names) > 3 else []
         return "\n".join([*self._title(), *lines, *more])
 
     def _repr_html_(self) -> str:

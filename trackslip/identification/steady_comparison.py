@@ -20,10 +20,7 @@ from trackslip.metrics import rms
 BASELINES = ("none", "exponential", "icr")
 """Laws that are always reported, for others to be compared with."""
 _FOLDS = 10  # most parts of a cross-validation (Kohavi, 1995)
-_FEWEST_RADII = 3  # parts by radius from which laws are judged by radii
 _NEGLIGIBLE = 1e-3  # relative error of the track speeds that no ground and no encoder repeats, and no law need predict
-_INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred (Burnham and Anderson, 2002)
-_LEAST_LOAD = 1e-3  # range of the tractions per unit load from which their effect may show [-]
 
 
 @dataclass(frozen=True)
@@ -77,11 +74,10 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
 
     Raises LogError if the samples determine no law of turning.
     """
-    laws: dict[str, SteadyFit] = {}
-    warnings: list[str] = []
+    laws, warnings = dict[str, SteadyFit](), list[str]()
     sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
     one_sided = min((sides > 0).sum(), (sides < 0).sum()) < 2
-    unloaded = samples.load is None or np.ptp(samples.load) < _LEAST_LOAD
+    unloaded = samples.load is None or np.ptp(samples.load) < 1e-3
     slow = not turns_fast(samples.omega, geometry)
     for name, family in FAMILIES.items():
         impossible = (family.two_sided and one_sided) or (family.loaded and unloaded) or (family.fast and slow)
@@ -158,7 +154,7 @@ def _best(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Mapping[str, Ar
         return min(scores, key=lambda name: (len(laws[name].values), scores[name]))
 
     radii, runs = squares("radius"), squares("run")
-    many = radii and samples.by_command(fit.geometry).max() + 1 >= _FEWEST_RADII
+    many = radii and samples.by_command(fit.geometry).max() >= 2
     errors, what = (radii, "radii") if many else (runs, "runs")
     if errors and len(samples) >= FEWEST_BLOCKS:
         good = _as_good(errors)
@@ -167,7 +163,9 @@ def _best(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Mapping[str, Ar
         return simplest({name: float(errors[name].mean()) for name in good}), why
     aicc = {name: law.aicc for name, law in laws.items() if law.aicc is not None}
     if aicc:
-        near = {name: value for name, value in aicc.items() if value <= min(aicc.values()) + _INDISTINCT}
+        near = {
+            name: value for name, value in aicc.items() if value <= min(aicc.values()) + 2
+        }  # Burnham and Anderson, 2002
         why = "it is the simplest of those whose AICc is within 2 of the smallest; the runs are too few for predictions"
         return simplest(near), why
     least = min(laws, key=lambda name: laws[name].scatter)

@@ -31,8 +31,6 @@ from trackslip.laws.families import LawFamily, family
 from trackslip.metrics import rms
 
 _EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
-_MOST = 50  # steps of a fit; up to 30 where the samples determine the law
-_STEPS = 4  # steps from the fit to all runs to that of a part; errors of laws that fit are right to 1e-3
 _SETTLED = 1e-4  # relative change of the scatter at which a fit has converged; of chi-square, its square
 _SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_identification)
 _VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_identification)
@@ -167,7 +165,7 @@ class Fit:
             return -(self._slopes(values[None])[0] / error[..., None]).reshape(-1, len(values))
 
         result = least_squares(
-            residual, self.values, jacobian, (low, high), "dogbox", _SETTLED**2, x_scale=scale, max_nfev=_MOST
+            residual, self.values, jacobian, (low, high), "dogbox", _SETTLED**2, x_scale=scale, max_nfev=50
         )
         return replace(self, values=result.x)
 
@@ -195,8 +193,11 @@ class Fit:
         unit = 1 / np.sqrt(np.maximum(np.einsum("mpp->mp", normal), 1e-300))
         return normal * unit[:, :, None] * unit[:, None, :], pull * unit, unit
 
-    def without(self, labels: np.ndarray, steps: int = _STEPS) -> Array:
-        """Values (G, p) without the runs of each label (n,), by steps of Gauss and Newton from those of all runs."""
+    def without(self, labels: np.ndarray, steps: int = 4) -> Array:
+        """Values (G, p) without the runs of each label (n,), by steps of Gauss and Newton from those of all runs.
+
+        With four of them, errors of laws that fit are right to 1e-3.
+        """
         used = (labels != np.arange(labels.max() + 1)[:, None]).astype(float)  # (G, n)
         low, high, _ = self.family.limits(self.geometry.half_gauge)
         values = self.values[None]

@@ -28,12 +28,6 @@ from trackslip.kinematics import Array, wrap_angle
 
 LOSS = 2.0
 """Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and Ronchetti)."""
-_PER_SECOND = 2.0  # poses; where they are rarer, a window has as many as in its length at this rate
-_SPREAD = 1.4826  # standard deviation of normal numbers over the median of their absolute values
-_LEAST = 1e-6  # spread of residuals: rounding [m, rad]
-_TOLERANCE = 0.1  # change of all parameters at which a fit has converged [standard errors, of independent residuals]
-_FAR = 3.0  # and that after which the slopes are taken again
-_ITERATIONS = 20
 _BENDS = 0.2  # of what its weights say: least second derivative of the loss, where a few large residuals make it less
 _RELAXED = 1.5  # step over that of reweighted least squares, which the loss would shorten: it bends less
 
@@ -60,8 +54,8 @@ class Data:
         return cls(tuple(drives), Timeline.of(drives), place, filled[:, 2], known, first)
 
     def span(self, drive: PreparedDrive, length: float) -> float:
-        """Duration of the windows of a drive [s]: longer than `length` where poses are rare."""
-        return length * max(1.0, _PER_SECOND * drive.interval)
+        """Duration of the windows of a drive [s]: `length`, or as many poses as are in it at 2 Hz."""
+        return length * max(1.0, 2 * drive.interval)
 
     def blocks(self, length: float) -> np.ndarray:
         """Index (K,) of the block of driving that each pose is in: no shorter than windows of this length [s].
@@ -87,16 +81,15 @@ class Windows:
     of: np.ndarray  # (R,) index of the window
 
     @classmethod
-    def cut(cls, data: Data, length: float, twice: bool = True) -> Windows:
+    def cut(cls, data: Data, length: float) -> Windows:
         """Windows of about this length [s]; the pose at a border belongs to both sides.
 
-        Cut `twice`, the second time half a window later, they are as efficient as an estimate of the whole path.
+        Cut twice, the second time half a window later, they are as efficient as an estimate of the whole path.
         """
         rows = []
         for drive, begin in zip(data.drives, data.first, strict=False):
-            time = drive.time
-            span = data.span(drive, length)
-            for start in (time[0], time[0] + span / 2) if twice else time[:1]:
+            time, span = drive.time, data.span(drive, length)
+            for start in (time[0], time[0] + span / 2):
                 cuts = np.searchsorted(time, np.arange(start, time[-1], span))
                 ends = np.unique([0, *cuts, len(time) - 1])
                 if start > time[0] and len(ends) < 4:
@@ -126,7 +119,7 @@ class Residuals:
         for k, rows in enumerate((slice(2), slice(2, 3), slice(3, 4))):
             size = np.abs(self.value[rows][self.known[rows]])
             if len(size):
-                spread[k] = max(_SPREAD * float(np.median(size)), _LEAST)
+                spread[k] = max(1.4826 * float(np.median(size)), 1e-6)  # of normal numbers, and of rounding
         return spread
 
     def weights(self, spread: Array) -> tuple[Array, Array]:
@@ -274,20 +267,19 @@ def fit_windows(
     values: Array,
     free: np.ndarray,
     mean: Array,
-    spread: Array | None = None,
+    tolerance: float = 0.1,
 ) -> WindowFit:
-    """Fit the parameters `free` (f,) to windows of a length [s].
+    """Fit the parameters `free` (f,) to windows of a length [s], from `values` (p,); `mean` (p,) is that of the priors.
 
-    It begins at `values` (p,) and the `spread` (3,) of residuals there, which it estimates again;
-    `mean` (p,) is that of the priors.
+    The fit has converged when no parameter changes by more than `tolerance` standard errors, of independent residuals.
+    Slopes are taken again after changes of more than three.
     """
     windows, values = Windows.cut(data, length), values.copy()
     low, high, _ = model.limits[:, free]
     prior = 1 / model.prior[free] ** 2
     known = data.known[:, windows.pose].astype(float)
-    weight = known if spread is None else known / spread[:2, None] ** 2
-    rest = residuals(model, data, windows, values, free, weight)
-    for _ in range(_ITERATIONS):
+    rest = residuals(model, data, windows, values, free, known)
+    for _ in range(20):
         spread = rest.spread
         pull, _ = rest.weights(spread)
         hessian = rest.normal(pull) + np.diag(prior)
@@ -295,11 +287,11 @@ def fit_windows(
         moved = np.clip(values[free] - _RELAXED * np.linalg.solve(hessian, gradient), low, high)
         change = np.max(np.abs(moved - values[free]) * np.sqrt(np.diag(hessian)), initial=0.0)
         values[free] = moved
-        if change < _TOLERANCE:
+        if change < tolerance:
             break
-        weight = known / spread[:2, None] ** 2
-        later = residuals(model, data, windows, values, free if change > _FAR else free[:0], weight)
-        rest = later if change > _FAR else replace(later, slope=rest.slope)
+        slopes = free if change > 3.0 else free[:0]
+        later = residuals(model, data, windows, values, slopes, known / spread[:2, None] ** 2)
+        rest = later if len(slopes) else replace(later, slope=rest.slope)
     rest = residuals(model, data, windows, values, free, rest.alignment(rest.spread))
     spread = rest.spread
     pull, curved = rest.weights(spread)
