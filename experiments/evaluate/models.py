@@ -17,7 +17,7 @@ from sim.calibration.targets import Drives
 from sim.log_replay import Replayer
 from sim.robot.named import load_parameters
 from trackslip.errors import InvalidValueError
-from trackslip.identification.comparison import TODAY, gains, start_of
+from trackslip.identification.comparison import TODAY
 from trackslip.identification.first_look import Look, first_look
 from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
 from trackslip.identification.preparation import PreparedDrive, drives_of
@@ -127,7 +127,7 @@ def _law_models(
     """
     texts = config.law or (_FITTED if config.folds else (NO_SLIP,))
     fitted = config.folds and any(text in drive_laws() for text in texts)
-    start = start_of(look, geometry) if look else None
+    start = look.gains.start(geometry, look.clock) if look else None
     reference = fit_drives(REFERENCE, others, geometry, start=start) if fitted else None
     laws = [_law(text, config, others, geometry, reference) for text in texts]
     known = next((law for law in laws if law.mounting is not None), laws[0])
@@ -162,7 +162,7 @@ def _law(
 
 def _gains(look: Look, geometry: RobotGeometry) -> LawInUse:
     """Factors on speed and yaw rate, as the law (1 + ε) and (1 + ε) b / (b + D)."""
-    return LawInUse(GAINS, FAMILIES[REFERENCE].build(gains(look, geometry), geometry), geometry)
+    return LawInUse(GAINS, FAMILIES[REFERENCE].build(look.gains.law(geometry), geometry), geometry)
 
 
 def robots_of(

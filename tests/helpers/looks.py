@@ -6,7 +6,7 @@ import numpy as np
 from plain_drives import HUSKY, Drive, Robot, drive_of, log_of, measured
 
 from trackslip.identification.first_look import Look, first_look
-from trackslip.identification.gains import Gain
+from trackslip.identification.fitted import Gain
 from trackslip.identification.preparation import drives_of
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog

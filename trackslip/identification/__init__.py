@@ -1,8 +1,7 @@
 """Identification: from logs to slip laws with intervals.
 
-Data: `source` reads logs; `samples` are steady stretches, `drives` whole drives; `plausibility`, `sensor` and
-`outliers` check both. Fits: `steady_fit` fits samples with `weighting` and the batched `solver`; `drive_fit` fits the
-trajectory and the law of drives together, with `drive_model`, `drive_residuals`, `drive_equations` and `drive_start`.
-`fitted` and `drive_law` describe one fitted law each, with `intervals`, `determined` and `lack_of_fit`. `comparison`
-compares laws by their `prediction` and lists `doubts`; `identify` is the whole in one call, `result` what it returns.
+`source` reads logs. Whole drives: `preparation` says what encoders and poses are worth; `first_look` checks them by
+`clocks`, `misread`, `gains` and `jumps`; `windows` fit the model of `path`, and `law_fit` a law by them; `prediction`
+says how far off laws are, and `comparison` which is best. Steady runs: `samples` of them, `steady_fit`, and
+`steady_comparison`. Both: `fitted` values with intervals, `result`, and `identify`, the whole in one call.
 """

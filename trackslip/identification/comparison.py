@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TypeVar
 
 import numpy as np
 
 from trackslip.identification.first_look import Alarm, Look
-from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.gains import Gain
-from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives, held_out
+from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, Gain, uncertainty
+from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
 from trackslip.identification.path import EXTRAS, DriveModel
-from trackslip.identification.prediction import Pairs, PredictionErrors, ranked, sizes
+from trackslip.identification.prediction import LEAST_ERROR, PredictionErrors, ranked
 from trackslip.identification.preparation import PreparedDrive
-from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
 from trackslip.se2 import Mounting
@@ -23,9 +22,6 @@ from trackslip.se2 import Mounting
 Fit = TypeVar("Fit", bound=FittedLaw)
 TODAY = "today"
 """Name of the prediction without identification: dead reckoning without slip."""
-_WORSE = 1.1  # ratio of median errors that is worse
-_LEAST_ERROR = 1e-3  # difference of errors that nobody notices [m, rad]
-_FAST, _OFTEN = 0.5, 0.05  # lateral acceleration from which slip by it may show [m/s^2], and share of the driving
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,40 +82,37 @@ def compare_drives(
     By default, all families that are made for drives. Raises LogError if no law can be fitted.
     """
     fast = names is not None or turns_fast(np.concatenate([drive.omega for drive in drives]), geometry)
-    two = gains(look, geometry)
-    reference = fit_drives(REFERENCE, drives, geometry, sensor, start=start_of(look, geometry), lag=lag)
-    laws, notes = {}, list(look.notes)
+    reference = fit_drives(REFERENCE, drives, geometry, sensor, start=look.gains.start(geometry, look.clock), lag=lag)
+    laws, notes = dict[str, DriveFit](), list(look.notes)
     for name in names or drive_laws():
         if names is None and "offset_left" in FAMILIES[name].names and _sits_aside(reference):
             notes.append(f"law {name} isn't fitted: a sensor off the middle looks like unequal ICRs; give --sensor")
         elif fast or not FAMILIES[name].fast:
             laws[name] = fit_drives(name, drives, geometry, sensor, reference=reference, lag=lag)
         step(1.0)
-    pairs = Pairs.of(reference.fit.data, geometry)
-    errors = {name: held_out(law.fit, pairs) for name, law in laws.items()}
-    plain = {TODAY: "none", GAINS: REFERENCE}
-    models = {name: DriveModel(FAMILIES[law], geometry, reference.fit.model.gyro) for name, law in plain.items()}
-    values = {name: _placed(models[name], sensor, two if name == GAINS else {}) for name in plain}
-    known = {name: pairs.errors(models[name], values[name][None]) for name in plain}
+    pairs, missed = reference.pairs, {name: law.missed for name, law in laws.items()}
+    place = {} if sensor is None else {"sensor_x": sensor.x, "sensor_y": sensor.y, "sensor_yaw": sensor.yaw}
+    two = _gains_fit(look, reference)
+    plain = {TODAY: place, GAINS: place | two.values}
+    known = {name: pairs.errors(two.fit.model, _of_model(two.fit.model, only)[None]) for name, only in plain.items()}
+    errors = {name: pairs.summaries(error) for name, error in {**known, **missed}.items()}
     linear = expressible(laws)
     terms = {name: len(law.values) + 0.5 * (name not in linear) for name, law in laws.items()}
-    ranking = ranked(errors, terms, pairs)
-    best = ranking.best if ranking else REFERENCE
-    among = ranked({name: errors[name] for name in linear}, terms, pairs)
-    alarms = [*look.alarms, *_alarms(laws[best], errors[best], known, pairs)]
+    ranking, among = (ranked({name: missed[name] for name in some}, terms, pairs) for some in (laws, linear))
+    best, reason = REFERENCE, "no motion can be predicted: the drives are too short"
+    if ranking:
+        best, reason = ranking.best, ranking.reason
     deployed = best if best in linear or among is None else among.best
-    reason = ranking.reason if ranking else "no motion can be predicted: the drives are too short"
-    low, high, _ = FAMILIES[GAINS].limits(geometry.half_gauge)
-    possible = bool(np.all((low <= [*two.values()]) & ([*two.values()] <= high)))
-    if possible and any(alarm.kind == "gains" for alarm in alarms):
-        laws[GAINS] = _gains_fit(look, two, reference)
+    alarms = [*look.alarms, *_alarms(laws[best], errors)]
+    if "gains" in [alarm.kind for alarm in alarms] and not two.at_limit:
+        laws[GAINS] = two
         best = deployed = GAINS
         reason = "gains by regression predict better than every law that was fitted"
     return DriveComparison(
         drives=tuple(drives),
         look=look,
         laws=laws,
-        errors={name: pairs.summaries(error) for name, error in {**known, **errors}.items()},
+        errors=errors,
         score=ranking.score if ranking else {},
         best=best,
         reason=reason,
@@ -129,37 +122,28 @@ def compare_drives(
     )
 
 
-def gains(look: Look, geometry: RobotGeometry) -> dict[str, float]:
-    """The gains of a first look as constant ICRs: (1 + ε) on the speed, (1 + ε) b / (b + D) on the yaw rate."""
-    speed = look.speed.value if look.speed else 1.0
-    turn = look.turn.value if look.turn else speed
-    return {"offset": geometry.half_gauge * (speed / turn - 1), "radius_error": speed - 1}
-
-
-def _gains_fit(look: Look, values: dict[str, float], reference: DriveFit) -> DriveFit:
+def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
     """The gains of a first look as a law."""
-    model = reference.fit.model
+    model, values = reference.fit.model, look.gains.law(reference.fit.model.geometry)
     speed, turn = (gain or Gain(1.0, np.nan, np.nan) for gain in (look.speed, look.turn))
     wide = model.geometry.half_gauge * speed.value / turn.value
     slope = np.array([[wide / speed.value, -wide / turn.value], [1.0, 0.0]])
     covariance = slope @ np.diag([speed.error**2, turn.error**2]) @ slope.T  # of half widths of intervals
-    half = dict(zip(values, np.sqrt(np.diag(covariance)).tolist(), strict=True))
     return replace(
         reference,
         name=GAINS,
         law=FAMILIES[GAINS].build(values, model.geometry),
         values=values,
-        stderr={name: width / 2 for name, width in half.items()},
-        interval95={name: (values[name] - width, values[name] + width) for name, width in half.items()},
-        correlation=covariance / np.outer([*half.values()], [*half.values()]),
-        fit=replace(reference.fit, values=_placed(model, None, reference.extras | values)),
+        fit=replace(reference.fit, values=_of_model(model, reference.extras | values)),
+        **uncertainty(
+            tuple(values), np.array([*values.values()]), covariance / 4, 2.0, model.limits[:2, : len(values)]
+        ),
     )
 
 
-def start_of(look: Look, geometry: RobotGeometry) -> dict[str, float]:
-    """Values from which to fit laws, by name."""
-    known = gains(look, geometry) if look.speed else {}
-    return {**known, "clock_offset": look.clock}
+def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
+    """Values (p,) of a model's parameters by name; 0 where not known."""
+    return np.array([known.get(name, 0.0) for name in model.names])
 
 
 def _sits_aside(fit: DriveFit) -> bool:
@@ -169,16 +153,7 @@ def _sits_aside(fit: DriveFit) -> bool:
     return low > matters or high < -matters
 
 
-def _placed(model: DriveModel, sensor: Mounting | None, law: Mapping[str, float]) -> Array:
-    """Values (p,) of a law with a sensor at a known place and nothing else."""
-    values = np.zeros(len(model.names))
-    place = {} if sensor is None else {"sensor_x": sensor.x, "sensor_y": sensor.y, "sensor_yaw": sensor.yaw}
-    for name, value in {**place, **law}.items():
-        values[model.index(name)] = value
-    return values
-
-
-def _alarms(law: DriveFit, error: Array, known: Mapping[str, Array], pairs: Pairs) -> list[Alarm]:
+def _alarms(law: DriveFit, errors: Mapping[str, Mapping[float, PredictionErrors]]) -> list[Alarm]:
     """Reasons not to trust the best law."""
     alarms = [
         Alarm("bound", f"{name} = {law.values[name]:.3g} is at a limit of law {law.name}") for name in law.at_limit
@@ -187,23 +162,13 @@ def _alarms(law: DriveFit, error: Array, known: Mapping[str, Array], pairs: Pair
         what = f"{law.blocks} independent parts of driving are too few for an interval, which takes {FEWEST_BLOCKS}"
         return [*alarms, Alarm("blocks", f"{what}: drive for a minute or more")]
     for name, kind, others in ((TODAY, "worse", "the robot does today"), (GAINS, "gains", "two gains do")):
-        if where := _worse(sizes(error), sizes(known[name]), pairs):
-            ahead, what = where[0]
-            line = f"{ahead:g} s ahead, law {law.name} predicts the {what} worse than {others}: don't use it"
-            alarms.append(Alarm(kind, line))
+        for (ahead, ours), what in product(errors[law.name].items(), ("position", "heading")):
+            median, other = (getattr(each, f"{what}_median") for each in (ours, errors[name][ahead]))
+            if median is not None and other is not None and median > 1.1 * other + LEAST_ERROR:
+                line = f"{ahead:g} s ahead, law {law.name} predicts the {what} worse than {others}: don't use it"
+                alarms.append(Alarm(kind, line))
+                break
     return alarms
-
-
-def _worse(ours: Array, theirs: Array, pairs: Pairs) -> list[tuple[float, str]]:
-    """Where the median of errors (n, 2) is larger than that of others: horizons [s], position or heading."""
-    both = np.isfinite(ours) & np.isfinite(theirs)
-    where = []
-    for horizon in np.unique(pairs.horizon).tolist():
-        for k, what in enumerate(("position", "heading")):
-            rows = both[:, k] & (pairs.horizon == horizon)
-            if rows.any() and np.median(ours[rows, k]) > _WORSE * np.median(theirs[rows, k]) + _LEAST_ERROR:
-                where.append((horizon, what))
-    return where
 
 
 def expressible(laws: Mapping[str, Fit]) -> dict[str, Fit]:
@@ -212,6 +177,6 @@ def expressible(laws: Mapping[str, Fit]) -> dict[str, Fit]:
 
 
 def turns_fast(omega: Array, geometry: RobotGeometry) -> bool:
-    """True if sprocket speeds (n, 2) [rad/s] often demand a lateral acceleration that makes robots skid."""
+    """True if sprocket speeds (n, 2) [rad/s] often demand a lateral acceleration by which slip may show: 0.5 m/s²."""
     v, w = body_twist(omega, 0.0, geometry).T
-    return bool(np.mean(np.abs(v * w) > _FAST) > _OFTEN)
+    return bool(np.mean(np.abs(v * w) > 0.5) > 0.05)

@@ -7,33 +7,29 @@ is: a gain far from 1 is no error, as wheels may slip on ice or be smaller than 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.clocks import NEAR, Clock, clock_of
-from trackslip.identification.gains import Gain, Gains, Steps, Window, gains_of, windows_of
+from trackslip.identification.clocks import NEAR, Clock, clock_of_drive, median_offset
+from trackslip.identification.fitted import FEWEST_BLOCKS, Gain
+from trackslip.identification.gains import Gains, Steps, gains_of, windows_of
 from trackslip.identification.jumps import without_jumps
 from trackslip.identification.misread import (
     matches_of,
     refuse_angles,
+    refuse_cells,
     refuse_degrees,
     refuse_headings,
     refuse_sides,
     refuse_units,
-    refuse_wrapped,
-    refuse_zeros,
 )
-from trackslip.identification.preparation import PreparedDrive
-from trackslip.identification.windows import BLOCK, FEWEST_BLOCKS
+from trackslip.identification.preparation import BLOCK, PreparedDrive
 from trackslip.kinematics import RobotGeometry
 
-DOUBTFUL = 0.5
-"""Correlation of wheels and poses below which it is doubtful that they belong together."""
-_STRAIGHT = 0.1  # turn [half gauges] per distance below which a robot drives straight
-_ONE_SIDED = 0.1  # share of the turns that makes them turns to both sides
+_DOUBTFUL = 0.5  # correlation of wheels and poses below which it is doubtful that they belong together
 
 
 @dataclass(frozen=True)
@@ -49,10 +45,8 @@ class Alarm:
 class Look:
     """What drives show before any law is fitted."""
 
-    speed: Gain | None
-    """Measured distance over that of the wheels; None where no distance can be told."""
-    turn: Gain | None
-    """Measured turn over that of the wheels; None where no turn can be told."""
+    gains: Gains
+    """Measured distances and turns over those of the wheels, and the sensor's rough place."""
     clock: float
     """Encoder clock minus pose clock at which both fit best, a start value [s]."""
     left_turns: float
@@ -64,67 +58,67 @@ class Look:
     """Mean over 2 s [m/s]."""
     duration: float
     """Of all drives with poses [s]."""
-    gains: Gains
-    """Both gains, with the sensor's rough place, for `without_jumps`."""
     notes: tuple[str, ...] = ()
     """What the log is, one line each."""
     alarms: tuple[Alarm, ...] = ()
 
+    @property
+    def speed(self) -> Gain | None:
+        """Measured distance over that of the wheels; None where no distance can be told."""
+        return self.gains.speed
+
+    @property
+    def turn(self) -> Gain | None:
+        """Measured turn over that of the wheels; None where no turn can be told."""
+        return self.gains.turn
+
     def to_json(self) -> dict[str, Any]:
         """As plain numbers and texts; NaN is None."""
-        content = {key: value for key, value in asdict(self).items() if key != "gains"}
-        for key in ("speed", "turn"):
-            if content[key] is not None:
-                content[key] = {name: None if np.isnan(v) else v for name, v in content[key].items()}
-        return content | {"notes": list(self.notes)}
+        content = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "gains"}
+        content["alarms"] = [vars(alarm) for alarm in self.alarms]
+        return content | {key: gain and gain.to_json() for key, gain in (("speed", self.speed), ("turn", self.turn))}
 
     def without_jumps(
         self, drives: Sequence[PreparedDrive], geometry: RobotGeometry
     ) -> tuple[list[PreparedDrive], list[str]]:
         """The drives without wild poses, cut at lasting jumps, and a line on each kind of each drive."""
-        found = [without_jumps(drive, geometry, self.gains, self.clock) for drive in drives]
-        return [part for parts, _ in found for part in parts], [line for _, lines in found for line in lines]
+        cut = [without_jumps(drive, geometry, self.gains, self.clock) for drive in drives]
+        return [part for parts, _ in cut for part in parts], [line for _, lines in cut for line in lines]
 
 
 def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look:
     """Look at drives; raises LogError, with one line that says what to do, where the log can't be used."""
     for drive in drives:
-        refuse_zeros(drive)
-        refuse_wrapped(drive)
+        refuse_cells(drive)
     refuse_angles(drives, geometry)
-    clocks = [_checked_clock(drive, clock_of(drive)) for drive in drives]
-    offsets = [clock.offset for clock in clocks if clock.share > 0] or [0.0]
-    clock = float(np.median(offsets))
+    clock = median_offset([_checked_clock(drive) for drive in drives])
     covered = [drive for drive in drives if len(Steps.of(drive, geometry, clock).time) > 1]
     if not covered:
-        drive = drives[0]
-        raise LogError(f"run {drive.name!r}: encoders were read at fewer than 2 of its poses: record both together")
+        raise LogError(f"run {drives[0].name!r}: encoders were read at fewer than 2 of its poses: record both together")
     refuse_degrees(covered, geometry, clock)
     for drive in covered:
         refuse_headings(drive, geometry, clock)
     refuse_sides(covered, geometry, clock)
     gains = gains_of(covered, geometry, clock)
     refuse_units(gains, geometry)
-    speed, turn = (gain.value if gain else 1.0 for gain in (gains.speed, gains.turn))
-    window = Window.joined([windows_of(drive, geometry, clock, turn) for drive in covered])
+    speed, turn = gains.factors
+    window = windows_of(covered, geometry, clock, turn)
     turns, distance = np.nan_to_num(window.turn), np.abs(speed * window.distance)
-    straight = np.abs(turns) * geometry.half_gauge < _STRAIGHT * distance
     look = Look(
-        gains.speed,
-        gains.turn,
+        gains,
         clock,
         left_turns=float(turns.clip(min=0.0).sum()),
         right_turns=float((-turns).clip(min=0.0).sum()),
-        straight=float(distance[straight].sum()),
+        straight=float(distance[np.abs(turns) * geometry.half_gauge < 0.1 * distance].sum()),
         top_speed=float((distance / window.duration).max(initial=0.0)),
         duration=float(sum(drive.time[-1] - drive.time[0] for drive in covered)),
-        gains=gains,
     )
     return replace(look, notes=tuple(_notes(covered, look)), alarms=tuple(_alarms(covered, look, matches_of(window))))
 
 
-def _checked_clock(drive: PreparedDrive, clock: Clock) -> Clock:
-    """The clock, if encoders and poses are of one time to within what a fit finds."""
+def _checked_clock(drive: PreparedDrive) -> Clock:
+    """The clock of a drive, if encoders and poses are of one time to within what a fit finds."""
+    clock = clock_of_drive(drive)
     ahead, differ = ("pose" if clock.offset < 0 else "encoder"), abs(clock.offset)
     if clock.distinct and differ > NEAR:
         whose = "of the poses" if ahead == "pose" else "of the encoders"
@@ -132,7 +126,7 @@ def _checked_clock(drive: PreparedDrive, clock: Clock) -> Clock:
             f"run {drive.name!r}: the clocks differ by {differ:.1f} s, as the {ahead} clock is ahead: subtract that "
             f"from the times {whose}"
         )
-    time, _ = drive.every_pose
+    time = np.sort(drive.time if drive.beyond is None else np.append(drive.time, drive.beyond[:, 0]))
     if time[0] > drive.edges[-1] + NEAR or time[-1] < drive.edges[0] - NEAR:
         raise LogError(
             f"run {drive.name!r}: encoders (t = {drive.edges[0]:.12g} to {drive.edges[-1]:.12g} s) and poses "
@@ -145,7 +139,7 @@ def _alarms(drives: Sequence[PreparedDrive], look: Look, matches: Sequence[float
     """Lines on what makes any law doubtful."""
     alarms = []
     match = float(np.mean(np.abs(matches))) if matches else 1.0
-    if match < DOUBTFUL:
+    if match < _DOUBTFUL:
         alarms.append(
             Alarm("match", f"wheels and poses hardly go together (correlation {match:.2f}): are they of one drive?")
         )
@@ -158,8 +152,7 @@ def _alarms(drives: Sequence[PreparedDrive], look: Look, matches: Sequence[float
                     "omega, and sprocket_radius",
                 )
             )
-    blocks = sum(max(1, round((drive.time[-1] - drive.time[0]) / BLOCK)) for drive in drives)
-    if blocks < FEWEST_BLOCKS:
+    if sum(int(drive.blocks(drive.time[-1:])[0]) + 1 for drive in drives) < FEWEST_BLOCKS:
         least = FEWEST_BLOCKS * BLOCK
         alarms.append(
             Alarm("little", f"{look.duration:.0f} s of driving are too few for intervals: drive {least:.0f} s")
@@ -190,7 +183,7 @@ def _notes(drives: Sequence[PreparedDrive], look: Look) -> list[str]:
         notes.append("gains of distances can't be told: the robot hardly drives, or poses are too rare")
     if look.turn is None:
         notes.append("gains of turns can't be told: the robot hardly turns, or poses are too rare")
-    elif min(look.left_turns, look.right_turns) < _ONE_SIDED * turns:
+    elif min(look.left_turns, look.right_turns) < 0.1 * turns:
         side = "left" if look.left_turns > look.right_turns else "right"
         notes.append(f"turns to the {side} only: unequal sides can't be told from the turns")
     return notes

@@ -1,12 +1,42 @@
-"""Laws with identified values, errors and intervals."""
+"""Values with 95 % intervals, and laws that have them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
 
 from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
+
+FEWEST_BLOCKS = 6
+"""Independent parts of driving from which an interval can be told."""
+_FEWEST_EFFECTIVE = 3.0  # with fewer, Student's t says nothing of a parameter, as of the sensor's place
+
+
+class Gain(NamedTuple):
+    """A value with a 95 % interval, NaN for too little driving."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Of the interval."""
+        return self.low, self.high
+
+    @property
+    def error(self) -> float:
+        """Half the width of the interval."""
+        return (self.high - self.low) / 2
+
+    def to_json(self) -> dict[str, float | None]:
+        """The three numbers; None for NaN."""
+        return {name: None if np.isnan(value) else value for name, value in self._asdict().items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,3 +65,43 @@ class FittedLaw:
         """The entry of the law in the `slip_laws` of a file."""
         errors = {name: self.stderr.get(name) for name in self.values}  # None for a value that was held
         return {"values": self.values, "stderr": errors, "interval95": self.interval95}
+
+
+def uncertainty(
+    names: Sequence[str], values: Array, covariance: Array, quantile: Array | float, limits: Array
+) -> dict[str, Any]:
+    """The fields stderr, interval95 and correlation of a FittedLaw, of fitted parameters (f,) with limits (2, f)."""
+    error = np.sqrt(np.diag(covariance))
+    ends = np.stack(
+        [np.maximum(values - quantile * error, limits[0]), np.minimum(values + quantile * error, limits[1])]
+    )
+    with np.errstate(invalid="ignore"):
+        correlation = covariance / np.outer(error, error)
+    return {
+        "stderr": dict(zip(names, error.tolist(), strict=True)),
+        "interval95": dict(zip(names, map(tuple, ends.T.tolist()), strict=True)),
+        "correlation": correlation,
+    }
+
+
+def cr3(apart: Array) -> Array:
+    """Covariance (f, f) of parameters, from how far apart (G, f) they are without each block; NaN for few blocks.
+
+    CR3: A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015.
+    """
+    count = len(apart)
+    if count < FEWEST_BLOCKS:
+        return np.full((apart.shape[1],) * 2, np.nan)
+    return (count - 1) / count * apart.T @ apart
+
+
+def student(blocks: Array, normal: Array) -> Array:
+    """Student's t (f,) for 95 % intervals of f parameters, by the normal equations (G, f, f) of blocks and in all.
+
+    A parameter that few blocks determine has few degrees of freedom: one less than the effective number of blocks, by
+    their shares of its information (G. W. Imbens and M. Kolesár, *Robust Standard Errors in Small Samples*, 2016).
+    """
+    inverse = np.linalg.inv(normal)
+    share = np.einsum("ab,gbc,ca->ga", inverse, blocks, inverse)
+    effective = share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300)
+    return np.asarray(stdtrit(np.maximum(effective, _FEWEST_EFFECTIVE) - 1, 0.975))

@@ -21,8 +21,6 @@ from trackslip.motion.constant_speed import SETTLE
 from trackslip.motion.steady import turning_stretches
 from trackslip.se2 import Mounting
 
-_MIN_SAMPLES = 4  # steady samples that identify laws without the rest of the driving
-_MIN_STEADY = 0.5  # share of the driving that is steady, if steady stretches are to identify the laws [-]
 _BESIDE = ("none", "icr_radius")  # laws of whole drives beside those of steady stretches
 
 
@@ -63,10 +61,10 @@ def identify(
     b, r = (geometry.half_gauge, geometry.sprocket_radius) if geometry else (None, None)
     reading = ReadOptions(b, r, gear, settle, motion, bag or AUTOMATIC, multiplier)
     if isinstance(source, str | Path):
-        found = read_source(Path(source), reading)
+        logs = read_source(Path(source), reading)
     else:
-        found = source_of_runs([source] if isinstance(source, RunLog) else list(source), reading)
-    return identify_source(found, method, sensor, lag=lag)
+        logs = source_of_runs([source] if isinstance(source, RunLog) else list(source), reading)
+    return identify_source(logs, method, sensor, lag=lag)
 
 
 def identify_source(
@@ -79,19 +77,27 @@ def identify_source(
     """Identify laws from a source that was read, like `identify`; `step(1.0)` is called after each stage or law."""
     if method not in (None, "steady", "drive"):
         raise InvalidValueError("method", method, "steady or drive")
+    if method == "drive" and not source.logs:
+        raise LogError("holds steady samples, not traces: only method steady can be used")
     if method == "steady" or not source.logs:
-        if method == "drive":
-            raise LogError("holds steady samples, not traces: only method steady can be used")
         return identify_samples(source.sampling, source.geometry, source.logs)
+
+    def of_drives(names: Sequence[str] | None = None) -> tuple[DriveComparison, list[Refused]]:
+        drives, refused = drives_of(source.logs)
+        look = first_look(drives, source.geometry)
+        drives, notes = look.without_jumps(drives, source.geometry)
+        look = replace(look, notes=(*look.notes, *notes))
+        return compare_drives(drives, source.geometry, look, sensor, names, step, lag), refused
+
     if method == "drive" or not _steady_runs(source):
-        drive, refused = _drive(source, sensor, None, step, lag)
+        drive, refused = of_drives()
         out = (*source.refused, *refused)
         warnings = (*source.notes, *map(str, out), *drive.warnings)
         return Identification(source.geometry, "drive", None, drive, out, warnings, source.logs)
     steady = identify_samples(source.sampling, source.geometry, source.logs)
     step(1.0)
     try:
-        return replace(steady, drive=_drive(source, sensor, _BESIDE, step, lag)[0])
+        return replace(steady, drive=of_drives(_BESIDE)[0])
     except LogError as error:
         return replace(steady, warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"))
 
@@ -99,26 +105,12 @@ def identify_source(
 def identify_samples(sampling: Sampling, geometry: RobotGeometry, logs: tuple[RunLog, ...] = ()) -> Identification:
     """Fit and compare the laws of steady samples; raises LogError if they determine no law."""
     steady = compare_laws(sampling.samples, geometry)
-    warnings = (*sampling.notes, *(str(run) for run in sampling.refused), *steady.warnings)
+    warnings = (*sampling.notes, *map(str, sampling.refused), *steady.warnings)
     return Identification(geometry, "steady", steady, None, sampling.refused, warnings, logs)
 
 
-def _drive(
-    source: Source,
-    sensor: Mounting | None,
-    names: Sequence[str] | None,
-    step: Callable[[float], None],
-    lag: bool,
-) -> tuple[DriveComparison, list[Refused]]:
-    drives, refused = drives_of(source.logs)
-    look = first_look(drives, source.geometry)
-    drives, notes = look.without_jumps(drives, source.geometry)
-    look = replace(look, notes=(*look.notes, *notes))
-    return compare_drives(drives, source.geometry, look, sensor, names, step, lag), refused
-
-
 def _steady_runs(source: Source) -> bool:
-    """True if every run is a steady one, as of the paper's grid: such runs identify laws by themselves."""
+    """True if every run is a steady one, as of the paper's grid, mostly: at least four identify laws by themselves."""
     open_loop = [log for log in source.logs if "controller" not in log.metadata]
     if sum(map(turning_stretches, open_loop)) > len(source.logs):
         return False
@@ -126,4 +118,4 @@ def _steady_runs(source: Source) -> bool:
         sampling = source.sampling
     except LogError:
         return False
-    return _MIN_SAMPLES <= len(sampling.samples) <= len(source.logs) and sampling.steady_share >= _MIN_STEADY
+    return 4 <= len(sampling.samples) <= len(source.logs) and sampling.steady_share >= 0.5

@@ -24,7 +24,6 @@ from trackslip.identification.preparation import Timeline
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.derivatives import twist_derivatives
 from trackslip.laws.families import LawFamily
-from trackslip.se2 import arc_quotients
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,6 @@ EXTRAS: dict[str, Extra] = {
 }
 GYRO = ("gyro_bias", "gyro_scale")
 """The last of them, for drives with a gyro."""
-_LAG_DIFFERENCE = 1e-3  # [s]
 
 
 @dataclass(frozen=True)
@@ -95,24 +93,26 @@ class DriveModel:
         radii = np.array([name.startswith("radius_error") for name in self.family.names], bool)
         return np.concatenate([np.where(radii, self.radius_prior, 10 * scale), extras])
 
-    def path(self, values: Array, line: Timeline, free: np.ndarray) -> SensorPath:
+    def path(self, values: Array, line: Timeline, free: np.ndarray) -> Path:
         """The path of the sensor at the poses' times by parameters (p,), with derivatives by those `free` (f,)."""
         law = len(self.family.names)
         extra = dict(zip(self.extras, values[law:], strict=True))
-        motion, slope = self._motion(values[:law], extra, line, free)
+        moving = (free < law) | np.isin(free, [self.index("drift"), self.index("lag")])
+        motion, slope = self._motion(values[:law], extra, line, free[moving])
         time = line.time + extra["clock_offset"]
         path = path_at(line.edges, motion, slope, time, line.intervals(time))
-        clock = free == self.index("clock_offset")
-        path.place_slope[clock] += path.velocity
-        path.heading_slope[clock] += path.yaw_rate
         ahead = np.exp(1j * path.heading)
         arm = (extra["sensor_x"] + 1j * extra["sensor_y"]) * ahead
-        place_slope = path.place_slope + 1j * arm * path.heading_slope
-        place_slope[free == self.index("sensor_x")] += ahead
-        place_slope[free == self.index("sensor_y")] += 1j * ahead
-        heading_slope = path.heading_slope
-        heading_slope[free == self.index("sensor_yaw")] += 1.0
-        return SensorPath(path.place + arm, path.heading + extra["sensor_yaw"], place_slope, heading_slope)
+        place_slope, heading_slope = np.zeros((len(free), len(time)), complex), np.zeros((len(free), len(time)))
+        place_slope[moving], heading_slope[moving] = path.place_slope, path.heading_slope
+        clock = free == self.index("clock_offset")
+        place_slope[clock], heading_slope[clock] = path.velocity, path.yaw_rate
+        place_slope += 1j * arm * heading_slope
+        place_slope[free == self.index("sensor_x")] = ahead
+        place_slope[free == self.index("sensor_y")] = 1j * ahead
+        heading_slope[free == self.index("sensor_yaw")] = 1.0
+        place, heading = path.place + arm, path.heading + extra["sensor_yaw"]
+        return Path(place, heading, place_slope, heading_slope, path.velocity, path.yaw_rate)
 
     def gyro_turns(self, values: Array, line: Timeline, free: np.ndarray) -> tuple[Array, Array, Array]:
         """Sums (K,) of the gyro's readings until each pose, less bias [rad]; derivatives (f, K); time measured [s]."""
@@ -128,23 +128,18 @@ class DriveModel:
         self, values: Array, extra: Mapping[str, float], line: Timeline, free: np.ndarray
     ) -> tuple[Array, Array]:
         """Motion (3, M) in the encoder intervals, and its derivatives (3, f, M) by the parameters `free` (f,)."""
-        law, lag, drift = len(values), extra["lag"], extra["drift"]
+        lag, drift, of_law = extra["lag"], extra["drift"], free[free < len(values)]
+        belts = np.moveaxis(self.family.law(values, self.geometry).twist(line.omega, self.geometry), -1, 0)
+        v, w = motion = _lagging(belts, line, lag)
         slope = np.zeros((3, len(free), len(line.omega)))
-        of_law = free < law
-        twist = self.family.law(values, self.geometry).twist(line.omega, self.geometry)
-        if of_law.any():
+        if len(of_law):
             by_law = twist_derivatives(self.family, values[None], line.omega, self.geometry)[0]
-            by_law = _lagging(np.moveaxis(by_law, 0, -1)[:, free[of_law]], line, lag)
-            slope[0, of_law], slope[2, of_law] = by_law
-        belts = np.moveaxis(twist, 0, -1)
-        v, w = lagged = _lagging(belts, line, lag)
-        at_lag = free == self.index("lag")
-        if at_lag.any():
-            later = _lagging(belts, line, lag + _LAG_DIFFERENCE)
-            slope[::2, at_lag] = ((later - lagged) / _LAG_DIFFERENCE)[:, None]
-        if drift:
-            slope[1] = -drift * (v * slope[2] + w * slope[0])
-        slope[1, free == self.index("drift")] -= v * w
+            slope[::2, free < len(values)] = _lagging(np.moveaxis(by_law[..., of_law], 0, -1), line, lag)
+        if (at_lag := free == self.index("lag")).any():
+            change = 1e-3  # [s], small beside any lag that shows
+            slope[::2, at_lag] = ((_lagging(belts, line, lag + change) - motion) / change)[:, None]
+        slope[1] = -drift * (v * slope[2] + w * slope[0])
+        slope[1, free == self.index("drift")] = -v * w
         return np.stack([v, -drift * v * w, w]), slope
 
 
@@ -158,53 +153,41 @@ def _lagging(values: Array, line: Timeline, lag: float) -> Array:
     driven[..., begins] += kept[begins] * values[..., begins]
     bands = np.stack([np.ones(len(step)), np.append(-kept[1:], 0.0)])
     bands[1, begins[1:] - 1] = 0.0
-    flat = driven.reshape(-1, len(step)).T
-    ends = scipy.linalg.solve_banded((1, 0), bands, flat, overwrite_b=True, check_finite=False).T.reshape(driven.shape)
+    ends = scipy.linalg.solve_banded((1, 0), bands, driven.reshape(-1, len(step)).T).T.reshape(driven.shape)
     before = np.roll(ends, 1, axis=-1)
     before[..., begins] = values[..., begins]
     return values + (before - values) * ((lag / step) * (1 - kept))
 
 
 @dataclass(frozen=True)
-class SensorPath:
-    """A path of a sensor at K times, with derivatives by f parameters; places are x + i y."""
+class Path:
+    """A path at K times, with derivatives by f parameters; places are x + i y."""
 
     place: np.ndarray  # (K,) complex [m]
     heading: Array  # (K,) [rad]
     place_slope: np.ndarray  # (f, K) complex
     heading_slope: Array  # (f, K)
-
-
-@dataclass(frozen=True)
-class Path:
-    """A path from the origin at given times, with derivatives by p parameters; places are x + i y."""
-
-    place: np.ndarray  # (K,) complex [m]
-    heading: Array  # (K,) [rad]
-    place_slope: np.ndarray  # (p, K) complex
-    heading_slope: Array  # (p, K)
-    velocity: np.ndarray  # (K,) complex, of the place by the time [m/s]
+    velocity: np.ndarray  # (K,) complex, of the middle of the tracks [m/s]
     yaw_rate: Array  # (K,) [rad/s]
 
 
 def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndarray) -> Path:
-    """The path at `time` (K,) of a robot that moves with (v, u, w), forwards, to the left and turning.
+    """The path from the origin, at `time` (K,), of a robot that moves with (v, u, w): forwards, to the left, turning.
 
-    `motion` (3, M) is constant in each interval between `edges` (M + 1,), its derivatives are `slope` (3, p, M). `row`
+    `motion` (3, M) is constant in each interval between `edges` (M + 1,), its derivatives are `slope` (3, f, M). `row`
     (K,) is the interval that each time lies in, or whose motion continues until then.
     """
     step = np.diff(edges)
     turned, turned_slope = _started(motion[2] * step), _started(slope[2] * step)
     moved, moved_slope = _displaced(motion, slope, step, turned[:-1], turned_slope[:, :-1])
-    reached, reached_slope = _started(moved), _started(moved_slope)
     rest, here, here_slope = time - edges[row], motion[:, row], slope[..., row]
     heading, heading_slope = turned[row], turned_slope[:, row]
-    moved, moved_slope = _displaced(here, here_slope, rest, heading, heading_slope)
+    beyond, beyond_slope = _displaced(here, here_slope, rest, heading, heading_slope)
     heading = heading + here[2] * rest
     return Path(
-        reached[row] + moved,
+        _started(moved)[row] + beyond,
         heading,
-        reached_slope[:, row] + moved_slope,
+        _started(moved_slope)[:, row] + beyond_slope,
         heading_slope + here_slope[2] * rest,
         np.exp(1j * heading) * (here[0] + 1j * here[1]),
         here[2],
@@ -214,20 +197,23 @@ def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndar
 def _displaced(
     motion: Array, slope: Array, step: Array, heading: Array, heading_slope: Array
 ) -> tuple[np.ndarray, np.ndarray]:
-    """World displacement (M,) by motions (3, M) for `step` (M,) from headings (M,), and derivatives (p, M)."""
-    along, across, d_along, d_across = arc_quotients(motion[2] * step)
-    turned, velocity = np.exp(1j * heading), motion[0] + 1j * motion[1]
-    by_velocity = turned * (along + 1j * across) * step
-    by_turn = turned * velocity * (d_along + 1j * d_across) * step**2
-    moved = by_velocity * velocity
-    moved_slope = by_velocity * slope[0] + (1j * by_velocity) * slope[1]
-    moved_slope += by_turn * slope[2]
-    moved_slope += (1j * moved) * heading_slope
+    """World displacement (M,) by motions (3, M) for `step` (M,) from headings (M,), and derivatives (f, M).
+
+    An arc's chord points in its mean heading, and is sin(t/2) / (t/2) as long as the arc, with t its turn.
+    """
+    turn = motion[2] * step
+    chord = np.sinc(turn / (2 * np.pi))
+    ahead = np.exp(1j * (heading + turn / 2)) * step
+    moved = ahead * chord * (motion[0] + 1j * motion[1])
+    small = np.abs(turn) < 1e-4  # where the chord is 1 - t² / 24
+    shorter = np.where(small, -turn / 12, (np.cos(turn / 2) - chord) / np.where(small, 1.0, turn))
+    turn_slope = slope[2] * step
+    moved_slope = (ahead * chord) * (slope[0] + 1j * slope[1])
+    moved_slope += (ahead * shorter * (motion[0] + 1j * motion[1])) * turn_slope
+    moved_slope += (1j * moved) * (heading_slope + turn_slope / 2)
     return moved, moved_slope
 
 
 def _started(increments: np.ndarray) -> np.ndarray:
     """Sums (..., M + 1) from zero of increments (..., M)."""
-    sums = np.zeros((*increments.shape[:-1], increments.shape[-1] + 1), increments.dtype)
-    np.cumsum(increments, axis=-1, out=sums[..., 1:])
-    return sums
+    return np.concatenate([np.zeros_like(increments[..., :1]), np.cumsum(increments, axis=-1)], axis=-1)

@@ -8,24 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.errors import counted
-from trackslip.identification.path import DriveModel
-from trackslip.identification.windows import Data
+from trackslip.identification.path import DriveModel, Path
+from trackslip.identification.windows import Data, WindowFit
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms
 
+FOLDS = 5
+"""Parts of the driving, of every fifth block each, that are predicted by what the others tell."""
 HORIZONS = (1.0, 2.0, 5.0, 10.0)
 """Times ahead [s]."""
-_TRAIL = 10.0  # time over which positions give the heading at the start, without headings [s]
-_MIN_TRAIL = 5  # number of those positions
-_MIN_WAY = 0.3  # that the positions span [m]
-_MIN_DRIVEN = 0.1  # way of the belts during which a robot moves [half gauges]
-_MIN_PAIRS = 5  # at a horizon
-_CHANCE = 1.0  # difference of errors that may be chance [standard errors]
-_UNNOTICED = 0.002  # difference of errors that doesn't matter [smallest mean error]
-_TOLD = 0.01  # share of the variance after the longest way that is slip at least: medians don't tell less [-]
-_LEAST_ERROR = 1e-3  # mean error below which no law is better [m, rad]
+LEAST_ERROR = 1e-3
+"""Mean error, or difference of errors, that nobody notices [m, rad]."""
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")
-_FEWEST, _MUCH = 5, 0.25  # blocks whose scatter tells chance; share of the errors that may be chance in fewer
 
 
 @dataclass(frozen=True)
@@ -82,8 +76,8 @@ class Pairs:
                 found.append(np.stack([begin + usable[hit], begin + usable[end[hit]], np.full(len(hit), horizon)]))
         *rows, ahead = np.concatenate(found, axis=1)
         start, end = np.array(rows, int)
-        kept = way[end] - way[start] > _MIN_DRIVEN * geometry.half_gauge
-        kept &= np.isin(ahead, [h for h in horizons if (ahead[kept] == h).sum() >= _MIN_PAIRS])
+        kept = way[end] - way[start] > 0.1 * geometry.half_gauge  # it moves
+        kept &= np.isin(ahead, [h for h in horizons if (ahead[kept] == h).sum() >= 5])
         return cls(data, start[kept], end[kept], ahead[kept], (way[end] - way[start])[kept])
 
     def errors(self, model: DriveModel, values: Array, part: np.ndarray | None = None) -> Array:
@@ -93,29 +87,42 @@ class Pairs:
         """
         part = np.zeros(len(self.start), int) if part is None else part
         data, error = self.data, np.full((len(part), 3), np.nan)
-        for k, one in enumerate(values):
+        for k, parameters in enumerate(values):
             start, end = self.start[part == k], self.end[part == k]
-            path = model.path(one, data.line, np.zeros(0, int))
-            heading = _headings(data, path.place, path.heading)
+            path = model.path(parameters, data.line, np.zeros(0, int))
+            heading = _headings(data, path)
             turn = heading[start] - path.heading[start]
             moved = (path.place[end] - path.place[start]) * np.exp(1j * turn)
             missed = (moved - (data.place[end] - data.place[start])) * np.exp(-1j * heading[start])
-            missed[~(data.known[0][start] & data.known[0][end])] = np.nan
             off = wrap_angle(path.heading[end] - path.heading[start] - (data.heading[end] - data.heading[start]))
-            off = np.where(data.known[1][start] & data.known[1][end], off, np.nan)
+            placed, headed = data.known[:, start] & data.known[:, end]
+            missed[~placed] = off[~headed] = np.nan
             error[part == k] = np.column_stack([missed.real, missed.imag, off])
         return error
 
     def summaries(self, error: Array) -> dict[float, PredictionErrors]:
         """PredictionErrors by horizon [s] of errors (n, 3)."""
-        size = sizes(error)
-        found = {}
+        size, summaries = sizes(error), {}
         for horizon in np.unique(self.horizon).tolist():
-            position, heading = (part[np.isfinite(part)] for part in size[self.horizon == horizon].T)
-            way = float(np.median(self.way[self.horizon == horizon]))
+            rows = self.horizon == horizon
+            position, heading = (part[np.isfinite(part)] for part in size[rows].T)
             count = max(len(position), len(heading))
-            found[horizon] = PredictionErrors(count, *_summary(position), *_summary(heading), way)
-        return found
+            way = float(np.median(self.way[rows]))
+            summaries[horizon] = PredictionErrors(count, *_summary(position), *_summary(heading), way)
+        return summaries
+
+
+def folds(fit: WindowFit, pairs: Pairs) -> tuple[Array, np.ndarray]:
+    """Parameters (F, p) without every fifth block, one step from the fit, and which of them predict the pairs (n,)."""
+    count = len(fit.score)
+    number, fold = np.unique(np.arange(count) % FOLDS, return_inverse=True)
+    return fit.without(fold == np.arange(len(number))[:, None]), fold[np.minimum(fit.block[pairs.start], count - 1)]
+
+
+def held_out(fit: WindowFit, pairs: Pairs) -> Array:
+    """Errors (n, 3) of pairs that are predicted by what the other blocks tell."""
+    values, part = folds(fit, pairs)
+    return pairs.errors(fit.model, values, part)
 
 
 def sizes(error: Array) -> Array:
@@ -130,16 +137,15 @@ def _summary(size: Array) -> tuple[float | None, float | None, float | None]:
     return rms(size), float(np.median(size)), float(np.quantile(size, 0.9))
 
 
-def _headings(data: Data, place: np.ndarray, heading: Array) -> Array:
-    """Headings (K,) of the sensor as measured, else those at which its path (K,) fits the positions so far."""
-    found = np.where(data.known[1], data.heading, np.nan)
+def _headings(data: Data, path: Path) -> Array:
+    """Headings (K,) of the sensor as measured, else those at which its path fits the positions so far."""
+    heading = np.where(data.known[1], data.heading, np.nan)
     for drive, begin, end in zip(data.drives, data.first[:-1], data.first[1:], strict=True):
         if not drive.has_heading:
             rows = begin + np.flatnonzero(data.known[0][begin:end])
-            position = np.column_stack([data.place[rows].real, data.place[rows].imag])
-            path = np.column_stack([place[rows].real, place[rows].imag, heading[rows]])
-            found[rows] = trailing_heading(drive.time[rows - begin], position, path)
-    return found
+            here = path.place[rows], path.heading[rows]
+            heading[rows] = _trailing_heading(drive.time[rows - begin], data.place[rows], *here)
+    return heading
 
 
 def trailing_heading(time: Array, position: Array, path: Array) -> Array:
@@ -147,17 +153,19 @@ def trailing_heading(time: Array, position: Array, path: Array) -> Array:
 
     `position` (n, 2) is measured at `time` (n,), where dead reckoning from anywhere gives `path` (n, 3).
     """
-    z, c = position[:, 0] + 1j * position[:, 1], path[:, 0] + 1j * path[:, 1]
-    sums = np.concatenate([np.zeros((4, 1)), np.cumsum([np.ones(len(z)), z, c, z * c.conj()], axis=1)], axis=1)
-    spread = np.concatenate([[0.0], np.cumsum(np.abs(c - c[0]) ** 2)])
-    offset = np.concatenate([[0.0], np.cumsum(c - c[0])])
-    low, high = np.searchsorted(time, time - _TRAIL), np.arange(1, len(time) + 1)
-    number, a, b, product = sums[:, high] - sums[:, low]
-    number = number.real
-    size = (spread[high] - spread[low]) / number - np.abs((offset[high] - offset[low]) / number) ** 2
-    turned = np.angle(product - a * b.conj() / number)
-    known = (number >= _MIN_TRAIL) & (size > (_MIN_WAY / 2) ** 2)
-    return np.asarray(np.where(known, turned + path[:, 2], np.nan))
+    return _trailing_heading(time, position @ [1, 1j], path[:, :2] @ [1, 1j], path[:, 2])
+
+
+def _trailing_heading(time: Array, z: np.ndarray, c: np.ndarray, heading: Array) -> Array:
+    """Headings (n,) from 10 s of positions z and places c of the path (n,), complex, and headings on the path."""
+    c = c - c[:1]
+    sums = np.cumsum([np.ones(len(z)), z, c, z * c.conj(), np.abs(c) ** 2], axis=1)
+    sums = np.concatenate([np.zeros((5, 1)), sums], axis=1)
+    begin = np.searchsorted(time, time - 10.0)
+    number, a, b, product, square = sums[:, 1:] - sums[:, begin]
+    size = (square / number).real - np.abs(b / number) ** 2
+    told = (number.real >= 5) & (size > 0.15**2)  # positions on 0.5 m, which noise of 2 cm turns by few degrees
+    return np.where(told, np.angle(product - a * b.conj() / number) + heading, np.nan)
 
 
 @dataclass(frozen=True)
@@ -183,22 +191,23 @@ def ranked(errors: Mapping[str, Array], terms: Mapping[str, float], pairs: Pairs
     names, means, equal = list(errors), [], []
     every = np.stack([sizes(error) for error in errors.values()])  # (laws, n, 2)
     for horizon in np.unique(pairs.horizon):
-        size = every[:, pairs.horizon == horizon]
+        rows = pairs.horizon == horizon
+        size = every[:, rows]
         known = np.isfinite(size).all(axis=0)  # by every law
         if not known.any():
             continue
         size = np.where(known, size, 0.0)
-        least = np.maximum((size.sum(axis=1) / np.maximum(known.sum(axis=0), 1)).min(axis=0), _LEAST_ERROR)
-        error = (size / least).sum(axis=2)
-        block = np.unique(pairs.data.blocks(horizon)[pairs.start[pairs.horizon == horizon]], return_inverse=True)[1]
+        least = (size.sum(axis=1) / np.maximum(known.sum(axis=0), 1)).min(axis=0)
+        error = (size / np.maximum(least, LEAST_ERROR)).sum(axis=2)
+        block = pairs.data.blocks(horizon)[pairs.start[rows]]
         means.append(error.mean(axis=1))
-        equal.append([_as_good_as(error, block, leader) for leader in range(len(names))])
+        equal.append([as_good_as(error, leader, block, 2 * LEAST_ERROR) for leader in range(len(names))])
     if not means:
         return None
     score = np.mean([(mean + 1e-9) / (mean.min() + 1e-9) for mean in means], axis=0)
     wins = np.bincount([int(mean.argmin()) for mean in means], minlength=len(names))
     leader = min(range(len(names)), key=lambda k: (-wins[k], score[k]))
-    as_good = np.sum([one[leader] for one in equal], axis=0)
+    as_good = np.sum(equal, axis=0)[leader]
     good = np.flatnonzero(2 * as_good > len(means)).tolist()
     best = min(good, key=lambda k: (terms[names[k]], k != leader, score[k]))
     why = f"{names[leader]} has the smallest errors at {wins[leader]} of {counted(len(means), 'time')} ahead"
@@ -207,34 +216,36 @@ def ranked(errors: Mapping[str, Array], terms: Mapping[str, float], pairs: Pairs
     return Ranking(names[best], why, dict(zip(names, score.tolist(), strict=True)))
 
 
-def _as_good_as(errors: Array, block: np.ndarray, leader: int) -> np.ndarray:
+def as_good_as(errors: Array, leader: int, block: np.ndarray, unnoticed: float) -> np.ndarray:
     """Laws (L,) bool whose mean errors, of (L, n), exceed the leader's by no more than chance or than matters.
 
-    Chance is a standard error, from the scatter of the sums over the independent blocks (n,); of few blocks, a share.
+    Chance is a standard error, from the scatter of the sums over the independent blocks (n,). Of fewer than five, which
+    tell no scatter, it is a quarter of the leader's errors.
     """
     worse = errors - errors[leader]
-    mean, count = worse.mean(axis=1), int(block.max()) + 1
-    if count < _FEWEST:
-        return np.asarray(mean <= _MUCH * errors[leader].mean())
-    sums = np.array([np.bincount(block, one) for one in worse - mean[:, None]])
+    mean, (number, block) = worse.mean(axis=1), np.unique(block, return_inverse=True)
+    count = len(number)
+    if count < 5:
+        return np.asarray(mean <= 0.25 * errors[leader].mean())
+    sums = np.array([np.bincount(block, each) for each in worse - mean[:, None]])
     chance = np.sqrt(np.sum(sums**2, axis=1) * count / (count - 1)) / len(block)
-    return np.asarray(mean <= np.maximum(_CHANCE * chance, _UNNOTICED))
+    return np.asarray(mean <= np.maximum(chance, unnoticed))
 
 
-def slip_noise(error: Array, pairs: Pairs, spread: Array) -> dict[str, float]:
+def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float] = HORIZONS) -> dict[str, float]:
     """Slip that varies, a random walk of the pose [m/√m, m/√m, rad/√m], from errors (n, 3) of predictions.
 
-    Their variance, by medians, is that of two poses and one that grows with the way from the shortest horizon to the
-    longest. With one horizon, poses have the `spread` (3,). Errors of the first heading and of turns add to the sides.
+    Their variance, by medians, is that of two poses and one that grows with the way from the shortest horizon `ahead`
+    [s] to the longest. With one horizon, poses have the `spread` (3,). Errors of the first heading and of turns add to
+    the sides.
     """
-    horizons = np.unique(pairs.horizon)
-    rows = [pairs.horizon == horizon for horizon in horizons[[0, -1]]] if len(horizons) else []
-    if not rows:
+    horizons = np.intersect1d(pairs.horizon, ahead)
+    if not len(horizons):
         return dict.fromkeys(_SLIP, 0.0)
-    way = np.array([np.median(pairs.way[one]) for one in rows])
+    rows = [pairs.horizon == horizon for horizon in horizons[[0, -1]]]
     moved = np.abs(pairs.data.place[pairs.end] - pairs.data.place[pairs.start]) ** 2
-    reach = np.array([np.median(moved[one]) for one in rows])  # squared
-    variance = np.array([[_robust_variance(part) for part in error[one].T] for one in rows])  # (2, 3)
+    way, reach = (np.array([np.median(values[row]) for row in rows]) for values in (pairs.way, moved))
+    variance = np.array([[_robust_variance(part) for part in error[row].T] for row in rows])  # (2, 3)
     if way[1] - way[0] < 1e-6:
         way, reach = np.array([0.0, way[0]]), np.array([0.0, reach[0]])
         variance = np.stack([2 * spread[[0, 0, 1]] ** 2, variance[0]])
@@ -242,7 +253,8 @@ def slip_noise(error: Array, pairs: Pairs, spread: Array) -> dict[str, float]:
     heading = max(variance[0, 2] - per_way[2] * way[0], 0.0) / 2  # variance of one
     aside = variance[:, 1] - (heading + per_way[2] * way / 3) * reach
     per_way[1] = max((aside[1] - aside[0]) / (way[1] - way[0]), 0.0)
-    per_way = np.maximum(per_way, _TOLD * variance[1] / max(way[1], 1e-9))  # growth is a difference of large numbers
+    # growth is a difference of large numbers: medians don't tell less than a hundredth
+    per_way = np.maximum(per_way, 0.01 * variance[1] / max(way[1], 1e-9))
     return dict(zip(_SLIP, np.sqrt(per_way).tolist(), strict=True))
 
 

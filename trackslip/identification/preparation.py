@@ -8,24 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.errors import LogError, counted
-from trackslip.kinematics import Array, RobotGeometry, body_twist
+from trackslip.kinematics import Array
 from trackslip.logs.checks import unwrapped
 from trackslip.logs.runlog import Refused, RunLog, none_usable
+from trackslip.motion.steady import STANDING
 
 MAX_ROWS = 200_000
 """Encoder intervals that are used in all; more are merged."""
-MIN_POSES = 2
-"""Of a drive: start and end."""
-TOO_OFTEN = 0.05
-"""Time between poses below which more tell little more [s]: paths hardly bend in it."""
-_HELD_ROWS, _HELD_SECONDS = 1.5, 0.5  # an encoder is read less often than logged if it holds for more rows, less time
-_MIN_READINGS = 4
-_SMALLEST, _EXACT, _MOSTLY = 0.002, 0.02, 0.97  # ticks of encoders: quantile that is one, tolerance, share within it
-_FEW, _OFTEN = 40, 0.05  # few ticks in a row's interval, the share of rows in which their number changes
-_SLOWEST = 10.0  # time between rows of any log of a robot that drives [s]
-_STANDING = 1e-3  # sprocket speed of a robot at rest [rad/s]
-_PAUSE = 1.0  # between drives [s]
-_SAME_SLOPE = 1e-3  # relative difference of slopes on both sides of an interpolated pose [-]
+BLOCK = 10.0
+"""Duration of the blocks of driving whose slip is taken to be independent, at least [s]."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +29,7 @@ class PreparedDrive:
     time: Array  # (K,) of the poses, pose clock [s]
     pose: Array  # (K, 3) measured [m, m, rad]; NaN where not measured, heading unwrapped
     interval: float  # usual time between poses [s]
-    coarse: bool = False  # encoders with few ticks: smoothing helps, as a lag would, though nothing lags
+    coarse: bool = False  # encoders with few ticks
     gyro: Array | None = None  # (T, 3) encoder clock [s], and sums as in RunLog
     command: tuple[float, ...] | None = None  # constant one that it was driven by [rad/s]
     beyond: Array | None = None  # (B, 4) time and pose, measured where no encoder was read: tells how clocks differ
@@ -50,27 +41,28 @@ class PreparedDrive:
     """Encoders are read less often than logged."""
 
     @property
-    def every_pose(self) -> tuple[Array, Array]:
-        """Times (K + B,) and poses of all that was measured, those beyond the encoders included."""
-        if self.beyond is None:
-            return self.time, self.pose
-        time = np.concatenate([self.time, self.beyond[:, 0]])
-        order = np.argsort(time, kind="stable")
-        return time[order], np.concatenate([self.pose, self.beyond[:, 1:]])[order]
-
-    @property
     def has_heading(self) -> bool:
         """True if any heading was measured."""
         return bool(np.isfinite(self.pose[:, 2]).any())
+
+    def angles(self, time: Array) -> Array:
+        """Angles (2, n) that the sprockets have turned at encoder times (n,) [rad]."""
+        turned = np.cumsum(self.omega * np.diff(self.edges)[:, None], axis=0)
+        return np.stack([np.interp(time, self.edges, np.append(0.0, side)) for side in turned.T])
+
+    def blocks(self, time: Array, least: float = BLOCK) -> np.ndarray:
+        """Index (n,) of the block of driving that pose times (n,) are in, of at least this duration [s]."""
+        begin, end = self.time[[0, -1]]
+        count = max(1, round((end - begin) / least))
+        return np.minimum(((time - begin) / max(end - begin, 1e-9) * count).astype(int), count - 1)
 
 
 def drives_of(logs: Sequence[RunLog]) -> tuple[list[PreparedDrive], list[Refused]]:
     """The drives that can be used, and those that cannot be; raises LogError if there is none."""
     drives, refused = [], list[Refused]()
-    most = MAX_ROWS // max(len(logs), 1)
     for log in logs:
         try:
-            drives.append(drive_of(log, most))
+            drives.append(drive_of(log, MAX_ROWS // len(logs)))
         except LogError as error:
             refused.append(Refused.of(log.run, error))
     if not drives:
@@ -81,30 +73,25 @@ def drives_of(logs: Sequence[RunLog]) -> tuple[list[PreparedDrive], list[Refused
 def drive_of(log: RunLog, max_rows: int = MAX_ROWS) -> PreparedDrive:
     """A drive prepared; raises LogError if it stands still, has too few poses, or times that can't be seconds."""
     step = float(np.median(np.diff(log.time)))
-    if step > _SLOWEST:
+    if step > 10.0:  # more than of any log of a robot that drives
         raise LogError(f"run {log.run!r}: t rises by {step:.3g} per row: are these ms or ns? It must be in seconds")
-    rows = np.flatnonzero(log.is_valid)
-    logged = len(rows)
-    if logged > 1:
-        rows = rows[_changing(log.pose[rows], _moving(log, rows))]
-    if len(rows) < MIN_POSES and (log.beyond is None or len(log.beyond) < MIN_POSES):
-        poses = counted(len(rows), "pose")
-        raise LogError(f"run {log.run!r}: {poses} while it drives, needs at least {MIN_POSES}")
-    if not np.abs(log.omega[1:]).max() > _STANDING:
+    valid = np.flatnonzero(log.is_valid)
+    rows = valid[_changing(log, valid)]
+    if len(rows) < 2 and (log.beyond is None or len(log.beyond) < 2):
+        raise LogError(f"run {log.run!r}: {counted(len(rows), 'pose')} while it drives, needs at least 2")
+    if not np.abs(log.omega[1:]).max() > STANDING:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
-    time, pose = log.time[rows], log.pose[rows].copy()
-    time, pose = measured_poses(time, pose)
+    time, pose = measured_poses(log.time[rows], log.pose[rows])
     measured = len(time)
     usual = float(np.median(np.diff(time if len(time) > 1 or log.beyond is None else log.beyond[:, 0])))
-    often = int(TOO_OFTEN / usual + 0.1)
-    kept = slice(None, None, max(1, often))
-    time, pose = time[kept], pose[kept]
-    known = np.isfinite(pose[:, 2])
-    pose[known, 2] = unwrapped(pose[known, 2])
+    every = slice(None, None, max(1, int(0.05 / usual + 0.1)))  # paths hardly bend in 0.05 s
+    time, pose = time[every], pose[every].copy()
+    headed = np.isfinite(pose[:, 2])
+    pose[headed, 2] = unwrapped(pose[headed, 2])
     coarse = counts_few_ticks(log.time, log.omega)
     means = interval_means(log.time, log.omega, coarse)
     edges, omega = merged(log.time, means, max_rows)
-    turned = None if log.gyro_sums is None else np.column_stack([log.time, log.gyro_sums])
+    steady = log.command is not None and len(log.command) > 0 and not np.ptp(log.command, axis=0).any()
     return PreparedDrive(
         log.run,
         edges,
@@ -113,21 +100,25 @@ def drive_of(log: RunLog, max_rows: int = MAX_ROWS) -> PreparedDrive:
         pose,
         float(np.median(np.diff(time))) if len(time) > 1 else usual,
         coarse,
-        turned,
-        _constant(log.command),
-        log.beyond,
-        logged,
-        logged - len(rows),
-        len(rows) - measured,
-        not coarse and bool((means != log.omega[1:]).any()),
+        gyro=None if log.gyro_sums is None else np.column_stack([log.time, log.gyro_sums]),
+        command=tuple(log.command[0].tolist()) if steady and log.command is not None else None,
+        beyond=log.beyond,
+        logged=len(valid),
+        repeated=len(valid) - len(rows),
+        interpolated=len(rows) - measured,
+        held=not coarse and bool((means != log.omega[1:]).any()),
     )
 
 
-def _constant(command: Array | None) -> tuple[float, ...] | None:
-    """The command (2,) of a drive, from that in each row (T, 2); None if it changes."""
-    if command is None or not len(command) or np.ptp(command, axis=0).max() > 0:
-        return None
-    return tuple(command[0].tolist())
+def _changing(log: RunLog, rows: np.ndarray) -> np.ndarray:
+    """(n,) bool: false for poses of rows (n,) that were held, equal to the one before although the sprockets turned.
+
+    Headings alone may stay the same on a straight.
+    """
+    turned = np.append(0.0, np.cumsum(np.abs(log.omega[1:]).max(axis=1) * np.diff(log.time)))[rows]
+    pose = np.nan_to_num(log.pose[rows])
+    same = (np.diff(pose, axis=0) == 0).all(axis=1) & np.isfinite(log.pose[rows[1:], 0])
+    return np.append(True, ~(same & (np.diff(turned) > STANDING)))[: len(rows)]
 
 
 def measured_poses(time: Array, pose: Array) -> tuple[Array, Array]:
@@ -135,21 +126,11 @@ def measured_poses(time: Array, pose: Array) -> tuple[Array, Array]:
     rates = np.diff(np.nan_to_num(pose), axis=0) / np.diff(time)[:, None]
     change, size = np.abs(np.diff(rates, axis=0)), np.abs(rates[1:]) + np.abs(rates[:-1])
     moving = size.max(axis=1) > 1e-6
-    straight = (change <= _SAME_SLOPE * size.max(axis=1, keepdims=True)).all(axis=1)
+    straight = (change <= 1e-3 * size.max(axis=1, keepdims=True)).all(axis=1)  # but for rounding in the log
     if moving.sum() < 10 or straight[moving].mean() < 0.5:
         return time, pose
     knots = np.concatenate([[0], 1 + np.flatnonzero(~straight | ~moving), [len(time) - 1]])
     return time[knots], pose[knots]
-
-
-def reckoned(drive: PreparedDrive, geometry: RobotGeometry, ratio: float, time: Array) -> tuple[np.ndarray, Array]:
-    """Complex places [m] and headings [rad] (K,) at encoder times, from sprocket speeds whose turns are scaled."""
-    v, w = body_twist(drive.omega, 0.0, geometry).T
-    step = np.diff(drive.edges)
-    heading = np.concatenate([[0.0], np.cumsum(ratio * w * step)])
-    middle = (heading[1:] + heading[:-1]) / 2
-    place = np.concatenate([[0.0], np.cumsum(v * step * np.exp(1j * middle))])
-    return np.interp(time, drive.edges, place), np.interp(time, drive.edges, heading)
 
 
 def interval_means(time: Array, omega: Array, coarse: bool = False) -> Array:
@@ -175,11 +156,11 @@ def _between_ticks(time: Array, omega: Array) -> Array:
 def _of_side(time: Array, omega: Array) -> Array:
     """Mean speeds (T - 1,) of one sprocket."""
     read = np.flatnonzero(np.diff(omega, prepend=np.nan) != 0)  # first rows of readings
-    turning = np.flatnonzero(np.diff(read) * (np.abs(omega[read[:-1]]) > _STANDING))
-    if len(turning) < _MIN_READINGS:
+    turning = np.abs(omega[read[:-1]]) > STANDING
+    if turning.sum() < 4:
         return omega[1:]
     rows, usual = np.median(np.diff(read)[turning]), float(np.median(np.diff(time[read])[turning]))
-    if rows < _HELD_ROWS or usual > _HELD_SECONDS:
+    if rows < 1.5 or usual > 0.5:  # read at every row, or a command held for long
         return omega[1:]
     begin = time[np.maximum(read - 1, 0)]
     end = np.append(begin[1:], time[-1])
@@ -196,14 +177,14 @@ def counts_few_ticks(time: Array, omega: Array) -> bool:
 
 
 def _of_few(size: Array) -> bool:
-    """True if sizes (n,) are multiples of the smallest one, and few of them, and change often."""
+    """True if nearly all sizes (n,) are multiples, up to 40, of the smallest one, and change often."""
     turning = size[size > 1e-9]
     if not len(turning):
         return False
-    ticks = size / np.quantile(turning, _SMALLEST)
+    ticks = size / np.quantile(turning, 0.002)
     near = np.round(ticks)
-    exact, changing = np.abs(ticks - near) < _EXACT, np.diff(near) != 0
-    return bool(exact.mean() > _MOSTLY and near[exact].max() <= _FEW and changing.mean() > _OFTEN)
+    exact = np.abs(ticks - near) < 0.02
+    return bool(exact.mean() > 0.97 and near[exact].max() <= 40 and (np.diff(near) != 0).mean() > 0.05)
 
 
 def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:
@@ -212,24 +193,8 @@ def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:
     if stride == 1:
         return time, omega
     ends = np.unique(np.append(np.arange(0, len(time), stride), len(time) - 1))
-    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(omega * np.diff(time)[:, None], axis=0)])
-    return time[ends], np.diff(turned[ends], axis=0) / np.diff(time[ends])[:, None]
-
-
-def _moving(log: RunLog, rows: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether the sprockets turned on the way to each pose."""
-    turned = np.concatenate([[0.0], np.cumsum(np.abs(log.omega[1:]).max(axis=1) * np.diff(log.time))])
-    return np.diff(turned[rows], prepend=turned[rows[0]]) > _STANDING
-
-
-def _changing(pose: Array, moving: np.ndarray) -> np.ndarray:
-    """(n,) bool: false for poses that were held, equal to the one before although the sprockets turned.
-
-    Headings alone may stay the same on a straight.
-    """
-    known = np.nan_to_num(pose, nan=0.0)
-    same = np.append(False, (known[1:] == known[:-1]).all(axis=1) & np.isfinite(pose[1:, 0]))
-    return np.asarray(~(same & moving))
+    turned = np.add.reduceat(omega * np.diff(time)[:, None], ends[:-1])
+    return time[ends], turned / np.diff(time[ends])[:, None]
 
 
 @dataclass(frozen=True)
@@ -242,41 +207,29 @@ class Timeline:
     time: Array  # (K,) of the nodes [s]
     first: np.ndarray  # (K,) first interval of the drive that each node belongs to
     last: np.ndarray  # (K,) and its last one
-    between: np.ndarray  # (D - 1,) steps between nodes that lead from one drive to the next
     gyro: Array | None  # (G, 3) of the drives that have one, as theirs, sums going on
 
     @classmethod
     def of(cls, drives: Sequence[PreparedDrive]) -> Timeline:
         """The drives in a row."""
-        edges, omega, times, begins, ends = [], [], [], [], []
+        length = np.array([drive.edges[-1] - drive.edges[0] + 1.0 for drive in drives])  # and a pause
+        shift = np.cumsum(length) - length - [drive.edges[0] for drive in drives]
+        count = np.array([len(drive.edges) for drive in drives])  # intervals, with the pause after
+        begins, nodes = np.cumsum(count) - count, [len(drive.time) for drive in drives]
         gyros: list[Array] = []
-        clock, interval = 0.0, 0
-        for k, drive in enumerate(drives):
-            shift = clock - float(drive.edges[0])
-            edges.append(drive.edges + shift)
-            omega.append(drive.omega if k == len(drives) - 1 else np.append(drive.omega, np.zeros((1, 2)), axis=0))
-            times.append(drive.time + shift)
+        for drive, later in zip(drives, shift, strict=True):
             if drive.gyro is not None:
-                gyros.append(drive.gyro + np.append(shift, gyros[-1][-1, 1:] if gyros else (0.0, 0.0)))
-            begins.append(interval)
-            ends.append(interval + len(drive.omega) - 1)
-            clock, interval = float(edges[-1][-1]) + _PAUSE, interval + len(drive.omega) + 1
-        nodes = [len(time) for time in times]
+                gyros.append(drive.gyro + np.append(later, gyros[-1][-1, 1:] if gyros else (0.0, 0.0)))
         return cls(
-            np.concatenate(edges),
-            np.concatenate(omega),
-            np.array(begins),
-            np.concatenate(times),
+            np.concatenate([drive.edges + later for drive, later in zip(drives, shift, strict=True)]),
+            np.concatenate([np.append(drive.omega, np.zeros((1, 2)), axis=0) for drive in drives])[:-1],
+            begins,
+            np.concatenate([drive.time + later for drive, later in zip(drives, shift, strict=True)]),
             np.repeat(begins, nodes),
-            np.repeat(ends, nodes),
-            np.cumsum(nodes)[:-1] - 1,
+            np.repeat(begins + count - 2, nodes),
             np.concatenate(gyros) if gyros else None,
         )
 
     def intervals(self, time: Array) -> np.ndarray:
         """The interval (K,) that each node is in at other times (K,); beyond the ends of its drive, the nearest one."""
         return np.clip(np.searchsorted(self.edges, time, side="right") - 1, self.first, self.last)
-
-    def within(self, time: Array) -> Array:
-        """Times (K,) of the nodes, limited to their drives."""
-        return np.clip(time, self.edges[self.first], self.edges[self.last + 1])

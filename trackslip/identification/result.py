@@ -14,8 +14,7 @@ import numpy as np
 from trackslip.errors import OutputError, TrackslipError, counted
 from trackslip.identification.comparison import Comparison, DriveComparison
 from trackslip.identification.first_look import Alarm
-from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.gains import Gain
+from trackslip.identification.fitted import FittedLaw, Gain
 from trackslip.identification.law_fit import REFERENCE
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_comparison import SteadyComparison
@@ -27,10 +26,8 @@ from trackslip.logs.runlog import Refused, RunLog
 
 Method = Literal["steady", "drive"]
 """Ways to identify laws: from stretches of constant sprocket speeds, or from whole drives."""
-_MATTERS = 0.1  # difference of two answers that matters to a user [significant changes]: 0.1 % in ε
 _REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
-_SHOWN = 3  # laws in a repr
-_UNSTORED = ("name", "law", "fit")  # fields of fits
+_UNSTORED = ("name", "law", "fit", "missed", "pairs")  # fields of fits
 _HEADER = ("law", "parameter", "value", "95 % interval")
 
 
@@ -59,44 +56,39 @@ class Identification:
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """Reasons not to trust the best law as it is."""
-        found = self.drive.alarms if self.drive is not None and self.method == "drive" else ()
-        return (*self._multiplier(), *found, *self._contradiction())
+        drive = self.drive.alarms if self.drive is not None and self.method == "drive" else ()
+        lines = {"multiplier": self._unstated_multiplier(), "contradiction": self._contradiction()}
+        first, last = (tuple(Alarm(kind, line) for line in [lines[kind]] if line) for kind in lines)
+        return (*first, *drive, *last)
 
-    def _multiplier(self) -> list[Alarm]:
-        """Odometry taken as encoders, whose multiplier nobody stated."""
+    def _unstated_multiplier(self) -> str:
+        """A line on odometry taken as encoders, whose multiplier nobody stated; empty if there is none."""
         for log in self.logs:
             bag = log.metadata.get("bag")
             if isinstance(bag, Mapping) and bag.get("odometry") and "multiplier" not in log.metadata:
                 times = self.answer.get("wheel_separation_multiplier")
                 then = f"; the answer is then current × {times.value:.2f}" if times else ""
-                line = (
+                return (
                     f"odometry {bag.get('encoders')} was computed with a wheel_separation_multiplier that the log does "
                     f"not state: give --multiplier (1 if it had none){then}"
                 )
-                return [Alarm("multiplier", line)]
-        return []
+        return ""
 
-    def _contradiction(self) -> list[Alarm]:
-        """Steady stretches and whole drives whose values of a law exclude each other, and differ by what matters."""
-        if (
-            self.steady is None
-            or self.drive is None
-            or REFERENCE not in self.steady.laws
-            or REFERENCE not in self.drive.laws
-        ):
-            return []
-        steady, drive = self.steady.laws[REFERENCE], self.drive.laws[REFERENCE]
+    def _contradiction(self) -> str:
+        """A line on steady stretches and whole drives whose values of a law exclude each other and differ much."""
+        fits = [by.laws.get(REFERENCE) for by in (self.steady, self.drive) if by is not None]
+        steady, drive = fits if len(fits) == 2 else (None, None)
+        if steady is None or drive is None:
+            return ""
         apart = []
-        changes = dict(zip(drive.values, FAMILIES[REFERENCE].limits(self.geometry.half_gauge)[2], strict=True))
-        for name, change in changes.items():
-            ends = [fit.interval95.get(name, (-np.inf, np.inf)) for fit in (steady, drive)]
-            low, high = max(end[0] for end in ends), min(end[1] for end in ends)
-            if low > high and abs(steady.values[name] - drive.values[name]) > _MATTERS * change:
+        for name, change in zip(drive.values, FAMILIES[REFERENCE].limits(self.geometry.half_gauge)[2], strict=True):
+            lows, highs = zip(*(fit.interval95.get(name, (-np.inf, np.inf)) for fit in (steady, drive)), strict=True)
+            if max(lows) > min(highs) and abs(steady.values[name] - drive.values[name]) > 0.1 * change:
                 apart.append(f"{name} {steady.values[name]:.3g} and {drive.values[name]:.3g}")
         line = (
             f"steady stretches and whole drives contradict each other ({', '.join(apart)}): look at both in the report"
         )
-        return [Alarm("contradiction", line)] if apart else []
+        return line if apart else ""
 
     @property
     def answer(self) -> dict[str, Gain]:
@@ -109,20 +101,19 @@ class Identification:
         if self.expressible is None:
             return {}
         fit, b = self.fits()[self.expressible], self.geometry.half_gauge
-        offset, error = (_mean(fit, key) for key in ("offset", "radius_error"))
-        left, right = (_mean(fit, "radius_error", side) for side in ("left", "right"))
+        offset = _mean(fit, "offset")
+        radii = {side: _mean(fit, "radius_error", side) for side in ("left", "right")}
         return {
             "wheel_separation_multiplier": Gain(*(1 + end / b for end in offset)),
-            "left_wheel_radius_multiplier": Gain(*(1 + end for end in left)),
-            "right_wheel_radius_multiplier": Gain(*(1 + end for end in right)),
-            "offset": Gain(*offset),
-            "radius_error": Gain(*error),
+            **{f"{side}_wheel_radius_multiplier": Gain(*(1 + end for end in error)) for side, error in radii.items()},
+            "offset": offset,
+            "radius_error": _mean(fit, "radius_error"),
         }
 
     @property
     def expressible(self) -> str | None:
         """The best of the laws that a differential drive's odometry can express; None if there is none."""
-        return self._main().expressible
+        return self._main.expressible
 
     @property
     def samples(self) -> SlipSamples:
@@ -139,29 +130,30 @@ class Identification:
     @property
     def best(self) -> str:
         """Name of the law that predicts motion best; of laws that predict it equally well, the simplest."""
-        return self._main().best
+        return self._main.best
 
     @property
     def reason(self) -> str:
         """Why `best` is the best, in one sentence."""
-        return self._main().reason
+        return self._main.reason
 
     @property
     def laws(self) -> dict[str, SlipLaw]:
         """The identified laws by name, the best predictions first."""
-        return {name: self.fits()[name].law for name in self._main().ranking}
+        return {name: self.fits()[name].law for name in self._main.ranking}
 
     @property
     def intervals(self) -> dict[str, Mapping[str, tuple[float, float]]]:
         """95 % interval of every fitted parameter by law and parameter, in the parameter's unit."""
-        return {name: self.fits()[name].interval95 for name in self._main().ranking}
+        return {name: self.fits()[name].interval95 for name in self._main.ranking}
 
+    @property
     def _main(self) -> Comparison:
         return self.drive if self.method == "drive" and self.drive is not None else self.comparison
 
     def fits(self) -> Mapping[str, FittedLaw]:
         """The fits by law, of the method that identified."""
-        return self._main().laws
+        return self._main.laws
 
     def report(self, path: str | Path) -> Path:
         """Write the report, one self-contained HTML page, to a file, or as `report.html` to a folder; returns its path.
@@ -183,30 +175,28 @@ class Identification:
         return file
 
     def __repr__(self) -> str:
-        shown = self._ranking()[:_SHOWN]
-        rows = [_HEADER, *(row for name in shown for row in self._rows(name))]
+        names = self._ranking()
+        rows = [_HEADER, *(row for name in names[:3] for row in self._rows(name))]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-        more = len(self.fits()) - len(shown)
-        return "\n".join([self._title(), *lines, *([f"and {more} more, see .laws"] if more else []), *self._notes()])
+        more = [f"and {len(names) - 3} more, see .laws"] if len(names) > 3 else []
+        return "\n".join([*self._title(), *lines, *more])
 
     def _repr_html_(self) -> str:
         """The table of all laws, for notebooks."""
-        head = "".join(f"<th>{text}</th>" for text in _HEADER)
         rows = [row for name in self._ranking() for row in self._rows(name)]
-        body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-        notes = "".join(f"<br>{escape(note)}" for note in self._notes())
-        return f"<p>{escape(self._title())}{notes}</p><table><tr>{head}</tr>{body}</table>"
+        cells = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in (_HEADER, *rows)]
+        title, table = "<br>".join(map(escape, self._title())), "".join(f"<tr>{row}</tr>" for row in cells)
+        return f"<p>{title}</p><table>{table}</table>"
 
     def _ranking(self) -> list[str]:
         """Names of the laws with parameters, the best first."""
         fits = self.fits()
-        return sorted((name for name in self._main().ranking if fits[name].values), key=lambda name: name != self.best)
+        return sorted((name for name in self._main.ranking if fits[name].values), key=lambda name: name != self.best)
 
     def _rows(self, name: str) -> list[tuple[str, ...]]:
         """A row per parameter of a law."""
-        fit = self.fits()[name]
-        rows: list[tuple[str, ...]] = []
+        fit, rows = self.fits()[name], list[tuple[str, ...]]()
         for key, value in fit.values.items():
             ends = fit.interval95.get(key)
             unit = FAMILIES[name].parameters[key].unit or "-"
@@ -215,37 +205,34 @@ class Identification:
             rows.append((label, f"{key} [{unit}]", f"{value:+.5f}", interval))
         return rows
 
-    def _title(self) -> str:
+    def _title(self) -> list[str]:
+        """Where the laws are from, and what was left out."""
         size = f"b = {self.geometry.half_gauge:g} m, r = {self.geometry.sprocket_radius:g} m"
-        drive = self.drive
-        source = (
-            counted(len(drive.drives), "drive")
-            if self.method == "drive" and drive
-            else counted(len(self.samples), "steady sample")
-        )
-        return f"Slip laws from {source} ({size}); best: {self.best}"
-
-    def _notes(self) -> list[str]:
-        left_out = f"{counted(len(self.outliers), 'run')} left out, " if self.outliers else ""
-        return [f"{left_out}{counted(len(self.warnings), 'warning')}, see .warnings"] if self.warnings else []
+        drives = self.drive.drives if self.method == "drive" and self.drive else None
+        source = counted(len(self.samples), "steady sample") if drives is None else counted(len(drives), "drive")
+        title = f"Slip laws from {source} ({size}); best: {self.best}"
+        out = f"{counted(len(self.outliers), 'run')} left out, " if self.outliers else ""
+        return [title, f"{out}{counted(len(self.warnings), 'warning')}, see .warnings"] if self.warnings else [title]
 
 
-def _mean(fit: FittedLaw, key: str, side: str = "") -> tuple[float, float, float]:
+def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
     """A parameter, or the mean of those of both sides, with the ends of its 95 % interval; 0 if the law has none.
 
     The ends are NaN where nothing was fitted.
     """
     names = [name for name in fit.values if name == key or name.startswith(f"{key}_{side}")]
     value = float(np.mean([fit.values[name] for name in names])) if names else 0.0
-    fitted = [list(fit.stderr).index(name) for name in names if name in fit.stderr]
-    if not fitted:
-        return value, np.nan, np.nan
-    errors = np.array([*fit.stderr.values()])[fitted] / len(names)
-    error = float(np.sqrt(errors @ fit.correlation[np.ix_(fitted, fitted)] @ errors))
-    low, high = np.transpose([fit.interval95[name] for name in names if name in fit.stderr])  # cut at limits
-    middle = np.array([fit.values[name] for name in names if name in fit.stderr])
-    wide = float(np.max(np.maximum(high - middle, middle - low) / np.maximum(errors * len(names), 1e-300)))
-    return value, value - wide * error, value + wide * error
+    names = [name for name in names if name in fit.stderr]
+    if not names:
+        return Gain(value, np.nan, np.nan)
+    rows = [list(fit.stderr).index(name) for name in names]
+    share = np.array([fit.stderr[name] for name in names]) / len(names)
+    error = float(np.sqrt(share @ fit.correlation[np.ix_(rows, rows)] @ share))
+    widths = [
+        np.abs(np.subtract(fit.interval95[name], fit.values[name])).max() for name in names
+    ]  # one end: at a limit
+    wide = float(np.max(np.array(widths) / np.maximum(share * len(names), 1e-300)))
+    return Gain(value, value - wide * error, value + wide * error)
 
 
 def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict[str, Any]:
@@ -256,20 +243,23 @@ def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict
 def identification_to_json(found: Identification) -> dict[str, Any]:
     """`laws_to_json`, `laws` with everything known of each law, `prediction` of drives, and what was left out."""
     steady, drive = found.steady, found.drive
-    content: dict[str, Any] = laws_to_json(found.fits(), found.geometry) | {"method": found.method, "best": found.best}
-    content["expressible"] = found.expressible
-    content["answer"] = {
-        name: {end: None if np.isnan(value) else value for end, value in asdict(gain).items()}
-        for name, gain in found.answer.items()
+    content: dict[str, Any] = laws_to_json(found.fits(), found.geometry) | {
+        "method": found.method,
+        "best": found.best,
+        "expressible": found.expressible,
+        "answer": {name: gain.to_json() for name, gain in found.answer.items()},
     }
     if steady is not None:
-        laws = {name: _steady_law(name, steady) for name in steady.laws}
-        content |= {"laws": laws, "samples": len(steady.samples)}
+        content["samples"] = len(steady.samples)
+        content["laws"] = {
+            name: _content(law) | {f"cv_{key}": error for key, error in asdict(steady.validation[name]).items()}
+            for name, law in steady.laws.items()
+        }
     if drive is not None:
         content["drive"] = {
             "best": drive.best,
             "reason": drive.reason,
-            "drives": [one.name for one in drive.drives],
+            "drives": [part.name for part in drive.drives],
             "score": dict(drive.score),
             "laws": {name: _content(law) for name, law in drive.laws.items()},
         }
@@ -278,20 +268,14 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
             name: {f"{horizon:g}": asdict(errors) for horizon, errors in by_horizon.items()}
             for name, by_horizon in drive.errors.items()
         }
-    outliers = [asdict(outlier) for outlier in found.outliers]
     return content | {
-        "outliers": outliers,
+        "outliers": [asdict(outlier) for outlier in found.outliers],
         "alarms": [asdict(alarm) for alarm in found.alarms],
         "warnings": list(found.warnings),
     }
 
 
-def _steady_law(name: str, found: SteadyComparison) -> dict[str, Any]:
-    errors = {f"cv_{key}": error for key, error in asdict(found.validation[name]).items()}
-    return _content(found.laws[name]) | errors
-
-
 def _content(law: FittedLaw) -> dict[str, Any]:
     """The fields of a fit, but for some."""
-    found = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in _UNSTORED}
-    return found | {"correlation": law.correlation.tolist()}
+    content = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in _UNSTORED}
+    return content | {"correlation": law.correlation.tolist()}

@@ -22,11 +22,8 @@ from trackslip.motion.steady import (
     steady_parts,
 )
 
-_NEARLY_STANDING = 0.02  # ratio of sprocket speeds below which the slower track's slip is meaningless [-]
 _REPEATED = 0.01  # difference of repeats (test_samples): of commands' angles [rad], of speeds over the fastest [-]
 _KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and most share of speed, yaw rate (test_samples)
-_ASIDE = 0.1  # deviation over the faster track's speed, where sprockets differ or the sensor is off the centre [-]
-_SIGNIFICANT = 4.0  # standard errors of a twist that are no chance
 
 
 @dataclass(frozen=True)
@@ -72,30 +69,28 @@ class SlipSamples:
         motion is implausible.
         """
         size = np.abs(omega)
-        standing = size < _NEARLY_STANDING * size.max(axis=1, keepdims=True)
-        slip = np.where(standing, np.nan, track_slip(omega, twist, geometry))
+        slip = np.where(size < 0.02 * size.max(axis=1, keepdims=True), np.nan, track_slip(omega, twist, geometry))
         samples = cls(omega, twist, slip, tuple(run), covariance, lateral, load)
         _require_plausible(samples, geometry)
         return samples
 
-    @property
-    def known(self) -> dict[str, Array]:
-        """The arrays that are known, by name."""
-        columns = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "run"}
-        return {name: values for name, values in columns.items() if values is not None}
+    def arrays(self) -> dict[str, Array]:
+        """What is known, by name."""
+        arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "run"}
+        return {name: values for name, values in arrays.items() if values is not None}
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
         """Concatenate samples; what some parts lack is left out."""
-        known = [part.known for part in parts]
-        names = set.intersection(*map(set, known))
+        arrays = [part.arrays() for part in parts]
+        names = set.intersection(*map(set, arrays))
         run = tuple(name for part in parts for name in part.run)
-        return cls(run=run, **{name: np.concatenate([columns[name] for columns in known]) for name in names})
+        return cls(run=run, **{name: np.concatenate([part[name] for part in arrays]) for name in names})
 
     def take(self, rows: np.ndarray) -> SlipSamples:
         """The samples `rows`."""
         run = tuple(np.array(self.run, object)[rows])
-        return SlipSamples(run=run, **{name: values[rows] for name, values in self.known.items()})
+        return SlipSamples(run=run, **{name: values[rows] for name, values in self.arrays().items()})
 
     def relative_errors(self, twist: Array, geometry: RobotGeometry) -> Array:
         """Errors (n, 2) of the track speeds of predicted twists (n, 2), relative to the faster sprocket's."""
@@ -133,21 +128,19 @@ def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
     along = length * np.where(commanded < 0, -samples.twist, samples.twist)  # (n, 2) [m/s]
     size = length * np.abs(commanded)
     covariance = 0.0 if samples.covariance is None else np.maximum(np.einsum("nkk->nk", samples.covariance), 0.0)
-    error = _SIGNIFICANT * length * np.sqrt(covariance)
+    error = 4 * length * np.sqrt(covariance)  # no chance
     plausible = (along >= _KEPT[0] * size - error) & (along <= _KEPT[1] * size + error)
     fastest = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1, keepdims=True)
-    plausible |= np.abs(along - size) <= _ASIDE * fastest
-    for name, omega, by_sprockets, twist, usable in zip(
-        samples.run, samples.omega, commanded, samples.twist, plausible.all(axis=1), strict=True
-    ):
-        if not omega.any():
-            raise LogError(f"run {name!r}: the sprockets stand still")
-        if not usable:
-            moves, says = (f"{v:.3g} m/s and {w:+.3g} rad/s" for v, w in (twist, by_sprockets))
-            raise LogError(
-                f"run {name!r}: it moves at {moves}, but its sprockets say {says}: check the units (rad/s, m/s), the "
-                f"gear, sprocket_radius = {geometry.sprocket_radius:g} m, left and right, and the signs"
-            )
+    plausible |= np.abs(along - size) <= 0.1 * fastest  # where sprockets differ or the sensor is off the centre
+    standing = ~samples.omega.any(axis=1)
+    for k in np.flatnonzero(standing | ~plausible.all(axis=1))[:1]:
+        if standing[k]:
+            raise LogError(f"run {samples.run[k]!r}: the sprockets stand still")
+        moves, says = (f"{v:.3g} m/s and {w:+.3g} rad/s" for v, w in (samples.twist[k], commanded[k]))
+        raise LogError(
+            f"run {samples.run[k]!r}: it moves at {moves}, but its sprockets say {says}: check the units (rad/s, m/s), "
+            f"the gear, sprocket_radius = {geometry.sprocket_radius:g} m, left and right, and the signs"
+        )
 
 
 @dataclass(frozen=True)
@@ -192,9 +185,7 @@ def usable_samples(
     require_non_negative("settle", settle)
     if method is not None and method not in MOTION_METHODS:
         raise InvalidValueError("motion", method, f"one of {', '.join(MOTION_METHODS)}")
-    usable: list[SlipSamples] = []
-    notes: list[str] = []
-    left_out, steady = list(refused), 0.0
+    usable, notes, left_out, steady = list[SlipSamples](), list[str](), list(refused), 0.0
     for log in logs:
         try:
             parts = (steady_part(log, settle),) if longest else steady_parts(log, settle)
@@ -204,16 +195,16 @@ def usable_samples(
         before = len(usable)
         for part in parts:
             pieces = (part,) if longest else load_pieces(part)
-            lead, trail = max(settle, MARGIN) / len(pieces), MARGIN / len(pieces)
             for piece in pieces:
                 try:
                     require_steady_motion(piece)
                     usable.append(_sample(piece, geometry, method or best_method(piece.log)))
-                    steady += piece.window[1] - piece.window[0] + lead + trail
+                    steady += np.ptp(piece.window) + (max(settle, MARGIN) + MARGIN) / len(pieces)
                 except LogError as error:
                     left_out.append(replace(Refused.of(log.run, error), run=piece.name))
         notes += parts[0].notes if len(usable) > before else ()
-    moving = sum(_moving_time(log) for log in logs)
+    turning = [np.abs(log.omega[1:]).max(axis=1) > STANDING for log in logs]
+    moving = sum(float(np.diff(log.time)[rows].sum()) for log, rows in zip(logs, turning, strict=True))
     return Sampling.of(usable, left_out, notes, min(1.0, steady / moving) if moving > 0 else 1.0)
 
 
@@ -248,8 +239,3 @@ def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSampl
     return SlipSamples.of(
         part.omega[None], steady.twist[None], geometry, [part.name], steady.covariance[None], lateral, load
     )
-
-
-def _moving_time(log: RunLog) -> float:
-    """Time in which a sprocket turns [s]."""
-    return float(np.diff(log.time)[np.abs(log.omega[1:]).max(axis=1) > STANDING].sum())

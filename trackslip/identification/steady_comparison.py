@@ -9,9 +9,10 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.identification.comparison import Comparison, expressible, turns_fast
+from trackslip.identification.fitted import FEWEST_BLOCKS
+from trackslip.identification.prediction import as_good_as
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_fit import SteadyFit, fit_law
-from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.metrics import rms
@@ -19,10 +20,7 @@ from trackslip.metrics import rms
 BASELINES = ("none", "exponential", "icr")
 """Laws that are always reported, for others to be compared with."""
 _FOLDS = 10  # most parts of a cross-validation (Kohavi, 1995)
-_FEWEST_RADII = 3  # parts by radius from which laws are judged by radii
 _NEGLIGIBLE = 1e-3  # relative error of the track speeds that no ground and no encoder repeats, and no law need predict
-_INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred (Burnham and Anderson, 2002)
-_LEAST_LOAD = 1e-3  # range of the tractions per unit load from which their effect may show [-]
 
 
 @dataclass(frozen=True)
@@ -76,11 +74,10 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
 
     Raises LogError if the samples determine no law of turning.
     """
-    laws: dict[str, SteadyFit] = {}
-    warnings: list[str] = []
+    laws, warnings = dict[str, SteadyFit](), list[str]()
     sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
     one_sided = min((sides > 0).sum(), (sides < 0).sum()) < 2
-    unloaded = samples.load is None or np.ptp(samples.load) < _LEAST_LOAD
+    unloaded = samples.load is None or np.ptp(samples.load) < 1e-3
     slow = not turns_fast(samples.omega, geometry)
     for name, family in FAMILIES.items():
         impossible = (family.two_sided and one_sided) or (family.loaded and unloaded) or (family.fast and slow)
@@ -143,50 +140,45 @@ def _best(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Mapping[str, Ar
     It is the simplest of the laws that predict as well as any other and, of equally simple ones, the one that predicts
     best. Where the samples are too few for predictions, AICc, or else the scatter, stands in.
     """
+    fit = next(iter(laws.values())).fit
+    samples, scatter = fit.samples, max(_NEGLIGIBLE, min(law.scatter for law in laws.values()))
+    weight = 1 / (fit.measurement.mean(axis=1) + scatter**2)
+
+    def squares(way: str) -> dict[str, Array]:
+        """Mean squares (n,) of the relative errors of the track speeds by law, weighted by the runs' variances."""
+        twists = {name: twist for name in laws if (twist := predicted[name][way]) is not None}
+        relative = {name: samples.relative_errors(twist, fit.geometry) ** 2 for name, twist in twists.items()}
+        return {name: weight / weight.mean() * each.mean(axis=1) for name, each in relative.items()}
 
     def simplest(scores: Mapping[str, float]) -> str:
         return min(scores, key=lambda name: (len(laws[name].values), scores[name]))
 
-    fit = next(iter(laws.values())).fit
-    radii, runs = (_squares(laws, {name: predicted[name][way] for name in laws}) for way in ("radius", "run"))
-    many = fit.samples.by_command(fit.geometry).max() + 1 >= _FEWEST_RADII
-    squares, what = (radii, "radii") if radii and many else (runs, "runs")
-    if squares and len(fit.samples) >= FEWEST_BLOCKS:
-        good = _as_good(squares)
+    radii, runs = squares("radius"), squares("run")
+    many = radii and samples.by_command(fit.geometry).max() >= 2
+    errors, what = (radii, "radii") if many else (runs, "runs")
+    if errors and len(samples) >= FEWEST_BLOCKS:
+        good = _as_good(errors)
         good = _as_good({name: runs[name] for name in good if name in runs}) or good
         why = f"it is the simplest of those that predict left-out {what} as well as any, within a standard error"
-        return simplest({name: float(squares[name].mean()) for name in good}), why
+        return simplest({name: float(errors[name].mean()) for name in good}), why
     aicc = {name: law.aicc for name, law in laws.items() if law.aicc is not None}
     if aicc:
-        near = {name: value for name, value in aicc.items() if value <= min(aicc.values()) + _INDISTINCT}
+        near = {
+            name: value for name, value in aicc.items() if value <= min(aicc.values()) + 2
+        }  # Burnham and Anderson, 2002
         why = "it is the simplest of those whose AICc is within 2 of the smallest; the runs are too few for predictions"
         return simplest(near), why
     least = min(laws, key=lambda name: laws[name].scatter)
     return least, "it scatters least; the runs are too few for anything else"
 
 
-def _squares(laws: Mapping[str, SteadyFit], twists: Mapping[str, Array | None]) -> dict[str, Array]:
-    """Mean squares (n,) of the relative errors of the track speeds by law, weighted by the runs' variances."""
-    fit = next(iter(laws.values())).fit
-    scatter = max(_NEGLIGIBLE, min(law.scatter for law in laws.values()))
-    weight = 1 / (fit.measurement.mean(axis=1) + scatter**2)
-    return {
-        name: weight / weight.mean() * np.mean(fit.samples.relative_errors(twist, fit.geometry) ** 2, axis=1)
-        for name, twist in twists.items()
-        if twist is not None
-    }
-
-
 def _as_good(squares: Mapping[str, Array]) -> list[str]:
-    """Names of the laws whose mean squared errors (n,) exceed the smallest mean by no more than chance.
+    """Names of the laws whose squared errors (n,) exceed the smallest by no more than chance, or than a robot notices.
 
-    Chance is one standard error of the mean difference, run by run. A difference that no robot would notice does not
-    count, either.
+    Runs are independent of each other.
     """
-    least = min(squares.values(), key=np.mean, default=np.zeros(0))
-
-    def worse(values: Array) -> bool:
-        excess = values - least
-        return bool(excess.mean() > max(excess.std(ddof=1) / len(excess) ** 0.5, _NEGLIGIBLE**2))
-
-    return [name for name, values in squares.items() if not worse(values)]
+    if not squares:
+        return []
+    every = np.stack([*squares.values()])
+    good = as_good_as(every, int(every.mean(axis=1).argmin()), np.arange(every.shape[1]), _NEGLIGIBLE**2)
+    return [name for name, yes in zip(squares, good, strict=True) if yes]

@@ -23,17 +23,14 @@ from scipy.optimize import brentq, least_squares
 from scipy.special import stdtrit
 
 from trackslip.errors import LogError, counted
-from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, cr3, uncertainty
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.windows import FEWEST_BLOCKS
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.derivatives import twist_derivatives
 from trackslip.laws.families import LawFamily, family
 from trackslip.metrics import rms
 
 _EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
-_MOST = 50  # steps of a fit; up to 30 where the samples determine the law
-_STEPS = 4  # steps from the fit to all runs to that of a part; errors of laws that fit are right to 1e-3
 _SETTLED = 1e-4  # relative change of the scatter at which a fit has converged; of chi-square, its square
 _SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_identification)
 _VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_identification)
@@ -84,24 +81,19 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, vague: boo
     notes = (f"law {name}: {doubt}",) if doubt else ()
     if notes and not vague:
         raise LogError(notes[0])
-    low, high, _ = model.limits(geometry.half_gauge)
-    width = error * stdtrit(fit.freedom, 0.975)
-    ends = np.column_stack([np.maximum(fit.values - width, low), np.minimum(fit.values + width, high)])
     values = dict(zip(names, fit.values.tolist(), strict=True))
-    with np.errstate(invalid="ignore"):
-        correlation = covariance / np.outer(error, error)
+    limits = model.limits(geometry.half_gauge)[:2]
+    predicted = fit.family.law(fit.values, geometry).twist(samples.omega, geometry)
     return SteadyFit(
         name=name,
         law=model.build(values, geometry),
         values=values,
-        stderr=dict(zip(names, error.tolist(), strict=True)),
-        interval95=dict(zip(names, map(tuple, ends.tolist()), strict=True)),
-        correlation=correlation,
-        rms=rms(samples.relative_errors(fit.family.law(fit.values, geometry).twist(samples.omega, geometry), geometry)),
+        rms=rms(samples.relative_errors(predicted, geometry)),
         scatter=fit.scatter,
         aicc=fit.aicc,
         fit=fit,
         notes=notes,
+        **uncertainty(names, fit.values, covariance, stdtrit(fit.freedom, 0.975), limits),
     )
 
 
@@ -173,7 +165,7 @@ class Fit:
             return -(self._slopes(values[None])[0] / error[..., None]).reshape(-1, len(values))
 
         result = least_squares(
-            residual, self.values, jacobian, (low, high), "dogbox", _SETTLED**2, x_scale=scale, max_nfev=_MOST
+            residual, self.values, jacobian, (low, high), "dogbox", _SETTLED**2, x_scale=scale, max_nfev=50
         )
         return replace(self, values=result.x)
 
@@ -201,8 +193,11 @@ class Fit:
         unit = 1 / np.sqrt(np.maximum(np.einsum("mpp->mp", normal), 1e-300))
         return normal * unit[:, :, None] * unit[:, None, :], pull * unit, unit
 
-    def without(self, labels: np.ndarray, steps: int = _STEPS) -> Array:
-        """Values (G, p) without the runs of each label (n,), by steps of Gauss and Newton from those of all runs."""
+    def without(self, labels: np.ndarray, steps: int = 4) -> Array:
+        """Values (G, p) without the runs of each label (n,), by steps of Gauss and Newton from those of all runs.
+
+        With four of them, errors of laws that fit are right to 1e-3.
+        """
         used = (labels != np.arange(labels.max() + 1)[:, None]).astype(float)  # (G, n)
         low, high, _ = self.family.limits(self.geometry.half_gauge)
         values = self.values[None]
@@ -226,12 +221,8 @@ class Fit:
         labels = self.samples.by_command(self.geometry)
         if labels.max() + 1 < FEWEST_BLOCKS:
             labels = np.arange(len(labels))
-        count = labels.max() + 1
-        if count < FEWEST_BLOCKS:
-            return covariance
-        apart = self.without(labels, steps=1) - self.values
-        variance = (count - 1) / count * np.sum(apart**2, axis=0)
-        wider = np.sqrt(np.maximum(1.0, variance / np.diag(covariance)))
+        variance = np.diag(cr3(self.without(labels, steps=1) - self.values))
+        wider = np.sqrt(np.fmax(1.0, variance / np.diag(covariance)))  # as it is if there are few
         return covariance * np.outer(wider, wider)
 
     @property

@@ -14,35 +14,22 @@ these fits (CR3; A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Clus
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.special import stdtrit
 
-from trackslip.identification.path import DriveModel, SensorPath
-from trackslip.identification.preparation import PreparedDrive, Timeline
+from trackslip.identification.fitted import cr3, student
+from trackslip.identification.path import DriveModel, Path
+from trackslip.identification.preparation import BLOCK, PreparedDrive, Timeline
 from trackslip.kinematics import Array, wrap_angle
 
-LENGTHS = (0.5, 1.0, 2.0, 5.0, 10.0)
-"""Lengths of windows that are tried, one after the other [s]."""
-BLOCK = 10.0
-"""Duration of the blocks whose slip is taken to be independent, at least [s]."""
 LOSS = 2.0
 """Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and Ronchetti)."""
-FEWEST_BLOCKS = 6
-"""Blocks from which an interval can be told."""
-_FEWEST_EFFECTIVE = 3.0  # blocks: with fewer, Student's t says nothing of a parameter, as of the sensor's place
-_PER_SECOND = 2.0  # poses; where they are rarer, a window has as many as in its length at this rate
-_SPREAD = 1.4826  # standard deviation of normal numbers over the median of their absolute values
-_LEAST = 1e-6  # spread of residuals: rounding [m, rad]
-_TOLERANCE = 0.3  # change of all parameters at which a fit has converged [standard errors, of independent residuals]
-_ITERATIONS = 10
 _BENDS = 0.2  # of what its weights say: least second derivative of the loss, where a few large residuals make it less
-_RELAXED = (
-    1.5  # step over that of reweighted least squares, which the loss would shorten: it bends less than its weights
-)
+_RELAXED = 1.5  # step over that of reweighted least squares, which the loss would shorten: it bends less
 
 
 @dataclass(frozen=True)
@@ -67,22 +54,21 @@ class Data:
         return cls(tuple(drives), Timeline.of(drives), place, filled[:, 2], known, first)
 
     def span(self, drive: PreparedDrive, length: float) -> float:
-        """Duration of the windows of a drive [s]: longer than `length` where poses are rare."""
-        return length * max(1.0, _PER_SECOND * drive.interval)
+        """Duration of the windows of a drive [s]: `length`, or as many poses as are in it at 2 Hz."""
+        return length * max(1.0, 2 * drive.interval)
 
     def blocks(self, length: float) -> np.ndarray:
         """Index (K,) of the block of driving that each pose is in: no shorter than windows of this length [s].
 
         Neighbouring drives under the same command are one block.
         """
-        blocks, count = [], 0
-        for k, drive in enumerate(self.drives):
-            time = drive.time - drive.time[0]
-            parts = max(1, round(time[-1] / max(BLOCK, self.span(drive, length))))
-            if k and parts == 1 and drive.command is not None and drive.command == self.drives[k - 1].command:
+        blocks, count, before = [], 0, None
+        for drive in self.drives:
+            block = drive.blocks(drive.time, max(BLOCK, self.span(drive, length)))
+            if block[-1] == 0 and drive.command is not None and drive.command == before:
                 count -= 1
-            blocks.append(count + np.minimum((time / max(time[-1], 1e-9) * parts).astype(int), parts - 1))
-            count = int(blocks[-1][-1]) + 1
+            blocks.append(count + block)
+            count, before = int(blocks[-1][-1]) + 1, drive.command
         return np.concatenate(blocks)
 
 
@@ -95,16 +81,15 @@ class Windows:
     of: np.ndarray  # (R,) index of the window
 
     @classmethod
-    def cut(cls, data: Data, length: float, twice: bool = True) -> Windows:
+    def cut(cls, data: Data, length: float) -> Windows:
         """Windows of about this length [s]; the pose at a border belongs to both sides.
 
-        Cut `twice`, the second time half a window later, they are as efficient as an estimate of the whole path.
+        Cut twice, the second time half a window later, they are as efficient as an estimate of the whole path.
         """
         rows = []
         for drive, begin in zip(data.drives, data.first, strict=False):
-            time = drive.time
-            span = data.span(drive, length)
-            for start in (time[0], time[0] + span / 2) if twice else time[:1]:
+            time, span = drive.time, data.span(drive, length)
+            for start in (time[0], time[0] + span / 2):
                 cuts = np.searchsorted(time, np.arange(start, time[-1], span))
                 ends = np.unique([0, *cuts, len(time) - 1])
                 if start > time[0] and len(ends) < 4:
@@ -121,38 +106,46 @@ class Windows:
 
 @dataclass(frozen=True)
 class Residuals:
-    """What the windows leave: of places ahead and to the left [m], of headings, and of a gyro's turns [rad]."""
+    """What the windows leave: of places ahead and to the left [m], of headings and, with a gyro, of its turns [rad]."""
 
-    value: Array  # (4, R)
-    slope: Array  # (4, f, R) by the free parameters
-    known: np.ndarray  # (4, R) bool
+    value: Array  # (3 or 4, R)
+    slope: Array  # (3 or 4, f, R) by the free parameters
+    known: np.ndarray  # (3 or 4, R) bool
 
     @property
     def spread(self) -> Array:
         """Robust standard deviations (3,) of a coordinate, a heading and a gyro's turn; 1 where there are none."""
         spread = np.ones(3)
-        for k, rows in enumerate(([0, 1], [2], [3])):
+        for k, rows in enumerate((slice(2), slice(2, 3), slice(3, 4))):
             size = np.abs(self.value[rows][self.known[rows]])
             if len(size):
-                spread[k] = max(_SPREAD * float(np.median(size)), _LEAST)
+                spread[k] = max(1.4826 * float(np.median(size)), 1e-6)  # of normal numbers, and of rounding
         return spread
 
-    def weights(self, spread: Array) -> Array:
-        """Weights (4, R) under Cauchy's loss, over the variances; 0 where nothing was measured."""
-        scale = spread[[0, 0, 1, 2], None]
-        return np.where(self.known, 1 / (1 + (self.value / scale / LOSS) ** 2), 0.0) / scale**2
+    def weights(self, spread: Array) -> tuple[Array, Array]:
+        """Weights (3 or 4, R) under Cauchy's loss, over the variances, and the loss's second derivatives.
 
-    def bend(self, spread: Array, weight: Array) -> Array:
-        """Second derivatives (4, R) of the loss by the residuals, from their weights: negative where they are large."""
-        square = (self.value / spread[[0, 0, 1, 2], None] / LOSS) ** 2
-        return weight * (1 - square) / (1 + square)
+        Both are 0 where nothing was measured; the derivatives are negative where residuals are large.
+        """
+        variance = spread[[0, 0, 1, 2][: len(self.value)], None] ** 2
+        square = self.value**2 / (variance * LOSS**2)
+        weight = self.known / (variance * (1 + square))
+        return weight, weight * (1 - square) / (1 + square)
 
     def alignment(self, spread: Array) -> Array:
         """Weights (2, R) of places and headings in the alignment of their windows, where wrong ones count less."""
-        place = (np.hypot(*self.value[:2]) / spread[0] / LOSS) ** 2
-        heading = (self.value[2] / spread[1] / LOSS) ** 2
-        robust = 1 / (1 + np.stack([place, heading]))
-        return np.where(self.known[[0, 2]], robust, 0.0) / spread[:2, None] ** 2
+        size = np.stack([np.hypot(*self.value[:2]), self.value[2]]) / spread[:2, None]
+        return self.known[[0, 2]] / (1 + (size / LOSS) ** 2) / spread[:2, None] ** 2
+
+    def normal(self, weight: Array, rows: slice = slice(None)) -> Array:
+        """Normal equations (f, f) of rows with weights (3 or 4, R)."""
+        weighted = self.slope[..., rows] * weight[:, None, rows]
+        return np.asarray(sum(w @ s.T for w, s in zip(weighted, self.slope[..., rows], strict=True)))
+
+    def score(self, weight: Array, rows: slice = slice(None)) -> Array:
+        """Slope (f,) of half the weighted sum of squares of rows."""
+        pull = weight[:, rows] * self.value[:, rows]
+        return np.asarray(sum(s @ p for s, p in zip(self.slope[..., rows], pull, strict=True)))
 
 
 def residuals(
@@ -163,35 +156,35 @@ def residuals(
     `weight` (2, R) is that of places and headings in the alignment of their windows.
     """
     path = model.path(values, data.line, free)
-    rows = windows.pose
-    z, h = data.place[rows], data.heading[rows]
+    rows, of, (wp, wh) = windows.pose, windows.of, weight
+    z, h, phi, dphi = data.place[rows], data.heading[rows], path.heading[rows], path.heading_slope[:, rows]
     c, dc = path.place[rows], path.place_slope[:, rows]
-    phi, dphi = path.heading[rows], path.heading_slope[:, rows]
-    of, (wp, wh) = windows.of, weight
     total = np.maximum(windows.sums(wp), 1e-300)
     u = z - (windows.sums(wp * z) / total)[of]
     c = c - (windows.sums(wp * c) / total)[of]
-    dc = dc - (windows.sums(wp * dc) / total)[:, of]
-    toward = wp * np.conj(c) * u
     off = wh * np.exp(1j * (h - phi))
-    q = windows.sums(toward + off)
-    dq = windows.sums(wp * np.conj(dc) * u - 1j * off * dphi)
-    size = np.maximum(np.abs(q) ** 2, 1e-300)
-    theta, dtheta = np.angle(q), (np.conj(q) * dq).imag / size
-    back = np.exp(-1j * (path.heading[rows] + theta[of]))  # into the robot's frame
-    turn = np.exp(1j * theta)[of]
-    left = (u - turn * c) * back
-    dleft = -turn * (dc + 1j * c * dtheta[:, of]) * back  # the frame's own turn is of second order
-    value = np.stack([left.real, left.imag, wrap_angle(h - phi - theta[of]), np.zeros(len(rows))])
-    slope = np.stack([dleft.real, dleft.imag, -dphi - dtheta[:, of], np.zeros_like(dphi)])
-    known = np.stack([*data.known[[0, 0, 1]][:, rows], np.zeros(len(rows), bool)])
-    if model.gyro:
-        value[3], slope[3], known[3] = _gyro_residuals(model, data, windows, values, free, path)
-    return Residuals(value, slope, known)
+    q = windows.sums(wp * np.conj(c) * u + off)
+    theta = np.angle(q)
+    back = np.exp(-1j * phi)  # into the robot's frame
+    left = u * np.exp(-1j * (phi + theta[of])) - c * back
+    value = np.stack([left.real, left.imag, wrap_angle(h - phi - theta[of])])
+    # derivatives: of the alignment, by d angle(q) = Im(dq conj(q)) / |q|², then of what it leaves; the turn of the
+    # frame in which residuals are told is of second order
+    per_turn = np.conj(q)[of] / np.maximum(np.abs(q) ** 2, 1e-300)[of]
+    by_place, by_turn = wp * u * per_turn, (off * per_turn).real
+    dtheta = windows.sums(by_place.imag * dc.real - by_place.real * dc.imag - by_turn * dphi)
+    middle = (windows.sums(wp * dc) / total)[:, of]
+    dleft = (middle - dc - (1j * c) * dtheta[:, of]) * back
+    slope = np.stack([dleft.real, dleft.imag, -dphi - dtheta[:, of]])
+    known = data.known[[0, 0, 1]][:, rows]
+    if not model.gyro:
+        return Residuals(value, slope, known)
+    of_gyro = _gyro_residuals(model, data, windows, values, free, path)
+    return Residuals(*(np.append(a, b[None], axis=0) for a, b in zip((value, slope, known), of_gyro, strict=True)))
 
 
 def _gyro_residuals(
-    model: DriveModel, data: Data, windows: Windows, values: Array, free: np.ndarray, path: SensorPath
+    model: DriveModel, data: Data, windows: Windows, values: Array, free: np.ndarray, path: Path
 ) -> tuple[Array, Array, np.ndarray]:
     """Turns by the gyro less those by the law, from the row before in the window.
 
@@ -207,8 +200,7 @@ def _gyro_residuals(
     by_slope = slope[:, rows] - slope[:, before] - scale * (path.heading_slope[:, rows] - path.heading_slope[:, before])
     by_slope[free == model.index("gyro_scale")] -= by_law
     by_slope[free == model.index("clock_offset")] = 0.0
-    measured = (known[rows] - known[before]) > 0
-    return turned - scale * by_law, by_slope, measured
+    return turned - scale * by_law, by_slope, known[rows] > known[before]
 
 
 @dataclass(frozen=True)
@@ -223,7 +215,7 @@ class WindowFit:
     free: np.ndarray  # (f,) indices of those that were fitted
     spread: Array  # (3,) of the residuals
     block: np.ndarray  # (K,) of each pose, as `Data.blocks` gives it
-    normal: Array  # (G, f, f) normal equations of each block, by the weights
+    blocks: Array  # (G, f, f) normal equations of each block, by the weights
     bend: Array  # (f, f) second derivatives of the loss
     score: Array  # (G, f) of each block, by which the other ones are balanced
     prior: Array  # (f,) precisions
@@ -235,7 +227,7 @@ class WindowFit:
         much longer as the loss bends less than they do.
         """
         out = blocks.astype(float)
-        rest = self._normal - np.einsum("fg,gab->fab", out, self.normal)
+        rest = self._normal - np.einsum("fg,gab->fab", out, self.blocks)
         scale = np.maximum(np.sqrt(np.einsum("faa->fa", rest)), 1e-100)
         inverse = np.linalg.pinv(rest / scale[:, :, None] / scale[:, None, :], hermitian=True)
         step = np.einsum("fab,fb->fa", inverse, out @ self.score / scale) / scale
@@ -247,41 +239,25 @@ class WindowFit:
     @property
     def covariance(self) -> Array:
         """(f, f) of the free parameters: by leaving out blocks (CR3), and of the priors; NaN for few blocks."""
-        count, free = len(self.score), self.free
-        if count < FEWEST_BLOCKS:
-            return np.full((len(free), len(free)), np.nan)
-        apart = (self.without(np.eye(count, dtype=bool)) - self.values)[:, free]
-        inverse = self._inverse
-        return (count - 1) / count * apart.T @ apart + inverse @ (self.prior[:, None] * inverse)
+        apart = (self.without(np.eye(len(self.score), dtype=bool)) - self.values)[:, self.free]
+        return cr3(apart) + self._inverse @ (self.prior[:, None] * self._inverse)
 
     @property
     def quantile(self) -> Array:
         """Half widths (f,) of 95 % intervals over the standard errors."""
-        return student(self.normal, self._normal)
+        return student(self.blocks, self._normal)
 
     @property
     def _normal(self) -> Array:
-        return self.normal.sum(axis=0) + np.diag(self.prior)
+        return self.blocks.sum(axis=0) + np.diag(self.prior)
 
-    @property
+    @cached_property
     def _inverse(self) -> Array:
         """Inverse (f, f) of the second derivatives of the loss, which are at least a fifth of what the weights say."""
         scale = np.sqrt(np.diag(self._normal))
         normal, bend = (matrix / np.outer(scale, scale) for matrix in (self._normal, self.bend + np.diag(self.prior)))
         values, axes = eigh(bend, normal + 1e-12 * np.eye(len(scale)))
         return (axes / np.maximum(values, _BENDS)) @ axes.T / np.outer(scale, scale)
-
-
-def student(blocks: Array, normal: Array) -> Array:
-    """Student's t (f,) for 95 % intervals of f parameters, by the normal equations (G, f, f) of blocks and in all.
-
-    A parameter that few blocks determine has few degrees of freedom: one less than the effective number of blocks, by
-    their shares of its information (G. W. Imbens and M. Kolesár, *Robust Standard Errors in Small Samples*, 2016).
-    """
-    inverse = np.linalg.inv(normal)
-    share = np.einsum("ab,gbc,ca->ga", inverse, blocks, inverse)
-    effective = share.sum(axis=0) ** 2 / np.maximum(np.sum(share**2, axis=0), 1e-300)
-    return np.asarray(stdtrit(np.maximum(effective, _FEWEST_EFFECTIVE) - 1, 0.975))
 
 
 def fit_windows(
@@ -291,50 +267,41 @@ def fit_windows(
     values: Array,
     free: np.ndarray,
     mean: Array,
-    spread: Array | None = None,
+    tolerance: float = 0.1,
 ) -> WindowFit:
-    """Fit the parameters `free` (f,) to windows of a length [s].
+    """Fit the parameters `free` (f,) to windows of a length [s], from `values` (p,); `mean` (p,) is that of the priors.
 
-    It begins at `values` (p,) and the `spread` (3,) of residuals there, which it estimates again;
-    `mean` (p,) is that of the priors.
+    The fit has converged when no parameter changes by more than `tolerance` standard errors, of independent residuals.
+    Slopes are taken again after changes of more than three.
     """
     windows, values = Windows.cut(data, length), values.copy()
     low, high, _ = model.limits[:, free]
     prior = 1 / model.prior[free] ** 2
-    weight = data.known[:, windows.pose].astype(float)
-    if spread is None:
-        spread = residuals(model, data, windows, values, free, weight).spread
-    weight /= spread[:2, None] ** 2
-    for _ in range(_ITERATIONS):
-        found = residuals(model, data, windows, values, free, weight)
-        pull = found.weights(spread)
-        hessian = np.einsum("kfr,kr,kgr->fg", found.slope, pull, found.slope, optimize=True) + np.diag(prior)
-        gradient = np.einsum("kfr,kr->f", found.slope, pull * found.value) + prior * (values - mean)[free]
+    known = data.known[:, windows.pose].astype(float)
+    rest = residuals(model, data, windows, values, free, known)
+    for _ in range(20):
+        spread = rest.spread
+        pull, _ = rest.weights(spread)
+        hessian = rest.normal(pull) + np.diag(prior)
+        gradient = rest.score(pull) + prior * (values - mean)[free]
         moved = np.clip(values[free] - _RELAXED * np.linalg.solve(hessian, gradient), low, high)
-        change = np.abs(moved - values[free]) * np.sqrt(np.diag(hessian))
+        change = np.max(np.abs(moved - values[free]) * np.sqrt(np.diag(hessian)), initial=0.0)
         values[free] = moved
-        if (change < _TOLERANCE).all():
+        if change < tolerance:
             break
-    weight, spread = found.alignment(spread), found.spread
-    found = residuals(model, data, windows, values, free, weight)
+        slopes = free if change > 3.0 else free[:0]
+        later = residuals(model, data, windows, values, slopes, known / spread[:2, None] ** 2)
+        rest = later if len(slopes) else replace(later, slope=rest.slope)
+    rest = residuals(model, data, windows, values, free, rest.alignment(rest.spread))
+    spread = rest.spread
+    pull, curved = rest.weights(spread)
     block = data.blocks(2 * length)  # where windows that overlap share little
     middle = (windows.first + np.append(windows.first[1:], len(windows.pose)) - 1) // 2
-    pull = found.weights(spread)
-    normal, score = _by_block(found, pull, block[windows.pose[middle]][windows.of])
-    curved = found.bend(spread, pull)
-    bend = np.einsum("kfr,kr,kgr->fg", found.slope, curved, found.slope, optimize=True)
-    return WindowFit(model, data, length, values, free, spread, block, normal, bend, score, prior)
-
-
-def _by_block(found: Residuals, pull: Array, block: np.ndarray) -> tuple[Array, Array]:
-    """Normal equations (G, f, f) and scores (G, f) of the rows in each block (R,), by their weights (4, R)."""
-    _, block = np.unique(block, return_inverse=True)
-    count, size = int(block.max()) + 1, found.slope.shape[1]
-    score, normal = np.zeros((count, size)), np.zeros((count, size, size))
-    weighted = found.slope * pull[:, None]
-    ends = np.flatnonzero(np.diff(block, prepend=-1, append=-1))
-    for begin, end in pairwise(ends.tolist()):  # rows of a block follow each other
-        rows, part = weighted[:, :, begin:end], block[begin]
-        normal[part] += np.tensordot(rows, found.slope[:, :, begin:end], ([0, 2], [0, 2]))
-        score[part] += np.tensordot(rows, found.value[:, begin:end], ([0, 2], [0, 1]))
-    return normal, score
+    _, part = np.unique(block[windows.pose[middle]][windows.of], return_inverse=True)
+    blocks = np.zeros((int(part.max()) + 1, len(free), len(free)))
+    score = np.zeros(blocks.shape[:2])
+    ends = np.flatnonzero(np.diff(part, prepend=-1, append=-1)).tolist()
+    for begin, end in pairwise(ends):  # rows of a block follow each other
+        blocks[part[begin]] += rest.normal(pull, slice(begin, end))
+        score[part[begin]] += rest.score(pull, slice(begin, end))
+    return WindowFit(model, data, length, values, free, spread, block, blocks, rest.normal(curved), score, prior)

@@ -1,0 +1,83 @@
+"""Paths that belts drive: exact arcs, their derivatives, drives in a row, and encoders that are read rarely."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import SLAM, drive_log, held, model
+
+from trackslip.identification.path import path_at
+from trackslip.identification.preparation import Timeline, drive_of, interval_means
+from trackslip.kinematics import advance
+
+RNG = np.random.default_rng(0)
+EDGES = np.cumsum(RNG.uniform(0.01, 0.1, 41))
+MOTION = RNG.normal(size=(3, 40)) * [[0.3], [0.1], [1.0]]
+
+
+def path(motion, slope, time):
+    row = np.clip(np.searchsorted(EDGES, time, side="right") - 1, 0, len(EDGES) - 2)
+    return path_at(EDGES, motion, slope, time, row)
+
+
+@pytest.mark.parametrize("turning", [1.0, 1e-3, 0.0])
+def test_paths_are_exact_arcs(turning):
+    motion = MOTION * [[1], [0], [turning]]
+    time = np.sort(RNG.uniform(EDGES[0], EDGES[-1], 50))
+    expected = np.zeros((50, 3))
+    for (v, _, w), begin, end in zip(motion.T, EDGES, EDGES[1:], strict=False):
+        expected = advance(expected, np.array([v, w]), np.clip(time, begin, end) - begin)
+    found = path(motion, np.zeros((3, 0, 40)), time)
+    np.testing.assert_allclose(
+        np.column_stack([found.place.real, found.place.imag, found.heading]), expected, atol=1e-13
+    )
+
+
+@pytest.mark.parametrize("turning", [1.0, 1e-4])
+def test_derivatives_and_velocities_are_differences(turning):
+    motion, slope = MOTION * [[1], [1], [turning]], RNG.normal(size=(3, 4, 40))
+    time, h = np.linspace(EDGES[0] + 0.003, EDGES[-1] + 0.1, 25), 1e-6
+    found = path(motion, slope, time)
+    for k in range(4):
+        ahead, behind = (path(motion + s * h * slope[:, k], slope, time) for s in (1, -1))
+        np.testing.assert_allclose(found.place_slope[k], (ahead.place - behind.place) / (2 * h), atol=1e-7)
+        np.testing.assert_allclose(found.heading_slope[k], (ahead.heading - behind.heading) / (2 * h), atol=1e-7)
+    ahead, behind = (path(motion, slope, time + s * h) for s in (1, -1))
+    np.testing.assert_allclose(found.velocity, (ahead.place - behind.place) / (2 * h), atol=1e-7)
+    np.testing.assert_allclose(found.yaw_rate, (ahead.heading - behind.heading) / (2 * h), atol=1e-7)
+
+
+@pytest.mark.parametrize("clock_offset", [0.003, -4.003])
+@pytest.mark.parametrize("lag", [0.0, 0.2])
+def test_each_of_several_drives_moves_as_it_does_alone(clock_offset, lag):
+    drives, driven = [drive_of(drive_log(seed, 10.0 + seed)) for seed in range(3)], model("turn_loss")
+    every, begin = np.arange(len(driven.names)), 0
+    values = np.array([0.045, 0.0066, 0.3, 0.1, 0.05, 0.2, clock_offset, 0.07, lag])
+    together = driven.path(values, Timeline.of(drives), every)
+    for drive in drives:
+        alone, rows = driven.path(values, Timeline.of([drive]), every), slice(begin, begin + len(drive.time))
+        turn = together.heading[begin] - alone.heading[0]
+        moved = (together.place[rows] - together.place[begin]) * np.exp(-1j * turn)
+        np.testing.assert_allclose(moved, alone.place - alone.place[0], atol=1e-10)
+        np.testing.assert_allclose(together.heading[rows] - turn, alone.heading, atol=1e-11)
+        slope = together.heading_slope[:, rows] - together.heading_slope[:, [begin]]
+        np.testing.assert_allclose(slope, alone.heading_slope - alone.heading_slope[:, :1], atol=1e-9)
+        begin += len(drive.time)
+
+
+def test_a_reading_that_is_logged_again_and_again_counts_once_in_the_middle_of_its_time():
+    time = 0.05 * np.arange(400)
+    omega = np.column_stack([3 * np.sin(time), 2 + np.cos(0.7 * time)])
+    as_read = held(time, omega, 0.2, (0.0, 0.1))
+    later = time[1:] - 0.025 - 0.05  # a reading stands for the row's interval and the three after it
+    expected = np.column_stack([3 * np.sin(later), 2 + np.cos(0.7 * later)])
+    np.testing.assert_allclose(interval_means(time, as_read)[10:-10], expected[10:-10], atol=0.02)
+    assert np.abs(as_read[1:] - expected)[10:-10].max() > 0.2
+    for every_row in (RNG.normal(size=(400, 2)), np.repeat(RNG.normal(size=(8, 2)), 50, axis=0), np.ones((400, 2))):
+        np.testing.assert_array_equal(interval_means(time, every_row), every_row[1:])
+
+
+def test_poses_more_often_than_20_hz_are_thinned():
+    drive = drive_of(drive_log(1, 20, replace(SLAM, rate=180.0)))
+    assert np.median(np.diff(drive.time)) == pytest.approx(0.05, rel=0.15)
+    assert len(drive_of(drive_log(1, 20, replace(SLAM, rate=30.0))).time) == pytest.approx(600, abs=10)
