@@ -77,7 +77,7 @@ OPTIONS = [
     (f"identify log.csv {ROBOT} --gear 1e-308", "gear = 1e-308: must be from 0.0001 to 10000"),
     ("predict --half-gauge 1e-308", "half_gauge = 1e-308: must be at least 0.001 m"),
     ("plan --half-gauge 1e-308 --sprocket-radius 0.06", "half_gauge = 1e-308: must be from 0.001 to 100 m"),
-    (f"{PLAN} --offset 1e308", "offset = 1e+308: must be greater than -half_gauge = -0.168 m, at most 100 m"),
+    (f"{PLAN} --offset 1e308", "offset = 1e+308: must be from -0.1512 to 100 m"),
     (f"{PLAN} --topic 'cmd vel'", "topic = 'cmd vel': must be names of letters, digits and _, joined by /"),
     (f"{PLAN} --max-speed 1e-308", "max_speed = 1e-308: must be from 0.001 to 10 m/s"),
     ("log run.parquet --overwrite", "overwrite = True: must be left out without --out"),

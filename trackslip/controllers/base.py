@@ -62,11 +62,19 @@ class OncePerReference(Generic[T]):
         return self._kept[1]
 
 
-def natural_frequency(twist: ArrayLike, stiffness: float) -> Array:
-    """a = sqrt(w_d^2 + g v_d^2) [rad/s] (...) of reference twists (..., 2), g in [1/m^2]; Eqs. 28-30.
+@dataclass(frozen=True, kw_only=True)
+class Scheduled(ControlLaw):
+    """Base of the laws with a gain 2 xi a, a = sqrt(w_d^2 + g v_d^2) by the twist of the reference; Eqs. 28-30.
 
-    Gains proportional to it make errors decay over a distance instead of over a time; they vanish at standstill.
+    With gains proportional to it, errors decay over a distance instead of over a time; it vanishes at standstill.
     """
-    twist = np.asarray(twist, float)
-    v, w = twist[..., 0], twist[..., 1]
-    return np.sqrt(w**2 + stiffness * v**2)
+
+    damping: float = 0.7
+    """xi, the damping ratio [-]."""
+    stiffness: float = 10.0
+    """g, called b in the paper's Eqs. 28-30 [1/m^2]."""
+
+    def speed_gain(self, twist: ArrayLike) -> Array:
+        """The gain (...) [1/s] at reference twists (..., 2)."""
+        v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+        return np.asarray(2 * self.damping * np.sqrt(w**2 + self.stiffness * v**2))

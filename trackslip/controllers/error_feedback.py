@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.base import ControlLaw, natural_frequency
+from trackslip.controllers.base import ControlLaw, Scheduled
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
@@ -48,21 +48,16 @@ class ErrorFeedback(ControlLaw, ABC):
 
 
 @dataclass(frozen=True)
-class LinearTimeVarying(ErrorFeedback):
+class LinearTimeVarying(Scheduled, ErrorFeedback):
     """Feedforward plus linear feedback of the body-frame error, with gains scheduled by the twist of the reference.
 
     Around the reference the closed loop has the characteristic polynomial
     (s + 2 xi a)(s^2 + 2 xi a s + a^2) with a = sqrt(w_d^2 + g v_d^2) (Eqs. 25-30).
     """
 
-    damping: float = 0.7
-    """xi, the damping ratio [-]."""
-    stiffness: float = 10.0
-    """g, called b in the paper's Eqs. 28-30 [1/m^2]."""
-
     def gains(self, twist: ArrayLike) -> Array:
         """(k1, k2, k3) (..., 3) at reference twists (..., 2); Eqs. 29-30."""
-        k1 = 2 * self.damping * natural_frequency(twist, self.stiffness)
+        k1 = self.speed_gain(twist)
         return np.stack([k1, self.stiffness * np.abs(np.asarray(twist, float)[..., 0]), k1], axis=-1)
 
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
@@ -73,7 +68,7 @@ class LinearTimeVarying(ErrorFeedback):
 
 
 @dataclass(frozen=True)
-class Samson(ErrorFeedback):
+class Samson(Scheduled, ErrorFeedback):
     """Feedback v = v_d cos(e_phi) + k1 e_x, w = w_d + k2 v_d sin(e_phi) / e_phi e_y + k3 e_phi.
 
     V = k2 (e_x^2 + e_y^2) / 2 + e_phi^2 / 2 decreases at the rate k1 k2 e_x^2 + k3 e_phi^2: the loop is stable from any
@@ -81,14 +76,9 @@ class Samson(ErrorFeedback):
     equals Eq. 31 to first order.
     """
 
-    damping: float = 0.7
-    """xi, the damping ratio [-]."""
-    stiffness: float = 10.0
-    """g [1/m^2]."""
-
     def gains(self, twist: ArrayLike) -> Array:
         """(k1, k2, k3) (..., 3) [1/s, 1/m^2, 1/s] at reference twists (..., 2)."""
-        k1 = 2 * self.damping * natural_frequency(twist, self.stiffness)
+        k1 = self.speed_gain(twist)
         return np.stack([k1, np.full_like(k1, self.stiffness), k1], axis=-1)
 
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:

@@ -8,12 +8,13 @@ driving: controller design, experimental validation and racing", ACC 2007.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.base import ControlLaw, OncePerReference, natural_frequency
+from trackslip.controllers.base import OncePerReference, Scheduled
 from trackslip.controllers.error_feedback import ErrorFeedback, Errors
 from trackslip.errors import require, require_at_most
 from trackslip.kinematics import Array, advance, wrap_angle
@@ -25,7 +26,7 @@ STEP = 0.01
 
 
 @dataclass(frozen=True)
-class PurePursuit(ControlLaw):
+class PurePursuit(Scheduled):
     """Drives the arc through a goal that is `look_ahead` further along the path than the reference.
 
     The curvature of the arc is 2 y / d^2 for a goal at (x, y) in the body frame, at distance d; without errors it
@@ -35,21 +36,17 @@ class PurePursuit(ControlLaw):
 
     look_ahead: float = 0.3
     """Distance of the goal along the path [m]."""
-    damping: float = 0.7
-    """xi of the speed law, of gain 2 xi sqrt(w_d^2 + g v_d^2) [-]."""
-    stiffness: float = 10.0
-    """g of the speed law [1/m^2]."""
     _path: OncePerReference[PathAhead] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""
         path = self._path(PathAhead, reference)
-        v, curvature, _ = path.pursued(time, pose, self.look_ahead, self.damping, self.stiffness)
+        v, curvature, _ = path.pursued(time, pose, self.look_ahead, self.speed_gain)
         return np.stack([v, v * curvature], axis=-1)
 
 
 @dataclass(frozen=True)
-class RegulatedPurePursuit(ControlLaw):
+class RegulatedPurePursuit(Scheduled):
     """Pure pursuit with a goal further ahead at speed, slower in sharp bends and before cusps, stops and the end.
 
     The controller of Nav2, with the names of its parameters. Its desired speed is here the one that keeps up with the
@@ -70,10 +67,6 @@ class RegulatedPurePursuit(ControlLaw):
     """Distance to a cusp, a stop or the end below which the speed falls in proportion to it [m]."""
     min_approach_linear_velocity: float = 0.05
     """Speed below which it doesn't fall there [m/s]."""
-    damping: float = 0.7
-    """xi of the speed law, of gain 2 xi sqrt(w_d^2 + g v_d^2) [-]."""
-    stiffness: float = 10.0
-    """g of the speed law [1/m^2]."""
     _path: OncePerReference[PathAhead] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -85,7 +78,7 @@ class RegulatedPurePursuit(ControlLaw):
         distance = self.lookahead_time * abs(reference.twist(time)[0])
         distance = min(max(distance, self.min_lookahead_dist), self.max_lookahead_dist)
         path = self._path(PathAhead, reference)
-        v, curvature, remaining = path.pursued(time, pose, distance, self.damping, self.stiffness)
+        v, curvature, remaining = path.pursued(time, pose, distance, self.speed_gain)
         sharp = np.maximum(np.abs(curvature) * self.regulated_linear_scaling_min_radius, 1.0)
         near = np.clip(remaining / self.approach_velocity_scaling_dist, 0.0, 1.0)
         slow = np.maximum(np.abs(v) / sharp, self.regulated_linear_scaling_min_speed)
@@ -108,16 +101,17 @@ class PathAhead:
         self._cut = cuts[np.searchsorted(cuts, np.arange(cells), side="right")]  # (C,)
 
     def pursued(
-        self, time: float, pose: ArrayLike, look_ahead: float, damping: float, stiffness: float
+        self, time: float, pose: ArrayLike, look_ahead: float, gain: Callable[[Array], Array]
     ) -> tuple[Array, Array, Array]:
         """Speeds [m/s], curvatures of the arcs through the goal [1/m] and ways left [m], (...) each, at poses (..., 3).
 
         The goal is `look_ahead` [m] beyond the reference's pose at `time` [s]; the way left ends where the goal's does.
+        `gain` is that of the speed law by the reference's twist.
         """
         desired = self._reference.twist(time)
         goal, left = self.point(time, look_ahead)
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, self._reference.pose(time)), -1, 0)
-        v = speed_to_keep_up(desired, (e_x, e_y, e_phi), 2 * damping * natural_frequency(desired, stiffness))
+        v = speed_to_keep_up(desired, (e_x, e_y, e_phi), gain(desired))
         x, y, _ = np.moveaxis(body_errors(pose, goal), -1, 0)
         # A robot far ahead of the reference that has nearly reached the goal must not spin.
         curvature = 2 * y / np.maximum(x**2 + y**2, (look_ahead / 2) ** 2)
@@ -138,7 +132,7 @@ class PathAhead:
 
 
 @dataclass(frozen=True)
-class Stanley(ErrorFeedback):
+class Stanley(Scheduled, ErrorFeedback):
     """Steers a virtual axle, `wheelbase` ahead of the robot (behind it in reverse), onto the path of that axle.
 
     The steering angle is delta = psi + atan(k e / (k_s + |v|)): psi is the direction of the path of the axle relative
@@ -155,10 +149,6 @@ class Stanley(ErrorFeedback):
     """k_s, which limits the angle at low speed [m/s]."""
     steering_limit: float = np.pi / 3
     """Maximum |delta| [rad]."""
-    damping: float = 0.7
-    """xi of the speed law, of gain 2 xi sqrt(w_d^2 + g v_d^2) [-]."""
-    stiffness: float = 10.0
-    """g of the speed law [1/m^2]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -167,8 +157,7 @@ class Stanley(ErrorFeedback):
     def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         direction = -1.0 if v_d < 0 else 1.0
-        gain = 2 * self.damping * natural_frequency(desired, self.stiffness)
-        v = speed_to_keep_up(desired, errors, gain)
+        v = speed_to_keep_up(desired, errors, self.speed_gain(desired))
         axle_x = direction * e_x + self.wheelbase * (np.cos(e_phi) - 1)
         axle_y = direction * e_y + self.wheelbase * np.sin(e_phi)
         psi = wrap_angle(e_phi + np.arctan2(self.wheelbase * w_d, np.abs(v_d)))

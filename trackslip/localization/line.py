@@ -10,6 +10,8 @@ from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
 from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
 
+_MIN_EXTENT = 0.35  # of a valid line [m]
+
 
 @dataclass(frozen=True)
 class LineLocator:
@@ -17,12 +19,10 @@ class LineLocator:
 
     Corrected are two points that the paper does not mention. The points lie on the face of the plate, half its
     thickness closer to the LRF than its centre. And twice per turn the plate is seen edge-on, so that the line fits the
-    thin face, 90 degrees off: clusters shorter than `min_extent` are rejected.
+    thin face, 90 degrees off: clusters shorter than _MIN_EXTENT are rejected.
     """
 
     plate: Plate = field(default_factory=Plate)
-    min_extent: float = 0.35
-    """Minimum length of a valid line [m]."""
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`."""
@@ -33,7 +33,7 @@ class LineLocator:
         away = np.sign(np.einsum("si,si->s", normal, line.middle))[:, None]
         position = line.middle + away * normal * self.plate.thickness / 2
         pose = np.concatenate([position, line.heading[:, None]], axis=-1)
-        valid = (cluster.count >= 3) & (line.extent > self.min_extent)
+        valid = (cluster.count >= 3) & (line.extent > _MIN_EXTENT)
         covariance = _covariance(scan, cluster, line, self.plate, valid)
         return PoseEstimate(scan.to_world(pose), scan.covariance_to_world(covariance), valid)
 

@@ -25,6 +25,12 @@ from trackslip.localization.rows import Rows
 from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
 from trackslip.localization.view import EDGE_ON, in_axes, viewing_angle
 
+_HUBER = 3.0  # residual above which the loss of a range is linear [standard deviations]
+_SCREENING = 4  # iterations from every start before the best one is selected
+_ITERATIONS = 8  # at most, from the best start
+_MAX_MISFIT = 3.0  # rms residual of a valid pose [standard deviations]
+_MAX_HEADING_ERROR = np.radians(3.0)  # standard error of the heading of a valid pose [rad]
+_MAX_POSITION_ERROR = 0.05  # standard error of the position of a valid pose [m]
 _STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else
 _EXPLAINED = 7.0  # gain in log likelihood of a return from the plate over one from anything within a few metres
 _MIN_PLATE_RETURNS = 8  # fewer returns may look like a plate by chance
@@ -64,22 +70,10 @@ class PlateLocator:
     """Fits the rectangle to each scan; a pose is valid if it explains the returns and its heading is determined."""
 
     plate: Plate = field(default_factory=Plate)
-    huber: float = 3.0
-    """Residual above which the loss of a range is linear [standard deviations]."""
-    screening: int = 4
-    """Iterations from every start before the best one is selected [-]."""
-    iterations: int = 8
-    """Maximum number of iterations from the best start [-]."""
-    max_misfit: float = 3.0
-    """Maximum root mean square residual of a valid pose [standard deviations]."""
-    max_heading_error: float = np.radians(3.0)
-    """Maximum standard error of the heading of a valid pose [rad]."""
-    max_position_error: float = 0.05
-    """Maximum standard error of the position of a valid pose [m]."""
 
     @functools.cached_property
     def _likelihood(self) -> PlateLikelihood:
-        return PlateLikelihood(self.plate, self.huber)
+        return PlateLikelihood(self.plate, _HUBER)
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`.
@@ -95,7 +89,7 @@ class PlateLocator:
         else:
             near = scan.from_world(predicted)
             found = self._solve(scan, extract_plate(scan, self.plate, near), near)
-            strange = found.misfit > self.max_misfit
+            strange = found.misfit > _MAX_MISFIT
             (astray,), (doubtful,) = strange.nonzero(), (found.doubtful | strange).nonzero()
         for gap in FINER_GAPS if astray.size else ():
             found.improve(astray, self._best(replace(scan, ranges=scan.ranges[astray]), gap))
@@ -113,7 +107,7 @@ class PlateLocator:
         for _ in range(_ROUNDS):
             pose = found.pose[rows]
             if near is not None:
-                pose = np.where((found.misfit[rows] < self.max_misfit)[:, None], pose, near[rows])
+                pose = np.where((found.misfit[rows] < _MAX_MISFIT)[:, None], pose, near[rows])
             found.improve(rows, self._solve(part, returns_at(part, self.plate, pose), pose))
 
     def _best(self, scan: Scan, gap: float) -> PlateSolution:
@@ -129,9 +123,9 @@ class PlateLocator:
         """Mask (S,) of the valid solutions."""
         variance = np.einsum("sii->si", found.covariance)
         return (
-            (found.misfit < self.max_misfit)
-            & (variance[:, :2].max(axis=1) < self.max_position_error**2)
-            & (variance[:, 2] < self.max_heading_error**2)
+            (found.misfit < _MAX_MISFIT)
+            & (variance[:, :2].max(axis=1) < _MAX_POSITION_ERROR**2)
+            & (variance[:, 2] < _MAX_HEADING_ERROR**2)
             & (viewing_angle(found.pose) > EDGE_ON)
         )
 
@@ -169,7 +163,7 @@ class PlateLocator:
         if near is None:
             fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
             return fit, _misfit(fit, cluster)
-        fit = self._likelihood.climb(beams, near, self.iterations)
+        fit = self._likelihood.climb(beams, near, _ITERATIONS)
         misfit = _misfit(fit, cluster)
         unexplained = _strained(misfit, cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
         if not np.count_nonzero(unexplained):
@@ -183,10 +177,10 @@ class PlateLocator:
         """The best fits (S,) reached from the poses `first` (S, K, 3)."""
         scans, k, _ = first.shape
         thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
-        screened = self._likelihood.climb(thinned, first.reshape(-1, 3), self.screening)
+        screened = self._likelihood.climb(thinned, first.reshape(-1, 3), _SCREENING)
         cost = screened.cost.reshape(scans, k)
         best = np.argmax(cost < cost.min(axis=1, keepdims=True) + _ALIKE, axis=1) + k * np.arange(scans)
-        return self._likelihood.climb(beams, screened.pose[best], self.iterations)
+        return self._likelihood.climb(beams, screened.pose[best], _ITERATIONS)
 
 
 def _widened(covariance: Array, pose: Array, weight: Array, short: float) -> Array:

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
 
 import numpy as np
-import scipy
+import scipy.signal
 
 from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.steady_twist import SmoothedMotion, SteadyTwist, long_run_covariance, require_poses, within
+from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
-_GAIN = 1 / (2 + math.sqrt(2))
-_RECURSION = (2 - math.sqrt(2)) / (2 + math.sqrt(2))
 _MIN_STEPS = 20  # minimum number of steps for a mean twist
 _LAGS = 0.5  # width of the lag window for the error of a mean twist, relative to the number of rows
 _MIN_FILTERED_ROWS = 16  # rows needed to filter without transients
 _MAX_TURN_PER_ROW = 0.15  # turn per row at which the filter shrinks a circle by 8e-5 [rad]
 _MAX_GAP_TURN = 2.5  # turn in a gap that an arc can bridge [rad]
+
+
+@dataclass(frozen=True)
+class SmoothedMotion:
+    """Smoothed motion of a robot."""
+
+    time: Array  # (M,) [s]
+    pose: Array  # (M, 3) [m, m, rad]
+    twist: Array  # (M, 2) [m/s, rad/s]
 
 
 def paper_motion(log: RunLog) -> SmoothedMotion:
@@ -41,14 +48,11 @@ def paper_motion(log: RunLog) -> SmoothedMotion:
 def low_pass(values: Array) -> Array:
     """Values (T, k) through the paper's Butterworth filter, as if they had always been as in the first row.
 
-    It passes half of the frequencies that a log can show: H(z) = b (1 + 1 / z)^2 / (1 + a / z^2). Written out because
-    `scipy.signal`, which takes longer to import than most logs to filter, is needed for nothing else.
+    It passes half of the frequencies that a log can show.
     """
-    change = np.concatenate([np.zeros((2, values.shape[1])), values - values[0]])
-    driven = _GAIN * (change[2:] + 2 * change[1:-1] + change[:-2])
-    bands = np.outer([1.0, 0.0, _RECURSION], np.ones(len(values)))
-    smooth, _ = scipy.linalg.lapack.dtbtrs(bands, driven, uplo="L")
-    return np.asarray(smooth + values[0])
+    sections = scipy.signal.butter(2, 0.5, output="sos")
+    settled = scipy.signal.sosfilt_zi(sections)[..., None] * values[0]
+    return np.asarray(scipy.signal.sosfilt(sections, values, axis=0, zi=settled)[0])
 
 
 def mean_twist(motion: SmoothedMotion, log: RunLog, window: tuple[float, float]) -> SteadyTwist:

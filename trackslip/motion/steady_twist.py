@@ -16,15 +16,6 @@ _TWIST, _LATERAL = np.array([3, 5]), 4  # indices of v and w, and of u, among th
 
 
 @dataclass(frozen=True)
-class SmoothedMotion:
-    """Smoothed motion of a robot."""
-
-    time: Array  # (M,) [s]
-    pose: Array  # (M, 3) [m, m, rad]
-    twist: Array  # (M, 2) [m/s, rad/s]
-
-
-@dataclass(frozen=True)
 class SteadyTwist:
     """The mean twist of a steady run."""
 

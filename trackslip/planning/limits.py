@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require, require_non_negative, require_positive, require_within
+from trackslip.errors import InvalidValueError, require_non_negative, require_within
 from trackslip.kinematics import Array, RobotGeometry
 
 TURNING = 2.0
@@ -14,6 +14,8 @@ TURNING = 2.0
 _BOUNDS = {"max_speed": (1e-3, 10.0, "m/s"), "acceleration": (1e-3, 100.0, "m/s^2"), "duration": (10.0, 3600.0, "s")}
 _SIDES = (1e-3, 1000.0, "m")  # of an area
 _MOST_OFFSET = 100.0  # of a track's ICR from the track [m]
+MOST_DOUBT = 0.9
+"""Largest relative error of what is known of a robot [-]."""
 
 
 @dataclass(frozen=True)
@@ -70,15 +72,9 @@ class Knowledge:
     """White slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]."""
 
     def __post_init__(self) -> None:
-        for name in ("reach_doubt", "radius_doubt", "pull"):
-            value = getattr(self, name)
-            require(0 <= value < 1, name, value, "at least 0 and less than 1")
-        b = self.geometry.half_gauge
-        allowed = f"greater than -half_gauge = {-b:g} m, at most {_MOST_OFFSET:g} m"
-        require(-b < self.offset <= _MOST_OFFSET, "offset", self.offset, allowed)
-        require(abs(self.radius_error) < 1, "radius_error", self.radius_error, "between -1 and 1")
-        for value in self.slip:
-            require_positive("slip", value)
+        require_within("doubt", self.reach_doubt, 0.0, MOST_DOUBT)
+        require_within("offset", self.offset, -0.9 * self.geometry.half_gauge, _MOST_OFFSET, "m")
+        require_within("radius_error", self.radius_error, -0.9, 0.9)
 
     @property
     def reach(self) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError
 from trackslip.identification.path import DriveModel
-from trackslip.kinematics import Array, RobotGeometry, twist_of_tracks
+from trackslip.kinematics import SIDES, Array, RobotGeometry, twist_of_tracks
 from trackslip.laws.families import LawFamily, drive_laws, family
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
@@ -23,9 +23,8 @@ PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not
 """Laws that a drive can be planned for."""
 PAPER_DURATION = 30.0
 """Duration of each of the paper's runs [s]."""
-_EVALUATIONS = 1000  # of routes
-_FEWEST = 200
-_LONG = 120.0  # duration beyond which fewer routes are tried [s]
+_EVALUATIONS, _FEWEST = 1000, 200  # of routes: fewer of those longer than _LONG
+_LONG = 120.0  # [s]
 _POSES = 1200  # that a search reckons with; of more, a part, as good as all
 _THINNED = (2.0, 10.0)  # fewest and most of them per second [Hz]
 
@@ -118,33 +117,26 @@ def plan_drive(
     model = DriveModel(family(law), geometry)
     expected_values = np.array(usual_values(model.family, knowledge) if values is None else values, float)
     sizes = relative_to(model.family, expected_values, geometry)
-    fits = False
-
-    def expectation_of(found: PlacedRoute, quality: PoseQuality, merge: int) -> Expectation:
-        speeds = found.maneuvers.speeds(limits.duration)
-        drive = drive_to_measure(speeds, RATE, quality, geometry.sprocket_radius, merge)
-        return expected(model, expected_values, [drive], quality, knowledge.slip, known)
-
     quality = poses.thinned(float(np.clip(_POSES / limits.duration, *_THINNED)))
 
+    def expectation_of(drive: PlacedRoute, quality: PoseQuality, merge: int) -> Expectation:
+        speeds = drive.maneuvers.speeds(limits.duration)
+        measured = drive_to_measure(speeds, RATE, quality, geometry.sprocket_radius, merge)
+        return expected(model, expected_values, [measured], quality, knowledge.slip, known)
+
     def cost(route: Route) -> float:
-        nonlocal fits
-        found = placed(route, limits, knowledge)
+        drive = placed(route, limits, knowledge)
         step(1.0)
-        if found is None:
-            return np.inf
-        fits = True
-        return largest(expectation_of(found, quality, rate_of(quality)), sizes)
+        return np.inf if drive is None else largest(expectation_of(drive, quality, rate_of(quality)), sizes)
 
     route, least_cost = best_route(cost, evaluations(limits), np.random.default_rng(seed))
-    found = placed(route, limits, knowledge)
-    if not fits:
-        raise InvalidValueError(
-            "area", limits.area_text, "larger, for a drive in it by any law that the robot may have"
-        )
-    if found is None or not np.isfinite(least_cost):
-        why = f"longer, for a drive within the limits to determine the law {law}"
-        raise InvalidValueError("duration", limits.duration, why)
+    drive = placed(route, limits, knowledge)
+    if drive is None:
+        allowed = "larger, for a drive in it by any law that the robot may have"
+        raise InvalidValueError("area", limits.area_text, allowed)
+    if not np.isfinite(least_cost):
+        allowed = f"longer, for a drive within the limits to determine the law {law}"
+        raise InvalidValueError("duration", limits.duration, allowed)
     return DrivePlan(
         law,
         expected_values,
@@ -152,10 +144,10 @@ def plan_drive(
         knowledge,
         poses,
         known,
-        found.maneuvers,
-        found.start,
-        found.places,
-        expectation_of(found, poses, 1),
+        drive.maneuvers,
+        drive.start,
+        drive.places,
+        expectation_of(drive, poses, 1),
     )
 
 
@@ -195,8 +187,7 @@ def usual_values(laws: LawFamily, knowledge: Knowledge) -> Array:
 def paper_runs(geometry: RobotGeometry) -> list[Array]:
     """Belt speeds (2,) [m/s] of the paper's 25 runs, without those whose radius is too small for the robot."""
     radii = [radius for radius in COMMANDED_RADII if radius > geometry.half_gauge]
-    b = geometry.half_gauge
-    return [np.array([v - b * v / radius, v + b * v / radius]) for radius in radii for v in SPEEDS]
+    return [v * (1 + SIDES * geometry.half_gauge / radius) for radius in radii for v in SPEEDS]
 
 
 def expected_of_paper(plan: DrivePlan) -> Expectation | None:

@@ -12,7 +12,7 @@ from trackslip.files import reason
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.file import StoredLaws, read_stored
 from trackslip.odometry.uncertainty import LawErrors, SlipNoise
-from trackslip.planning.limits import Knowledge, first_knowledge
+from trackslip.planning.limits import MOST_DOUBT, Knowledge, first_knowledge
 
 _PATH_LAW = "icr_radius"  # by which paths are predicted
 _SIDES = "icr_sides"
@@ -83,4 +83,4 @@ def _knowledge(stored: StoredLaws, law: str) -> Knowledge:
 
 
 def _within(doubt: float, least: float) -> float:
-    return float(np.clip(doubt, least, 0.9))
+    return float(np.clip(doubt, least, MOST_DOUBT))

@@ -1,8 +1,8 @@
-"""Routes: drives between nine waypoints of an area, straight or on arcs, forwards or backwards, with spins between.
+"""Routes: drives there and back between two of nine places of an area, with spins between.
 
-The search varies routes. A route says where to go and how, not how far: its waypoints move together until the robot
-stays in the area under every law that it may have. Each spin is followed by an equal one to the other side, so that
-the heading after both does not depend on the law.
+The search varies routes. A route says where to go and how, not how far: its places move together until the robot stays
+in the area under every law that it may have. Each spin is followed by an equal one to the other side, so that the
+heading after both does not depend on the law.
 """
 
 from __future__ import annotations
@@ -17,10 +17,9 @@ from trackslip.planning.maneuvers import Maneuvers, durations, longest_spin
 
 WAYPOINTS = np.array([(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
 """Places (9, 2) in halves of the area's length and width, or of what can be driven in a larger one."""
-BOWS = np.radians([-60.0, -30.0, 0.0, 30.0, 60.0])
-"""Angles (5,) between the chord of a leg and its ends."""
-STRAIGHT = 2
-"""Index of a straight leg in BOWS."""
+BOW = np.radians(30.0)
+"""Angles between the chord of a leg and its ends are multiples of this, straight or MOST_BOW to either side [rad]."""
+MOST_BOW = 2
 _FITTED = 8  # rounds in which the places move together
 _SLACK = 1e-3  # relative, by which they move further than they seem to have to
 _LONGEST = 0.25  # way from the middle to a place in a large area, of what can be driven in all [-]
@@ -31,19 +30,22 @@ _DEVIATIONS = 3.5  # of slip that the area allows for
 
 @dataclass(frozen=True)
 class Route:
-    """Legs, repeated until the time is up, and spins."""
+    """Two legs, there and back, repeated until the time is up, and spins."""
 
     start: int
-    """Index of the first waypoint."""
-    place: np.ndarray  # (n,) int, ends of the legs, indices into WAYPOINTS
-    backwards: np.ndarray  # (n,) bool: whether a leg is driven backwards
-    bow: np.ndarray  # (n,) int, indices into BOWS
+    """Index of the first place in WAYPOINTS."""
+    end: int
+    """Index of the other one."""
+    backwards: tuple[bool, bool]
+    """Whether the way there and the way back are driven backwards."""
+    bow: tuple[int, int]
+    """Angle between the chord of each way and its ends [BOW]."""
     spinning: float
     """Share of the time for spins to both sides [-]."""
     pairs: int
     """Number of such pairs, spread over the route."""
     size: float = 1.0
-    """Distances of the waypoints, relative to the largest useful ones [-]."""
+    """Distances of the places, relative to the largest useful ones [-]."""
     ends: float = 0.5
     """Length of the first and the last pair over that of the others, which are measured for two legs [-]."""
     shrink: float = 0.0
@@ -60,37 +62,30 @@ class PlacedRoute:
 
 
 def placed(route: Route, limits: DriveLimits, knowledge: Knowledge) -> PlacedRoute | None:
-    """The route, as large as the area allows; None if it doesn't fit at all."""
+    """The route, as large as the area allows; None if it doesn't fit at all, or leads nowhere."""
     scale = route.size
     for _ in range(_FITTED):
+        if route.start == route.end or scale < _SMALLEST:
+            return None
         maneuvers, heading = _maneuvers(route, scale, limits, knowledge)
-        if not len(maneuvers.way):
-            return None
-        found = extent(maneuvers, heading, knowledge)
-        over = float((found.size / limits.room).max())
+        reached = extent(maneuvers, heading, knowledge)
+        over = float((reached.size / limits.room).max())
         if over <= 1:
-            middle = (found.low + found.high) / 2
-            return PlacedRoute(
-                maneuvers, np.array([*-middle, wrap_angle(heading)]), Extent(found.low - middle, found.high - middle)
-            )
+            middle = (reached.low + reached.high) / 2
+            start = np.array([*-middle, wrap_angle(heading)])
+            return PlacedRoute(maneuvers, start, Extent(reached.low - middle, reached.high - middle))
         scale /= over * (1 + _SLACK)
-        if scale < _SMALLEST:
-            return None
     return None
 
 
 def _maneuvers(route: Route, scale: float, limits: DriveLimits, knowledge: Knowledge) -> tuple[Maneuvers, float]:
     """The maneuvers, with places `scale` times as far apart as they can be, and the heading at the start."""
     half = scale * np.minimum(limits.room / 2, _LONGEST * limits.max_speed * limits.duration)
-    rounds = max(1, int(np.ceil(limits.duration * limits.max_speed / (len(route.place) * half.min()))))
-    end = np.tile(route.place, rounds)
-    begin = np.concatenate([[route.start], end[:-1]])
-    moving = begin != end
-    backwards, bow = (np.tile(gene, rounds)[moving] for gene in (route.backwards, BOWS[route.bow]))
-    size = (1 - route.shrink) ** np.arange(len(end) + 1)[:, None]
-    chord = (size[1:] * WAYPOINTS[end] - size[:-1] * WAYPOINTS[begin])[moving] * half
-    if not len(chord):
-        return Maneuvers.of(np.zeros((0, 2)), limits), 0.0
+    rounds = max(1, int(np.ceil(limits.duration * limits.max_speed / (2 * half.min()))))
+    place = WAYPOINTS[[*[route.start, route.end] * rounds, route.start]]
+    backwards, bow = np.tile(route.backwards, rounds), BOW * np.tile(route.bow, rounds)
+    size = (1 - route.shrink) ** np.arange(len(place))[:, None]
+    chord = np.diff(size * place, axis=0) * half
     heading = np.arctan2(chord[:, 1], chord[:, 0]) - bow + np.pi * backwards
     turn = wrap_angle(heading - np.concatenate([heading[:1], heading[:-1] + 2 * bow[:-1]]))
     length = np.hypot(*chord.T) / np.sinc(bow / np.pi) * np.where(backwards, -1.0, 1.0)
@@ -111,7 +106,7 @@ def _timed(legs: Array, route: Route, limits: DriveLimits) -> Maneuvers:
     before = np.linspace(0, count, route.pairs + 1).astype(int)
     parts = np.split(legs[:count].reshape(-1, 2), 2 * before[1:])
     turned = [(1 - 2 * (k % 2)) * spin for k, spin in enumerate(spins)]
-    return Maneuvers.of(np.concatenate([one for both in zip(turned, parts, strict=True) for one in both]), limits)
+    return Maneuvers.of(np.concatenate([part for pair in zip(turned, parts, strict=True) for part in pair]), limits)
 
 
 def _ways(length: Array, turn: Array, knowledge: Knowledge) -> Array:

@@ -146,9 +146,8 @@ NO_FIX = "topic /fix: 20 of 300 messages left out: they have no fix"
             ["clocks differ by 3.0 s by their receive"],
         ),
         ([states(FOUR * [1, 0, 1, 1]), poses_of(LOG)], {}, [f"{WHEELS[1]} left out: it stands still"]),
-        *(([*[states()] * times, *[poses_of(LOG)] * times], {}, ["time is stamped twice"] * 2) for times in (2, 3)),
+        ([states(), states(), poses_of(LOG), poses_of(LOG)], {}, ["time is stamped twice"] * 2),
         ([states(), fixes((0.0, 0.0))], {}, [NO_FIX]),
-        ([states(), fixes((np.nan, np.nan))], {}, [NO_FIX]),
         ([states(), fixes((np.nan, np.nan), status=-1)], {}, [NO_FIX]),
     ],
 )
@@ -159,10 +158,9 @@ def test_sprockets_are_read_and_quirks_are_told(tmp_path, messages, choice, note
     assert all(note in line for note, line in zip(notes, read.warnings, strict=True))
 
 
-@pytest.mark.parametrize("rows", [(0,), (100,), (0, 1, 200)])
-def test_messages_without_stamp_are_left_out(tmp_path, rows):
-    notes = read_bags(write(tmp_path, states(unstamped=rows), poses_of(LOG))).notes
-    assert any(f"{len(rows)} of 600 messages left out: their header stamps are 0" in line for line in notes)
+def test_messages_without_stamp_are_left_out(tmp_path):
+    notes = read_bags(write(tmp_path, states(unstamped=(0, 1, 200)), poses_of(LOG))).notes
+    assert any("3 of 600 messages left out: their header stamps are 0" in line for line in notes)
 
 
 @pytest.mark.parametrize(("apart", "said"), [(10.0, True), (-10.0, True), (0.4, False)])

@@ -95,15 +95,11 @@ def test_velocities_where_there_are_no_positions(tmp_path):
 @pytest.mark.parametrize("positions", [np.full_like(TURNED, np.nan), np.zeros_like(TURNED)])
 def test_positions_that_are_not_measured_give_way_to_velocities(tmp_path, positions):
     found = read(tmp_path, states(["left", "right"], positions, LOG.omega))
-    middle = (LOG.omega[1:] + LOG.omega[:-1]) / 2
-    np.testing.assert_allclose(found.omega[1:], middle, atol=1e-9)
-
-
-def test_single_positions_that_are_missing_are_bridged(tmp_path):
+    np.testing.assert_allclose(found.omega[1:], (LOG.omega[1:] + LOG.omega[:-1]) / 2, atol=1e-9)
     positions = TURNED.copy()
     positions[40, 0] = np.nan
-    found = read(tmp_path, states(["left", "right"], positions))
-    np.testing.assert_allclose(found.omega[60:], LOG.omega[60:], atol=1e-10)
+    bridged = read(tmp_path / "bridged", states(["left", "right"], positions))
+    np.testing.assert_allclose(bridged.omega[60:], LOG.omega[60:], atol=1e-10)
 
 
 def test_the_topic_that_is_measured_is_chosen(tmp_path):

@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import sqlite3
 
 import numpy as np
 import pytest
@@ -16,12 +15,7 @@ from wandered import wandered
 from trackslip.bags.open import open_bags
 from trackslip.errors import LogError, TrackslipError
 
-COMPRESSED = [
-    *(("ros1", how) for how in ("bz2", "lz4")),
-    *(("sqlite3", how) for how in ("file", "message")),
-    *(("mcap", how) for how in ("file", "message", "storage")),
-    *(("foxglove", how) for how in ("none", "lz4", "zstd")),
-]
+COMPRESSED = [("ros1", "lz4"), ("sqlite3", "message"), ("mcap", "storage"), ("foxglove", "zstd")]
 LOG = wandered(duration=6.0)
 MESSAGES = in_order(joints_of(LOG), poses_of(LOG))
 LONG = wandered(duration=60.0)
@@ -33,9 +27,12 @@ def file_of(path):
 
 @pytest.mark.parametrize(("kind", "compression"), [*((kind, None) for kind in KINDS), *COMPRESSED])
 def test_every_message_comes_back_with_every_bit(tmp_path, kind, compression):
-    path = write_bag(tmp_path / "run", kind, MESSAGES, compression=compression)
+    """Types that nobody knows are in nobody's way."""
+    odd = [("/odd", "odd_msgs/msg/Odd", at, {"text": "x", "what": [1, 2]}) for *_, at, _ in MESSAGES[::7]]
+    path = write_bag(tmp_path / "run", kind, in_order(MESSAGES, odd), compression=compression)
     bag = open_bag(path)
-    assert contents(bag.messages("/joint_states")) == expected(MESSAGES)
+    assert contents(bag.messages("joint_states")) == expected(MESSAGES)
+    assert bag.first("/odd", 1)[0].content.text == "x"
     assert (bag.name, bag.notes) == ("run", ())
     with AnyReader([path]) as reader:
         assert {name: (topic.type, topic.count) for name, topic in bag.topics.items()} == {
@@ -43,15 +40,6 @@ def test_every_message_comes_back_with_every_bit(tmp_path, kind, compression):
         }
     times = [at for topic, _, at, _ in MESSAGES if topic == "/slam/pose"]
     np.testing.assert_array_equal(bag.arrivals()["/slam/pose"], times)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_types_that_nobody_knows_are_in_nobodys_way(tmp_path, kind):
-    odd = [("/odd", "odd_msgs/msg/Odd", at, {"text": "x", "what": [1, 2]}) for *_, at, _ in MESSAGES[::7]]
-    bag = open_bag(write_bag(tmp_path / "run", kind, in_order(MESSAGES, odd)))
-    assert bag.topics["/odd"].type == "odd_msgs/msg/Odd"
-    assert contents(bag.messages("joint_states")) == expected(MESSAGES)
-    assert bag.first("/odd", 1)[0].content.text == "x"
 
 
 def test_an_mcap_file_with_channels_that_are_not_of_ros(tmp_path):
@@ -98,8 +86,7 @@ def test_a_split_recording_is_one_bag_by_its_metadata(tmp_path):
         open_bags(folder)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
-@pytest.mark.parametrize("compression", ["none", "zstd"])
+@pytest.mark.parametrize(("share", "compression"), [(0.3, "none"), (0.5, "zstd"), (0.7, "none")])
 def test_an_mcap_file_that_was_cut_off_is_read_up_to_there(tmp_path, share, compression):
     messages = joints_of(LONG)
     path = write_bag(tmp_path / "run", "foxglove", messages, compression=compression)
@@ -164,14 +151,6 @@ def test_recordings_that_were_not_closed_and_files_that_are_compressed_as_a_whol
         open_bag(packed)
 
 
-def test_a_message_that_cannot_be_decoded_is_refused(tmp_path):
-    folder = write_bag(tmp_path / "run", "sqlite3", MESSAGES)
-    with sqlite3.connect(folder / "run.db3") as database:
-        database.execute("UPDATE messages SET data = x'0001000000' WHERE id = 1")
-    with pytest.raises(LogError, match=r"run: can't be read \("):
-        list(open_bag(folder).messages("/joint_states"))
-
-
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -204,7 +183,7 @@ def damaged(tmp_path_factory):
     return found
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1))
 def test_damage_never_ends_in_a_traceback(damaged, seed):
     rng = np.random.default_rng(seed)

@@ -43,8 +43,7 @@ def read(tmp_path, messages, source, kind="mcap"):
     return found, notes
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("topic", SOURCES)
+@pytest.mark.parametrize(("topic", "kind"), [*zip(SOURCES, KINDS[1:], strict=True), ("/odom", KINDS[0])])
 def test_poses_of_every_type(tmp_path, kind, topic):
     (found,), notes = read(tmp_path, poses_of(LOG, SOURCES[topic]), topic, kind)
     np.testing.assert_array_equal(found.pose[:, :2], SEEN[:, :2])

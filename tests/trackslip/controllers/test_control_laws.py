@@ -20,7 +20,7 @@ RADII = pytest.mark.parametrize("radius", [1.25, -0.7, 1e6])
 @given(st.floats(0.02, 0.5), st.floats(-0.5, 0.5), st.floats(0.2, 1.5), st.floats(1.0, 40.0))
 def test_gains_give_the_papers_closed_loop_polynomial(v, w, damping, stiffness):
     """Eq. 25 with the error dynamics of Eq. 20, built by hand."""
-    k1, k2, k3 = LinearTimeVarying(damping, stiffness).gains([v, w])
+    k1, k2, k3 = LinearTimeVarying(damping=damping, stiffness=stiffness).gains([v, w])
     a = np.sqrt(w**2 + stiffness * v**2)
     wanted = np.polymul([1, 2 * damping * a], [1, 2 * damping * a, a**2])
     matrix = closed_loop(np.array([[k1, 0, 0], [0, k2, k3]]), np.array([v, w]))

@@ -8,14 +8,13 @@ from trackslip.kinematics import advance
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle
 
 
-@pytest.mark.parametrize("speed", [0.15, -0.15])
-@pytest.mark.parametrize(("stiffness", "damping"), [(1.0, 1.4), (0.5, 2.0)])
+@pytest.mark.parametrize(("speed", "stiffness", "damping"), [(0.15, 1.0, 1.4), (-0.15, 0.5, 2.0)])
 def test_each_axis_is_a_damped_spring(speed, stiffness, damping):
     """e'' + k_d e' + k_p e = 0 in the world frame, along an arc that speeds up, against its solution."""
     reference = SegmentedReference((1.0, 2.0, 0.7), [Segment(10.0, speed, 1.5 * speed, 0.8)])
     controller = DynamicFeedback(stiffness, damping)
     pose = pose_with_error(reference.pose(0.0), np.array([0.03, 0.04, 0.1]))
-    step, steps = 1e-3, 4000
+    step, steps = 1e-3, 3000
     error, twist = np.zeros((steps, 2)), np.zeros((steps, 2))
     for k in range(steps):
         error[k] = (reference.pose(k * step) - pose)[:2]

@@ -25,7 +25,7 @@ TIME = np.arange(400) / RATE
 SPEEDS = np.column_stack([0.2 + 0.1 * np.sin(0.7 * TIME), 0.2 * np.cos(0.5 * TIME)])
 
 
-@pytest.mark.parametrize("poses", [COARSE, PoseQuality(5.0, 0.02, None), PoseQuality(20.0, 0.002, 0.005)])
+@pytest.mark.parametrize("poses", [COARSE, PoseQuality(5.0, 0.02, None)])
 def test_fits_miss_the_law_by_about_what_is_expected(poses):
     """Drives of two minutes with slip that varies and noisy poses; `validation/test_plan_trials.py` has hundreds."""
     speeds = np.tile(SPEEDS, (6, 1))
