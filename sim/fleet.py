@@ -12,7 +12,7 @@ from sim.bodies import EVERYONE, Bodies, Rows, along_robot
 from sim.drawbar import Drawbar
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast
 from sim.drive.pull import Pull
-from sim.drive.saturation import SpeedSearch
+from sim.drive.saturation import advance_within_limits
 from sim.fleet_ground import FleetGround, one_each, require_at_rest, require_held
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
@@ -281,11 +281,14 @@ class Fleet(Bodies):
         The sprocket of such a motor ends the period at a speed for which the torque is just sufficient. How the ground
         responds to a speed is found by trial.
         """
-        before = self._snapshot(rows)
-        search = SpeedSearch(drive, self.robot.mass, float(np.linalg.norm(self.robot.model.opt.gravity)))
-        while not search.done(self._run(rows, search.belt)):
-            self._restore(rows, before)
-            self._periods -= 1
+        before, began = self._snapshot(rows), self._periods
+
+        def run(which: np.ndarray, omega: Array) -> Array:
+            self._restore(rows[which], tuple(part[which] for part in before))
+            self._periods = began
+            return self._run(rows[which], omega[None])[0]
+
+        advance_within_limits(drive, self.robot.mass, float(np.linalg.norm(self.robot.model.opt.gravity)), run)
 
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""

@@ -220,14 +220,25 @@ class BatchBelts:
         return self._map.read(self._sensordata, self._axes(self._xmat), self.speeds()).complete(self.names)
 
     def run(self, steps: int, rows: Any = slice(None)) -> Record:
-        """Advance the simulations `rows` by physics steps at the belts' current speeds, without motors.
+        """Advance the simulations `rows` by physics steps with the speeds or motors that are set.
 
         Returns what `read_all` reads. A simulation that diverges stops; its last step repeats.
         """
         where = np.arange(len(self._surface))[rows]
+        if self._motors.limited(where):
+            return self._run_motors(steps, where)
         recorded = self._batch.rollout(steps, record=("sensordata", "xmat"), ids=where)
         speeds = np.repeat(self._motors.speed[where][:, None], steps, axis=1)
         return recorded["sensordata"], self._axes(recorded["xmat"]), speeds
+
+    def _run_motors(self, steps: int, where: NDArray[np.int_]) -> Record:
+        records = []
+        for _ in range(steps):
+            self.step(where)
+            axes = self._axes(self._xmat[where])
+            records.append((self._sensordata[where], axes, self._motors.speed[where]))
+        sensordata, axes, speeds = (np.stack(each, axis=1) for each in zip(*records, strict=True))
+        return sensordata, axes, speeds
 
     def read_all(self, records: Sequence[Record], rows: Any = slice(None)) -> Reading:
         """Forces and motion (R, steps, T) in each step of these runs, one after the other, of some of their rows.

@@ -12,6 +12,7 @@ from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
 from sim.batched_world import BatchedWorld, quietly
+from sim.drive.belt_motors import BeltMotors
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
@@ -51,6 +52,7 @@ class Traverse(BatchedWorld):
         boxes: int = 0,
         preset: str = "fast",
         servos: Servos | None = None,
+        motors: BeltMotors | None = None,
         limits: Limits | None = None,
         period: float = 0.1,
         sample: float = 0.02,
@@ -65,6 +67,7 @@ class Traverse(BatchedWorld):
             boxes: allow other courses, too, of this many boxes or less and without height fields.
             preset: contact preset of the tracks.
             servos: servos of belts and flippers.
+            motors: motors of the belts; by default belts have the speeds of their servos at once.
             limits: where runs end.
             period: time between set points [s].
             sample: time between changes of the belts' speeds [s].
@@ -91,7 +94,7 @@ class Traverse(BatchedWorld):
         self._samples = _multiple("period", period, "sample", sample)
         self.track_names = belts.names
         """Names of the tracks (T,)."""
-        self._belts = belts.bind_batch(self.batch)
+        self._belts, self._motors = belts.bind_batch(self.batch), motors
         self._friction = None if shared else self.batch.expand("pair_friction")  # (N, npair, 5), live
         if self._slots is not None:
             self._slots.bind_batch(self.batch)
@@ -184,11 +187,10 @@ class Traverse(BatchedWorld):
         if not rows.size:
             return
         self.servo.command(command.speed, command.flippers)
-        records, belts = [], []
+        records = []
         for _ in range(self._samples):
             speed = self.servo.advance(self.sample)[:, self.tracked.track_side]
-            self._belts.set(speed)
-            belts.append(speed[rows])
+            self._belts.set(speed, **({} if self._motors is None else self._motors.at(self._belts.speeds(), speed)))
             self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
             with quietly():  # a run that breaks down ends by name
                 records.append(self._belts.run(self._substeps, rows))
@@ -200,7 +202,8 @@ class Traverse(BatchedWorld):
             kept = ~broken[rows]
             reading = self._belts.read_all(records, kept).complete(self.track_names)
             step = float(self.tracked.model.opt.timestep)
-            self.contact.put(fine, TrackContact.mean(reading, np.array(belts)[:, kept], step))
+            belts = np.concatenate([speeds for *_, speeds in records], axis=1)[kept].swapaxes(0, 1)
+            self.contact.put(fine, TrackContact.mean(reading, belts, step))
         self._judge(rows, broken)
 
     def elevation(self, points: Array) -> Array:

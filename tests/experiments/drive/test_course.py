@@ -1,10 +1,12 @@
 """Drives over courses: drivers and recorded quantities."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import models
 from experiments.drive.config import Config as DriveConfig
 from experiments.drive.course import STOPPED, drive_course
 from experiments.drive.world import driver, make_world
@@ -81,3 +83,15 @@ def test_explosions_and_drivers_that_stop_end_a_run_by_name():
     run = driven(blow_up)
     assert run.outcome == "exploded"
     assert np.isfinite([*run.state.qpos.ravel(), *run.state.qvel.ravel(), *run.contact.load.ravel()]).all()
+
+
+@pytest.mark.parametrize(("limit", "climbs"), [(3.4, False), (4.0, True)])
+def test_motors_of_the_robot_file_climb_what_their_torque_allows(tmp_path, limit, climbs):
+    """25 kg on 20 degrees take 3.36 N m at either sprocket, and 0.3 N m of the gear's friction."""
+    box = Path(models.__file__).parent / "box_robot.toml"
+    text = box.read_text().replace("box_robot.xml", str(box.with_suffix(".xml")))
+    (tmp_path / "box.toml").write_text(f"{text}\n[drive]\ntorque_limit = {limit}\n")
+    run = driven(robot=str(tmp_path / "box.toml"), course="ramp20", duration=6.0)
+    assert (run.state.position[-1, 2] > 0.2) == climbs
+    assert (run.contact.belt[-1] > 0.25).all() == climbs
+    assert run.contact.traction.max() * 0.08 < 1.1 * limit
