@@ -10,7 +10,7 @@ import numpy as np
 from sim.batched_world import BatchedWorld
 from sim.robot.robot import Robot
 from trackslip import se2
-from trackslip.kinematics import Array, columns
+from trackslip.kinematics import Array, columns, wrap_angle
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
@@ -79,8 +79,7 @@ class Bodies(BatchedWorld):
         qpos[rows, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
         self._velocity[rows] = 0
         self.batch.time[rows] = 0
-        self._heading[rows] = start[:, 2]
-        self._follow_heading()
+        self._unwrap(rows, start[:, 2])
 
     def _run_on(self, rows: Rows, periods: int, substeps: int) -> tuple[Array, Array]:
         """Step the robots `rows` (R,) for P periods in which nothing changes.
@@ -114,11 +113,17 @@ class Bodies(BatchedWorld):
         wrapped[:] = _heading(self._quaternion)
         return wrapped
 
-    def _follow_heading(self) -> None:
-        """Unwrap the headings. Between two calls no robot may turn by more than about a radian."""
-        wrapped, before = _heading(self._quaternion), self._heading
-        # plus whole turns, so that the bits don't depend on how often this is called
-        self._heading[:] = wrapped + _TURN * np.rint((before - wrapped) / _TURN)
+    def _follow_heading(self, rows: Rows, forward: Array) -> None:
+        """Unwrap the headings of the robots `rows` (R,), which pointed to `forward` (P, R, 2) after each of P periods."""
+        angle = np.arctan2(forward[..., 1], forward[..., 0])
+        before = self._heading[rows]
+        turned = wrap_angle(np.diff(angle, axis=0, prepend=before[None]))
+        self._unwrap(rows, before + np.add.reduce(turned))
+
+    def _unwrap(self, rows: Rows, near: Array) -> None:
+        """Set the headings of the robots `rows` (R,), plus the whole turns that bring them next to `near` (R,)."""
+        wrapped = self._wrapped_heading()[rows]
+        self._heading[rows] = wrapped + _TURN * np.rint((near - wrapped) / _TURN)
 
 
 def _heading(quaternion: Array) -> Any:

@@ -100,8 +100,6 @@ class Fleet(Bodies):
         self._drawbar = Drawbar(self.pull, robot, self.batch) if self.pull.force > 0 else None
         self._periods = 0  # since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
-        largest_turn = drive.top_speed / robot.geometry.half_gauge * drive.period  # in a period [rad]
-        self._unwrap_every = max(1, int(1.0 / largest_turn))  # periods
         everyone = np.arange(self.size)
         self._place_at(everyone, start)
         self._lay_ground(everyone)
@@ -222,12 +220,13 @@ class Fleet(Bodies):
 
     def _run(self, rows: Rows, mean: Array) -> Array:
         """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
-        varies = self._ground.varies
-        if self.shear or self._drawbar or varies or mean.tobytes() != mean[:1].tobytes() * len(mean):
-            sensed, forward = self._run_by_period(rows, mean, varies)
-        else:
-            sensed, forward = self._run_steadily(rows, mean)
-        self._follow_heading()
+        if self.shear or self._drawbar or self._ground.varies or (mean != mean[0]).any():
+            sensed, forward = self._run_by_period(rows, mean)
+        else:  # belts that keep their speeds on uniform ground: the engine is faster without interruptions
+            self._drive(rows, self.robot.pad_speeds(self._radius[rows] * mean[0]))
+            sensed, forward = self._run_on(rows, len(mean), self._substeps)
+            self._periods += len(mean)
+        self._follow_heading(rows, forward)
         sensed /= self._substeps
         # grip builds up within a period, so that only the mean force gives the impulse
         traction = along_robot(sensed[..., :6], forward)
@@ -235,17 +234,13 @@ class Fleet(Bodies):
         self._traction[rows] = traction[-1]
         return traction
 
-    def _run_by_period(self, rows: Rows, mean: Array, varies: bool) -> tuple[Array, Array]:
-        """Drive the robots `rows` (R,) for P periods at mean speeds (P, R, 2), on ground that `varies` or not.
-
-        Returns the sums of their sensors in each period (P, R, S), and the directions in which the robots point at its
-        end (P, R, 2).
-        """
+    def _run_by_period(self, rows: Rows, mean: Array) -> tuple[Array, Array]:
+        """Drive the robots `rows` (R,) for P periods at mean speeds (P, R, 2); returns what `_run_on` does."""
         belts, ids = self.robot.pad_speeds(self._radius[rows] * mean), rows if isinstance(rows, np.ndarray) else None
         sensed, forward = np.empty((*mean.shape[:2], *self._recorded)), np.empty(mean.shape)
         before = None if self.shear is None else self._placed(rows)
         for k, into in enumerate(sensed):
-            if varies:
+            if self._ground.varies:
                 self._lay_friction(rows)
             if self._drawbar:
                 self._tow(rows)
@@ -257,24 +252,7 @@ class Fleet(Bodies):
                 after = self._placed(rows)
                 self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
                 before = after
-            if (k + 1) % self._unwrap_every == 0:
-                self._follow_heading()
         return np.add.reduce(sensed, axis=2), forward
-
-    def _run_steadily(self, rows: Rows, mean: Array) -> tuple[Array, Array]:
-        """The same with belts that keep their speeds on uniform ground: the engine is faster without interruptions."""
-        self._drive(rows, self.robot.pad_speeds(self._radius[rows] * mean[0]))
-        parts: list[tuple[Array, Array]] = []
-        for first in range(0, len(mean), self._unwrap_every):
-            if parts:
-                self._follow_heading()
-            periods = min(len(mean) - first, self._unwrap_every)
-            parts.append(self._run_on(rows, periods, self._substeps))
-            self._periods += periods
-        if len(parts) == 1:
-            return parts[0]
-        sensed, forward = zip(*parts, strict=True)
-        return np.concatenate(sensed), np.concatenate(forward)
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:
         """Simulate one period of the robots `rows` (R,), whose motors may be too weak to follow the servos.
