@@ -114,7 +114,7 @@ class Bodies(BatchedWorld):
         return wrapped
 
     def _follow_heading(self, rows: Rows, forward: Array) -> None:
-        """Unwrap the headings of the robots `rows` (R,), which pointed to `forward` (P, R, 2) after each of P periods."""
+        """Unwrap the headings of the robots `rows` (R,), which pointed to `forward` (P, R, 2) after P periods."""
         angle = np.arctan2(forward[..., 1], forward[..., 0])
         before = self._heading[rows]
         turned = wrap_angle(np.diff(angle, axis=0, prepend=before[None]))

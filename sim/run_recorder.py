@@ -11,13 +11,11 @@ import numpy as np
 from sim.bodies import Moments
 from sim.contact_forces import pad_forces
 from sim.fleet import Fleet
-from sim.scanner.feed import ScannerFeed
 from trackslip.errors import RunFailedError as RunFailedError
 from trackslip.errors import require
 from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.scan import Cluster
 from trackslip.logs.runlog import RunLog, Truth
 from trackslip.logs.scanlog import ScanLog
 
@@ -68,7 +66,6 @@ class RunRecorder:
         self._valid = np.zeros((rows, n), bool)
         # of each row, (N, ...) each: the engine's state, torques, total energy and saturated time, and contacts
         self._truth: list[tuple[Array, ...]] = []
-        self._ranges: list[np.ndarray] = []  # (N, rows, B) each
 
     def measure(self, k: int) -> None:
         """Record encoders and truth in row k; raises RunFailedError when a robot tips over."""
@@ -114,14 +111,6 @@ class RunRecorder:
         self._covariance[rows] = estimate.covariance.swapaxes(0, 1)
         self._valid[rows] = estimate.valid.swapaxes(0, 1)
 
-    def scanned(self, ranges: Array) -> None:
-        """Keep the next complete scans (N, rows, B) [m]."""
-        self._ranges.append(ranges.astype(np.float32))
-
-    def full_ranges(self, robot: int) -> Array:
-        """All complete scans (T, B) of a robot [m]."""
-        return np.concatenate([block[robot] for block in self._ranges])[: self.complete]
-
     def name(self, robot: int) -> str:
         """Name of a robot's run."""
         return self._descriptions[robot].run
@@ -147,12 +136,9 @@ class RunRecorder:
             for column, name in enumerate(("offset", "radius_error")):
                 self._icr[k, robots, column] = getattr(law, name)
 
-    def logs(
-        self, feed: ScannerFeed | None = None, plates: Sequence[Cluster] | None = None, failure: str | None = None
-    ) -> list[RunLog]:
-        """A log per run, of its complete rows; none if there are fewer than two.
+    def logs(self, scans: Sequence[ScanLog] | None = None, failure: str | None = None) -> list[RunLog]:
+        """A log per run, of its complete rows, with its `scans`; none if there are fewer than two rows.
 
-        `plates` are the part of each robot's scans by `feed` that was taken for its plate, None without scans;
         `failure` says why the runs stopped early.
         """
         if self.complete < 2:
@@ -164,15 +150,10 @@ class RunRecorder:
         rates = (self._rate(total, before[k]) for k, total in ((_ENERGY, energy), (_SATURATED, saturated_time)))
         lean = moments.lean(self.fleet.robot.lrf_height)
         truths = (moments.pose(), moments.twist(), traction, torque, *rates, lean, *contact)
-        empty = None if feed is None else feed.scan(np.empty((0, len(feed.bearings))))
-        logs = []
-        for i in range(self.fleet.size):
-            scans = None
-            if empty is not None and plates is not None:
-                full = self.full_ranges(i) if feed is not None and feed.kept else None
-                scans = ScanLog(empty, self.fleet.robot.plate, plates[i], full)
-            logs.append(self._log(i, Truth(*(values[:, i] for values in truths)), scans, failure))
-        return logs
+        return [
+            self._log(i, Truth(*(values[:, i] for values in truths)), None if scans is None else scans[i], failure)
+            for i in range(self.fleet.size)
+        ]
 
     def _log(self, i: int, truth: Truth, scans: ScanLog | None, failure: str | None) -> RunLog:
         rows, description = slice(self.complete), self._descriptions[i]
