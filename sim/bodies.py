@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from sim import attitude
 from sim.batched_world import BatchedWorld
 from sim.robot.robot import Robot
 from trackslip import se2
-from trackslip.kinematics import Array, columns, wrap_angle
+from trackslip.kinematics import Array, wrap_angle
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
@@ -54,20 +55,13 @@ class Bodies(BatchedWorld):
         return self._sensors[:, 2::3].copy()
 
     def attitude(self) -> Array:
-        """Sinkage (positive downwards) [m], roll and pitch [rad] of the chassis, (N, 3)."""
-        w, x, y, z = self._quaternion.T
-        attitude = np.empty((self.size, 3))
-        attitude[:, 0] = -self._place[:, 2]
-        attitude[:, 1] = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-        attitude[:, 2] = np.arcsin(np.minimum(np.maximum(2 * (w * y - z * x), -1), 1))
-        return attitude
+        """Sinkage (positive downwards) [m], roll (to the right) and pitch (forwards) [rad] of the chassis, (N, 3)."""
+        turned = self._quaternion
+        return np.stack([-self._place[:, 2], attitude.roll(turned), -attitude.pitch(turned)], axis=-1)
 
     def upright(self) -> Array:
         """Cosines (N,) of the angles between the chassis' vertical axes and the plane's normal."""
-        _, x, y, _ = columns(self._quaternion)
-        upright = np.empty(self.size)
-        upright[:] = 1 - 2 * (x * x + y * y)
-        return upright
+        return attitude.upright(self._quaternion)
 
     def _put_back(self, rows: np.ndarray, start: Array) -> None:
         """Undo the micrometre by which the robots `rows` (R,) drifted from poses (R, 3) while settling."""
@@ -109,9 +103,7 @@ class Bodies(BatchedWorld):
         return place[:, rows]
 
     def _wrapped_heading(self) -> Array:
-        wrapped = np.empty(self.size)
-        wrapped[:] = _heading(self._quaternion)
-        return wrapped
+        return attitude.heading(self._quaternion)
 
     def _follow_heading(self, rows: Rows, forward: Array) -> None:
         """Unwrap the headings of the robots `rows` (R,), which pointed to `forward` (P, R, 2) after P periods."""
@@ -124,12 +116,6 @@ class Bodies(BatchedWorld):
         """Set the headings of the robots `rows` (R,), plus the whole turns that bring them next to `near` (R,)."""
         wrapped = self._wrapped_heading()[rows]
         self._heading[rows] = wrapped + _TURN * np.rint((near - wrapped) / _TURN)
-
-
-def _heading(quaternion: Array) -> Any:
-    """Headings (N,), or a plain number if there is only one, of orientations (N, 4) [rad]."""
-    w, x, y, z = columns(quaternion)
-    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 @dataclass(frozen=True)
