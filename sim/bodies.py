@@ -11,7 +11,7 @@ from sim import attitude
 from sim.batched_world import BatchedWorld
 from sim.robot.robot import Robot
 from trackslip import se2
-from trackslip.kinematics import Array, wrap_angle
+from trackslip.kinematics import Array
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
@@ -73,7 +73,7 @@ class Bodies(BatchedWorld):
         qpos[rows, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
         self._velocity[rows] = 0
         self.batch.time[rows] = 0
-        self._unwrap(rows, start[:, 2])
+        self._unwrap(rows, start[None, :, 2])
 
     def _run_on(self, rows: Rows, periods: int, substeps: int) -> tuple[Array, Array]:
         """Step the robots `rows` (R,) for P periods in which nothing changes.
@@ -107,15 +107,13 @@ class Bodies(BatchedWorld):
 
     def _follow_heading(self, rows: Rows, forward: Array) -> None:
         """Unwrap the headings of the robots `rows` (R,), which pointed to `forward` (P, R, 2) after P periods."""
-        angle = np.arctan2(forward[..., 1], forward[..., 0])
-        before = self._heading[rows]
-        turned = wrap_angle(np.diff(angle, axis=0, prepend=before[None]))
-        self._unwrap(rows, before + np.add.reduce(turned))
+        self._unwrap(rows, np.concatenate([self._heading[None, rows], np.arctan2(forward[..., 1], forward[..., 0])]))
 
-    def _unwrap(self, rows: Rows, near: Array) -> None:
-        """Set the headings of the robots `rows` (R,), plus the whole turns that bring them next to `near` (R,)."""
+    def _unwrap(self, rows: Rows, before: Array) -> None:
+        """Set the headings of the robots `rows` (R,) by those before (H, R), the first of which is unwrapped."""
         wrapped = self._wrapped_heading()[rows]
-        self._heading[rows] = wrapped + _TURN * np.rint((near - wrapped) / _TURN)
+        headings = np.concatenate([before, wrapped[None]])
+        self._heading[rows] = wrapped + _TURN * np.add.reduce(np.rint((headings[:-1] - headings[1:]) / _TURN))
 
 
 @dataclass(frozen=True)
