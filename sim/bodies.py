@@ -75,18 +75,6 @@ class Bodies(BatchedWorld):
         self.batch.time[rows] = 0
         self._unwrap(rows, start[None, :, 2])
 
-    def _run_on(self, rows: Rows, periods: int, substeps: int) -> tuple[Array, Array]:
-        """Step the robots `rows` (R,) for P periods in which nothing changes.
-
-        Returns the sums of their sensors in each period (P, R, S), and the directions in which the robots point at its
-        end (P, R, 2).
-        """
-        ids = None if rows is EVERYONE else rows
-        recorded = self.batch.rollout(periods * substeps, record=("sensordata", "xmat"), ids=ids)
-        sensed = recorded["sensordata"].reshape(-1, periods, substeps, self.robot.model.nsensordata)
-        forward = recorded["xmat"][:, substeps - 1 :: substeps, self._chassis, 0:4:3]
-        return np.add.reduce(sensed, axis=2).swapaxes(0, 1), forward.swapaxes(0, 1)
-
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return self.batch.state[rows].copy(), self._heading[rows].copy()
 

@@ -88,7 +88,6 @@ class Fleet(Bodies):
         self.shear = Shear(*laid, self.size, drive.period, fastest) if shears else None
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
         self._ground = FleetGround(self.batch, robot, grounds, self.shear)
-        self._recorded = self._substeps, robot.model.nsensordata  # what the engine records of a period
         self.sensed: Array = np.zeros((self.size, robot.model.nsensordata))
         """Means (N, S) of the engine's sensors over the last `advance`."""
         self.mean_traction: Array = np.zeros((self.size, 2))
@@ -220,12 +219,25 @@ class Fleet(Bodies):
 
     def _run(self, rows: Rows, mean: Array) -> Array:
         """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
-        if self.shear or self._drawbar or self._ground.varies or (mean != mean[0]).any():
-            sensed, forward = self._run_by_period(rows, mean)
-        else:  # belts that keep their speeds on uniform ground: the engine is faster without interruptions
-            self._drive(rows, self.robot.pad_speeds(self._radius[rows] * mean[0]))
-            sensed, forward = self._run_on(rows, len(mean), self._substeps)
-            self._periods += len(mean)
+        belts, ids, parts = self.robot.pad_speeds(self._radius[rows] * mean), None if rows is EVERYONE else rows, []
+        varies, before = self._ground.varies, None if self.shear is None else self._placed(rows)
+        changing = varies or self.shear or self._drawbar or (mean != mean[0]).any()
+        periods = 1 if changing else len(mean)  # without interruptions, the engine is faster
+        for k in range(0, len(mean), periods):
+            if varies:
+                self._lay_friction(rows)
+            if self._drawbar:
+                self._tow(rows)
+            self._drive(rows, belts[k])
+            parts.append(self.batch.rollout(periods * self._substeps, record=("sensordata", "xmat"), ids=ids))
+            self._periods += periods
+            if before is not None:
+                after = self._placed(rows)
+                self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
+                before = after
+        sensed, axes = (np.concatenate([part[name] for part in parts], axis=1) for name in ("sensordata", "xmat"))
+        sensed = np.add.reduce(sensed.reshape(len(sensed), len(mean), self._substeps, -1), axis=2).swapaxes(0, 1)
+        forward = axes[:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3].swapaxes(0, 1)
         self._follow_heading(rows, forward)
         sensed /= self._substeps
         # grip builds up within a period, so that only the mean force gives the impulse
@@ -233,26 +245,6 @@ class Fleet(Bodies):
         self.sensed[rows], self.mean_traction[rows] = sensed.mean(axis=0), traction.mean(axis=0)
         self._traction[rows] = traction[-1]
         return traction
-
-    def _run_by_period(self, rows: Rows, mean: Array) -> tuple[Array, Array]:
-        """Drive the robots `rows` (R,) for P periods at mean speeds (P, R, 2); returns what `_run_on` does."""
-        belts, ids = self.robot.pad_speeds(self._radius[rows] * mean), rows if isinstance(rows, np.ndarray) else None
-        sensed, forward = np.empty((*mean.shape[:2], *self._recorded)), np.empty(mean.shape)
-        before = None if self.shear is None else self._placed(rows)
-        for k, into in enumerate(sensed):
-            if self._ground.varies:
-                self._lay_friction(rows)
-            if self._drawbar:
-                self._tow(rows)
-            self._drive(rows, belts[k])
-            self.batch.rollout(self._substeps, record=("sensordata",), ids=ids, out={"sensordata": into})
-            forward[k] = self._forward[rows]
-            self._periods += 1
-            if before is not None:
-                after = self._placed(rows)
-                self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
-                before = after
-        return np.add.reduce(sensed, axis=2), forward
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:
         """Simulate one period of the robots `rows` (R,), whose motors may be too weak to follow the servos.
