@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.bodies import EVERYONE, Bodies, Rows, along_robot
-from sim.drawbar import Drawbar
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast
 from sim.drive.pull import Pull
 from sim.drive.saturation import SpeedSearch
@@ -96,7 +95,7 @@ class Fleet(Bodies):
         self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
         self.pull = pull or Pull()
         """Pull on all robots."""
-        self._drawbar = Drawbar(self.pull, robot, self.batch) if self.pull.force > 0 else None
+        self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
         self._periods = 0  # since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
         everyone = np.arange(self.size)
@@ -221,12 +220,12 @@ class Fleet(Bodies):
         """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
         belts, ids, parts = self.robot.pad_speeds(self._radius[rows] * mean), None if rows is EVERYONE else rows, []
         varies, before = self._ground.varies, None if self.shear is None else self._placed(rows)
-        changing = varies or self.shear or self._drawbar or (mean != mean[0]).any()
+        changing = varies or self.shear or self.pull.force > 0 or (mean != mean[0]).any()
         periods = 1 if changing else len(mean)  # without interruptions, the engine is faster
         for k in range(0, len(mean), periods):
             if varies:
                 self._lay_friction(rows)
-            if self._drawbar:
+            if self.pull.force > 0:
                 self._tow(rows)
             self._drive(rows, belts[k])
             parts.append(self.batch.rollout(periods * self._substeps, record=("sensordata", "xmat"), ids=ids))
@@ -277,9 +276,16 @@ class Fleet(Bodies):
 
     def _tow(self, rows: Rows) -> None:
         """Apply the pull to the robots `rows` (R,), along their headings in the middle of the next period."""
-        if self._drawbar is not None:
-            heading = self._wrapped_heading()[rows] + self._velocity[rows, 5] * self.period / 2
-            self._drawbar.apply(rows, heading, self._drawbar.acts(self._ran()[rows]))
+        heading = self._wrapped_heading()[rows] + self._velocity[rows, 5] * self.period / 2
+        centre, force = self._ground.centre_of_mass(rows), self._pulled(rows)
+        cos, sin = np.cos(heading), np.sin(heading)
+        pitch, yaw = force * (centre[..., 2] - self.pull.height), -force * centre[..., 1]
+        wrench = -force * cos, -force * sin, np.zeros_like(force), -pitch * sin, pitch * cos, yaw
+        self._wrench[rows] = np.stack(wrench, axis=-1)
+
+    def _pulled(self, rows: Rows) -> Array:
+        """Pull (R,) that acts on the robots `rows` (R,) [N]."""
+        return np.where(self._ran()[rows] >= self.pull.since - 1e-9, self.pull.force, 0.0)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         bodies = super()._snapshot(rows)
@@ -303,10 +309,7 @@ class Fleet(Bodies):
 
     def towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
-        if self._drawbar is None:
-            return np.zeros(len(rows))
-        normal = self._weight * np.cos(self._ground.slope[rows])
-        return np.where(self._drawbar.acts(self._ran()[rows]), self.pull.force, 0.0) / normal
+        return self._pulled(rows) / (self._weight * np.cos(self._ground.slope[rows]))
 
     def needed_traction(self) -> Array:
         """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""
