@@ -112,10 +112,6 @@ class Moments:
     velocity: Array  # (..., 6) in the world [m/s], turning in the robot's frame [rad/s]
     heading: Array  # (...) unwrapped [rad]
 
-    def copied(self) -> tuple[Array, ...]:
-        """Copies of the arrays, in order."""
-        return tuple(values.copy() for values in vars(self).values())
-
     def pose(self) -> Array:
         """Poses (..., 3) of the chassis [m, m, rad]; phi unwrapped."""
         pose = np.empty((*self.heading.shape, 3))
