@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from sim import attitude
 from sim.batched_world import BatchedWorld
 from sim.robot.robot import Robot
 from trackslip import se2
-from trackslip.kinematics import Array, columns
+from trackslip.kinematics import Array
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
@@ -54,20 +55,13 @@ class Bodies(BatchedWorld):
         return self._sensors[:, 2::3].copy()
 
     def attitude(self) -> Array:
-        """Sinkage (positive downwards) [m], roll and pitch [rad] of the chassis, (N, 3)."""
-        w, x, y, z = self._quaternion.T
-        attitude = np.empty((self.size, 3))
-        attitude[:, 0] = -self._place[:, 2]
-        attitude[:, 1] = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-        attitude[:, 2] = np.arcsin(np.minimum(np.maximum(2 * (w * y - z * x), -1), 1))
-        return attitude
+        """Sinkage (positive downwards) [m], roll (to the right) and pitch (forwards) [rad] of the chassis, (N, 3)."""
+        turned = self._quaternion
+        return np.stack([-self._place[:, 2], attitude.roll(turned), -attitude.pitch(turned)], axis=-1)
 
     def upright(self) -> Array:
         """Cosines (N,) of the angles between the chassis' vertical axes and the plane's normal."""
-        _, x, y, _ = columns(self._quaternion)
-        upright = np.empty(self.size)
-        upright[:] = 1 - 2 * (x * x + y * y)
-        return upright
+        return attitude.upright(self._quaternion)
 
     def _put_back(self, rows: np.ndarray, start: Array) -> None:
         """Undo the micrometre by which the robots `rows` (R,) drifted from poses (R, 3) while settling."""
@@ -79,20 +73,7 @@ class Bodies(BatchedWorld):
         qpos[rows, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
         self._velocity[rows] = 0
         self.batch.time[rows] = 0
-        self._heading[rows] = start[:, 2]
-        self._follow_heading()
-
-    def _run_on(self, rows: Rows, periods: int, substeps: int) -> tuple[Array, Array]:
-        """Step the robots `rows` (R,) for P periods in which nothing changes.
-
-        Returns the sums of their sensors in each period (P, R, S), and the directions in which the robots point at its
-        end (P, R, 2).
-        """
-        ids = None if rows is EVERYONE else rows
-        recorded = self.batch.rollout(periods * substeps, record=("sensordata", "xmat"), ids=ids)
-        sensed = recorded["sensordata"].reshape(-1, periods, substeps, self.robot.model.nsensordata)
-        forward = recorded["xmat"][:, substeps - 1 :: substeps, self._chassis, 0:4:3]
-        return np.add.reduce(sensed, axis=2).swapaxes(0, 1), forward.swapaxes(0, 1)
+        self._unwrap(rows, start[None, :, 2])
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return self.batch.state[rows].copy(), self._heading[rows].copy()
@@ -110,21 +91,17 @@ class Bodies(BatchedWorld):
         return place[:, rows]
 
     def _wrapped_heading(self) -> Array:
-        wrapped = np.empty(self.size)
-        wrapped[:] = _heading(self._quaternion)
-        return wrapped
+        return attitude.heading(self._quaternion)
 
-    def _follow_heading(self) -> None:
-        """Unwrap the headings. Between two calls no robot may turn by more than about a radian."""
-        wrapped, before = _heading(self._quaternion), self._heading
-        # plus whole turns, so that the bits don't depend on how often this is called
-        self._heading[:] = wrapped + _TURN * np.rint((before - wrapped) / _TURN)
+    def _follow_heading(self, rows: Rows, forward: Array) -> None:
+        """Unwrap the headings of the robots `rows` (R,), which pointed to `forward` (P, R, 2) after P periods."""
+        self._unwrap(rows, np.concatenate([self._heading[None, rows], np.arctan2(forward[..., 1], forward[..., 0])]))
 
-
-def _heading(quaternion: Array) -> Any:
-    """Headings (N,), or a plain number if there is only one, of orientations (N, 4) [rad]."""
-    w, x, y, z = columns(quaternion)
-    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    def _unwrap(self, rows: Rows, before: Array) -> None:
+        """Set the headings of the robots `rows` (R,) by those before (H, R), the first of which is unwrapped."""
+        wrapped = self._wrapped_heading()[rows]
+        headings = np.concatenate([before, wrapped[None]])
+        self._heading[rows] = wrapped + _TURN * np.add.reduce(np.rint((headings[:-1] - headings[1:]) / _TURN))
 
 
 @dataclass(frozen=True)
@@ -134,10 +111,6 @@ class Moments:
     place: Array  # (..., 7) position of the chassis [m] and its quaternion
     velocity: Array  # (..., 6) in the world [m/s], turning in the robot's frame [rad/s]
     heading: Array  # (...) unwrapped [rad]
-
-    def copied(self) -> tuple[Array, ...]:
-        """Copies of the arrays, in order."""
-        return tuple(values.copy() for values in vars(self).values())
 
     def pose(self) -> Array:
         """Poses (..., 3) of the chassis [m, m, rad]; phi unwrapped."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from sim.fleet import Fleet
@@ -59,14 +58,3 @@ def _of_points(fleet: Fleet, sensed: Array) -> Array:
     """What the contact sensors say of each point (N, K, CONTACT_WIDTH), from all sensors' data (N, S)."""
     points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
     return sensed[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
-
-
-def use_default_contact(model: mujoco.MjModel) -> None:
-    """Replace the contact parameters of a model by MuJoCo's defaults, except the friction coefficients."""
-    plain = mujoco.MjSpec().option
-    model.pair_solref[:] = [0.02, 1.0]
-    model.pair_solreffriction[:] = 0.0
-    model.pair_solimp[:] = [0.9, 0.95, 0.001, 0.5, 2.0]
-    model.pair_margin[model.pair_dim == 1] = -1.0  # the cores of tracks never touch
-    for name in ("timestep", "cone", "impratio", "solver", "iterations"):
-        setattr(model.opt, name, getattr(plain, name))

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.bodies import EVERYONE, Bodies, Rows, along_robot
-from sim.drawbar import Drawbar
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast
 from sim.drive.pull import Pull
 from sim.drive.saturation import advance_within_limits
@@ -87,7 +86,6 @@ class Fleet(Bodies):
         self.shear = Shear(*laid, self.size, drive.period, fastest) if shears else None
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
         self._ground = FleetGround(self.batch, robot, grounds, self.shear)
-        self._recorded = self._substeps, robot.model.nsensordata  # what the engine records of a period
         self.sensed: Array = np.zeros((self.size, robot.model.nsensordata))
         """Means (N, S) of the engine's sensors over the last `advance`."""
         self.mean_traction: Array = np.zeros((self.size, 2))
@@ -96,11 +94,9 @@ class Fleet(Bodies):
         self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
         self.pull = pull or Pull()
         """Pull on all robots."""
-        self._drawbar = Drawbar(self.pull, robot, self.batch) if self.pull.force > 0 else None
+        self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
         self._periods = 0  # since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
-        largest_turn = drive.top_speed / robot.geometry.half_gauge * drive.period  # in a period [rad]
-        self._unwrap_every = max(1, int(1.0 / largest_turn))  # periods
         everyone = np.arange(self.size)
         self._place_at(everyone, start)
         self._lay_ground(everyone)
@@ -221,59 +217,32 @@ class Fleet(Bodies):
 
     def _run(self, rows: Rows, mean: Array) -> Array:
         """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
-        varies = self._ground.varies
-        if self.shear or self._drawbar or varies or mean.tobytes() != mean[:1].tobytes() * len(mean):
-            sensed, forward = self._run_by_period(rows, mean, varies)
-        else:
-            sensed, forward = self._run_steadily(rows, mean)
-        self._follow_heading()
+        belts, ids, parts = self.robot.pad_speeds(self._radius[rows] * mean), None if rows is EVERYONE else rows, []
+        varies, before = self._ground.varies, None if self.shear is None else self._placed(rows)
+        changing = varies or self.shear or self.pull.force > 0 or (mean != mean[0]).any()
+        periods = 1 if changing else len(mean)  # without interruptions, the engine is faster
+        for k in range(0, len(mean), periods):
+            if varies:
+                self._lay_friction(rows)
+            if self.pull.force > 0:
+                self._tow(rows)
+            self._drive(rows, belts[k])
+            parts.append(self.batch.rollout(periods * self._substeps, record=("sensordata", "xmat"), ids=ids))
+            self._periods += periods
+            if before is not None:
+                after = self._placed(rows)
+                self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
+                before = after
+        sensed, axes = (np.concatenate([part[name] for part in parts], axis=1) for name in ("sensordata", "xmat"))
+        sensed = np.add.reduce(sensed.reshape(len(sensed), len(mean), self._substeps, -1), axis=2).swapaxes(0, 1)
+        forward = axes[:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3].swapaxes(0, 1)
+        self._follow_heading(rows, forward)
         sensed /= self._substeps
         # grip builds up within a period, so that only the mean force gives the impulse
         traction = along_robot(sensed[..., :6], forward)
         self.sensed[rows], self.mean_traction[rows] = sensed.mean(axis=0), traction.mean(axis=0)
         self._traction[rows] = traction[-1]
         return traction
-
-    def _run_by_period(self, rows: Rows, mean: Array, varies: bool) -> tuple[Array, Array]:
-        """Drive the robots `rows` (R,) for P periods at mean speeds (P, R, 2), on ground that `varies` or not.
-
-        Returns the sums of their sensors in each period (P, R, S), and the directions in which the robots point at its
-        end (P, R, 2).
-        """
-        belts, ids = self.robot.pad_speeds(self._radius[rows] * mean), rows if isinstance(rows, np.ndarray) else None
-        sensed, forward = np.empty((*mean.shape[:2], *self._recorded)), np.empty(mean.shape)
-        before = None if self.shear is None else self._placed(rows)
-        for k, into in enumerate(sensed):
-            if varies:
-                self._lay_friction(rows)
-            if self._drawbar:
-                self._tow(rows)
-            self._drive(rows, belts[k])
-            self.batch.rollout(self._substeps, record=("sensordata",), ids=ids, out={"sensordata": into})
-            forward[k] = self._forward[rows]
-            self._periods += 1
-            if before is not None:
-                after = self._placed(rows)
-                self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
-                before = after
-            if (k + 1) % self._unwrap_every == 0:
-                self._follow_heading()
-        return np.add.reduce(sensed, axis=2), forward
-
-    def _run_steadily(self, rows: Rows, mean: Array) -> tuple[Array, Array]:
-        """The same with belts that keep their speeds on uniform ground: the engine is faster without interruptions."""
-        self._drive(rows, self.robot.pad_speeds(self._radius[rows] * mean[0]))
-        parts: list[tuple[Array, Array]] = []
-        for first in range(0, len(mean), self._unwrap_every):
-            if parts:
-                self._follow_heading()
-            periods = min(len(mean) - first, self._unwrap_every)
-            parts.append(self._run_on(rows, periods, self._substeps))
-            self._periods += periods
-        if len(parts) == 1:
-            return parts[0]
-        sensed, forward = zip(*parts, strict=True)
-        return np.concatenate(sensed), np.concatenate(forward)
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:
         """Simulate one period of the robots `rows` (R,), whose motors may be too weak to follow the servos.
@@ -309,9 +278,16 @@ class Fleet(Bodies):
 
     def _tow(self, rows: Rows) -> None:
         """Apply the pull to the robots `rows` (R,), along their headings in the middle of the next period."""
-        if self._drawbar is not None:
-            heading = self._wrapped_heading()[rows] + self._velocity[rows, 5] * self.period / 2
-            self._drawbar.apply(rows, heading, self._drawbar.acts(self._ran()[rows]))
+        heading = self._wrapped_heading()[rows] + self._velocity[rows, 5] * self.period / 2
+        centre, force = self._ground.centre_of_mass(rows), self._pulled(rows)
+        cos, sin = np.cos(heading), np.sin(heading)
+        pitch, yaw = force * (centre[..., 2] - self.pull.height), -force * centre[..., 1]
+        wrench = -force * cos, -force * sin, np.zeros_like(force), -pitch * sin, pitch * cos, yaw
+        self._wrench[rows] = np.stack(wrench, axis=-1)
+
+    def _pulled(self, rows: Rows) -> Array:
+        """Pull (R,) that acts on the robots `rows` (R,) [N]."""
+        return np.where(self._ran()[rows] >= self.pull.since - 1e-9, self.pull.force, 0.0)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         bodies = super()._snapshot(rows)
@@ -335,10 +311,7 @@ class Fleet(Bodies):
 
     def towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
-        if self._drawbar is None:
-            return np.zeros(len(rows))
-        normal = self._weight * np.cos(self._ground.slope[rows])
-        return np.where(self._drawbar.acts(self._ran()[rows]), self.pull.force, 0.0) / normal
+        return self._pulled(rows) / (self._weight * np.cos(self._ground.slope[rows]))
 
     def needed_traction(self) -> Array:
         """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""

@@ -127,7 +127,7 @@ class FleetGround(Restorable):
         slope = np.tan([self.grounds[k].slope for k in rows])
         uphill = np.array([self.grounds[k].uphill for k in rows]) - heading
         along, across = slope * np.cos(uphill), slope * np.sin(uphill)
-        forwards, left, up = self._centre_of_mass(rows).T
+        forwards, left, up = self.centre_of_mass(rows).T
         x, y = self._robot.pad_position.T
         # loads that are linear in position; forces spread as the engine spreads them, as if all points were alike
         lean_x, lean_y = forwards - up * along - height * drawbar, left - up * across
@@ -138,11 +138,10 @@ class FleetGround(Restorable):
         self._shear.rest(rows, heading, load, push / load[..., None], self._surface[rows])
         self._share(rows)
 
-    def _centre_of_mass(self, rows: np.ndarray) -> Array:
-        """Centres of mass (R, 3) of the robots `rows` (R,) in their frames [m]."""
+    def centre_of_mass(self, rows: Rows) -> Array:
+        """Centres of mass of the robots `rows` (R,) in their frames, (R, 3), or (3,) of all of them [m]."""
         chassis, moved = self._robot.model.body("chassis").id, self._batch.expanded("body_ipos")
-        own = self._robot.model.body_ipos[chassis]
-        return np.broadcast_to(own, (len(rows), 3)) if moved is None else moved[rows, chassis]
+        return self._robot.model.body_ipos[chassis] if moved is None else moved[rows, chassis]
 
     def snapshot(self, rows: Rows) -> tuple[Array, ...]:
         """The state of the ground under the robots `rows` (R,), with the robots on the first axis."""

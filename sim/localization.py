@@ -1,33 +1,34 @@
-"""Localization of the robots in a run: by true poses, scan by scan, or in blocks of scans."""
+"""Localization of the robots in a run: row by row, or in blocks of scans."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from sim.fleet import Fleet
+from sim.pose_source import ScannedPose, TruePose
 from sim.run_recorder import RunRecorder
-from sim.scanner.feed import ScannerFeed
 from sim.stopwatch import Stopwatch
-from trackslip.kinematics import Array
-from trackslip.localization.base import Locator, PoseEstimate
+from trackslip.localization.base import Locator
 from trackslip.localization.follower import EVERY, Follower
-from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog
+from trackslip.logs.scanlog import ScanLog
 
 _AT_ONCE, _MOST_AT_ONCE = 2500, 400  # scans in a block: of all robots, and of each
 
 
 class Localization:
-    """True poses in every row of a record."""
+    """Estimated poses in every row of a record, as closed loops need them."""
 
-    def __init__(self, fleet: Fleet, record: RunRecorder) -> None:
-        self._fleet, self._record = fleet, record
+    def __init__(self, record: RunRecorder, source: TruePose) -> None:
+        self._record, self._source = record, source
 
     def estimate(self, k: int) -> None:
         """Estimate the poses in row k."""
-        n = self._fleet.size
-        self._record.estimate(k, PoseEstimate(self._fleet.pose(), np.zeros((n, 3, 3)), np.ones(n, bool)))
+        record = self._record
+        duration = record.period if k > 0 else 0.0
+        record.estimate(k, self._source.estimate(k, record.omega[k], record.fleet.pose(), duration))
 
     def logs(self, failure: str | None = None) -> list[RunLog]:
         """A log per run of the complete rows; `failure` says why the runs stopped early."""
@@ -35,57 +36,53 @@ class Localization:
 
 
 class ScanByScan(Localization):
-    """Localization of each scan as it is taken, near the pose predicted by the encoders, for closed loops."""
+    """The same by scans, of which logs have all ranges and the plate's part if all are kept."""
 
-    def __init__(self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator) -> None:
-        super().__init__(fleet, record)
-        self._feed, self._locator = feed, locator
-        self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
-
-    def estimate(self, k: int) -> None:
-        """See Localization."""
-        record, ranges = self._record, self._scan()
-        predicted = self._tracker.predict(record.omega[k], record.period if k > 0 else 0.0)
-        record.estimate(k, self._tracker.update(self._locator.locate(self._feed.scan(ranges), predicted)))
+    def __init__(self, record: RunRecorder, source: ScannedPose) -> None:
+        super().__init__(record, source)
+        self._scanned = source
 
     def logs(self, failure: str | None = None) -> list[RunLog]:
-        """See Localization; includes the plate's part of the scans if all ranges are kept."""
-        record, feed, plate = self._record, self._feed, self._fleet.robot.plate
-        if not feed.kept or not record.complete:
+        """See Localization."""
+        record, plates = self._record, []
+        if not self._scanned.scans or not record.complete:
             return super().logs(failure)
-        plates = []
-        for robot in range(self._fleet.size):  # the part of its scans that belongs to its plate, at the estimated poses
-            scan = feed.scan(record.full_ranges(robot).astype(float))
-            plates.append(extract_plate(scan, plate, scan.from_world(record.pose[: record.complete, robot])))
-        return record.logs(feed, plates, failure)
+        for robot in range(record.fleet.size):
+            scan = self._scanned.feed.scan(self._full(robot).astype(float))
+            at_estimates = scan.from_world(record.pose[: record.complete, robot])
+            plates.append(extract_plate(scan, record.fleet.robot.plate, at_estimates))
+        return self._with_plates(plates, failure)
 
-    def _scan(self) -> Array:
-        """Take the next scan of each robot; returns ranges (N, B) [m], and records them if they are kept."""
-        ranges = self._feed.measure(self._feed.true_ranges()[:, None, :])
-        if self._feed.kept:
-            self._record.scanned(ranges)
-        return ranges[:, 0]
+    def _with_plates(self, plates: Sequence[Cluster], failure: str | None) -> list[RunLog]:
+        """The logs with the part of each robot's scans that was taken for its plate."""
+        empty = self._scanned.feed.scan(np.empty((0, len(self._scanned.feed.bearings))))
+        full = [self._full(robot) if self._scanned.scans else None for robot in range(len(plates))]
+        plate = self._record.fleet.robot.plate
+        return self._record.logs([ScanLog(empty, plate, *own) for own in zip(plates, full, strict=True)], failure)
+
+    def _full(self, robot: int) -> np.ndarray:
+        """All ranges (T, B) of the complete rows of a robot [m]."""
+        return np.stack([ranges[robot] for ranges in self._scanned.scans[: self._record.complete]])
 
 
 class ScanBlocks(ScanByScan):
     """Localization of scans in blocks, which is faster, for open loops."""
 
-    def __init__(
-        self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator, watch: Stopwatch
-    ) -> None:
+    def __init__(self, record: RunRecorder, source: ScannedPose, locator: Locator, watch: Stopwatch) -> None:
         """`watch` gets the times of the stages "scans" and "localization"."""
-        super().__init__(fleet, record, feed, locator)
-        self._watch, self._follower = watch, Follower(locator, self._tracker)
-        self._block = min(max(1, _AT_ONCE // fleet.size), _MOST_AT_ONCE)
-        self._ranges = np.empty((fleet.size, self._block + EVERY, len(feed.bearings)))  # the first `_waiting` wait
+        super().__init__(record, source)
+        self._watch, self._follower = watch, Follower(locator, source.tracker)
+        size = record.fleet.size
+        self._block = min(max(1, _AT_ONCE // size), _MOST_AT_ONCE)
+        self._ranges = np.empty((size, self._block + EVERY, len(source.feed.bearings)))  # the first `_waiting` wait
         self._waiting = 0
         self._located = 0  # rows of the record
-        self._clusters: list[list[Cluster]] = [[] for _ in range(fleet.size)]
+        self._clusters: list[list[Cluster]] = [[] for _ in range(size)]
 
     def estimate(self, k: int) -> None:
         """Take the scans of row k, and localize the pending ones once they fill a block."""
         with self._watch.stage("scans"):
-            self._ranges[:, self._waiting] = self._scan()
+            self._ranges[:, self._waiting] = self._scanned.scan()
         self._waiting += 1
         if self._waiting >= self._block and k % EVERY == 0:
             self._locate()
@@ -94,20 +91,20 @@ class ScanBlocks(ScanByScan):
         """See Localization; with the plate in the scans."""
         if self._waiting:
             self._locate()
-        if not self._located:
-            return super(ScanByScan, self).logs(failure)
-        return self._record.logs(self._feed, [Cluster.joined(parts) for parts in self._clusters], failure)
+        if not self._record.complete:
+            return []
+        return self._with_plates([Cluster.joined(parts) for parts in self._clusters], failure)
 
     def _locate(self) -> None:
         """Localize the pending scans."""
-        record, feed, n = self._record, self._feed, self._waiting
+        record, feed, n = self._record, self._scanned.feed, self._waiting
         rows, ranges = slice(self._located, self._located + n), self._ranges[:, :n]
         with self._watch.stage("localization"):
             angle = record.omega[rows].swapaxes(0, 1) * feed.period
             record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
             scan = feed.scan(ranges.reshape(-1, ranges.shape[-1]))
             pose = scan.from_world(record.pose[rows].swapaxes(0, 1).reshape(-1, 3))
-            cluster = extract_plate(scan, self._fleet.robot.plate, pose)
+            cluster = extract_plate(scan, record.fleet.robot.plate, pose)
             for k, parts in enumerate(self._clusters):
                 parts.append(cluster.between(k * n, (k + 1) * n))
         self._located, self._waiting = rows.stop, 0

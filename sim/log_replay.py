@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -18,7 +18,8 @@ from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.preparation import counts_few_ticks, interval_means
+from trackslip.identification.first_look import first_look
+from trackslip.identification.preparation import counts_few_ticks, drives_of, interval_means
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import RunLog, Truth
 from trackslip.se2 import Mounting
@@ -85,7 +86,7 @@ def replay(
         inputs: "encoders" for the measured sprocket speeds, which change smoothly from row to row, or "commands" for
             the logged commands, which hold until the next one.
         start_twist: twists (N, 3) or (3,) at the start, forwards, to the left [m/s], yaw rate [rad/s]; by default from
-            the poses of the first 0.3 s.
+            the poses of the first 0.3 s, or at rest if the sprockets rest.
         drive: servo and motor that obey commands, by default the robot's.
         sensor: place of the sensor of the poses on the robot; by default its middle.
         clock: encoder clock minus pose clock [s].
@@ -102,6 +103,7 @@ def replay(
     logs = [log] if isinstance(log, RunLog) else list(log)
     parameters, own = load_parameters(robot)
     ground = ground or own
+    logs = [_placed(log, parameters.geometry) for log in logs]
     motion = Replayer(logs, inputs, start_twist, drive).run(parameters, ground, threads)
     about = {"geometry": vars(parameters.geometry), "replay": {"inputs": inputs, "clock": clock}}
     placed = sensor or Mounting()
@@ -128,6 +130,30 @@ def replayed_log(motion: Replay, k: int, log: RunLog, sensor: Mounting, clock: f
         truth=Truth(se2.compose(frame, true), motion.twist_at(k, log.time)),
         metadata=about,
     )
+
+
+def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[RunLog]]:
+    """Each log once for each part between lasting jumps of its poses, those of the part that identification uses valid.
+
+    Raises LogError for logs that identification refuses.
+    """
+    drives, _ = drives_of(logs)
+    look, parts = first_look(drives, geometry), {log.run: list[RunLog]() for log in logs}
+    named = {log.run: log for log in logs}
+    for drive in drives:
+        log = named[drive.name]
+        for part in look.without_jumps([drive], geometry)[0]:
+            parts[log.run].append(replace(log, valid=np.isin(log.time, part.time)))
+    return [parts[log.run] for log in logs]
+
+
+def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
+    """The log with its poses up to the first lasting jump, without wild ones; all of them where none can be told."""
+    try:
+        (parts,) = without_jumps([log], geometry)
+    except LogError:
+        return log
+    return parts[0] if parts else log
 
 
 class Replayer:
@@ -216,7 +242,12 @@ def _angle(log: RunLog) -> PchipInterpolator:
 
 
 def first_twist(log: RunLog, geometry: RobotGeometry) -> Array:
-    """Twist (3,) in the first 0.3 s of poses with headings; that of the sprockets without slip if these are few."""
+    """Twist (3,) in the first 0.3 s of poses with headings; that of the sprockets without slip if these are few.
+
+    A robot whose sprockets rest then is at rest, too.
+    """
+    if not log.omega[log.time - log.time[0] <= _FIRST].any():
+        return np.zeros(3)
     rows = np.flatnonzero(log.has_heading)
     rows = rows[log.time[rows] - log.time[rows[:1]] <= _FIRST] if len(rows) else rows
     if len(rows) < 2:

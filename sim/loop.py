@@ -10,6 +10,7 @@ import numpy as np
 from sim.fleet import Fleet
 from sim.localization import Localization, ScanBlocks, ScanByScan
 from sim.pilot import Pilot
+from sim.pose_source import ScannedPose, TruePose
 from sim.run_recorder import Description, RunRecorder
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
@@ -62,9 +63,9 @@ def open_loop(
     rows = int(duration / period + 1e-9) + 1
     require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
     record = RunRecorder(fleet, rows, period, descriptions)
-    localization = Localization(fleet, record)
+    localization = Localization(record, TruePose(fleet))
     if feed is not None and locator is not None:
-        localization = ScanBlocks(fleet, record, feed, locator, watch)
+        localization = ScanBlocks(record, ScannedPose(fleet, feed, locator), locator, watch)
     speeds = np.broadcast_to(np.asarray(omega, float), (rows, fleet.size, 2))
     return _drive(fleet, record, localization, lambda k: speeds[k], progress, watch)
 
@@ -100,9 +101,9 @@ def closed_loop(
     period = PERIOD if feed is None else feed.period
     rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last at the reference's end or just after
     record = RunRecorder(fleet, rows, period, descriptions)
-    localization = Localization(fleet, record)
+    localization = Localization(record, TruePose(fleet))
     if feed is not None and locator is not None:
-        localization = ScanByScan(fleet, record, feed, locator)
+        localization = ScanByScan(record, ScannedPose(fleet, feed, locator))
     paths = {pilot.preview: Tabulated(reference, record.time + pilot.preview) for pilot in pilots}
     for pilot in pilots:
         pilot.begin(record)

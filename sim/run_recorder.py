@@ -11,22 +11,17 @@ import numpy as np
 from sim.bodies import Moments
 from sim.contact_forces import pad_forces
 from sim.fleet import Fleet
-from sim.scanner.feed import ScannerFeed
 from trackslip.errors import RunFailedError as RunFailedError
 from trackslip.errors import require
 from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.scan import Cluster
 from trackslip.logs.runlog import RunLog, Truth
 from trackslip.logs.scanlog import ScanLog
 
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""
-_OF_MOMENT = 3  # arrays of the engine's state in what is recorded of the truth
-_ENERGY, _SATURATED = _OF_MOMENT + 2, _OF_MOMENT + 3  # places in that
-_TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
-_UPRIGHT = float(np.cos(_TIPPED))
+_UPRIGHT = float(np.cos(0.5))  # cosine of the lean from which a robot lies on its side
 
 
 @dataclass(frozen=True)
@@ -66,9 +61,7 @@ class RunRecorder:
         self._icr = np.full((rows, n, 2), np.nan)
         self._covariance = np.zeros((rows, n, 3, 3))
         self._valid = np.zeros((rows, n), bool)
-        # of each row, (N, ...) each: the engine's state, torques, total energy and saturated time, and contacts
-        self._truth: list[tuple[Array, ...]] = []
-        self._ranges: list[np.ndarray] = []  # (N, rows, B) each
+        self._truth: list[dict[str, Array]] = []  # of each row, (N, ...) each
 
     def measure(self, k: int) -> None:
         """Record encoders and truth in row k; raises RunFailedError when a robot tips over."""
@@ -79,18 +72,18 @@ class RunRecorder:
         self._angle = angle
         if self._loads:
             self.load[k] = fleet.needed_traction()
-        of_drive = fleet.mean_traction.copy(), drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
-        contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
+        row = {"traction": fleet.mean_traction, "torque": drive.torque}
+        row |= {"energy": drive.energy, "saturated_time": drive.saturated_time}
+        if self._in_detail:
+            row["contact"] = pad_forces(fleet).astype(np.float32)
         if self._in_detail and fleet.shear is not None:
-            contact += (np.linalg.norm(fleet.shear.displacement, axis=-1).astype(np.float32),)
-        self._truth.append((*fleet.now.copied(), *of_drive, *contact))  # what follows is computed for all rows at once
+            row["shear"] = np.linalg.norm(fleet.shear.displacement, axis=-1).astype(np.float32)
+        row = vars(fleet.now) | row  # what follows from these is computed for all rows at once
+        self._truth.append({name: values.copy() for name, values in row.items()})
 
     def _require_upright(self, k: int) -> None:
         """Raise RunFailedError if a robot has tipped over in row k."""
-        leaning = ~(self.fleet.upright() > _UPRIGHT)
-        if not np.count_nonzero(leaning):  # neither roll nor pitch exceeds the tilt
-            return
-        upright = (np.abs(self.fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)
+        upright = self.fleet.upright() > _UPRIGHT
         if not upright.all():
             fallen = int(np.flatnonzero(~upright)[0])
             raise RunFailedError(f"run {self.name(fallen)!r}: the robot tips over after {self.time[k]:g} s")
@@ -113,14 +106,6 @@ class RunRecorder:
         self.pose[rows] = estimate.pose.swapaxes(0, 1)
         self._covariance[rows] = estimate.covariance.swapaxes(0, 1)
         self._valid[rows] = estimate.valid.swapaxes(0, 1)
-
-    def scanned(self, ranges: Array) -> None:
-        """Keep the next complete scans (N, rows, B) [m]."""
-        self._ranges.append(ranges.astype(np.float32))
-
-    def full_ranges(self, robot: int) -> Array:
-        """All complete scans (T, B) of a robot [m]."""
-        return np.concatenate([block[robot] for block in self._ranges])[: self.complete]
 
     def name(self, robot: int) -> str:
         """Name of a robot's run."""
@@ -147,32 +132,23 @@ class RunRecorder:
             for column, name in enumerate(("offset", "radius_error")):
                 self._icr[k, robots, column] = getattr(law, name)
 
-    def logs(
-        self, feed: ScannerFeed | None = None, plates: Sequence[Cluster] | None = None, failure: str | None = None
-    ) -> list[RunLog]:
-        """A log per run, of its complete rows; none if there are fewer than two.
+    def logs(self, scans: Sequence[ScanLog | None] | None = None, failure: str | None = None) -> list[RunLog]:
+        """A log per run, of its complete rows, with its `scans`; none if there are fewer than two rows.
 
-        `plates` are the part of each robot's scans by `feed` that was taken for its plate, None without scans;
         `failure` says why the runs stopped early.
         """
         if self.complete < 2:
             return []
-        columns = [np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)]
-        moments = Moments(*columns[:_OF_MOMENT])
-        traction, torque, energy, saturated_time, *contact = columns[_OF_MOMENT:]
-        before = self._truth[0]
-        rates = (self._rate(total, before[k]) for k, total in ((_ENERGY, energy), (_SATURATED, saturated_time)))
-        lean = moments.lean(self.fleet.robot.lrf_height)
-        truths = (moments.pose(), moments.twist(), traction, torque, *rates, lean, *contact)
-        empty = None if feed is None else feed.scan(np.empty((0, len(feed.bearings))))
-        logs = []
-        for i in range(self.fleet.size):
-            scans = None
-            if empty is not None and plates is not None:
-                full = self.full_ranges(i) if feed is not None and feed.kept else None
-                scans = ScanLog(empty, self.fleet.robot.plate, plates[i], full)
-            logs.append(self._log(i, Truth(*(values[:, i] for values in truths)), scans, failure))
-        return logs
+        rows = self._truth[: self.complete]
+        truth = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
+        moments = Moments(*(truth.pop(name) for name in ("place", "velocity", "heading")))
+        truth |= {"pose": moments.pose(), "twist": moments.twist(), "lean": moments.lean(self.fleet.robot.lrf_height)}
+        for mean, total in (("power", "energy"), ("saturated", "saturated_time")):  # since the row before
+            sums = truth.pop(total)
+            truth[mean] = np.diff(sums, axis=0, prepend=sums[:1]) / self.period
+        truths = [Truth(**{name: values[:, i] for name, values in truth.items()}) for i in range(self.fleet.size)]
+        scans = scans or [None] * len(truths)
+        return [self._log(i, *own, failure) for i, own in enumerate(zip(truths, scans, strict=True))]
 
     def _log(self, i: int, truth: Truth, scans: ScanLog | None, failure: str | None) -> RunLog:
         rows, description = slice(self.complete), self._descriptions[i]
@@ -192,7 +168,3 @@ class RunRecorder:
             scans=scans,
             metadata=dict(description.metadata) | ({} if failure is None else {FAILURE: failure}),
         )
-
-    def _rate(self, total: Array, before: Array) -> Array:
-        """Mean rates (T, N, 2) since the row before, of accumulated quantities (T, N, 2) and (N, 2) before them."""
-        return np.diff(total, axis=0, prepend=before[None]) / self.period

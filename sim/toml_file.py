@@ -30,22 +30,19 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = read_text(path, _MOST)
         if _TOO_DEEP.search(text):
-            raise SettingsFileError(f"{path}: not TOML of settings (keys nested more than {_DEEPEST} deep)")
-        if not (table := tomllib.loads(text)):
-            raise SettingsFileError(f"{path}: no settings in it")
-        return table
+            raise tomllib.TOMLDecodeError(f"keys nested more than {_DEEPEST} deep")
+        table = tomllib.loads(text)
     except OSError as error:
         raise SettingsFileError(f"{path}: {error.strerror}") from error
-    except SettingsFileError:
-        raise
-    except tomllib.TOMLDecodeError as error:
-        raise SettingsFileError(f"{path}: not TOML ({error})") from error
     except UnicodeDecodeError as error:
         raise SettingsFileError(f"{path}: {reason(error)}") from error
-    except RecursionError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise SettingsFileError(f"{path}: not TOML ({reason(error)})") from error
     except ValueError as error:  # the only one that isn't tomllib's own
         raise SettingsFileError(f"{path}: not TOML (a number has too many digits)") from error
+    if not table:
+        raise SettingsFileError(f"{path}: no settings in it")
+    return table
 
 
 def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:

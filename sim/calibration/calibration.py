@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
-import scipy
+import scipy.optimize
+import scipy.stats
 
 from sim.calibration.candidate import OF_SENSOR, PARAMETERS, Candidate
 from sim.calibration.targets import Target
@@ -15,16 +17,15 @@ from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
 _STEP = 0.05  # of finite differences [standard deviations of the prior]
-_ITERATIONS = 25
-_CONVERGED = 0.1  # step at which a fit ends [standard errors]
-_SLOW = 0.5  # size of a step over that of the last one with which the Jacobian misleads
+_ITERATIONS, _CONVERGED = 15, 0.05  # until the logarithm of the likelihood grows by less
+_ROUNDS, _SAME = 10, 0.01  # fits, one after the other, until the errors' sizes change relatively by less
+_KEPT = 64  # errors of candidates
 _VAGUE, _SIGNIFICANT = 0.7, 2.0  # standard error over that of the prior; value over its standard error
-_TIED = 0.7  # correlation of parameters that compensate each other
+_ALIKE = 0.95  # cosine of the errors of parameters that can't be told apart
 _MAD = 1.4826  # standard deviation of normal errors over the median of their sizes
 _CAUCHY = 2.385  # scale of the loss [standard deviations]: 95 % as efficient as least squares for normal errors
 _LEAST_CURVED = 0.1  # curvature of the loss over the weights
 _MAX_LEVERAGE = 0.8  # of a cluster
-_LINEAR = 8  # reweightings of a fit to errors that are linear in the parameters
 
 
 @dataclass(frozen=True)
@@ -83,9 +84,9 @@ def calibrate(
 ) -> Calibration:
     """Fit parameters of a candidate to a target.
 
-    Robust Gauss-Newton iterations with normal priors around the values of `base`. Parameters that remain as vague as
-    their priors, and don't differ from them significantly, are held there. Standard errors are those of clusters (the
-    sandwich of Huber and White) where the target is robust, else from the residuals.
+    Least squares under Cauchy's loss where the target is robust, with normal priors around the values of `base`.
+    Parameters that remain as vague as their priors, and don't differ from them significantly, are held there. Standard
+    errors are those of clusters (the sandwich of Huber and White) where the target is robust, else from the residuals.
 
     Args:
         target: what the robot did.
@@ -99,19 +100,18 @@ def calibrate(
     Raises:
         InvalidValueError: for names that are unknown, given twice or say the same, and too many for the target.
     """
-    names = _checked(free, target)
-    problem = _Problem(target, base, names)
+    problem = _Problem(target, base, _checked(free, target))
     held, ends = dict[str, str](), []
     for start in (problem.first, *(() if further is None else further)):
         ends.append(problem.minimum(np.clip(start, problem.low, problem.high), held))
         progress(1)
-    best = min(ends, key=lambda end: end.cost)
+    ends.sort(key=lambda end: end.cost)
+    best = ends[0]
     while (vague := problem.vaguest(best, held)) is not None:
         held[vague[0]] = vague[1]
-        best = problem.minimum(np.where([name in held for name in names], 0.0, best.scaled), held, best.jacobian)
-    ends = sorted(ends, key=lambda end: end.cost)
-    found = problem.described(best, held, tuple((problem.candidate(end.scaled), end.cost) for end in ends))
-    return found if folds is None else _with_folds(found, problem, best, held, folds, progress)
+        best = problem.minimum(np.where([name in held for name in problem.names], 0.0, best.scaled), held)
+    fit = problem.described(best, held, ends)
+    return fit if folds is None else _with_folds(fit, problem, best, held, folds, progress)
 
 
 def _checked(free: Sequence[str], target: Target) -> tuple[str, ...]:
@@ -128,13 +128,23 @@ def _checked(free: Sequence[str], target: Target) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class _End:
-    """Where a fit ended."""
+class _LinearErrors:
+    """Errors that are linear in the scaled parameters around a candidate."""
 
     scaled: Array  # (p,)
-    errors: Array  # (n,)
-    jacobian: Array  # (n, p)
-    sigma: Array  # (kinds,)
+    errors: Array  # (n,) there
+    slope: Array  # (n, p)
+
+    def __call__(self, scaled: Array) -> Array:
+        """Errors (n,) at parameters (p,)."""
+        return self.errors + self.slope @ (scaled - self.scaled)
+
+
+@dataclass(frozen=True)
+class _End(_LinearErrors):
+    """Where a fit ended."""
+
+    sigma: Array  # (kinds,) standard deviations of the errors
     cost: float
 
 
@@ -148,30 +158,33 @@ class _Problem:
         self.low, self.high = np.array(limits).T
         # a bound that is the prior's centre may have no slope
         self.first = np.where(self.low == 0, min(0.5, *self.high), 0.0)
-        self._moves = np.array([name not in OF_SENSOR for name in names])
+        # those of the sensor first, whose motion is that of the last errors
+        self._order = sorted(range(len(names)), key=lambda k: names[k] not in OF_SENSOR)
+        self._known = lru_cache(_KEPT)(lambda *scaled: target.errors(self.candidate(scaled)))
 
-    def candidate(self, scaled: Array) -> Candidate:
+    def candidate(self, scaled: Iterable[float]) -> Candidate:
         """The candidate with scaled parameters (p,)."""
         values = {n: PARAMETERS[n].unscaled(self._base, float(z)) for n, z in zip(self.names, scaled, strict=True) if z}
         return self._base.with_values(values)
 
     def errors(self, scaled: Array) -> Array:
         """Errors (n,) of the target."""
-        return self.target.errors(self.candidate(scaled))
+        return self._known(*scaled.tolist())
 
-    def jacobian(self, scaled: Array, errors: Array, free: np.ndarray) -> Array:
-        """Derivatives (n, p) of the errors; 0 where not `free` (p,)."""
-        jacobian = np.zeros((len(errors), len(scaled)))
-        # those of the sensor first, whose motion is that of the last errors
-        for k in sorted(np.flatnonzero(free), key=lambda k: bool(self._moves[k])):
-            step = _STEP if scaled[k] + _STEP <= self.high[k] else -_STEP
-            jacobian[:, k] = (self.errors(scaled + step * (np.arange(len(scaled)) == k)) - errors) / step
-        return jacobian
+    def linear(self, scaled: Array) -> _LinearErrors:
+        """The errors around scaled parameters (p,), by finite differences."""
+        errors = self.errors(scaled)
+        slope = np.empty((len(errors), len(scaled)))
+        for k in self._order:
+            moved = scaled.copy()
+            moved[k] += _STEP if scaled[k] + _STEP <= self.high[k] else -_STEP
+            slope[:, k] = (self.errors(moved) - errors) / (moved[k] - scaled[k])
+        return _LinearErrors(scaled, errors, slope)
 
-    def sizes(self, errors: Array, count: int) -> Array:
-        """Standard deviation (kinds,) of the errors of each kind, with `count` parameters fitted."""
-        layout, found = self._layout, self._layout.floor.copy()
-        for kind in range(len(found)):
+    def sizes(self, errors: Array, free: np.ndarray) -> Array:
+        """Standard deviation (kinds,) of the errors of each kind, with the parameters `free` (p,) fitted."""
+        layout, sizes = self._layout, self._layout.floor.copy()
+        for kind in range(len(sizes)):
             rows = layout.kind == kind
             size, share = np.abs(errors[rows]), layout.share[rows]
             if layout.robust:
@@ -179,109 +192,98 @@ class _Problem:
                 middle = np.searchsorted(np.cumsum(share[order]), share.sum() / 2)
                 sigma = _MAD * size[order[middle]]
             else:
-                sigma = np.sqrt(share @ size**2 / max(share.sum() * (1 - count / layout.share.sum()), 1.0))
-            found[kind] = max(found[kind], sigma)
-        return found
+                sigma = np.sqrt(share @ size**2 / max(share.sum() * (1 - free.sum() / layout.share.sum()), 1.0))
+            sizes[kind] = max(sizes[kind], sigma)
+        return sizes
 
-    def weigh(self, errors: Array, sigma: Array) -> tuple[Array, Array]:
-        """Errors over their standard deviations (n,), and their weights (n,)."""
-        unit = errors / sigma[self._layout.kind]
-        return unit, self._layout.share / (1 + (unit / _CAUCHY) ** 2 if self._layout.robust else 1.0)
+    def loss(self, square: Array, share: Array) -> Array:
+        """Loss of squared errors over their variances (n,), and its first and second derivatives, (3, n)."""
+        if not self._layout.robust:
+            return share * np.stack([square, np.ones_like(square), np.zeros_like(square)])
+        fall = 1 / (1 + square / _CAUCHY**2)
+        return share * np.stack([-(_CAUCHY**2) * np.log(fall), fall, -(fall**2) / _CAUCHY**2])
 
-    def cost(self, scaled: Array, errors: Array, sigma: Array) -> float:
-        """Minus the logarithm of the likelihood, up to a constant, with half the loss of the prior.
+    def cost(self, scaled: Array, free: np.ndarray) -> tuple[float, Array]:
+        """Minus the logarithm of the likelihood, up to a constant, and the standard deviations (kinds,) of the errors.
 
-        The likelihood is Cauchy's where single errors may be large. Its sizes `sigma` (kinds,) of the errors count, so
-        that ends with different ones can be compared: over its own size, each end's errors are about 1.
+        These count, so that all ends can be compared: over its own size, each end's errors are about 1.
         """
-        square = (errors / sigma[self._layout.kind]) ** 2
-        loss = _CAUCHY**2 * np.log1p(square / _CAUCHY**2) if self._layout.robust else square
-        return float(self._layout.share @ (loss / 2 + np.log(sigma)[self._layout.kind]) + scaled @ scaled / 2)
+        errors, share = self.errors(scaled), self._layout.share
+        sigma = self.sizes(errors, free)
+        size = sigma[self._layout.kind]
+        loss = self.loss((errors / size) ** 2, share)[0].sum() + scaled @ scaled
+        return float(share @ np.log(size) + loss / 2), sigma
 
-    def minimum(self, start: Array, held: Mapping[str, str], known: Array | None = None) -> _End:
-        """The minimum that Gauss-Newton iterations reach from `start` (p,).
+    def minimum(self, start: Array, held: Mapping[str, str]) -> _End:
+        """The minimum reached from `start` (p,), by models whose errors are linear in the parameters.
 
-        The Jacobian (n, p), at first the one that is `known`, is updated by rank one (Broyden 1965), because a step of
-        finite differences costs a simulation for each parameter; where steps end or hardly shrink, it is found anew.
+        A model costs a simulation for each parameter. Least squares of the simulated errors take four times as many.
         """
         free = np.array([name not in held for name in self.names])
-        scaled, errors, before = start, self.errors(start), np.inf
-        jacobian, fresh = (self.jacobian(start, errors, free), True) if known is None else (known, False)
+        scaled, (cost, sigma) = start, self.cost(start, free)
         for _ in range(_ITERATIONS):
-            sigma = self.sizes(errors, int(free.sum()))
-            goal, spread = self._linear_minimum(scaled, errors, jacobian, sigma, free)
-            step = goal - scaled
-            size = np.max(np.abs(step) / spread, initial=0.0)
-            done = size < _CONVERGED or (size > _SLOW * before and not fresh)
-            found = None if done else self._descent(scaled, errors, sigma, step)
-            if found is None:
-                if fresh:
+            model, before = self.linear(scaled), cost
+            step = self._linear_minimum(model, sigma, free) - scaled
+            for part in (1.0, 0.5, 0.2):
+                trial = model.scaled + part * step
+                trial_cost, trial_sigma = self.cost(trial, free)
+                if trial_cost < cost:
+                    scaled, cost, sigma = trial, trial_cost, trial_sigma
                     break
-                jacobian, before = np.where(free, self.jacobian(scaled, errors, free), jacobian), np.inf
-                fresh = True
-                continue
-            before = size
-            change, changed = found[0] - scaled, found[1] - errors
-            jacobian = jacobian + np.outer(changed - jacobian @ change, change) / (change @ change)
-            (scaled, errors), fresh = found, False
-        sigma = self.sizes(errors, int(free.sum()))
-        return _End(scaled, errors, jacobian, sigma, self.cost(scaled, errors, sigma))
+            if before - cost < _CONVERGED:
+                break
+        return _End(scaled, self.errors(scaled), model.slope, sigma, cost)
 
-    def _descent(self, scaled: Array, errors: Array, sigma: Array, step: Array) -> tuple[Array, Array] | None:
-        """Parameters and errors after a step, or a part of it, that lowers the cost; None if none does."""
-        cost = self.cost(scaled, errors, sigma)
-        for part in (1.0, 0.5, 0.2):
-            trial = np.clip(scaled + part * step, self.low, self.high)
-            tried = self.errors(trial)
-            if self.cost(trial, tried, sigma) < cost:
-                return trial, tried
-        return None
+    def _linear_minimum(self, model: _LinearErrors, sigma: Array, free: np.ndarray) -> Array:
+        """Parameters (p,) of least loss if errors are linear, and of the sizes (kinds,) that are then left."""
+        scaled = model.scaled
+        for _ in range(_ROUNDS):
+            scaled = self.least_squares(model, scaled, sigma, free)
+            before, sigma = sigma, self.sizes(model(scaled), free)
+            if np.allclose(sigma, before, rtol=_SAME, atol=0.0):
+                break
+        return scaled
 
-    def _linear_minimum(
-        self,
-        scaled: Array,
-        errors: Array,
-        jacobian: Array,
-        sigma: Array,
-        free: np.ndarray,
-        rows: np.ndarray | None = None,
-    ) -> tuple[Array, Array]:
-        """Parameters (p,) of least loss, if errors change linearly from `scaled` (p,), and their standard errors (p,).
+    def least_squares(
+        self, model: _LinearErrors, start: Array, sigma: Array, free: np.ndarray, out: np.ndarray | None = None
+    ) -> Array:
+        """Scaled parameters (p,) of least loss, of which those not `free` (p,) keep their values.
 
-        Of the errors, `rows` (n,) bool count alone.
+        The errors `out` (n,) bool don't count.
         """
-        found, spread = scaled, np.ones_like(scaled)
-        for _ in range(_LINEAR):
-            unit, weight = self.weigh(errors + jacobian @ (found - scaled), sigma)
-            weight = weight if rows is None else weight * rows
-            moving = free
-            while True:  # parameters at their limits stay there
-                slope = jacobian * moving / sigma[self._layout.kind, None]
-                matrix = (slope.T * weight) @ slope + np.eye(len(scaled))
-                step = -np.linalg.solve(matrix, slope.T @ (weight * unit) + found) * moving
-                outwards = ((found <= self.low) & (step < 0)) | ((found >= self.high) & (step > 0))
-                if not outwards.any():
-                    break
-                moving = moving & ~outwards
-            found, spread = np.clip(found + step, self.low, self.high), np.sqrt(np.diag(np.linalg.inv(matrix)))
-        return found, spread
+        if not free.any():
+            return start
+        size, share, count = sigma[self._layout.kind], self._layout.share, int(free.sum())
+        share = share if out is None else np.where(out, 0.0, share)
+        slope = np.vstack([model.slope[:, free] / size[:, None], np.eye(count)])
+
+        def at(values: Array) -> Array:
+            scaled = start.copy()
+            scaled[free] = values
+            return scaled
+
+        def rows(values: Array) -> Array:
+            return np.append(model(at(values)) / size, values)
+
+        def loss(square: Array) -> Array:
+            prior = [square[-count:], np.ones(count), np.zeros(count)]
+            return np.hstack([self.loss(square[:-count], share), prior])
+
+        limits = self.low[free], self.high[free]
+        fit = scipy.optimize.least_squares(rows, start[free], lambda _: slope, limits, "dogbox", loss=loss)
+        return at(fit.x)
 
     def covariance(self, end: _End, held: Mapping[str, str]) -> tuple[Array, Array]:
-        """Covariance (p, p) of the scaled parameters, and that of the fitted ones if the held ones were known.
+        """Covariance (p, p) of the scaled parameters, and standard errors (p,) if the held ones were known.
 
-        The held ones may differ from their values as their priors say, and shift the others; the second is as wide as
-        the priors where the target tells nothing.
+        The held ones may differ from their values as their priors say, and shift the others.
         """
         layout, fitted = self._layout, np.array([name not in held for name in self.names])
-        unit, weight = self.weigh(end.errors, end.sigma)
-        slope = end.jacobian / end.sigma[layout.kind, None]
-        if layout.robust:  # the curvature of the loss, on average over a kind
-            square = (unit / _CAUCHY) ** 2
-            bent = layout.share * (1 - square) / (1 + square) ** 2
-            curved = np.bincount(layout.kind, bent) / np.bincount(layout.kind, weight)
-            curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]
-        else:
-            curvature = weight
+        size = end.sigma[layout.kind]
+        unit, slope = end.errors / size, end.slope / size[:, None]
+        _, weight, bend = self.loss(unit**2, layout.share)
+        curved = np.bincount(layout.kind, weight + 2 * bend * unit**2) / np.bincount(layout.kind, weight)
+        curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]  # of the loss, on average over a kind
         matrix = (slope.T * curvature) @ slope + np.eye(len(fitted))
         inverse = np.linalg.inv(matrix[np.ix_(fitted, fitted)])
         known = inverse
@@ -293,41 +295,29 @@ class _Problem:
             score /= (1 - np.minimum(leverage, _MAX_LEVERAGE))[:, None]  # as if each cluster had been left out
             known = inverse @ (score.T @ score + np.eye(len(inverse))) @ inverse
         shift = -inverse @ matrix[np.ix_(fitted, ~fitted)]
-        covariance, alone = np.eye(len(fitted)), np.eye(len(fitted))
+        covariance, alone = np.eye(len(fitted)), np.ones(len(fitted))
         covariance[np.ix_(fitted, fitted)] = known + shift @ shift.T
         covariance[np.ix_(fitted, ~fitted)], covariance[np.ix_(~fitted, fitted)] = shift, shift.T
-        # what little the errors tell may look certain by chance
-        wide = np.sqrt(np.maximum(np.diag(inverse) / np.diag(known), 1.0))
-        alone[np.ix_(fitted, fitted)] = known * np.outer(wide, wide)
+        alone[fitted] = np.sqrt(np.maximum(np.diag(inverse), np.diag(known)))  # few errors may look certain by chance
         return covariance, alone
 
     def vaguest(self, end: _End, held: Mapping[str, str]) -> tuple[str, str] | None:
         """The parameter that the target tells least of those it doesn't tell, and why; None if it tells all."""
-        _, covariance = self.covariance(end, held)
-        spread = np.sqrt(np.diag(covariance))
+        _, spread = self.covariance(end, held)
         vague = (spread > _VAGUE) & (np.abs(end.scaled) < _SIGNIFICANT * spread)
         vague &= [name not in held for name in self.names]
         if not vague.any():
             return None
         k = int(np.argmax(np.where(vague, spread, 0.0)))
-        slope = end.jacobian / end.sigma[self._layout.kind, None]
-        strength = np.linalg.norm(slope * np.sqrt(self._layout.share)[:, None], axis=0)
-        correlation = covariance[k] / (spread[k] * spread)
-        others = [
-            name
-            for j, name in enumerate(self.names)
-            if j != k and name not in held and (abs(correlation[j]) > _TIED or self._alike(slope, k, j))
-        ]
+        slope = end.slope * np.sqrt(self._layout.share)[:, None] / end.sigma[self._layout.kind, None]
+        strength = np.linalg.norm(slope, axis=0)
+        alike = np.abs(slope.T @ slope[:, k]) > _ALIKE * strength * strength[k]
+        others = [name for j, name in enumerate(self.names) if j != k and name not in held and alike[j]]
         if strength[k] < 1 or not others:
             return self.names[k], "the target does not tell it"
         return self.names[k], f"the target does not tell it from {' and '.join(others)}"
 
-    def _alike(self, slope: Array, k: int, j: int) -> bool:
-        """True if two parameters change the errors nearly alike."""
-        a, b = (slope[:, i] * np.sqrt(self._layout.share) for i in (k, j))
-        return bool(abs(a @ b) > 0.95 * np.linalg.norm(a) * np.linalg.norm(b) > 0)
-
-    def described(self, end: _End, held: Mapping[str, str], ends: tuple[tuple[Candidate, float], ...]) -> Calibration:
+    def described(self, end: _End, held: Mapping[str, str], ends: Sequence[_End]) -> Calibration:
         """The result of a fit."""
         target, base = self.target, self._base
         covariance, _ = self.covariance(end, held)
@@ -356,13 +346,8 @@ class _Problem:
             end.cost,
             target.metrics(target.errors(candidate)),
             target.metrics(target.errors(base)),
-            ends=ends,
+            ends=tuple((self.candidate(each.scaled), each.cost) for each in ends),
         )
-
-    def without(self, end: _End, rows: np.ndarray, held: Mapping[str, str]) -> Array:
-        """Scaled parameters (p,) fitted to the errors `rows` (n,) bool, which are linear in them near `end`."""
-        free = np.array([name not in held for name in self.names])
-        return self._linear_minimum(end.scaled, end.errors, end.jacobian, end.sigma, free, rows)[0]
 
 
 def _with_folds(
@@ -372,9 +357,10 @@ def _with_folds(
     target = problem.target
     errors, before = np.full(len(end.errors), np.nan), np.full(len(end.errors), np.nan)
     first, candidates = problem.errors(np.zeros(len(problem.names))), []
+    free = np.array([name not in held for name in problem.names])
     for fold in np.unique(folds[folds >= 0]):
         out = folds == fold
-        candidates.append(problem.candidate(problem.without(end, ~out, held)))
+        candidates.append(problem.candidate(problem.least_squares(end, end.scaled, end.sigma, free, out)))
         errors[out], before[out] = target.errors(candidates[-1])[out], first[out]
         progress(1)
     return replace(

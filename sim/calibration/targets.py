@@ -14,7 +14,7 @@ from sim.calibration.candidate import Candidate
 from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
-from sim.log_replay import Inputs, Replay, Replayer
+from sim.log_replay import Inputs, Replay, Replayer, without_jumps
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import compiled
 from trackslip import se2
@@ -38,7 +38,6 @@ HORIZONS = (0.5, 1.0, 1.8, 5.0)
 """Times ahead at which a drive is compared with its simulation [s]."""
 _PAIRS = 4.0  # pairs of poses in a horizon, about
 _MIN_DRIVEN = 0.1  # way of the belts during which a robot moves [half gauges]
-_POSE_PERIOD = 0.045  # time between poses, at least [s]
 _WINDOW = 6.5  # duration of the windows into which drives are cut [s]
 _LEAD = 1.5  # time that is replayed before a window, if the drive has it, to forget where it begins [s]
 _MAX_WINDOWS = 200
@@ -246,10 +245,16 @@ class Drives:
     ) -> None:
         """Cut logs into windows of about 6.5 s, which encoders or commands drive in simulation.
 
-        Of more than 200 windows, a part is used. Raises LogError if no poses have headings.
+        No poses in a window jump. Of more than 200 windows, a part is used. Raises LogError for logs that
+        identification refuses, and if no poses have headings.
         """
-        parts = [(k, part, _with_lead(log, part)) for k, log in enumerate(logs) for part in _windows(log)]
-        of_log, self.windows, led = map(list, zip(*parts[:: -(-len(parts) // _MAX_WINDOWS)], strict=True))
+        windows = [
+            (k, window, _with_lead(part, window))
+            for k, parts in enumerate(without_jumps(logs, geometry))
+            for part in parts
+            for window in _windows(part)
+        ]
+        of_log, self.windows, led = map(list, zip(*windows[:: -(-len(windows) // _MAX_WINDOWS)], strict=True))
         replayer = Replayer(led, inputs)
         self._motion = lru_cache(_KEPT)(partial(replayer.run, threads=threads))
         self._poses = _Poses.of(self.windows)
@@ -310,9 +315,6 @@ class _Poses:
             rows = np.flatnonzero(log.has_heading)
             if len(rows) < 2:
                 continue
-            rows = rows[:: max(1, int(_POSE_PERIOD / np.median(np.diff(log.time[rows])) + 0.1))]
-            if len(rows) < 2:
-                continue
             step = np.abs(log.omega).max(axis=1)[1:] * np.diff(log.time)
             way = np.concatenate([[0.0], np.cumsum(step)])[rows]
             usual = float(np.median(np.diff(log.time[rows])))
@@ -343,10 +345,14 @@ class _Poses:
 
 
 def _windows(log: RunLog) -> list[RunLog]:
-    """Parts of a log of about 6.5 s, after the time that is only replayed if the log is longer than both together."""
-    long = log.time[-1] - log.time[0] >= _LEAD + _WINDOW
-    first = int(np.searchsorted(log.time, log.time[0] + _LEAD)) if long else 0
-    return log.between(first, len(log.time)).cut(_WINDOW)
+    """Parts of about 6.5 s from the first valid pose of a log to its last, after the time that is only replayed.
+
+    This comes first if all is longer than both together.
+    """
+    first, last = np.flatnonzero(log.is_valid)[[0, -1]].tolist()
+    if log.time[last] - log.time[first] >= _LEAD + _WINDOW:
+        first = int(np.searchsorted(log.time, log.time[first] + _LEAD))
+    return log.between(first, last + 1).cut(_WINDOW)
 
 
 def _with_lead(log: RunLog, part: RunLog) -> RunLog:

@@ -12,14 +12,16 @@ from sim.fleet import Fleet
 from sim.path_tracking.config import PERIOD, EnvConfig, Reward
 from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
 from sim.path_tracking.observation import TrackingLayout
-from sim.path_tracking.pose_source import pose_source
 from sim.path_tracking.randomization import MAX_LATENCY
+from sim.pose_source import NoisyPose, ScannedPose, TruePose
 from sim.restorable import Restorable
 from sim.robot.robot import load_robot
+from sim.scanner.feed import ScannerFeed
 from sim.task import Element, clipped_actions
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.file import SHIPPED
+from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import LOST, body_errors
 from trackslip.online.compensation import Compensation, SensesLoad, known_law, named_compensation
 
@@ -58,7 +60,7 @@ class PathTracking(Restorable):
         """Elements (n) of an observation."""
         self.commanded = _commanded(config, self.fleet.drive.limit)
         """Elements (2) of an action."""
-        self._source = pose_source(config, self.fleet)
+        self._source = _pose_source(config, self.fleet)
         self._compensation = _compensation(config, self.fleet)
         self._compensation.reset(begin)
         self._unit = np.array([[element.scale for element in self.commanded]])  # (1, 2), of actions
@@ -129,7 +131,7 @@ class PathTracking(Restorable):
         self._omega = (angle - self._angle) / PERIOD
         self._angle = angle
         self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
-        estimate = self._source.estimate(self._k, self._omega, self._pose)
+        estimate = self._source.estimate(self._k, self._omega, self._pose, PERIOD)
         self._measured = estimate.pose
         self._compensation.observe(self._omega, PERIOD, estimate)
         seen = self._seen_pose()
@@ -225,6 +227,14 @@ def _commanded(config: EnvConfig, limit: float) -> tuple[Element, Element]:
         return Element("left sprocket speed", "rad/s", limit), Element("right sprocket speed", "rad/s", limit)
     speed, rate = config.twist_scale
     return Element("speed", "m/s", speed), Element("yaw rate", "rad/s", rate)
+
+
+def _pose_source(config: EnvConfig, fleet: Fleet) -> TruePose:
+    if config.pose_source == "truth":
+        return TruePose(fleet)
+    if config.pose_source == "noisy":
+        return NoisyPose(fleet, (config.position_noise, config.position_noise, config.heading_noise))
+    return ScannedPose(fleet, ScannerFeed(config.scanner, fleet), PlateLocator(fleet.robot.plate))
 
 
 def _compensation(config: EnvConfig, fleet: Fleet) -> Compensation:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim import attitude
 from sim.restorable import Restorable
 from sim.robot.tracked_model import TrackedModel
 from trackslip.errors import require_at_most, require_positive
@@ -54,36 +55,19 @@ class States(Restorable):
         return self.qvel[:, first : first + 3]
 
     @property
-    def rotation(self) -> Array:
-        """Axes of the chassis in the world, the columns of matrices (N, 3, 3)."""
-        w, x, y, z = self.quaternion.T
-        rows = (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        )
-        return np.moveaxis(np.array(rows), -1, 0)
-
-    @property
     def heading(self) -> Array:
         """Headings (N,), from -pi to pi [rad]."""
-        forwards = self.rotation[:, :, 0]
-        return np.arctan2(forwards[:, 1], forwards[:, 0])
+        return attitude.heading(self.quaternion)
 
     @property
     def pitch(self) -> Array:
         """Angles (N,) by which the chassis points upwards [rad]."""
-        return np.arcsin(np.clip(self.rotation[:, 2, 0], -1.0, 1.0))
+        return attitude.pitch(self.quaternion)
 
     @property
     def roll(self) -> Array:
         """Angles (N,) by which the chassis leans to its right [rad]."""
-        return np.arcsin(np.clip(-self.rotation[:, 2, 1], -1.0, 1.0))
-
-    @property
-    def upright(self) -> Array:
-        """Cosines (N,) of the angles between the chassis' and the world's vertical."""
-        return self.rotation[:, 2, 2]
+        return attitude.roll(self.quaternion)
 
     @property
     def flippers(self) -> Array:

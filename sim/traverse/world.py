@@ -11,6 +11,7 @@ import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
+from sim.attitude import rotation, upright
 from sim.batched_world import BatchedWorld, quietly
 from sim.drive.belt_motors import BeltMotors
 from sim.robot.tracked import TrackedRobot
@@ -213,7 +214,7 @@ class Traverse(BatchedWorld):
     def reflex(self, reflex: Reflex) -> Array:
         """Set points (N, F) of the flippers' angles by reflex, tips up [rad]."""
         geometry, heading = self.flippers, self.state.heading
-        hinge = self.state.position[:, None] + np.einsum("nij,fj->nfi", self.state.rotation, geometry.hinge)
+        hinge = self.state.position[:, None] + np.einsum("nij,fj->nfi", rotation(self.state.quaternion), geometry.hinge)
         forwards = se2.direction(heading)
         away = np.where(geometry.front, 1.0, -1.0)[:, None] * SAMPLES * geometry.length[:, None]  # (F, S)
         points = hinge[:, :, None, :2] + away[..., None] * forwards[:, None, None]
@@ -278,7 +279,7 @@ class Traverse(BatchedWorld):
             (Outcome.STUCK, self._stuck.observe(state.position, belts)),
             (Outcome.REACHED, self.way <= 0),
             (Outcome.FELL, (state.position[:, 2] < self._bottom) | (np.abs(state.position[:, 1]) > self._side)),
-            (Outcome.TIPPED, state.upright < np.cos(self.limits.lean)),
+            (Outcome.TIPPED, upright(state.quaternion) < np.cos(self.limits.lean)),
             (Outcome.EXPLODED, broken),
         )
         for outcome, where in found:

@@ -114,6 +114,19 @@ def test_a_start_twist_is_taken(driven):
     assert abs(ways[1]) < 1e-5
 
 
+def test_a_robot_whose_sprockets_rest_begins_at_rest_whatever_the_first_poses_say(driven):
+    """Two poses are placeholders, from which the others jump, as in the shipped log warthog_grass_2."""
+    log = driven[0]
+    still = np.where(log.time[:, None] < 0.5, 0.0, log.omega)
+    pose = se2.compose(np.array([1.0, -2.0, -1.0]), log.pose)
+    pose[log.time < 0.5] = pose[log.time >= 0.5][0]
+    pose[:2] = 0.0
+    again = replay(replace(log, omega=still, pose=pose), ROBOT, GROUND)[0]
+    np.testing.assert_array_equal(first_twist(replace(log, omega=still, pose=pose), ROBOT.geometry), 0.0)
+    np.testing.assert_allclose(again.pose[2], pose[2], atol=1e-3)
+    assert np.abs(again.truth.twist[log.time < 0.4]).max() < 1e-3
+
+
 def test_refusals(driven):
     with pytest.raises(InvalidValueError, match="inputs = 'wheels': must be encoders or commands"):
         replay(driven, ROBOT, inputs="wheels")

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from checked import report
+from default_contact import use_default_contact
 
 from experiments.common.check import Check
 from experiments.common.table import Table, pair, significant
 from experiments.validate.measurements import Setup, drive_steadily, measure_loads, paper_turns
-from sim.contact_forces import use_default_contact
 from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError, RobotWarning

@@ -6,11 +6,11 @@ The box in tests/sim/tracks has more: ground of a box, wide and small belts, mot
 import numpy as np
 import pytest
 from checked import report
+from default_contact import use_default_contact
 from terrain_trials import DEPTH, FACE, STAIRS, LevelGround, Trial, box, limit, rescue
 
 from experiments.common.check import Check
 from experiments.common.table import Table, percent, significant
-from sim.contact_forces import use_default_contact
 from sim.seeds import generator
 from sim.terrain import Course, Rough, Stairs
 from trackslip.climbing_theory import friction_angle, highest_step, tips_backwards, tips_sideways

@@ -238,10 +238,11 @@ def test_folds_are_predicted_by_fits_to_the_others():
     assert fit.held_out["w_rms"] < fit.held_out_before["w_rms"] / 3
 
 
-def drive(time, pose=None, valid=None):
+def drive(time):
+    """Along an arc."""
     omega = np.tile([3.0, 4.0], (len(time), 1))
-    pose = np.zeros((len(time), 3)) if pose is None else pose
-    return RunLog("drive", time, omega, pose, valid=valid)
+    twist = np.array([0.21, 0.0, 0.06 / 0.336])
+    return RunLog("drive", time, omega, se2.exp(time[:, None] * twist))
 
 
 def test_drives_are_cut_and_compared_at_every_horizon():
@@ -256,12 +257,33 @@ def test_drives_are_cut_and_compared_at_every_horizon():
             assert layout.share[(layout.cluster == cluster) & (layout.kind == kind)].sum() == pytest.approx(1.0)
 
 
-def test_drives_without_headings_or_without_motion_are_refused():
-    time = np.arange(0, 5, 0.05)
-    bare = np.zeros((len(time), 3))
-    bare[:, 2] = np.nan
+def test_no_window_contains_a_jump_of_the_poses():
+    whole = drive(np.arange(0, 20, 0.05))
+    jumped = whole.pose + np.where(whole.time[:, None] < 10, 0.0, [3.0, 0.0, 0.0])
+    wild = 60
+    jumped[wild] += [0.0, 2.0, 1.0]
+    target = Drives([replace(whole, pose=jumped)], BASE.geometry)
+    assert not any(one.time[0] < 10 < one.time[-1] - 0.05 for one in target.windows)
+    seen = np.concatenate([one.time[one.is_valid] for one in target.windows])
+    assert whole.time[wild] not in seen
+    (left,) = [errors for name, errors in target.metrics(target.errors(BASE)).items() if name == "position_1s_p90"]
+    assert left < 0.2
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"pose": np.zeros((100, 3))}, "1 pose while it drives"),
+        ({"omega": np.zeros((100, 2))}, "the sprockets stand still"),
+    ],
+)
+def test_drives_without_motion_are_refused(change, message):
+    with pytest.raises(LogError, match=message):
+        Drives([replace(drive(np.arange(100) * 0.05), **change)], BASE.geometry)
+
+
+def test_drives_without_headings_are_refused():
+    log = drive(np.arange(100) * 0.05)
+    bare = np.column_stack([log.pose[:, :2], np.full(100, np.nan)])
     with pytest.raises(LogError, match="no poses with headings"):
-        Drives([drive(time, bare)], BASE.geometry)
-    still = replace(drive(time), omega=np.zeros((len(time), 2)))
-    with pytest.raises(LogError, match=r"no poses 0\.5 s apart between which the robot drives"):
-        Drives([still], BASE.geometry)
+        Drives([replace(log, pose=bare)], BASE.geometry)
