@@ -93,12 +93,14 @@ def refuse_sides(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock
     if now.min(initial=1.0) > _CLEARLY:
         return
     matches = {}
-    for swapped, *signs in _SIDES:
+    for swapped, left, right in _SIDES:
 
-        def other(drive: PreparedDrive, order: int = -1 if swapped else 1, signs: Sequence[int] = signs) -> Array:
+        def other(
+            drive: PreparedDrive, order: int = -1 if swapped else 1, signs: tuple[int, int] = (left, right)
+        ) -> Array:
             return (drive.omega * signs)[:, ::order]  # signs of the columns as they are
 
-        matches[swapped, *signs] = _matches(drives, geometry, clock, other)
+        matches[swapped, left, right] = _matches(drives, geometry, clock, other)
     best = max(matches, key=lambda side: matches[side].sum())
     match = matches[best]
     if match.sum() < now.sum() + _BETTER or match.mean() < _CLEARLY:
