@@ -2,6 +2,7 @@
 
 import shlex
 import textwrap
+from pathlib import Path
 
 from experiments.benchmark.cases import SUITES, planned_cases
 from experiments.benchmark.config import Config
@@ -10,8 +11,6 @@ from experiments.benchmark.gains import Gains
 from experiments.benchmark.page import BOARD_LEGEND, answer, board_table, page
 from experiments.benchmark.rows import board, over_seeds, score
 from experiments.common.choices import SHIPPED
-from experiments.common.lookup import module_file, policy_path
-from experiments.common.manifest import content
 from experiments.common.plain_json import plain
 from experiments.common.results import REPORT_FILE, RUNS_FILE
 from experiments.common.sweep import Row, drive_missing, resumable
@@ -33,10 +32,14 @@ def run(config: Config) -> None:
             drive_missing(cases, store, loops, Stopwatch(), config.jobs)
         store.gather(cases, run.folder / RUNS_FILE)
         runs = [store.rows[case.id] for case in cases]
-        rows, entries = over_seeds(runs), [_with_controllers(entry, gains) for entry in board(runs)]
+        rows, entries = over_seeds(runs), board(runs)
+        for entry in entries:
+            entry |= gains.choice(entry["controller"], entry["compensation"])._asdict()
         failures = [{"run": row["run"], "error": row["error"]} for row in runs if row["error"] is not None]
         grounds = {name: plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
-        about = run.manifest(**loops.world.about | {"ground": grounds, "seed": sorted({case.seed for case in cases})})
+        seeds = sorted({case.seed for case in cases})
+        files = {Path(name).name: digest for name, digest in loops.files(cases).items() if digest}
+        about = run.manifest(**loops.world.about | {"ground": grounds, "seed": seeds, "files": files})
         names = {entry["controller"]: entry["compensation"] for entry in entries if entry["failed"] < entry["seeds"]}
         steps = {name: loops.step_time(gains.specification(name, names[name]), cases[0].reference) for name in names}
         best = answer(entries, _track_command(config, gains, entries[0]), steps, config.scanner.period)
@@ -57,13 +60,6 @@ def run(config: Config) -> None:
         print(f"failed: {line}")
     print(stages_text(run.watch.stages))
     print(f"{config.out / REPORT_FILE}: {counted(len(runs), 'run')} in {run.wall:.1f} s")
-
-
-def _with_controllers(entry: Row, gains: Gains) -> Row:
-    """An entry with the gains of its controller, and the digest of a user's module or of a policy."""
-    file = policy_path(entry["controller"]) or module_file(entry["controller"])
-    choice = gains.choice(entry["controller"], entry["compensation"])
-    return entry | choice._asdict() | {"module": None if file is None else content(file)}
 
 
 def _track_command(config: Config, gains: Gains, best: Row) -> str:

@@ -115,14 +115,17 @@ class ClosedLoops:
                 taken.append(perf_counter() - begin)
         return float(np.median(taken)) if taken else 0.0
 
-    def identified(self, cases: Sequence[BenchmarkCase]) -> list[BenchmarkCase]:
-        """The cases with their ids, for which a user's controllers must have been imported."""
-        config, world = self.config, self.world
-        laws = config.laws or SHIPPED
+    def files(self, cases: Sequence[BenchmarkCase]) -> dict[str, str | None]:
+        """SHA-256 of laws, policies and a user's modules, paths and grounds by file; None for what is no file."""
+        laws = self.config.laws or SHIPPED
         names = {name for case in cases for name in (case.reference, case.ground)}
         names |= {str(path) for case in cases if (path := policy_path(case.controller))}
         names |= {str(laws / SUMMARY_FILE if laws.is_dir() else laws), *user_modules()}
-        files = {name: content(Path(name)) for name in sorted(names)}
+        return {name: content(Path(name)) for name in sorted(names)}
+
+    def identified(self, cases: Sequence[BenchmarkCase]) -> list[BenchmarkCase]:
+        """The cases with their ids, for which a user's controllers must have been imported."""
+        config, world, files = self.config, self.world, self.files(cases)
         robot = [world.parameters, world.ground, world.radius_error, world.robot.digest, world.drive]
         room = [world.obstacles, world.pull, config.scanner, config.localization, config.preview]
         common = digest([robot, room, files, self.plants])

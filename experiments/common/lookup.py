@@ -162,14 +162,6 @@ def user_modules() -> list[str]:
     return sorted(file for file in files if file.startswith(here) and "site-packages" not in file)
 
 
-def module_file(name: str) -> Path | None:
-    """The file of the module of a user's controller, which has been imported; None for other controllers."""
-    base, _, attribute = name.partition(":")
-    module = sys.modules.get(base) if attribute and base not in CONTROLLERS else None
-    file = getattr(module, "__file__", None)
-    return Path(file) if file else None
-
-
 def policy_path(name: str) -> Path | None:
     """The policy file of a controller ppo:PATH; None for other controllers."""
     return policy_file(Path(name.removeprefix(_POLICY))) if name.startswith(_POLICY) else None
