@@ -32,6 +32,14 @@ _HELP = """usage: trackslip COMMAND [OPTIONS]
 Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples, `trackslip --version` prints the version.
 """
+_GROUPS = {
+    "simulate": ("reproduce", "grid", "wander", "drive"),
+    "identify": ("identify", "evaluate", "predict", "plan", "deploy"),
+    "control": ("track", "benchmark", "tune", "train"),
+    "robots": ("calibrate", "validate"),
+    "logs": ("log", "view"),
+}
+"""Headings of the help; commands that none has come last."""
 _INSTEAD = {
     "bag": "trackslip log BAG",
     "export": "trackslip log PATH --out FILE",
@@ -97,9 +105,12 @@ def _run(arguments: Sequence[str]) -> None:
         case ["--version"]:
             print(f"trackslip {importlib.metadata.version('trackslip')}")
         case [] | ["-h" | "--help", *_]:
-            width = max(map(len, commands()))
-            print("\n".join([_HELP, "commands:", *(f"  {name:{width}}  {text}" for name, text in commands().items())]))
-            print(f"\n{_examples(EXAMPLES)}")
+            print(_HELP)
+            listed = [name for names in _GROUPS.values() for name in names]
+            for group, names in {**_GROUPS, "others": [name for name in commands() if name not in listed]}.items():
+                if names:
+                    print(f"{group}:", *(f"  {name:10} {commands()[name]}" for name in names), "", sep="\n")
+            print(_examples(EXAMPLES))
         case [flag, *_] if flag.startswith("--tyro-"):
             configs = {name: config_module(name).Config for name in commands()}
             tyro.extras.subcommand_cli_from_dict(configs, prog="trackslip", args=arguments)

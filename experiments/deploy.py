@@ -1,4 +1,4 @@
-"""`trackslip deploy`: an identified law for another program."""
+"""`trackslip deploy`: write an identified law for ROS 2, C or Python."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`trackslip log`: the runs, topics, columns, units, rates and gaps of a log of any kind, and the log as a table."""
+"""`trackslip log`: show what a log contains, and write it as a table."""
 
 import csv
 import shlex

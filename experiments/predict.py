@@ -1,4 +1,4 @@
-"""`trackslip predict`: slip from theory, without simulating."""
+"""`trackslip predict`: compute slip from theory, without simulating."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`trackslip track`: one run in closed loop."""
+"""`trackslip track`: follow a path once in closed loop."""
 
 from dataclasses import dataclass
 from functools import partial

@@ -1,4 +1,4 @@
-"""`trackslip tune`: find the gains of controllers, for each slip compensation on equal terms."""
+"""`trackslip tune`: find gains of controllers, for each slip compensation on equal terms."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

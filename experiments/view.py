@@ -1,4 +1,4 @@
-"""`trackslip view`: show stored runs in the rerun viewer, in the browser, or in a file."""
+"""`trackslip view`: show runs in the rerun viewer, in a browser or in a file."""
 
 import shlex
 import tempfile

@@ -1,1 +1,1 @@
-"""`trackslip benchmark`: cases, groups of runs, rows."""
+"""`trackslip benchmark`: compare controllers and slip compensations on paths, grounds and drawn robots."""

@@ -1,1 +1,1 @@
-"""`trackslip calibrate`: a robot's parameters from its measured slips."""
+"""`trackslip calibrate`: fit a simulated robot to measured slips or to a log."""

@@ -1,1 +1,1 @@
-"""`trackslip drive`: a tracked robot drives over a course."""
+"""`trackslip drive`: drive a tracked robot over a course."""

@@ -1,1 +1,1 @@
-"""`trackslip evaluate`: how far odometry by slip laws is off on a log."""
+"""`trackslip evaluate`: measure how well laws and simulated robots predict a log."""

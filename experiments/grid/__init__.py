@@ -1,1 +1,1 @@
-"""`trackslip grid`: runs over any axes, on one process or many, which can be resumed after any interruption."""
+"""`trackslip grid`: drive every combination of radius, speed and any other option."""

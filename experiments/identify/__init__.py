@@ -1,1 +1,1 @@
-"""`trackslip identify`: slip laws from a stored grid or from a real robot's log."""
+"""`trackslip identify`: fit slip laws to a log or to simulated runs."""

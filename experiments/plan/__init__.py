@@ -1,1 +1,1 @@
-"""`trackslip plan`: the shortest drive that determines a law."""
+"""`trackslip plan`: design the shortest drive that determines a law."""

@@ -1,1 +1,1 @@
-"""`trackslip reproduce`: the paper from its first run to its last figure."""
+"""`trackslip reproduce`: reproduce the paper, from its runs to its figures."""

@@ -1,1 +1,1 @@
-"""`trackslip train`: a policy trained in the learning environments."""
+"""`trackslip train`: train a policy in the learning environments."""

@@ -1,1 +1,1 @@
-"""`trackslip validate`: the simulated robot against theory."""
+"""`trackslip validate`: compare a simulated robot with theory."""

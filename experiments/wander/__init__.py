@@ -1,1 +1,1 @@
-"""`trackslip wander`: simulated teleoperated drives, logged as real robots log them."""
+"""`trackslip wander`: drive as a person with a joystick does, and log as a real robot does."""
