@@ -9,18 +9,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 import models
 from sim.seeds import generator
 from sim.terrain.fields import Rough
 from sim.terrain.loose import Beams, Blocks, Pallets
 from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, Stairs, Step, require_length
-from sim.terrain.solids import Base, Level, Solid, look, seen_from_above
+from sim.terrain.solids import EDGE, Base, Level, Solid, look
 from sim.toml_file import build, read_named, read_toml
 from trackslip.errors import (
     InvalidValueError,
@@ -37,7 +36,6 @@ _MAX_SOLIDS, _MAX_COURSE = 2000, 1000.0  # and its length [m]
 _CLEARANCE = 0.3  # of the floor below the lowest point of the course [m]
 _CELL = 0.02  # of the table of `look_up`, for courses of moderate size [m]
 _MAX_CELLS = 2_000_000
-_TILE = 16  # cells of that table along x and y whose heights are found together
 _FLOOR = (0.40, 0.43, 0.40, 1.0)
 _FLOOR_SIZE = 50.0  # half of the floor's drawn size; it has no end [m]
 _START_BEFORE = 1.0  # of the start before the first piece [m]
@@ -169,18 +167,35 @@ class Course:
         return spec.compile()
 
     def _surface(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Heights (...) and normals (..., 3) of the highest solid at each point, or of the floor."""
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        points = np.column_stack([x.ravel(), y.ravel()])
-        height, normal = seen_from_above(self.model, points, float(self.bounds[1, 2]) + 1.0)
-        return height.reshape(x.shape), normal.reshape(*x.shape, 3)
+        points, shape = np.stack([x.ravel(), y.ravel()]), x.shape
+        height = np.full(points.shape[1], self.floor)
+        normal = np.tile([0.0, 0.0, 1.0], (len(height), 1))
+        for solid in self.solids:
+            low, high = solid.bounds[:, :2, None]
+            (near,) = np.nonzero(((points >= low - EDGE) & (points <= high + EDGE)).all(axis=0))
+            seen, upward = solid.surface(*points[:, near])
+            higher = seen > height[near]
+            height[near[higher]], normal[near[higher]] = seen[higher], upward[higher]
+        return height.reshape(shape), normal.reshape(*shape, 3)
 
     @cached_property
-    def table(self) -> _Table:
+    def table(self) -> Table:
         """Heights on a grid that extends beyond the course, for `look_up`."""
         low, high = self.bounds[:, :2]
         cell = max(_CELL, math.sqrt(float(np.prod(high - low)) / _MAX_CELLS))
         x, y = (np.arange(low[k] - 2 * cell, high[k] + 3 * cell, cell) for k in range(2))
-        return _Table(self, x, y, 1 / cell)
+        heights = np.full((len(x), len(y)), self.floor)
+        for solid in self.solids:
+            rows, columns = (
+                slice(*np.searchsorted(line, solid.bounds[:, k] + [-EDGE, EDGE])) for k, line in enumerate((x, y))
+            )
+            part = heights[rows, columns]
+            at = np.broadcast_arrays(x[rows, None], y[columns])
+            seen, _ = solid.surface(*(places.ravel() for places in at))
+            np.maximum(part, seen.reshape(part.shape), out=part)
+        return Table(np.array([x[0], y[0]]), 1 / cell, heights)
 
     def add_to(
         self,
@@ -227,45 +242,31 @@ class Course:
         return names
 
 
-class _Table:
-    """Heights of a course on a grid, found by rays in tiles where they are looked up first."""
+class Table(NamedTuple):
+    """Heights of a course on a grid."""
 
-    def __init__(self, course: Course, x: Array, y: Array, per_metre: float) -> None:
-        self._course, self._x, self._y = course, x, y
-        self._heights = np.full((len(x), len(y)), np.nan)
-        self.shape = self._heights.shape
-        self.origin = np.array([x[0], y[0]])
-        """Position of the first height [m]."""
-        self.per_metre = per_metre
-        """Cells per metre."""
-
-    def take(self, places: NDArray[np.int_]) -> Array:
-        """Heights (...) at places (...) in the flattened grid [m]."""
-        heights = self._heights.take(places)
-        if np.isnan(heights).any():
-            tiles = np.stack(np.unravel_index(places[np.isnan(heights)], self.shape), axis=-1) // _TILE
-            first = _TILE * np.unique(tiles, axis=0).T[..., None, None]  # (2, tiles, 1, 1)
-            row = np.minimum(first[0] + np.arange(_TILE)[:, None], self.shape[0] - 1)
-            column = np.minimum(first[1] + np.arange(_TILE), self.shape[1] - 1)
-            self._heights[row, column] = self._course.height(self._x[row], self._y[column])
-            heights = self._heights.take(places)
-        return heights
+    origin: Array
+    """Position of the first height [m]."""
+    per_metre: float
+    """Cells per metre."""
+    heights: Array
+    """Heights (rows, columns), rows along x, columns along y [m]."""
 
 
 def look_up(courses: Sequence[Course], points: Array) -> Array:
     """Heights (N, P) of N courses, each at its own of `points` (N, P, 2) [m], bilinear between cells of 2 cm.
 
-    Cells of courses of more than 800 m² are larger. `Course.height` is exact, and takes a hundred times as long.
+    Cells of courses of more than 800 m² are larger. `Course.height` is exact.
     """
     tables = [course.table for course in courses]
-    shape = np.array([table.shape for table in tables])[:, None]  # (N, 1, 2)
+    shape = np.array([table.heights.shape for table in tables])[:, None]  # (N, 1, 2)
     at = points - np.array([table.origin for table in tables])[:, None]
     at = at * np.array([table.per_metre for table in tables])[:, None, None]
     at = np.clip(at, 0.0, shape - 1.001)
     cell = at.astype(int)
     first = cell[..., 0] * shape[..., 1] + cell[..., 1]
     corners = first[..., None] + shape[..., 1:] * [0, 0, 1, 1] + [0, 1, 0, 1]  # (N, P, 4)
-    near = np.array([table.take(own) for table, own in zip(tables, corners, strict=True)])
+    near = np.array([table.heights.take(own) for table, own in zip(tables, corners, strict=True)])
     u, v = np.moveaxis(at - cell, -1, 0)
     back, front = ((1 - v) * near[..., k] + v * near[..., k + 1] for k in (0, 2))
     return np.asarray((1 - u) * back + u * front)

@@ -1,20 +1,20 @@
-"""Solids of a course: level blocks, boxes in any attitude and height fields."""
+"""Solids of a course: level blocks, boxes in any attitude and height fields, as geoms and as exact surfaces."""
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
 import mujoco
 import numpy as np
-from mujoco import batch
+from numpy.typing import NDArray
 
 from trackslip.kinematics import Array
 
 Colour = tuple[float, float, float, float]
-_ASIDE = 1e-12  # [m]
+EDGE = 1e-12
+"""How far beyond its edges a solid is seen, by rounding [m]."""
 STONE: Colour = (0.62, 0.64, 0.66, 1.0)
 SLATE: Colour = (0.40, 0.43, 0.47, 1.0)
 WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
@@ -47,6 +47,9 @@ class Solid(Protocol):
     def bounds(self) -> Array:
         """Corners of an upright box around the upper surface, (2, 3) [m]."""
 
+    def surface(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Heights (P,) of its upper surface at points (P,), -inf beside it [m], and unit normals (P, 3)."""
+
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """Add the solid to the world body as a geom called `name`."""
 
@@ -69,6 +72,11 @@ class Level:
     def bounds(self) -> Array:
         """See `Solid`."""
         return np.array([[self.x0, -self.half_width, self.z], [self.x1, self.half_width, self.z]])
+
+    def surface(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """See `Solid`."""
+        inside = (x >= self.x0 - EDGE) & (x <= self.x1 + EDGE) & (np.abs(y) <= self.half_width + EDGE)
+        return np.where(inside, self.z, -np.inf), np.broadcast_to([0.0, 0.0, 1.0], (len(x), 3))
 
     def continues(self, behind: Level) -> bool:
         """True if the block `behind` continues this one without an edge."""
@@ -110,6 +118,22 @@ class Box:
         """See `Solid`."""
         reach = np.abs(self.rotation) @ np.array(self.half)
         return np.array(self.centre) + np.array([[-1.0], [1.0]]) * reach
+
+    def surface(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """See `Solid`: where vertical lines leave the slabs between opposite faces, the first of which counts."""
+        centre, half = np.array(self.centre), np.array(self.half) + EDGE
+        start = self.rotation.T @ np.stack([x - centre[0], y - centre[1], np.zeros(len(x))])  # (3, P), in its axes
+        enters, leaves, face = np.full(len(x), -np.inf), np.full(len(x), np.inf), np.zeros(len(x), int)
+        for axis, rise in enumerate(self.rotation[2]):  # a slab along each axis
+            if rise == 0:
+                leaves[np.abs(start[axis]) > half[axis]] = -np.inf
+                continue
+            middle, reach = -start[axis] / rise, half[axis] / abs(rise)
+            np.maximum(enters, middle - reach, out=enters)
+            face[middle + reach < leaves] = axis
+            np.minimum(leaves, middle + reach, out=leaves)
+        normals = (self.rotation * np.sign(self.rotation[2])).T
+        return np.where(enters <= leaves, centre[2] + leaves, -np.inf), normals[face]
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """See `Solid`."""
@@ -154,13 +178,36 @@ class Grid:
         low = [self.x0, -self.width / 2, self.heights.min()]
         return np.array([low, [self.x0 + self.length, self.width / 2, self.heights.max()]])
 
-    def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
-        """See `Solid`."""
-        rows, columns = self.heights.shape
+    @cached_property
+    def _stored(self) -> tuple[float, float, NDArray[np.float32]]:
+        """The lowest height, the difference to the highest [m], and the heights between, 0 to 1, as MuJoCo has them."""
         low, high = float(self.heights.min()), float(self.heights.max())
         span = (high - low) or 1.0
-        size, shares = [self.length / 2, self.width / 2, span, low - base.floor], (self.heights - low) / span
-        spec.add_hfield(name=name, nrow=rows, ncol=columns, size=size, userdata=shares.astype(np.float32).ravel())
+        return low, span, ((self.heights - low) / span).astype(np.float32)
+
+    def surface(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """See `Solid`: each rectangle is cut from its first to its last corner, as by MuJoCo's rays."""
+        low, span, shares = self._stored
+        heights, (rows, columns) = low + span * shares.astype(float), shares.shape
+        dx, dy = self.length / (columns - 1), self.width / (rows - 1)
+        u, v = (x - self.x0) / dx, (y + self.width / 2) / dy
+        column, row = (np.clip(at.astype(int), 0, most - 2) for at, most in ((u, columns), (v, rows)))
+        u, v = u - column, v - row
+        first, last = heights[row, column], heights[row + 1, column + 1]
+        right = u > v  # of the cut, as seen along y
+        corner = np.where(right, heights[row, column + 1], heights[row + 1, column])
+        along_x, along_y = np.where(right, [corner - first, last - corner], [last - corner, corner - first])
+        normal = np.column_stack([-along_x / dx, -along_y / dy, np.ones(len(x))])
+        beside = np.abs(x - self.x0 - self.length / 2) > self.length / 2 + EDGE
+        beside |= np.abs(y) > self.width / 2 + EDGE
+        height = np.where(beside, -np.inf, first + u * along_x + v * along_y)
+        return height, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+    def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
+        """See `Solid`."""
+        (low, span, shares), (rows, columns) = self._stored, self.heights.shape
+        size = [self.length / 2, self.width / 2, span, low - base.floor]
+        spec.add_hfield(name=name, nrow=rows, ncol=columns, size=size, userdata=shares.ravel())
         spec.worldbody.add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_HFIELD,
@@ -181,20 +228,3 @@ def look(colour: Colour, base: Base) -> dict[str, Any]:
         "conaffinity": 1,
         "group": 0,
     }
-
-
-def seen_from_above(model: mujoco.MjModel, points: Array, above: float) -> tuple[Array, Array]:
-    """Heights (P,) [m] and unit normals (P, 3) of the highest surface at `points` (P, 2), by rays down from `above`.
-
-    Each point is looked at a trifle aside, in four directions, so that edges belong to the solids that end there. The
-    height is -inf where there is nothing.
-    """
-    sides = np.array([*itertools.product((-_ASIDE, _ASIDE), repeat=2)])
-    beside = (points + sides[:, None]).reshape(-1, 2)
-    origin = np.column_stack([beside, np.full(len(beside), above)])
-    distance, _, normal = batch.Batch(model, 1, nthread=1).ray(origin, np.array([0.0, 0.0, -1.0]), normal=True)
-    seen = np.where(distance[0] >= 0, above - distance[0], -np.inf).reshape(len(sides), -1)
-    side, point = seen.argmax(axis=0), np.arange(len(points))
-    height = seen[side, point]
-    upward = np.where(np.isfinite(height)[:, None], normal[0].reshape(len(sides), -1, 3)[side, point], 0.0)
-    return height, upward

@@ -21,7 +21,7 @@ from sim.terrain import (
     load_course,
 )
 from sim.terrain.course import look_up
-from sim.terrain.solids import Level, seen_from_above
+from sim.terrain.solids import Level
 from trackslip.errors import InvalidValueError
 
 
@@ -133,28 +133,15 @@ def test_elevation_is_height_but_for_edges():
     np.testing.assert_allclose(elevation(course, corners), 0.0, atol=1e-12)
 
 
-def test_a_new_course_is_looked_at_only_where_it_is_asked_for(monkeypatch):
-    looked = []
-
-    def counted(model, points, above):
-        looked.append(len(points))
-        return seen_from_above(model, points, above)
-
-    monkeypatch.setattr("sim.terrain.course.seen_from_above", counted)
-    course = load_course("pallets", seed=3)
-    low = course.bounds[0]
-    nodes = (low[0] - 0.04 + 0.02 * np.arange(0, 400, 7))[:, None], (low[1] - 0.04 + 0.02 * np.arange(0, 200, 9))
-    near = np.stack(np.broadcast_arrays(nodes[0][:9], nodes[1][:5]), axis=-1)  # 45 points
-    first = elevation(course, near)
-    assert sum(looked) <= 45 * 16 * 16
-    again = sum(looked)
-    np.testing.assert_array_equal(elevation(course, near), first)
-    assert sum(looked) == again
-    everywhere = np.stack(np.broadcast_arrays(*nodes), axis=-1)
-    every = elevation(course, everywhere)
-    exact = course.height(everywhere[..., 0], everywhere[..., 1])
-    assert np.quantile(np.abs(every - exact), 0.9) < 1e-9
-    np.testing.assert_array_equal(elevation(load_course("pallets", seed=3), everywhere), every)
+@pytest.mark.parametrize("name", course_names())
+def test_heights_and_normals_are_those_of_mujocos_rays(name):
+    course = load_course(name)
+    data = mujoco.MjData(course.model)
+    mujoco.mj_forward(course.model, data)
+    points = np.random.default_rng(0).uniform(course.bounds[0, :2] - 0.1, course.bounds[1, :2] + 0.1, (1000, 2))
+    height, normal = look_down(course.model, data, points)
+    np.testing.assert_allclose(course.height(*points.T), height, atol=1e-9)
+    np.testing.assert_allclose(course.normal(*points.T), normal, atol=1e-6)
 
 
 def test_two_courses_in_one_model():
