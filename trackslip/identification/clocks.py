@@ -27,12 +27,9 @@ _FITS = 0.5  # share of the variance that a clock explains at least
 class Clock:
     """How the clocks of a drive agree."""
 
-    offset: float
-    """Encoder clock minus pose clock [s]; 0 where the motion doesn't show it."""
-    share: float = 0.0
-    """Of the variance of speeds and yaw rates that wheels explain with this offset."""
-    distinct: bool = False
-    """True if no other offset leaves less than twice the variance."""
+    offset: float  # encoder clock minus pose clock [s]; 0 where the motion doesn't show it
+    share: float = 0.0  # of the variance of speeds and yaw rates that wheels explain with this offset
+    distinct: bool = False  # true if no other offset leaves less than twice the variance
 
 
 def clock_of(drives: Sequence[PreparedDrive]) -> float:

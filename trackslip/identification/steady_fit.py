@@ -44,10 +44,8 @@ class SteadyFit(FittedLaw):
     """Root mean square error of the track speeds predicted, relative to the speed of the faster sprocket [-]."""
     scatter: float
     """tau, scatter of the track speeds about the law beyond the measurement errors, relative likewise [-]."""
-    aicc: float | None
-    """Akaike's criterion, corrected for few data; None for too few."""
-    fit: Fit
-    """The fit in matrices."""
+    aicc: float | None  # Akaike's criterion, corrected for few data; None for too few
+    fit: Fit  # the fit in matrices
     notes: tuple[str, ...] = ()
     """Reasons why the samples do not determine the law, whose values then mean nothing; empty if they do."""
 
