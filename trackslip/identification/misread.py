@@ -13,7 +13,7 @@ from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 
 _EXACTLY = 0.05  # error of a gain within which it is that of a unit: off ice, tracks lose no more of a distance
-_CLEARLY = 0.8  # correlation that leaves no doubt; wrong sides reach 0.6 on random drives of two minutes (test_misread)
+_CLEARLY = 0.8  # correlation that leaves no doubt; wrong sides reach 0.6 on drives of two minutes (test_misread)
 _BETTER = 0.2  # correlation by which another reading must be better, in sum
 _FEWEST = 5  # windows that are compared, rows that are a habit
 _SPEED_UNITS = {

@@ -22,8 +22,8 @@ from trackslip.motion.steady import (
     steady_parts,
 )
 
-_REPEATED = 0.01  # difference of repeats (test_samples): of commands' angles [rad], of speeds over the fastest [-]
-_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and most share of speed, yaw rate (test_samples)
+_REPEATED = 0.01  # difference of repeats (test_steady): of commands' angles [rad], of speeds over the fastest [-]
+_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and most share of speed, yaw rate (test_steady)
 
 
 @dataclass(frozen=True)

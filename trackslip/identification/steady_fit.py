@@ -32,8 +32,8 @@ from trackslip.metrics import rms
 
 _EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
 _SETTLED = 1e-4  # relative change of the scatter at which a fit has converged; of chi-square, its square
-_SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_identification)
-_VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_identification)
+_SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_steady)
+_VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_steady)
 
 
 @dataclass(frozen=True, kw_only=True)
