@@ -1,7 +1,6 @@
 """The offset between the clocks of encoders and poses, by the correlation of speeds and turns at all shifts.
 
-Neither gains nor signs matter: at each shift, the sizes of the measured velocities are regressed on those of speed and
-turn by the wheels, and the measured yaw rates on the speeds of both sides.
+Neither gains nor the signs of turns matter.
 """
 
 from __future__ import annotations
@@ -27,12 +26,9 @@ _FITS = 0.5  # share of the variance that a clock explains at least
 class Clock:
     """How the clocks of a drive agree."""
 
-    offset: float
-    """Encoder clock minus pose clock [s]; 0 where the motion doesn't show it."""
-    share: float = 0.0
-    """Of the variance of speeds and yaw rates that wheels explain with this offset."""
-    distinct: bool = False
-    """True if no other offset leaves less than twice the variance."""
+    offset: float  # encoder clock minus pose clock [s]; 0 where the motion doesn't show it
+    share: float = 0.0  # of the variance of speeds and yaw rates that wheels explain with this offset
+    distinct: bool = False  # true if no other offset leaves less than twice the variance
 
 
 def clock_of(drives: Sequence[PreparedDrive]) -> float:
@@ -60,11 +56,8 @@ def clock_of_drive(drive: PreparedDrive) -> Clock:
         return Clock(0.0)
     left, right = (drive.angles(of_wheels + half) - drive.angles(of_wheels - half)) / (2 * half)
     speed, turn = _velocities(time, poses[:, 1:], of_poses, half)
-    sizes = np.stack([np.abs(right + left), np.abs(right - left)])
     least = round(10 * _HALF / step)
-    shares = np.stack(
-        [_explained(speed, sizes, least, positive=True), _explained(turn, np.stack([left, right]), least)]
-    )
+    shares = np.stack([_shared(speed, np.abs(right + left), least, positive=True), _shared(turn, right - left, least)])
     weights = shares.max(axis=1)
     share = weights @ shares / max(weights.sum(), 1e-9)
     offset = drive.edges[0] - time[0] + np.arange(1 - len(of_poses), len(of_wheels)) * step
@@ -118,32 +111,24 @@ def _far(time: Array, grid: Array, half: float) -> np.ndarray:
     return np.asarray(time[row] - time[row - 1] > 2 * half)
 
 
-def _explained(values: Array, by: Array, least: int, positive: bool = False) -> Array:
-    """Share (S,) of the variance of values (N,) that a regression on those of the wheels (2, M) explains, by shift.
+def _shared(values: Array, by: Array, least: int, positive: bool = False) -> Array:
+    """Squared correlation (S,) of values (N,) with those of the wheels (M,), by shift (S = N + M - 1).
 
-    Shifts (S = N + M - 1) count that leave half of the shorter part, and `least` points. Only terms with `positive`
-    coefficients count, if need be: sizes grow together.
+    Shifts count that leave half of the shorter part, and `least` points; if need be, only with `positive` correlation.
     """
     known = np.isfinite(values)
     if known.sum() < least:
-        return np.zeros(len(values) + by.shape[-1] - 1)
+        return np.zeros(len(values) + len(by) - 1)
     values = np.where(known, values - values[known].mean(), 0.0)
-    by = by - by.mean(axis=1, keepdims=True)
+    present, everywhere, by = known.astype(float), np.ones(len(by)), by - by.mean()
 
     def sums(a: Array, b: Array) -> Array:
         return np.asarray(correlate(b, a, "full", "fft"))
 
-    present, all_there = known.astype(float), np.ones(by.shape[-1])
-    count = np.maximum(sums(present, all_there), 0.5)
-    mean = sums(values, all_there) / count
-    variance = sums(values**2, all_there) / count - mean**2
-    means = np.stack([sums(present, b) / count for b in by])
-    with_each = np.stack([sums(values, b) for b in by]) / count - mean * means
-    between = np.stack([[sums(present, a * b) for b in by] for a in by]) / count - means[:, None] * means
-    floor = 1e-3 * float(np.trace(np.cov(by))) + 1e-12
-    slope = np.linalg.solve(np.moveaxis(between, -1, 0) + floor * np.eye(2), with_each.T[..., None])[..., 0]
-    explained = np.einsum("fs,sf->s", with_each, slope.clip(min=0.0) if positive else slope)
-    enough = (count >= max(least, 0.5 * min(known.sum(), by.shape[-1]))) & (
-        variance > 0.1 * np.mean(values[known] ** 2)
-    )
-    return np.where(enough, np.clip(explained / np.maximum(variance, 1e-12), 0.0, 1.0), 0.0)
+    count = np.maximum(sums(present, everywhere), 0.5)
+    mean, mean_by = sums(values, everywhere) / count, sums(present, by) / count
+    variance, variance_by = sums(values**2, everywhere) / count - mean**2, sums(present, by**2) / count - mean_by**2
+    covariance = (sums(values, by) / count - mean * mean_by).clip(min=0.0 if positive else None)
+    enough = count >= max(least, 0.5 * min(known.sum(), len(by)))
+    enough &= (variance > 0.1 * np.mean(values[known] ** 2)) & (variance_by > 1e-3 * by.var() + 1e-12)
+    return np.where(enough, covariance**2 / np.where(enough, variance * variance_by, 1.0), 0.0)

@@ -28,14 +28,10 @@ TODAY = "today"
 class Comparison:
     """Laws identified from the same data."""
 
-    laws: Mapping[str, FittedLaw]
-    """Fits by name of the law."""
-    best: str
-    """The law that predicts motion best; of laws that predict it equally well, the simplest."""
-    warnings: tuple[str, ...]
-    """Remarks on the fits, one line each."""
-    reason: str
-    """Why `best` is the best, in one sentence."""
+    laws: Mapping[str, FittedLaw]  # fits by name of the law
+    best: str  # the law that predicts motion best; of laws that predict it equally well, the simplest
+    warnings: tuple[str, ...]  # remarks on the fits, one line each
+    reason: str  # why `best` is the best, in one sentence
     expressible: str | None
     """The best of the laws that a differential drive's odometry can express, chosen likewise; None if there is none."""
 
@@ -49,18 +45,14 @@ class Comparison:
 class DriveComparison(Comparison):
     """Laws identified from drives, and compared by predictions of driving that they were not fitted to."""
 
-    drives: tuple[PreparedDrive, ...]
-    """The drives, as used."""
-    look: Look
-    """What the drives show before any law is fitted."""
-    laws: Mapping[str, DriveFit]
-    """Fits by name of the law."""
+    drives: tuple[PreparedDrive, ...]  # the drives, as used
+    look: Look  # what the drives show before any law is fitted
+    laws: Mapping[str, DriveFit]  # fits by name of the law
     errors: Mapping[str, Mapping[float, PredictionErrors]]
     """Errors by horizon [s] of held-out predictions, and before them of TODAY and GAINS."""
     score: Mapping[str, float]
     """Mean over the horizons of a law's mean error relative to the smallest; empty without predictions [-]."""
-    alarms: tuple[Alarm, ...]
-    """Reasons not to trust the best law."""
+    alarms: tuple[Alarm, ...]  # reasons not to trust the best law
 
     @property
     def ranking(self) -> tuple[str, ...]:

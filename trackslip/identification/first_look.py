@@ -36,8 +36,7 @@ _DOUBTFUL = 0.5  # correlation of wheels and poses below which it is doubtful th
 class Alarm:
     """Something that a user must know before trusting any law."""
 
-    kind: str
-    """A word: match, units or little."""
+    kind: str  # a word: match, units or little
     line: str
 
 
@@ -45,21 +44,14 @@ class Alarm:
 class Look:
     """What drives show before any law is fitted."""
 
-    gains: Gains
-    """Measured distances and turns over those of the wheels, and the sensor's rough place."""
-    clock: float
-    """Encoder clock minus pose clock at which both fit best, a start value [s]."""
-    left_turns: float
-    """Sum of turns to the left [rad]."""
+    gains: Gains  # measured distances and turns over those of the wheels, and the sensor's rough place
+    clock: float  # encoder clock minus pose clock at which both fit best, a start value [s]
+    left_turns: float  # sum of turns to the left [rad]
     right_turns: float
-    straight: float
-    """Distance driven with little turning [m]."""
-    top_speed: float
-    """Mean over 2 s [m/s]."""
-    duration: float
-    """Of all drives with poses [s]."""
-    notes: tuple[str, ...] = ()
-    """What the log is, one line each."""
+    straight: float  # distance driven with little turning [m]
+    top_speed: float  # mean over 2 s [m/s]
+    duration: float  # of all drives with poses [s]
+    notes: tuple[str, ...] = ()  # what the log is, one line each
     alarms: tuple[Alarm, ...] = ()
 
     @property

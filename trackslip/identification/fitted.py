@@ -43,16 +43,11 @@ class Gain(NamedTuple):
 class FittedLaw:
     """A law with values that were identified, from steady samples or whole drives."""
 
-    name: str
-    """Name of the family."""
-    law: SlipLaw
-    """The law with the values below."""
-    values: dict[str, float]
-    """Parameters of the law by name, in their units."""
-    stderr: dict[str, float]
-    """Standard errors of the fitted parameters."""
-    interval95: dict[str, tuple[float, float]]
-    """95 % intervals of the fitted parameters."""
+    name: str  # name of the family
+    law: SlipLaw  # the law with the values below
+    values: dict[str, float]  # parameters of the law by name, in their units
+    stderr: dict[str, float]  # standard errors of the fitted parameters
+    interval95: dict[str, tuple[float, float]]  # 95 % intervals of the fitted parameters
     correlation: Array  # of the fitted parameters, in the order of stderr
 
     @property

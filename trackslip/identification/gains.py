@@ -30,10 +30,8 @@ class Gains:
 
     speed: Gain | None
     turn: Gain | None
-    heading: float = 0.0
-    """Direction of forward motion in the frame of the headings [rad]; 0 without headings."""
-    arm: complex = 0j
-    """Place of the sensor in the robot, x + i y [m]; 0 without headings."""
+    heading: float = 0.0  # direction of forward motion in the frame of the headings [rad]; 0 without headings
+    arm: complex = 0j  # place of the sensor in the robot, x + i y [m]; 0 without headings
 
     @property
     def factors(self) -> tuple[float, float]:

@@ -31,19 +31,14 @@ _MACHINED = 0.02  # error of an effective radius that is taken to be possible wh
 class DriveFit(FittedLaw):
     """A law fitted to drives."""
 
-    extras: dict[str, float]
-    """The other parameters (see `path.EXTRAS`), held ones included, in m, s and rad."""
-    held: dict[str, str]
-    """Parameters that were held, or that the driving doesn't tell, and why."""
+    extras: dict[str, float]  # the other parameters (see `path.EXTRAS`), held ones included, in m, s and rad
+    held: dict[str, str]  # parameters that were held, or that the driving doesn't tell, and why
     noise: dict[str, float]
     """Standard deviations of poses: position [m] and heading [rad]; of slip that varies: slip_forward and slip_sideways
     [m/√m], slip_turn [rad/√m]; with a gyro, also gyro [rad/√s]."""
-    poses: int
-    """Poses used."""
-    blocks: int
-    """Blocks of driving, whose scatter gives the standard errors."""
-    fit: WindowFit
-    """The fit in full."""
+    poses: int  # poses used
+    blocks: int  # blocks of driving, whose scatter gives the standard errors
+    fit: WindowFit  # the fit in full
     missed: Array  # (n, 3) errors of `pairs`, each predicted by what other blocks of the driving tell [m, m, rad]
     pairs: Pairs
 

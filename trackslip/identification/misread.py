@@ -13,7 +13,7 @@ from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 
 _EXACTLY = 0.05  # error of a gain within which it is that of a unit: off ice, tracks lose no more of a distance
-_CLEARLY = 0.8  # correlation that leaves no doubt; wrong sides reach 0.6 on random drives of two minutes (test_misread)
+_CLEARLY = 0.8  # correlation that leaves no doubt; wrong sides reach 0.6 on drives of two minutes (test_misread)
 _BETTER = 0.2  # correlation by which another reading must be better, in sum
 _FEWEST = 5  # windows that are compared, rows that are a habit
 _SPEED_UNITS = {
@@ -180,6 +180,20 @@ def refuse_headings(drive: PreparedDrive, geometry: RobotGeometry, clock: float)
             raise LogError(f"{where} looks like the z of a quaternion: give phi = 2 atan2(z, w)")
 
 
+def refuse_degrees(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> None:
+    """Refuse longitude and latitude, in any order; degrees of longitude are shorter, by the cosine of the latitude."""
+    window, place = windows_of(drives, geometry, clock), np.concatenate([drive.pose[:, :2] for drive in drives])
+    if not np.isfinite(place).any():
+        return
+    gain, (x, y) = rms(window.moved) / max(rms(window.distance), 1e-9), np.nanmean(place, axis=0)
+    latitude = min(max(abs(x), abs(y)), 80.0)  # at most, whichever it is
+    if 0.8 <= gain * _DEGREE <= 1.2 / np.cos(np.radians(latitude)):
+        raise LogError(
+            f"x and y (about {x:.6g}, {y:.6g}) look like degrees of longitude and latitude: give metres in a plane, "
+            "x = 111320 cos(lat) (lon - lon0) and y = 111320 (lat - lat0)"
+        )
+
+
 def refuse_units(gains: Gains, geometry: RobotGeometry) -> None:
     """Refuse a gain that is that of a unit."""
     if gains.speed is None:
@@ -195,32 +209,3 @@ def refuse_units(gains: Gains, geometry: RobotGeometry) -> None:
         raise LogError(
             f"the poses move {value:.4g} times as far as the wheels ({times}): {', or '.join(near.values())}"
         )
-
-
-def refuse_degrees(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> None:
-    """Refuse longitude and latitude, in any order."""
-    place = np.concatenate([drive.pose[:, :2] for drive in drives])
-    if not np.isfinite(place).any() or (np.nanmax(np.abs(place), axis=0) > 180).any():
-        return
-    middle, most = np.nanmean(place, axis=0), np.nanmax(np.abs(place), axis=0)
-
-    def moved(scale: Array) -> float:
-        """Measured distances over those of the wheels, with x and y in other units."""
-        places = ((drive.pose[:, :2] - middle) * scale for drive in drives)
-        others = [
-            replace(drive, pose=np.column_stack([place, drive.pose[:, 2]]))
-            for drive, place in zip(drives, places, strict=True)
-        ]
-        window = windows_of(others, geometry, clock)
-        return float(rms(window.moved) / max(rms(window.distance), 1e-9))
-
-    if moved(np.ones(2)) > 1e-3:
-        return
-    for lat, names in ((1, "longitude and latitude"), (0, "latitude and longitude")):
-        scale = np.full(2, _DEGREE)
-        scale[1 - lat] *= np.cos(np.radians(middle[lat]))
-        if most[lat] <= 90 and abs(moved(scale) - 1) <= 4 * _EXACTLY:
-            raise LogError(
-                f"x and y (about {middle[0]:.6g}, {middle[1]:.6g}) look like degrees of {names}: give metres in a "
-                "plane, x = 111320 cos(lat) (lon - lon0) and y = 111320 (lat - lat0)"
-            )

@@ -31,10 +31,8 @@ class Extra:
     """A parameter that isn't the law's."""
 
     unit: str
-    scale: float
-    """A change that matters."""
-    prior: float
-    """Standard deviation of the prior, around 0 or a given value; of a length, in half gauges."""
+    scale: float  # a change that matters
+    prior: float  # standard deviation of the prior, around 0 or a given value; of a length, in half gauges
     low: float
     high: float
     title: str
@@ -60,10 +58,8 @@ class DriveModel:
 
     family: LawFamily
     geometry: RobotGeometry
-    gyro: bool = False
-    """True for drives with a gyro; without, the parameters GYRO are missing."""
-    radius_prior: float = 0.1
-    """Standard deviation of the prior of the errors of the sprockets' radii [-]."""
+    gyro: bool = False  # true for drives with a gyro; without, the parameters GYRO are missing
+    radius_prior: float = 0.1  # standard deviation of the prior of the errors of the sprockets' radii [-]
 
     @property
     def extras(self) -> dict[str, Extra]:

@@ -26,22 +26,14 @@ _SLIP = ("slip_forward", "slip_sideways", "slip_turn")
 class PredictionErrors:
     """Errors of predictions for one horizon."""
 
-    count: int
-    """Number of predictions, which overlap."""
-    position_rms: float | None
-    """Root mean square error of the position [m]; None without positions."""
-    position_median: float | None
-    """Median error of the position [m]; None without positions."""
-    position_p90: float | None
-    """Error of the position that 90 % of the predictions stay below [m]; None without positions."""
-    heading_rms: float | None
-    """Root mean square error of the heading [rad]; None without headings."""
-    heading_median: float | None
-    """Median absolute error of the heading [rad]; None without headings."""
-    heading_p90: float | None
-    """Absolute error of the heading that 90 % of the predictions stay below [rad]; None without headings."""
-    way: float
-    """Median way of the belts [m]."""
+    count: int  # number of predictions, which overlap
+    position_rms: float | None  # root mean square error of the position [m]; None without positions
+    position_median: float | None  # median error of the position [m]; None without positions
+    position_p90: float | None  # error of the position that 90 % of the predictions stay below [m]
+    heading_rms: float | None  # root mean square error of the heading [rad]; None without headings
+    heading_median: float | None  # median absolute error of the heading [rad]; None without headings
+    heading_p90: float | None  # absolute error of the heading that 90 % of the predictions stay below [rad]
+    way: float  # median way of the belts [m]
 
 
 @dataclass(frozen=True)
@@ -172,12 +164,9 @@ def _trailing_heading(time: Array, z: np.ndarray, c: np.ndarray, heading: Array)
 class Ranking:
     """Laws compared by their errors, pair by pair."""
 
-    best: str
-    """The simplest of those that predict as well as any other."""
-    reason: str
-    """Why, in a sentence."""
-    score: dict[str, float]
-    """Mean over the horizons of each law's mean error, relative to the smallest [-]."""
+    best: str  # the simplest of those that predict as well as any other
+    reason: str  # why, in a sentence
+    score: dict[str, float]  # mean over the horizons of each law's mean error, relative to the smallest [-]
 
 
 def ranked(errors: Mapping[str, Array], terms: Mapping[str, float], pairs: Pairs) -> Ranking | None:

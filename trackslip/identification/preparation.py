@@ -33,12 +33,10 @@ class PreparedDrive:
     gyro: Array | None = None  # (T, 3) encoder clock [s], and sums as in RunLog
     command: tuple[float, ...] | None = None  # constant one that it was driven by [rad/s]
     beyond: Array | None = None  # (B, 4) time and pose, measured where no encoder was read: tells how clocks differ
-    logged: int = 0
-    """Poses in the log, of which these are left out:"""
+    logged: int = 0  # poses in the log, of which these are left out:
     repeated: int = 0
     interpolated: int = 0
-    held: bool = False
-    """Encoders are read less often than logged."""
+    held: bool = False  # encoders are read less often than logged
 
     @property
     def has_heading(self) -> bool:

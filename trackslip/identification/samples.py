@@ -22,8 +22,8 @@ from trackslip.motion.steady import (
     steady_parts,
 )
 
-_REPEATED = 0.01  # difference of repeats (test_samples): of commands' angles [rad], of speeds over the fastest [-]
-_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and most share of speed, yaw rate (test_samples)
+_REPEATED = 0.01  # difference of repeats (test_steady): of commands' angles [rad], of speeds over the fastest [-]
+_KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and most share of speed, yaw rate (test_steady)
 
 
 @dataclass(frozen=True)
@@ -147,14 +147,10 @@ def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
 class Sampling:
     """The samples of a set of runs, and why some runs or stretches gave none."""
 
-    samples: SlipSamples
-    """One sample per usable stretch."""
-    refused: tuple[Refused, ...]
-    """Runs and steady stretches without a sample."""
-    notes: tuple[str, ...]
-    """Parts that were excluded from usable runs, one line each."""
-    steady_share: float = 1.0
-    """Share of the time of driving that is in steady stretches, settling included [-]."""
+    samples: SlipSamples  # one sample per usable stretch
+    refused: tuple[Refused, ...]  # runs and steady stretches without a sample
+    notes: tuple[str, ...]  # parts that were excluded from usable runs, one line each
+    steady_share: float = 1.0  # share of the time of driving that is in steady stretches, settling included [-]
 
     @classmethod
     def of(

@@ -62,24 +62,18 @@ class ReadOptions:
 class Source:
     """Logged runs and their steady samples."""
 
-    name: str
-    """Its name in messages."""
+    name: str  # its name in messages
     geometry: RobotGeometry
     reading: ReadOptions
-    logs: tuple[RunLog, ...] = ()
-    """Runs; empty if the log held samples instead of traces. Samples are taken from those that are not closed loops."""
-    rows: Sampling | None = None
-    """Samples, if the log held them."""
-    refused: tuple[Refused, ...] = ()
-    """Runs that cannot be read."""
-    notes: tuple[str, ...] = ()
-    """Parts that were left out of the runs when they were read, one line each."""
-    taken: tuple[str, ...] = ()
-    """Topics that were taken from bags as encoders and poses, one line each."""
+    logs: tuple[RunLog, ...] = ()  # runs; empty if the log held samples instead of traces
+    rows: Sampling | None = None  # samples, if the log held them
+    refused: tuple[Refused, ...] = ()  # runs that cannot be read
+    notes: tuple[str, ...] = ()  # parts that were left out of the runs when they were read, one line each
+    taken: tuple[str, ...] = ()  # topics that were taken from bags as encoders and poses, one line each
 
     @cached_property
     def sampling(self) -> Sampling:
-        """The steady samples; raises LogError if there are none."""
+        """The samples of the log, or of its runs that are not closed loops; raises LogError if there are none."""
         if self.rows is not None:
             return self.rows
         steady = [log for log in self.logs if "controller" not in log.metadata]

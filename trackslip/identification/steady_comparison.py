@@ -55,12 +55,9 @@ class CrossValidation:
 class SteadyComparison(Comparison):
     """Laws identified from steady samples."""
 
-    samples: SlipSamples
-    """The samples that the laws were fitted to."""
-    laws: Mapping[str, SteadyFit]
-    """Fits by name of the law."""
-    validation: Mapping[str, CrossValidation]
-    """Cross-validation by name of the law."""
+    samples: SlipSamples  # the samples that the laws were fitted to
+    laws: Mapping[str, SteadyFit]  # fits by name of the law
+    validation: Mapping[str, CrossValidation]  # cross-validation by name of the law
 
     @property
     def ranking(self) -> tuple[str, ...]:

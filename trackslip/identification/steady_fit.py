@@ -32,8 +32,8 @@ from trackslip.metrics import rms
 
 _EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
 _SETTLED = 1e-4  # relative change of the scatter at which a fit has converged; of chi-square, its square
-_SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_identification)
-_VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_identification)
+_SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_steady)
+_VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_steady)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,10 +44,8 @@ class SteadyFit(FittedLaw):
     """Root mean square error of the track speeds predicted, relative to the speed of the faster sprocket [-]."""
     scatter: float
     """tau, scatter of the track speeds about the law beyond the measurement errors, relative likewise [-]."""
-    aicc: float | None
-    """Akaike's criterion, corrected for few data; None for too few."""
-    fit: Fit
-    """The fit in matrices."""
+    aicc: float | None  # Akaike's criterion, corrected for few data; None for too few
+    fit: Fit  # the fit in matrices
     notes: tuple[str, ...] = ()
     """Reasons why the samples do not determine the law, whose values then mean nothing; empty if they do."""
 

@@ -209,8 +209,7 @@ class WindowFit:
 
     model: DriveModel
     data: Data
-    length: float
-    """Of the windows [s]."""
+    length: float  # of the windows [s]
     values: Array  # (p,) of all parameters
     free: np.ndarray  # (f,) indices of those that were fitted
     spread: Array  # (3,) of the residuals

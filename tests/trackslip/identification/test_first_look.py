@@ -1,12 +1,13 @@
-"""The first look: clean logs pass, and what they are is told."""
+"""The first look: clean logs pass, and what they are is told; clocks that differ, and jumps of poses."""
 
 import json
 
 import numpy as np
 import pytest
-from looks import DRIVE, KINDS, POSE, holds, look, look_at, without
+from looks import DRIVE, KINDS, POSE, TIME, holds, look, look_at, without
 from plain_drives import ENCODER_STEP, HUSKY, Drive, Robot, drive_of, log_of, measured
 
+from trackslip.errors import LogError
 from trackslip.identification.preparation import drives_of
 
 SMALL = Robot(0.1, 0.04, 0.03)
@@ -101,13 +102,6 @@ def test_a_sensor_anywhere_and_turned_changes_no_gain():
     assert found.gains.heading == pytest.approx(1.2, abs=0.01)
 
 
-def test_a_short_drive_is_an_alarm_and_has_no_intervals():
-    drive = drive_of(duration=30.0)
-    found = look_at(drive, *measured(drive))
-    assert [alarm.line for alarm in found.alarms] == ["30 s of driving are too few for intervals: drive 60 s"]
-    assert found.to_json()["speed"] == {"value": found.speed.value, "low": None, "high": None}
-
-
 def test_stops_and_rare_motion_are_no_missing_readings():
     """Encoders at 1 Hz of a robot that stops and goes, and a robot that stands for most of an hour."""
     commands = np.tile([0.5, 0.0], 60), np.tile([0.3, 0.0], 60)
@@ -124,3 +118,57 @@ def test_stops_and_rare_motion_are_no_missing_readings():
         DRIVE.pose,
     )
     assert holds(look_at(still).turn, HUSKY.turn_gain)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("late", [6.0, -30.0, 112.0, -1.7e9])
+def test_clocks_that_are_far_apart_are_told(late, kind):
+    whose = "pose clock is ahead: subtract that from the times of the poses"
+    if late < 0:
+        whose = "encoder clock is ahead: subtract that from the times of the encoders"
+    with pytest.raises(LogError, match=rf"run 'a': the clocks differ by {abs(late):.1f} s, as the {whose}"):
+        look_at(time=TIME + late, pose=without(POSE, kind))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("late", [-1.5, -0.3, 0.7, 1.9])
+def test_clocks_that_are_nearly_right_give_a_start_value(late, kind):
+    found = look_at(time=TIME + late, pose=without(POSE, kind))
+    assert found.clock == pytest.approx(-late, abs=0.05)
+    assert found.alarms == ()
+
+
+def test_poses_of_another_drive_are_not_a_matter_of_clocks():
+    time, pose = measured(drive_of(seed=10))
+    assert [alarm.kind for alarm in look_at(DRIVE, time, pose).alarms] == ["match"]
+    with pytest.raises(LogError, match=r"encoders .* and poses \(1000 to 1120 s\) don't overlap: subtract"):
+        look_at(DRIVE, time + 1000.0, pose)
+
+
+def test_the_same_round_again_is_no_other_clock():
+    around = np.tile([0.5, 0.5, 0.0, 0.0], 8), np.tile([0.0, 0.4, 0.4, 0.0], 8)
+    drive = drive_of(commands=around)
+    assert abs(look_at(drive, *measured(drive)).clock) < 0.05
+
+
+@pytest.mark.parametrize("kind", ["poses", "positions"])
+@pytest.mark.parametrize(
+    ("rows", "offset", "parts", "words"),
+    [
+        (slice(600, 601), 3.0, 1, ["1 wild pose left out, first at t = 60 s"]),
+        (slice(600, 602), 3.0, 1, ["2 wild poses left out, first at t = 60 s"]),
+        (slice(600, None), 3.0, 2, ["1 lasting jump of its poses, first at t = 60 s"]),
+        (slice(0, 2), -10.0, 1, ["1 lasting jump of its poses, first at t = 0.2 s"]),
+    ],
+)
+def test_jumps_are_left_out_or_cut(rows, offset, parts, words, kind):
+    pose = without(POSE, kind)
+    pose[rows, 0] += offset
+    log = log_of(DRIVE, TIME, pose)
+    found, (drives, _) = look(log), drives_of([log])
+    assert holds(found.turn, HUSKY.turn_gain)
+    cut, lines = found.without_jumps(drives, HUSKY.geometry)
+    assert [line.split(": ")[1] for line in lines] == words
+    assert len(cut) == parts
+    for part in cut:
+        assert np.hypot(*np.diff(part.pose[:, :2], axis=0).T).max() < 0.3

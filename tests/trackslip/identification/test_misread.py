@@ -34,7 +34,7 @@ def refused(match, **log):
             lambda pose: (
                 [-37, 144, np.nan] + pose[:, [1, 0, 2]] / (111_320 * np.array([1, np.cos(np.radians(-37)), 1]))
             ),
-            "look like degrees of latitude and longitude",
+            "look like degrees of longitude and latitude",
         ),
     ],
 )
