@@ -25,12 +25,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip import se2
-from trackslip.errors import require, require_non_negative, require_positive
+from trackslip.errors import require_non_negative, require_positive
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.base import PoseEstimate
 
 _LIMITS = np.array([(0.05, -0.5, -1.0), (10.0, 0.5, 1.0)])  # of g [-], epsilon [-] and c [m]
+_KNOWN = 0.15  # share of the spreads of the constants where the filter starts from a known law
+_LEAST_TURN = 0.015  # mean yaw rate above which g and c are updated [rad/s]
+_FLOOR = 1e-4  # least standard deviation of a measured pose [m and rad]
+_OUTLIER = 30.0  # normalised squared innovation of a pose that is rejected (chi-square, 3 degrees of freedom)
+_PATIENCE = 5  # poses rejected in a row after which the filter restarts
+_CHANGE = 60.0  # normalised squared mean innovation of ground that has changed (chi-square likewise)
+_MEMORY = 10.0  # scans in that mean
 
 
 @dataclass(frozen=True)
@@ -43,10 +50,6 @@ class FilterTuning:
     """Standard deviation of epsilon without prior knowledge [-]."""
     centre_spread: float = 0.03
     """Standard deviation of c without prior knowledge [m]."""
-    known: float = 0.15
-    """Factor on these spreads if the filter starts from a known law [-]."""
-    least_turn: float = 0.015
-    """Mean yaw rate above which g and c are updated [rad/s]."""
     gain_walk: float = 0.003
     """Process noise of g [1/sqrt(rad) turned]."""
     radius_error_walk: float = 0.0005
@@ -57,22 +60,10 @@ class FilterTuning:
     """Process noise of the position [m per sqrt(m) driven]."""
     heading_walk: float = 0.003
     """Process noise of the heading [rad per sqrt(rad) turned, and per sqrt(m) driven]."""
-    floor: float = 1e-4
-    """Minimum standard deviation of a measured pose [m and rad]."""
-    outlier: float = 30.0
-    """Normalised squared innovation above which a pose is rejected (chi-square, 3 degrees of freedom) [-]."""
-    patience: int = 5
-    """Number of poses rejected in a row after which the filter restarts [-]."""
-    change: float = 60.0
-    """Normalised squared mean innovation above which the ground has changed (chi-square likewise) [-]."""
-    memory: float = 10.0
-    """Number of scans in that mean [-]."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            (require_non_negative if name.endswith(("_walk", "_turn")) else require_positive)(name, value)
-        require(self.patience >= 1, "patience", self.patience, "an integer >= 1")
-        require(self.memory >= 1, "memory", self.memory, "finite and >= 1")
+            (require_non_negative if name.endswith("_walk") else require_positive)(name, value)
 
 
 class IcrFilter:
@@ -94,7 +85,7 @@ class IcrFilter:
         self.state = np.zeros((n, 6))
         """State (N, 6): x, y [m], phi [rad], g, epsilon [-], c [m]."""
         self._prior = np.tile([1.0, 0.0, 0.0], (n, 1))  # (N, 3): g, epsilon and c at the start
-        self._share = 1.0 if law is None else self._tuning.known  # of the spreads, at the start
+        self._share = 1.0 if law is None else _KNOWN  # of the spreads, at the start
         if law is not None:
             self._prior[:, 0] = geometry.half_gauge / (geometry.half_gauge + law.offset)
             self._prior[:, 1] = law.radius_error
@@ -145,7 +136,7 @@ class IcrFilter:
         jacobian[:, :3, 3:] = np.einsum("nij,njk->nik", by_motion, by_law)
         jacobian[:, [3, 4, 5], [3, 4, 5]] = 1.0
         self.covariance = np.einsum("nij,njk,nlk->nil", jacobian, self.covariance, jacobian)
-        self._turning += (velocity[:, 2] - self._turning) / tuning.memory
+        self._turning += (velocity[:, 2] - self._turning) / _MEMORY
         way, turn = np.abs(motion[:, 0]), np.abs(motion[:, 2])
         excited = np.stack([way, way, way + turn, turn, way, turn], axis=1)
         pose_walks = (tuning.position_walk, tuning.position_walk, tuning.heading_walk)
@@ -158,20 +149,19 @@ class IcrFilter:
             self.covariance[:, :, k] *= shrink[:, None]
 
     def _correct(self, rows: np.ndarray, pose: Array, noise: Array) -> None:
-        tuning = self._tuning
         innovation = pose - self.state[rows, :3]
         innovation[:, 2] = wrap_angle(innovation[:, 2])
-        noise = noise + tuning.floor**2 * np.eye(3)
+        noise = noise + _FLOOR**2 * np.eye(3)
         spread = self.covariance[rows, :3, :3] + noise
         root = np.linalg.cholesky((spread + spread.swapaxes(1, 2)) / 2)
         white = np.linalg.solve(root, innovation[..., None])[..., 0]
-        surprising = np.einsum("ni,ni->n", white, white) > tuning.outlier
+        surprising = np.einsum("ni,ni->n", white, white) > _OUTLIER
         self._rejected[rows] = np.where(surprising, self._rejected[rows] + 1, 0)
         good = np.flatnonzero(~surprising)
         self._learn(rows[good], white[good], root[good])
         drift = np.einsum("ni,ni->n", self._drift[rows], self._drift[rows])
-        changed = drift > tuning.change * np.maximum(self._drift_variance[rows], 1.0)
-        again = changed | (self._rejected[rows] >= tuning.patience)
+        changed = drift > _CHANGE * np.maximum(self._drift_variance[rows], 1.0)
+        again = changed | (self._rejected[rows] >= _PATIENCE)
         self.restarts[rows[again]] += 1
         self._begin(rows[again], pose[again], noise[again], 1.0)
 
@@ -179,7 +169,7 @@ class IcrFilter:
         """Update the state with innovations (R, 3), whitened by the roots (R, 3, 3) of their covariances."""
         half = np.linalg.solve(root, self.covariance[rows, :3, :]).swapaxes(1, 2)  # (R, 6, 3)
         taken = half.copy()
-        slow = np.abs(self._turning[rows]) < self._tuning.least_turn
+        slow = np.abs(self._turning[rows]) < _LEAST_TURN
         taken[np.ix_(slow, [3, 5])] = 0.0  # considered, not updated
         self.state[rows] += np.einsum("nij,nj->ni", taken, white)
         crossed = np.einsum("nik,njk->nij", taken, half)
@@ -187,7 +177,7 @@ class IcrFilter:
         covariance += np.einsum("nik,njk->nij", taken, taken)
         self.covariance[rows] = (covariance + covariance.swapaxes(1, 2)) / 2
         self.state[rows, 3:] = np.clip(self.state[rows, 3:], *_LIMITS)
-        fade = 1 - 1 / self._tuning.memory
+        fade = 1 - 1 / _MEMORY
         self._drift[rows] = fade * self._drift[rows] + white
         self._drift_variance[rows] = fade**2 * self._drift_variance[rows] + 1
 

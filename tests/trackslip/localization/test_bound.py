@@ -68,12 +68,7 @@ def test_more_noise_raises_the_bound_and_what_is_out_of_sight_has_none():
     assert np.all(variance[0] < variance[1])
     assert np.all(variance[1] < variance[2])
     assert np.isnan(pose_bound(np.array([[-3.0, 0.0, 1.0]]), PLATE, BEARINGS, 0.005)).all()
-
-
-def test_there_is_no_bound_without_noise():
-    assert np.isnan(
-        pose_bound(np.array([[1.0, 0.0, 1.5]]), Plate(0.5, 0.02), np.radians(np.arange(-90, 91)), 0.0)
-    ).all()
+    assert np.isnan(pose_bound(poses, PLATE, BEARINGS, 0.0)).all()
 
 
 def test_ratio_is_one_for_errors_drawn_from_the_bound():
@@ -91,7 +86,7 @@ def test_ratio_is_one_for_errors_drawn_from_the_bound():
     np.testing.assert_array_equal(viewing_angle(local) > np.radians(3), True)
 
 
-@pytest.mark.parametrize("noise", [0.002, 0.005, 0.010])
+@pytest.mark.parametrize("noise", [0.002, 0.010])
 def test_plate_locator_is_within_a_tenth_of_the_bound(noise, scan_rectangle):
     rng = np.random.default_rng(3)
     everywhere = []

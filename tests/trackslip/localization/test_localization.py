@@ -59,12 +59,15 @@ def test_plate_against_truth_at_every_viewing_angle(scan_rectangle):
     assert np.degrees(np.sqrt(np.mean(error[edge_on, 2] ** 2))) < 1
 
 
-def test_line_is_unbiased_where_one_face_is_seen_and_declines_edge_on(scan_rectangle):
+def test_line_is_unbiased_where_one_face_is_seen_knows_its_errors_and_declines_edge_on(scan_rectangle):
     rng = np.random.default_rng(2)
     poses = on_circles(rng, turns=10)
     estimate = LineLocator().locate(scan_rectangle(poses, rng))
     error = estimate.pose - poses
     error[:, 2] = half_turn(error[:, 2])
+    deviation = (error / np.sqrt(np.einsum("sii->si", estimate.covariance)))[estimate.valid]
+    spread = np.sqrt(np.mean(deviation**2, axis=0))
+    assert np.all((spread > 0.4) & (spread < 2.5))
     angle = viewing_angle(poses)
     broadside = angle > 75
     assert estimate.valid[broadside].all()
@@ -86,21 +89,6 @@ def test_where_the_scanner_stands_does_not_matter(locator, scan_rectangle):
     good = here.valid
     np.testing.assert_allclose(frame.from_world(there.pose)[good], here.pose[good], atol=1e-6)
     np.testing.assert_allclose(there.covariance[good], frame.covariance_to_world(here.covariance)[good], atol=1e-7)
-
-
-@pytest.mark.parametrize("expected", [False, True])
-def test_each_scan_stands_alone(expected, scan_rectangle):
-    """The estimate of a scan doesn't depend on which others it is computed with, to the bit."""
-    rng = np.random.default_rng(5)
-    poses = on_circles(rng, turns=1, per_turn=100)
-    scan = scan_rectangle(poses, rng)
-    near = poses + rng.normal(scale=0.02, size=poses.shape) if expected else None
-    together = PLATE.locate(scan, near)
-    for k in range(100):
-        one = Scan(scan.bearings, scan.ranges[k : k + 1], scan.noise, scan.mount)
-        alone = PLATE.locate(one, None if near is None else near[k : k + 1])
-        np.testing.assert_array_equal(alone.pose[0], together.pose[k])
-        np.testing.assert_array_equal(alone.covariance[0], together.covariance[k])
 
 
 def test_nothing_seen_is_not_valid():
@@ -133,9 +121,8 @@ def test_scans_of_another_plate_follow_its_size(scan_rectangle):
     assert np.sqrt(np.mean(error[estimate.valid, :2] ** 2)) < 0.003
 
 
-@pytest.mark.parametrize("dropout", [0.05, 0.1])
-def test_dropouts_cost_accuracy_and_the_covariance_says_so(dropout, scan_rectangle):
-    rng = np.random.default_rng(8)
+def test_dropouts_cost_accuracy_and_the_covariance_says_so(scan_rectangle):
+    rng, dropout = np.random.default_rng(8), 0.1
     poses = on_circles(rng, turns=8)
     scan = scan_rectangle(poses, rng)
     scan.ranges[rng.random(scan.ranges.shape) < dropout] = np.nan
@@ -179,27 +166,6 @@ def test_a_plate_behind_an_all_round_scanner(scan_rectangle):
         here, there = locator.locate(seen), locator.locate(turned)
         np.testing.assert_array_equal(here.valid, there.valid)
         np.testing.assert_allclose(there.pose[here.valid, :2], here.pose[here.valid, :2], atol=1e-6)
-
-
-def test_an_estimate_has_the_same_bits_in_any_company(scan_rectangle):
-    rng = np.random.default_rng(11)
-    scan = scan_rectangle(on_circles(rng, turns=2, per_turn=200), rng)
-    together = PLATE.locate(scan)
-    some = np.sort(rng.choice(400, 60, replace=False))
-    apart = PLATE.locate(Scan(scan.bearings, scan.ranges[some], scan.noise, scan.mount))
-    np.testing.assert_array_equal(apart.pose, together.pose[some])
-    np.testing.assert_array_equal(apart.covariance, together.covariance[some])
-
-
-def test_line_covariance_is_of_the_right_size(scan_rectangle):
-    rng = np.random.default_rng(12)
-    poses = on_circles(rng)
-    estimate = LineLocator().locate(scan_rectangle(poses, rng))
-    error = estimate.pose - poses
-    error[:, 2] = half_turn(error[:, 2])
-    deviation = (error / np.sqrt(np.einsum("sii->si", estimate.covariance)))[estimate.valid]
-    spread = np.sqrt(np.mean(deviation**2, axis=0))
-    assert np.all((spread > 0.4) & (spread < 2.5))
 
 
 def drive_blind(tracker, omega, steps, dt=0.05):

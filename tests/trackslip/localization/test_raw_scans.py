@@ -42,7 +42,6 @@ def commands(duration=25.0, top=3.0):
 
 
 PLACES = {
-    "open": {},
     "room, off centre": {"things": room(), "place": OFF},
     "walker": {"things": [*room(), WALKER]},
     "slow and clockwise": {"things": room(), "scan_duration": 0.045, "clockwise": True},

@@ -86,7 +86,7 @@ def test_logs_without_ranges_are_refused_and_take_the_arc(logs):
     assert best_method(logs[0][0]) == "bundle"
 
 
-def test_ranges_survive_their_file(logs, tmp_path):
+def test_ranges_survive_their_file_and_a_cut(logs, tmp_path):
     log = logs[0][0]
     hidden = log.scans.cluster.hidden.copy()
     hidden[3, 1] = np.inf
@@ -103,13 +103,5 @@ def test_ranges_survive_their_file(logs, tmp_path):
     for theirs_, ours_ in zip(theirs.ranges(), ours.ranges(), strict=True):
         np.testing.assert_allclose(theirs_, ours_, rtol=1e-7)
     np.testing.assert_allclose(bundle(back, WINDOW).twist, bundle(log, WINDOW).twist, rtol=1e-6)
-
-
-def test_rows_between_two_carry_their_scans(logs):
-    log = logs[0][0]
-    part = log.between(50, 250)
-    assert log.between(0, len(log.time)) is log
-    np.testing.assert_array_equal(part.pose, log.pose[50:250])
-    np.testing.assert_array_equal(part.is_valid, log.is_valid[50:250])
     inner = (6.0, 24.0)
-    np.testing.assert_allclose(bundle(part, inner).twist, bundle(log, inner).twist, rtol=1e-9)
+    np.testing.assert_allclose(bundle(log.between(50, 250), inner).twist, bundle(log, inner).twist, rtol=1e-9)

@@ -42,7 +42,7 @@ def errors_of(samples, twist):
 
 
 @pytest.mark.parametrize("noise", NOISE.values(), ids=NOISE)
-@pytest.mark.parametrize("rate", [2.0, 5.0, 20.0, 100.0])
+@pytest.mark.parametrize("rate", [2.0, 10.0, 50.0])
 def test_poses_without_jumps_are_all_kept(rate, noise):
     rng = np.random.default_rng(0)
     for duration in (9.0, 30.0):
@@ -52,8 +52,8 @@ def test_poses_without_jumps_are_all_kept(rate, noise):
 
 
 @pytest.mark.parametrize("noise", NOISE.values(), ids=NOISE)
-@pytest.mark.parametrize("rate", [5.0, 10.0, 20.0])
-@pytest.mark.parametrize(("way", "turn"), [(0.2, 0.0), (0.5, 0.0), (0.0, 10.0), (0.0, 30.0), (0.3, 15.0)])
+@pytest.mark.parametrize("rate", [5.0, 20.0])
+@pytest.mark.parametrize(("way", "turn"), [(0.2, 0.0), (0.0, 10.0), (0.3, 15.0)])
 def test_a_lasting_jump_is_refused_where_it_is(way, turn, rate, noise):
     rng = np.random.default_rng([1, int(1000 * way), int(turn), int(rate)])
     for _ in range(10):
