@@ -10,6 +10,8 @@ from .log_replay import replay as replay
 from .loop import closed_loop as closed_loop
 from .loop import open_loop as open_loop
 from .pilot import Pilot as Pilot
+from .robot.check import RobotCheck as RobotCheck
+from .robot.check import check as check
 from .robot.named import load_tracked as load_tracked
 from .robot.parameters import RobotParameters as RobotParameters
 from .robot.robot import load_robot as load_robot
