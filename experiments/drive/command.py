@@ -5,10 +5,24 @@ from experiments.common.results import DRIVE_RECORDING, PICTURES_FOLDER, RECORDI
 from experiments.common.run import Run
 from experiments.drive.config import Config
 from sim.opengl import prefer_egl
+from trackslip.errors import TrackslipError, counted
+
+
+def check_robot(source: str) -> None:
+    """Print what is known of a robot; raises TrackslipError if it can't drive."""
+    from sim.robot.check import check
+
+    checked = check(source)
+    print(checked)
+    if checked.errors:
+        raise TrackslipError(f"robot {source}: {counted(len(checked.errors), 'error')}, see above")
 
 
 def run(config: Config) -> None:
-    """Drive, store the run, and print how it went."""
+    """Drive, store the run, and print how it went; or check the robot."""
+    if config.check:
+        check_robot(config.robot)
+        return
     if config.pictures:
         prefer_egl()  # before the modules below import MuJoCo, which chooses its OpenGL then
 

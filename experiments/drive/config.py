@@ -54,6 +54,8 @@ class Config(ResultsOptions):
     """Drive it yourself, in MuJoCo's viewer with the arrow keys; needs a display."""
     pictures: Annotated[int, Whole(0, 1000)] = 0
     """Number of pictures to write to OUT/pictures, evenly over the run."""
+    check: bool = False
+    """Print all that is known of the robot and all that is wrong with it, instead of driving."""
     out: Path = Path("out/drive")
     """Folder for the results."""
 

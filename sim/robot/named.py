@@ -17,7 +17,7 @@ from sim.robot.keyframe import start
 from sim.robot.parameters import WHEELS, RobotParameters
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
-from sim.robot.urdf import said_of
+from sim.robot.urdf import Refuse, refuse, said_of
 from sim.robot.wheels import own_wheels
 from sim.toml_file import build, read_named
 from trackslip.errors import InvalidValueError, SettingsFileError, require
@@ -64,18 +64,21 @@ def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParamete
     return build(RobotParameters, table, str(path)), ground
 
 
-def load_tracked(source: RobotSource | Path = "rescue") -> TrackedRobot:
-    """Load a robot for terrain, from the same sources as `load_parameters`; for parameters, see `on_terrain`."""
+def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse) -> TrackedRobot:
+    """Load a robot for terrain, from the same sources as `load_parameters`; for parameters, see `on_terrain`.
+
+    `refuse` is for meshes that are missing where wheels are looked for; see `build_tracked`.
+    """
     if isinstance(source, TrackedRobot):
         return source
     if isinstance(source, RobotParameters):
-        return load_tracked(source.looks) if source.looks else on_terrain(source, "robot")
+        return load_tracked(source.looks, refuse) if source.looks else on_terrain(source, "robot")
     if str(source) == SHIPPED:
         return on_terrain(RobotParameters(), SHIPPED)
     path, table = _read(source)
     table.pop("ground", None)
     if _is_tracked(table):
-        return _tracked(path, table)
+        return _tracked(path, table, refuse)
     return on_terrain(build(RobotParameters, table, str(path)), path.stem)
 
 
@@ -179,7 +182,7 @@ def _is_tracked(table: Mapping[str, Any]) -> bool:
 _SHARED = RobotParameters.__dataclass_fields__.keys() & TrackedRobot.__dataclass_fields__.keys()
 
 
-def _tracked(path: Path, table: Mapping[str, Any]) -> TrackedRobot:
+def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> TrackedRobot:
     """The robot of a robot file, with what its own wheels tell."""
     wheels = table.get("wheels", [])
     if isinstance(wheels, str) and wheels != "replace":
@@ -192,7 +195,7 @@ def _tracked(path: Path, table: Mapping[str, Any]) -> TrackedRobot:
     if not wheels or {"wheels", "half_gauge", "hull"} <= given.keys():
         return robot
     with said_of(robot.model):
-        spec = load_spec(replace(robot, wheels=()))
+        spec = load_spec(replace(robot, wheels=()), refuse=refuse)
         own = own_wheels(spec, chassis_of(spec, robot).name, robot)
     try:
         return replace(robot, **{name: value for name, value in own.items() if name not in given})

@@ -15,7 +15,7 @@ from sim.robot.inertia import warn_of_inertia
 from sim.robot.keyframe import add_start, warn_of_keyframes
 from sim.robot.robot import VISUAL_GROUP
 from sim.robot.tracked import Flipper, TrackedRobot
-from sim.robot.urdf import find_meshes, said_of, some, weightless
+from sim.robot.urdf import Refuse, find_meshes, refuse, said_of, some, weightless
 from sim.robot.wheels import endless, switch_off
 from sim.tracks import Belts, add_tracks, connect
 from trackslip.errors import RobotWarning, TrackslipError, counted
@@ -75,6 +75,7 @@ def build_tracked(
     preset: str = "accurate",
     friction: tuple[float, float] | None = None,
     looks: bool = False,
+    refuse: Refuse = refuse,
 ) -> TrackedModel:
     """Compile a robot on its terrain, or on a plane.
 
@@ -84,12 +85,13 @@ def build_tracked(
         preset: contact preset of the tracks.
         friction: coefficients of friction along and across the tracks; by default the terrain's, or a plane's 0.7.
         looks: keep geoms that are only looked at, which slow the physics down.
+        refuse: what to do with a line on a part that is missing or wrong; by default it is raised.
 
     Raises:
         TrackslipError: for a model that can't be compiled or lacks a part that the robot names.
     """
     with said_of(robot.model):
-        spec = load_spec(robot, looks)
+        spec = load_spec(robot, looks, refuse)
         chassis = chassis_of(spec, robot)
         if looks:
             _light(spec)
@@ -110,10 +112,10 @@ def build_tracked(
     if not looks and model.nu == len(motors):
         _warn_of_loose_joints(model, robot)
     warn_of_inertia(model, model.body(chassis_name).id, robot.model)
-    return _read(model, robot, chassis_name, motors)
+    return _read(model, robot, chassis_name, motors, refuse)
 
 
-def load_spec(robot: TrackedRobot, looks: bool = False) -> Any:
+def load_spec(robot: TrackedRobot, looks: bool = False, refuse: Refuse = refuse) -> Any:
     """Load the robot's model without its scene and keyframes, which a free joint invalidates: see `add_start`.
 
     Its meshes are found and its own wheels switched off; geoms that are only looked at remain with `looks`.
@@ -129,7 +131,7 @@ def load_spec(robot: TrackedRobot, looks: bool = False) -> Any:
     warn_of_keyframes(spec, robot)
     for key in list(spec.keys):
         spec.delete(key)
-    find_meshes(spec, robot.model, robot.packages)
+    find_meshes(spec, robot.model, robot.packages, refuse)
     spec.copy().compile()  # so that what is wrong with the file is said of the file
     return spec
 
@@ -224,6 +226,7 @@ def _read(
     robot: TrackedRobot,
     chassis: str,
     motors: Sequence[tuple[str, str, str]],
+    refuse: Refuse,
 ) -> TrackedModel:
     body = model.body(chassis).id
     free = model.body_jntadr[body]
@@ -236,8 +239,8 @@ def _read(
     reach = np.insert(middle, 1, 0.0, axis=1)  # (F, 3) from the hinge to the middle of the flipper, in its frame
     bodies = model.jnt_bodyid[joints]
     turned = data.xmat[bodies].reshape(-1, 3, 3)
-    _require_across(model, data, robot, chassis)
-    _require_clear(model, data, robot, body)
+    _check_across(model, data, robot, chassis, refuse)
+    _check_clear(model, data, robot, body, refuse)
     reach = np.einsum("fij,fj->fi", turned, reach) - (data.xanchor[joints] - data.xpos[bodies])
     upwards = np.cross(data.xaxis[joints], reach)[:, 2]
     sign = np.where(upwards >= 0, 1.0, -1.0)
@@ -259,18 +262,20 @@ def _read(
     )
 
 
-def _require_across(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, chassis: str) -> None:
-    """Raise TrackslipError for flippers on a hinge that isn't across, or whose y isn't to the left."""
+def _check_across(
+    model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, chassis: str, refuse: Refuse
+) -> None:
+    """Refuse flippers on a hinge that isn't across, or whose y isn't to the left."""
     lateral = data.body(chassis).xmat.reshape(3, 3)[:, 1]
     for name in robot.flipper_bodies:
         body = data.body(name)
         axis = data.xaxis[model.body_jntadr[body.id]]
         if min(body.xmat.reshape(3, 3)[:, 1] @ lateral, abs(axis @ lateral)) < _ACROSS:
-            raise TrackslipError(f"{robot.model}: body {name!r}: must have y to the left, and its hinge along y")
+            refuse(f"{robot.model}: body {name!r}: must have y to the left, and its hinge along y")
 
 
-def _require_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int) -> None:
-    """Raise TrackslipError if anything but the tracks would touch level ground."""
+def _check_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int, refuse: Refuse) -> None:
+    """Refuse what would touch level ground beside the tracks."""
     own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & (model.geom_contype > 0)
     for geom in np.flatnonzero(own):
         centre, half = model.geom_aabb[geom].reshape(2, 3)
@@ -281,7 +286,7 @@ def _require_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRob
             what = f"{robot.model}: {_named(model, int(geom))} reaches down to {low:.3g} m in the frame of {frame}"
             allowed = f"must stay above the tracks' lowest point, at {robot.lowest:.3g} m"
             allowed += "; if tracks replace it, list its link in `wheels`"
-            raise TrackslipError(f"{what}; what touches {allowed}")
+            refuse(f"{what}; what touches {allowed}")
 
 
 def _named(model: mujoco.MjModel, geom: int) -> str:

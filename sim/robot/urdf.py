@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,15 @@ _POINTER = b"version https://git-lfs"
 _UNIT = "has no unit"
 _UNFETCHED = "a Git LFS pointer to the file: run `git lfs pull`"
 _FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+
+
+Refuse = Callable[[str], None]
+"""What is done with a line that says what is wrong with a robot, and what to do about it."""
+
+
+def refuse(line: str) -> None:
+    """Raise a TrackslipError."""
+    raise TrackslipError(line)
 
 
 def read_model(path: Path) -> Any:
@@ -76,10 +85,10 @@ def weightless(spec: Any, geom: Any) -> bool:
     return bool(geom.contype == geom.conaffinity == 0 and massless)
 
 
-def find_meshes(spec: Any, model: Path, packages: Sequence[Path]) -> None:
+def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse = refuse) -> None:
     """Give meshes the paths of files that MuJoCo reads; leave out those that are only for looks and have none.
 
-    Raises TrackslipError for a mesh without a file that collides or has mass.
+    Refuses a mesh without a file that collides or has mass.
     """
     folder = model.absolute().parent
     for kind, things, place in (
@@ -88,9 +97,8 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path]) -> None:
     ):
         for thing in things:
             if thing.file and _is_pointer(folder / place / thing.file):
-                raise TrackslipError(
-                    f"{model}: {kind} {thing.name!r} needs {thing.file[-100:]}, but it is {_UNFETCHED}"
-                )
+                refuse(f"{model}: {kind} {thing.name!r} needs {thing.file[-100:]}, but it is {_UNFETCHED}")
+                thing.file = ""
     left_out: dict[str, str] = {}
     for mesh in [mesh for mesh in spec.meshes if mesh.file]:
         geoms = [geom for geom in spec.geoms if geom.meshname == mesh.name]
@@ -99,10 +107,11 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path]) -> None:
             mesh.file = os.path.abspath(found)
             continue
         for geom in geoms:
-            if not weightless(spec, geom):
+            if weightless(spec, geom):
+                left_out[mesh.file.rpartition("/")[2]] = wrong
+            else:
                 link = f"{model}: link {geom.parent.name!r} needs {mesh.file[-100:]} to collide or for its mass"
-                raise TrackslipError(f"{link}, but {wrong}")
-            left_out[mesh.file.rpartition("/")[2]] = wrong
+                refuse(f"{link}, but {wrong}")
             spec.delete(geom)
         spec.delete(mesh)
     if left_out:

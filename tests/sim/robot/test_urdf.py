@@ -10,6 +10,7 @@ import pytest
 
 from sim import Fleet, Ground, load_robot
 from sim.drive.drive import tireless
+from sim.robot.check import check
 from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.tracked_model import build_tracked, clear_angles
@@ -507,3 +508,29 @@ def test_comments_without_an_end_take_no_time(tmp_path):
     with pytest.raises(TrackslipError, match="XML"):
         build_tracked(load_tracked(tmp_path / "c.toml"))
     assert time.monotonic() - began < 2
+
+
+def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
+    plate = [link("plate", 0, '<box size="0.3 0.1 0.02"/>'), joint("base", "plate", "0 0 -0.11", "fixed")]
+    gone = [link(name, 1, f'<mesh filename="package://gone/{name}.stl"/>') for name in ("arm", "mast")]
+    hinges = [joint("base", "arm", "0 0 0.3"), joint("base", "mast", "0 0 0.3", "fixed")]
+    parts = [*rover(), *plate, *gone, *hinges, link("eye", 0, look="eye.dae"), joint("base", "eye", "0 0 0", "fixed")]
+    wheels = 'wheels = ["left_front", "left_rear", "right_front", "right_rear"]\n'
+    checked = check(write(tmp_path, parts, wheels))
+    for said in ("link 'arm' needs", "link 'mast' needs", "a geom of link plate reaches down to -0.12 m"):
+        assert sum(said in line for line in checked.errors) == 1
+    assert len(checked.errors) == 3
+    for said in ("without 1 mesh file (eye.dae)", "nothing drives or holds 1 hinge without limits, arm_joint"):
+        assert sum(said in line for line in checked.warnings) == 1
+    facts = dict(checked.facts)
+    assert facts["contact"] == "tracks, half gauge 0.25 m, 0.4 m long"
+    assert facts["mass"].startswith("16 kg")
+    assert facts["joints without"] == "arm_joint"
+    assert not check("rescue").errors + check("warthog").errors
+
+
+@pytest.mark.parametrize("text", ["half_gauge = 0.2", 'model = "gone.urdf"\nwheels = "replace"'])
+def test_a_check_of_a_file_that_is_no_robot_says_why(tmp_path, text):
+    (tmp_path / "r.toml").write_text(text + "\nhull = 3\n")
+    (error,) = check(tmp_path / "r.toml").errors
+    assert "r.toml" in error
