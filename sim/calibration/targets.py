@@ -259,7 +259,7 @@ class Drives:
         self._motion = lru_cache(_KEPT)(partial(replayer.run, threads=threads))
         self._pairs = _Pairs.of(self.windows, geometry)
         self.horizon, window = self._pairs.horizon, self._pairs.window
-        self._measured = se2.between(*self._pairs.pose)
+        self._measured = se2.between(*self._pairs.pose.swapaxes(0, 1))
         self.log = np.repeat(np.array(of_log)[window], 3)
         """Index of the log that each error (n,) is of."""
         cluster = _same_commands(self.windows)[window]
@@ -279,7 +279,7 @@ class Drives:
     def errors(self, candidate: Candidate) -> Array:
         """Errors (n,): forwards, to the left, heading of each pair, in the frame of its first pose [m, m, rad]."""
         motion, place, window = self.motion(candidate), candidate.sensor, self._pairs.window
-        first, last = (motion.sensor_at(window, place, time + candidate.clock) for time in self._pairs.time)
+        first, last = (motion.sensor_at(window, place, time + candidate.clock) for time in self._pairs.time.T)
         error = se2.between(first, last) - self._measured
         error[:, 2] = se2.wrap_angle(error[:, 2])
         return np.asarray(error).ravel()
@@ -303,8 +303,8 @@ class _Pairs:
 
     horizon: Array  # (n,) [s]
     window: np.ndarray  # (n,)
-    time: Array  # (2, n) pose clock [s]
-    pose: Array  # (2, n, 3)
+    time: Array  # (n, 2) pose clock [s]
+    pose: Array  # (n, 2, 3)
 
     @classmethod
     def of(cls, windows: Sequence[RunLog], geometry: RobotGeometry) -> _Pairs:
@@ -322,11 +322,9 @@ class _Pairs:
                 last = np.searchsorted(time, time[first] + horizon - interval / 2).clip(max=len(rows) - 1)
                 apart = np.abs(time[last] - time[first] - horizon) <= interval / 2 + 1e-9
                 apart &= way[last] - way[first] > _MIN_DRIVEN * geometry.half_gauge
-                ends = np.stack([first[apart], last[apart]])
-                count = ends.shape[1]
-                parts.append((np.full(count, horizon), np.full(count, k), time[ends], log.pose[rows[ends]]))
-        horizon, window, time, pose = zip(*parts, strict=True)
-        pairs = cls(*map(np.concatenate, (horizon, window)), np.hstack(time), np.hstack(pose))
+                ends = np.stack([first[apart], last[apart]], axis=1)
+                parts.append((np.full(len(ends), horizon), np.full(len(ends), k), time[ends], log.pose[rows[ends]]))
+        pairs = cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
         if not len(pairs.horizon):
             raise LogError(f"no poses {HORIZONS[0]:g} s apart between which the robot drives")
         return pairs
