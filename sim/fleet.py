@@ -97,11 +97,7 @@ class Fleet(Bodies):
         self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
         self._periods = 0  # since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
-        everyone = np.arange(self.size)
-        self._place_at(everyone, start)
-        self._lay_ground(everyone)
-        self._require_parking(everyone, start)
-        self._settle(everyone, start, SETTLING)
+        self._begin(np.arange(self.size), start, 0.0, SETTLING)
 
     @property
     def time(self) -> float:
@@ -128,12 +124,8 @@ class Fleet(Bodies):
         self._began[rows] = self._periods
         self._drive(rows, 0.0)
         self._balance(rows, np.array([s.weight for s in setting]))
-        self._place_at(rows, start, -SINK)
-        self._heading[rows] = start[:, 2]
         self._ground.put([s.ground for s in setting], rows)
-        self._lay_ground(rows)
-        self._require_parking(rows, start)
-        self._settle(rows, start, _RESETTLING)
+        self._begin(rows, start, -SINK, _RESETTLING)
 
     def _effective_radius(self, error: Array) -> Array:
         """Effective radii (R, 2) of the sprockets of robots with errors (R,) [m]."""
@@ -297,33 +289,37 @@ class Fleet(Bodies):
         super()._restore(rows, snapshot[:2])
         self._ground.restore(rows, snapshot[2:])
 
-    def _settle(self, rows: np.ndarray, start: Array, duration: float) -> None:
-        """Settle the robots `rows` (R,) for `duration` [s], then place them at the poses `start` (R, 3)."""
+    def _begin(self, rows: np.ndarray, start: Array, height: float, settling: float) -> None:
+        """Put the robots `rows` (R,) at rest at poses `start` (R, 3).
+
+        Their frames are at a `height` [m], from which they settle for a time [s]. Raises InvalidValueError if one can't
+        be held there.
+        """
+        self._place_at(rows, start, height)
+        self._heading[rows] = start[:, 2]
+        self._lay_ground(rows)
+        grounds, heading = [self.ground[k] for k in rows], start[:, 2]
+        held = self.drive.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows].mean(axis=1)
+        require_held(grounds, self.friction()[rows], heading, self.pull, self._weight, held)
         self._ground.harden(rows)
         self._tow(rows)
-        self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))
+        self.batch.step(ids=rows, nstep=round(settling / self.robot.model.opt.timestep))
         speed, lean = np.hypot(*self._velocity[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
-        require_at_rest([self.ground[k] for k in rows], start[:, 2], speed, lean, self.pull)
+        require_at_rest(grounds, heading, speed, lean, self.pull)
         self.sensed[rows] = self.batch.bind("sensordata")[rows]
         self._traction[rows] = self.mean_traction[rows] = along_robot(self._sensors[rows], self._forward[rows])
         self._put_back(rows, start)
-        self._ground.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
+        self._ground.hold(rows, heading, self._towed(rows), self.pull.height)
 
-    def towed(self, rows: np.ndarray) -> Array:
+    def _towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
         return self._pulled(rows) / (self._weight * np.cos(self._ground.slope[rows]))
 
     def needed_traction(self) -> Array:
         """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""
         direction, steepness = self._ground.uphill - self.pose()[:, 2], np.tan(self._ground.slope)
-        along = steepness * np.cos(direction) + self.towed(np.arange(self.size))
+        along = steepness * np.cos(direction) + self._towed(np.arange(self.size))
         return np.stack([along, steepness * np.sin(direction)], axis=-1)
-
-    def _require_parking(self, rows: np.ndarray, start: Array) -> None:
-        """Raise InvalidValueError if one of the robots `rows` (R,) can't be held at its pose `start` (R, 3)."""
-        held = self.drive.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows].mean(axis=1)
-        grounds = [self.ground[k] for k in rows]
-        require_held(grounds, self.friction()[rows], start[:, 2], self.pull, self._weight, held)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from sim.drive.drive import Drive, tireless
@@ -71,13 +70,13 @@ def replay(
     ground: Ground | None = None,
     *,
     inputs: Inputs = "encoders",
-    start_twist: ArrayLike | None = None,
-    drive: Drive | None = None,
     sensor: Mounting | None = None,
     clock: float = 0.0,
     threads: int = 0,
 ) -> list[RunLog]:
     """Drive a robot as it drove when it was logged.
+
+    It begins with the motion in the poses of the first 0.3 s, or at rest if the sprockets rest then.
 
     Args:
         log: a drive, or several, each of which is replayed from its own start.
@@ -85,9 +84,6 @@ def replay(
         ground: the ground; by default the one of the robot's file.
         inputs: "encoders" for the measured sprocket speeds, which change smoothly from row to row, or "commands" for
             the logged commands, which hold until the next one.
-        start_twist: twists (N, 3) or (3,) at the start, forwards, to the left [m/s], yaw rate [rad/s]; by default from
-            the poses of the first 0.3 s, or at rest if the sprockets rest.
-        drive: servo and motor that obey commands, by default the robot's.
         sensor: place of the sensor of the poses on the robot; by default its middle.
         clock: encoder clock minus pose clock [s].
         threads: number of worker threads, 0 for one per processor.
@@ -104,7 +100,7 @@ def replay(
     parameters, own = load_parameters(robot)
     ground = ground or own
     logs = [_placed(log, parameters.geometry) for log in logs]
-    motion = Replayer(logs, inputs, start_twist, drive).run(parameters, ground, threads)
+    motion = Replayer(logs, inputs).run(parameters, ground, threads)
     about = {"geometry": vars(parameters.geometry), "replay": {"inputs": inputs, "clock": clock}}
     placed = sensor or Mounting()
     return [replayed_log(motion, k, one, placed, clock, about) for k, one in enumerate(logs)]
@@ -159,15 +155,9 @@ def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
 class Replayer:
     """Inputs of N logs, for replays by different robots on different grounds."""
 
-    def __init__(
-        self,
-        logs: Sequence[RunLog],
-        inputs: Inputs = "encoders",
-        start_twist: ArrayLike | None = None,
-        drive: Drive | None = None,
-    ) -> None:
-        """`inputs`, `start_twist` and `drive` as for `replay`."""
-        self.logs, self.inputs, self.drive = list(logs), inputs, drive
+    def __init__(self, logs: Sequence[RunLog], inputs: Inputs = "encoders") -> None:
+        """`inputs` as for `replay`."""
+        self.logs, self.inputs = list(logs), inputs
         if inputs == "commands":
             for log in logs:
                 if log.command is None or not np.isfinite(log.command).all():
@@ -179,16 +169,7 @@ class Replayer:
         self.begin = np.array([log.time[0] - RUN_UP for log in logs])
         """Start of the run-up of each log (N,) [s]."""
         self._turned = [_angle(log) for log in logs]
-        self._given = None if start_twist is None else np.atleast_2d(np.asarray(start_twist, float))
-        if self._given is not None and self._given.shape not in ((1, 3), (len(logs), 3)):
-            raise InvalidValueError("start_twist", self._given.shape, f"(3,) or ({len(logs)}, 3)")
         self._fastest = max(float(np.abs(log.omega).max()) for log in logs)
-
-    def start_twist(self, geometry: RobotGeometry) -> Array:
-        """Twists (N, 3) at the start, if a sensor of the poses were at the middle of the robot."""
-        if self._given is not None:
-            return self._given
-        return np.array([first_twist(log, geometry) for log in self.logs])
 
     def run(self, parameters: RobotParameters, ground: Ground, threads: int = 0) -> Replay:
         """The motion of a robot on a ground."""
@@ -196,11 +177,11 @@ class Replayer:
         fastest = self._fastest * robot.geometry.sprocket_radius
         if not fastest < MAX_SPEED:
             raise LogError(f"belts as fast as {fastest:.3g} m/s: replayed are speeds below {MAX_SPEED:g} m/s")
-        drive = self.drive or parameters.drive
+        drive = parameters.drive
         if self.inputs == "encoders":
             drive = tireless(max(Drive.top_speed, _MARGIN * fastest))
         fleet = Fleet(robot, np.zeros((len(self.logs), 3)), ground, parameters.radius_error, drive, threads)
-        twist = self.start_twist(robot.geometry)
+        twist = np.array([first_twist(log, robot.geometry) for log in self.logs])
         fleet.launch(twist)
         period = fleet.period
         periods = round((max(log.time[-1] - log.time[0] for log in self.logs) + 2 * RUN_UP) / period)

@@ -67,7 +67,7 @@ def open_loop(
     if feed is not None and locator is not None:
         localization = ScanBlocks(record, ScannedPose(fleet, feed, locator), locator, watch)
     speeds = np.broadcast_to(np.asarray(omega, float), (rows, fleet.size, 2))
-    return _drive(fleet, record, localization, lambda k: speeds[k], progress, watch)
+    return _drive(record, localization, lambda k: speeds[k], progress, watch)
 
 
 def closed_loop(
@@ -116,11 +116,10 @@ def closed_loop(
             omega[pilot.robots] = law.sprocket_speeds(twist, fleet.robot.geometry)
         return omega
 
-    return _drive(fleet, record, localization, steer, progress)
+    return _drive(record, localization, steer, progress)
 
 
 def _drive(
-    fleet: Fleet,
     record: RunRecorder,
     localization: Localization,
     steer: Callable[[int], Array],
@@ -128,7 +127,7 @@ def _drive(
     watch: Stopwatch | None = None,
 ) -> list[RunLog]:
     """Drive, scan, localize, steer and record, row by row; `steer` gives a row's sprocket speeds (N, 2) [rad/s]."""
-    watch = watch or Stopwatch()
+    fleet, watch = record.fleet, watch or Stopwatch()
     try:
         for k in range(len(record.time)):
             with watch.stage("physics"):

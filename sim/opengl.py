@@ -36,43 +36,35 @@ def prefer_egl() -> None:
         raise TrackslipError(f"rendering: MUJOCO_GL = {chosen!r} does not work here ({error})") from error
 
 
-def offscreen(model: Any, width: int, height: int) -> Any:
-    """MuJoCo's renderer of images (height, width, 3), with the OpenGL chosen by MUJOCO_GL at MuJoCo's import.
-
-    Raises TrackslipError if that does not work.
-    """
+def place(data: Any, qpos: np.ndarray) -> None:
+    """Put what is drawn at positions (nq,) of all joints."""
     import mujoco
 
-    try:
-        return mujoco.Renderer(model, height, width)
-    except Exception as error:  # whatever a machine without OpenGL raises
-        why = " ".join(str(error).split())
-        how = "set the environment variable MUJOCO_GL to egl or osmesa before Python starts"
-        raise TrackslipError(f"rendering: no OpenGL works here ({why}); without a display, {how}") from error
+    data.qpos[:] = qpos
+    for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
+        compute(data.model, data)
 
 
 class Pictures:
-    """Pictures of a model, by one `mujoco.Renderer` that is made for the first of them."""
+    """Pictures (height, width, 3) of a model, by one `mujoco.Renderer`."""
 
     def __init__(self, model: Any, width: int, height: int) -> None:
-        self._make: Callable[[], Any] = partial(offscreen, model, width, height)
-        self._renderer: Any = None
+        """Raises TrackslipError if the OpenGL chosen by MUJOCO_GL at MuJoCo's import doesn't work."""
+        import mujoco
+
+        try:
+            self._renderer = mujoco.Renderer(model, height, width)
+        except Exception as error:  # whatever a machine without OpenGL raises
+            why = " ".join(str(error).split())
+            how = "set the environment variable MUJOCO_GL to egl or osmesa before Python starts"
+            raise TrackslipError(f"rendering: no OpenGL works here ({why}); without a display, {how}") from error
+        self.close = self._renderer.close
 
     def take(self, data: Any, camera: Any, draw: Callable[[Any], None]) -> np.ndarray:
-        """Picture (height, width, 3) uint8 of the model with what `draw` appends to its scene.
-
-        Raises TrackslipError if OpenGL doesn't work.
-        """
-        self._renderer = self._renderer or self._make()
+        """Picture (height, width, 3) uint8 of the model with what `draw` appends to its scene."""
         self._renderer.update_scene(data, camera=camera)
         draw(self._renderer.scene)
         return np.array(self._renderer.render())
-
-    def close(self) -> None:
-        """Free the buffers."""
-        if self._renderer is not None:
-            self._renderer.close()
-        self._renderer = None
 
 
 class Window:
@@ -163,11 +155,3 @@ class TaskRenderer(ABC):
             if shown is not None:
                 shown.close()
         self._window = self._pictures = None
-
-    def place(self, qpos: np.ndarray) -> None:
-        """Put `data` at positions (nq,) of all joints."""
-        import mujoco
-
-        self.data.qpos[:] = qpos
-        for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
-            compute(self.data.model, self.data)

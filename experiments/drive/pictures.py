@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.image import imsave
 
 from experiments.drive.course import DrivenCourse
-from sim.opengl import Pictures
+from sim.opengl import Pictures, place
 from sim.robot.tracked_model import TrackedModel
 from sim.robot.tracked_view import TrackedView
 
@@ -25,9 +25,7 @@ def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: 
     data, view, pictures = mujoco.MjData(looks.model), TrackedView(looks), Pictures(looks.model, *_SIZE)
     climbed = run.state.position[:, 2] - run.state.position[0, 2]
     for file, row in zip(files, rows, strict=True):
-        data.qpos[:] = run.state.qpos[row]
-        mujoco.mj_kinematics(looks.model, data)
-        mujoco.mj_camlight(looks.model, data)
+        place(data, run.state.qpos[row])
         draw = partial(view.draw, data=data, travel=run.travel[row])
         imsave(file, pictures.take(data, view.camera(data, float(climbed[row])), draw))
     pictures.close()

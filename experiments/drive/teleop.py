@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from experiments.drive.course import DrivenCourse, drive_course
-from sim.opengl import Window
+from sim.opengl import Window, place
 from sim.robot.tracked_model import TrackedModel
 from sim.robot.tracked_view import TrackedView
 from sim.traverse.world import Command, Traverse
@@ -75,9 +75,7 @@ def teleoperate(world: Traverse, looks: TrackedModel, flippers: Callable[[Traver
         travel = travel + world.contact.belt[0] * world.period
         if round(world.time[0] / world.period) % _EVERY == 0:
             with viewer.lock():
-                data.qpos[:] = world.state.qpos[0]
-                mujoco.mj_kinematics(looks.model, data)
-                mujoco.mj_camlight(looks.model, data)
+                place(data, world.state.qpos[0])
                 viewer.user_scn.ngeom = 0
                 view.draw(viewer.user_scn, data, travel)
             now = "{:+.2f} m/s\n{:+.1f} rad/s\n{:.1f} s".format(*keyboard.twist, world.time[0])

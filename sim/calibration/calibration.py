@@ -351,7 +351,7 @@ class _Problem:
 
 
 def _with_folds(
-    found: Calibration, problem: _Problem, end: _End, held: Mapping[str, str], folds: np.ndarray, progress: Progress
+    fit: Calibration, problem: _Problem, end: _End, held: Mapping[str, str], folds: np.ndarray, progress: Progress
 ) -> Calibration:
     """The result with predictions of each fold by the candidates fitted to the others."""
     target = problem.target
@@ -364,5 +364,5 @@ def _with_folds(
         errors[out], before[out] = target.errors(candidates[-1])[out], first[out]
         progress(1)
     return replace(
-        found, folds=tuple(candidates), held_out=target.metrics(errors), held_out_before=target.metrics(before)
+        fit, folds=tuple(candidates), held_out=target.metrics(errors), held_out_before=target.metrics(before)
     )

@@ -257,10 +257,9 @@ class Drives:
         of_log, self.windows, led = map(list, zip(*windows[:: -(-len(windows) // _MAX_WINDOWS)], strict=True))
         replayer = Replayer(led, inputs)
         self._motion = lru_cache(_KEPT)(partial(replayer.run, threads=threads))
-        self._poses = _Poses.of(self.windows)
-        self.horizon, self._first, self._last = self._poses.pairs(geometry)
-        self._measured = se2.between(self._poses.pose[self._first], self._poses.pose[self._last])
-        window = self._poses.window[self._first]
+        self._pairs = _Pairs.of(self.windows, geometry)
+        self.horizon, window = self._pairs.horizon, self._pairs.window
+        self._measured = se2.between(*self._pairs.pose.swapaxes(0, 1))
         self.log = np.repeat(np.array(of_log)[window], 3)
         """Index of the log that each error (n,) is of."""
         cluster = _same_commands(self.windows)[window]
@@ -279,9 +278,9 @@ class Drives:
 
     def errors(self, candidate: Candidate) -> Array:
         """Errors (n,): forwards, to the left, heading of each pair, in the frame of its first pose [m, m, rad]."""
-        time = self._poses.time + candidate.clock
-        pose = se2.compose(self.motion(candidate).at(self._poses.window, time), candidate.sensor.pose)
-        error = se2.between(pose[self._first], pose[self._last]) - self._measured
+        motion, place, window = self.motion(candidate), candidate.sensor, self._pairs.window
+        first, last = (motion.sensor_at(window, place, time + candidate.clock) for time in self._pairs.time.T)
+        error = se2.between(first, last) - self._measured
         error[:, 2] = se2.wrap_angle(error[:, 2])
         return np.asarray(error).ravel()
 
@@ -299,49 +298,36 @@ class Drives:
 
 
 @dataclass(frozen=True)
-class _Poses:
-    """Measured poses of all windows."""
+class _Pairs:
+    """Pairs of measured poses a horizon apart, between which the robot moves."""
 
-    window: np.ndarray  # (K,)
-    time: Array  # (K,) pose clock [s]
-    pose: Array  # (K, 3)
-    way: Array  # (K,) of the faster belt, over the radius of the sprocket [rad]
-    interval: Array  # (K,) usual time between poses of the window [s]
+    horizon: Array  # (n,) [s]
+    window: np.ndarray  # (n,)
+    time: Array  # (n, 2) pose clock [s]
+    pose: Array  # (n, 2, 3)
 
     @classmethod
-    def of(cls, logs: Sequence[RunLog]) -> _Poses:
-        parts: list[tuple[Array, ...]] = []
-        for k, log in enumerate(logs):
-            rows = np.flatnonzero(log.has_heading)
-            if len(rows) < 2:
-                continue
-            step = np.abs(log.omega).max(axis=1)[1:] * np.diff(log.time)
-            way = np.concatenate([[0.0], np.cumsum(step)])[rows]
-            usual = float(np.median(np.diff(log.time[rows])))
-            numbers = np.full(len(rows), k), log.time[rows], log.pose[rows], way, np.full(len(rows), usual)
-            parts.append(numbers)
-        if not parts:
+    def of(cls, windows: Sequence[RunLog], geometry: RobotGeometry) -> _Pairs:
+        """Those of windows, about four in a horizon; raises LogError if there are none."""
+        headed = [(k, log, rows) for k, log in enumerate(windows) if len(rows := np.flatnonzero(log.has_heading)) > 1]
+        if not headed:
             raise LogError("no poses with headings (phi): a calibration compares positions and headings")
-        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-    def pairs(self, geometry: RobotGeometry) -> tuple[Array, np.ndarray, np.ndarray]:
-        """Horizons (n,) [s] of pairs of poses between which the robot moves, and both poses of each."""
-        found = [np.zeros((3, 0))]
-        for window in np.unique(self.window):
-            (rows,) = np.nonzero(self.window == window)
-            time, interval = self.time[rows], self.interval[rows[0]]
+        parts: list[tuple[Array, ...]] = []
+        for k, log, rows in headed:
+            time, interval = log.time[rows], float(np.median(np.diff(log.time[rows])))
+            belts = np.abs(log.omega).max(axis=1)[1:] * np.diff(log.time) * geometry.sprocket_radius
+            way = np.append(0.0, np.cumsum(belts))[rows]
             for horizon in HORIZONS:
-                first = rows[:: max(1, round(horizon / _PAIRS / interval))]
-                wanted = self.time[first] + horizon
-                last = rows[np.clip(np.searchsorted(time, wanted - interval / 2), 0, len(rows) - 1)]
-                kept = np.abs(self.time[last] - wanted) <= interval / 2 + 1e-9
-                driven = (self.way[last] - self.way[first]) * geometry.sprocket_radius
-                kept &= driven > _MIN_DRIVEN * geometry.half_gauge
-                found.append(np.stack([np.full(kept.sum(), horizon), first[kept], last[kept]]))
-        horizon, first, last = np.concatenate(found, axis=1)
-        if not len(horizon):
+                first = np.arange(0, len(rows), max(1, round(horizon / _PAIRS / interval)))
+                last = np.searchsorted(time, time[first] + horizon - interval / 2).clip(max=len(rows) - 1)
+                apart = np.abs(time[last] - time[first] - horizon) <= interval / 2 + 1e-9
+                apart &= way[last] - way[first] > _MIN_DRIVEN * geometry.half_gauge
+                ends = np.stack([first[apart], last[apart]], axis=1)
+                parts.append((np.full(len(ends), horizon), np.full(len(ends), k), time[ends], log.pose[rows[ends]]))
+        pairs = cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        if not len(pairs.horizon):
             raise LogError(f"no poses {HORIZONS[0]:g} s apart between which the robot drives")
-        return horizon, first.astype(int), last.astype(int)
+        return pairs
 
 
 def _windows(log: RunLog) -> list[RunLog]:

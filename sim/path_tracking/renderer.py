@@ -8,7 +8,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from sim.opengl import TaskRenderer
+from sim.opengl import TaskRenderer, place
 from sim.path_tracking.tracking import PathTracking
 from sim.robot.looks import RobotLooks, robot_looks
 from sim.tracks.drawing import draw
@@ -55,7 +55,7 @@ class PathRenderer(TaskRenderer):
             self.data = mujoco.MjData(self._looks.model)
         qpos = self._looks.rest.copy()
         qpos[:7] = self._tracking.fleet.batch.qpos[row]
-        self.place(qpos)
+        place(self.data, qpos)
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Append the tracks, the path and the trail."""

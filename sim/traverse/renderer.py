@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from sim.opengl import TaskRenderer
+from sim.opengl import TaskRenderer, place
 from sim.robot.tracked_model import build_tracked
 from sim.robot.tracked_view import TrackedView
 from sim.traverse.task import Crossing
@@ -37,7 +37,7 @@ class CourseRenderer(TaskRenderer):
             tracked = build_tracked(world.tracked.robot, world.terrain, preset=self._task.config.preset, looks=True)
             self._view, self.data = TrackedView(tracked), mujoco.MjData(tracked.model)
         world.show(row, self.data.model)
-        self.place(world.state.qpos[row])
+        place(self.data, world.state.qpos[row])
 
     def camera(self, row: int) -> mujoco.MjvCamera:
         """See TaskRenderer."""

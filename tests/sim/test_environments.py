@@ -168,21 +168,6 @@ def test_scales_turn_observations_and_actions_into_quantities():
     assert seen["height at (0, 0) m"] == pytest.approx(below, abs=1e-6)
 
 
-def test_a_law_of_slip_under_load_gets_the_load_of_the_slope():
-    """It speeds the sprockets up by the slip C t more uphill, to first order in the traction per unit load t."""
-    slope, compliance = 0.1, UNDER_LOAD.compliance
-    set_points = []
-    for steepness in (0.0, slope):
-        options = {"action": "twist", "compensation": UNDER_LOAD, "reference": "clothoid"}
-        env = gym.make(TRACKING, **options, randomization=Randomization(slope=(steepness, steepness))).unwrapped
-        env.reset(seed=2)
-        (ground,) = env.task.fleet.ground
-        info = env.step(np.array([0.5, 0.0], np.float32))[-1]
-        set_points.append(info["set_point"])
-    along = np.tan(slope) * np.cos(ground.uphill - info["true_pose"][2])
-    np.testing.assert_allclose(set_points[1] / set_points[0] - 1, compliance * along, rtol=0.02)
-
-
 def test_a_robot_may_come_from_a_file_with_its_ground(tmp_path):
     file = tmp_path / "robot.toml"
     file.write_text("mass = 20.0\n[ground]\nalong = 0.5\nacross = 0.6\n")

@@ -151,6 +151,7 @@ def test_every_parameter_can_be_changed_and_read_back(name):
     for parameter, one in PARAMETERS.items():
         for limit in one.limits(base):
             value = one.unscaled(base, limit)
+            assert one.low <= value <= one.high  # despite rounding
             changed = base.with_values({parameter: value})
             assert changed.value(parameter) == pytest.approx(value, rel=1e-6, abs=1e-9), parameter
             assert one.scaled(base, value) == pytest.approx(limit, abs=1e-6)
