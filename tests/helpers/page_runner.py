@@ -1,6 +1,6 @@
 """Run the code blocks of a page and compare what they print with what it shows.
 
-`python tests/helpers/page_runner.py docs/coverage.md` runs a page, slow commands included, and replaces the lines it
+`python tests/helpers/page_runner.py docs/validation.md` runs a page, slow commands included, and replaces the lines it
 shows by those that are printed now.
 """
 

@@ -1,6 +1,6 @@
 """Steady samples: do the 95 % intervals of laws cover the truth in 95 % of many repeats?
 
-`pytest -m slow tests/validation/test_steady_coverage.py -s` prints the tables of docs/coverage.md, in minutes.
+`pytest -m slow tests/validation/test_steady_coverage.py -s` prints the tables of docs/validation.md, in minutes.
 """
 
 from __future__ import annotations
