@@ -4,16 +4,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-import numpy as np
-from matplotlib.figure import Figure
-
 from experiments.common.choices import SHIPPED
-from experiments.common.colours import BLACK
 from experiments.common.options import Distinct, Exclusion, Needs, Positive, ResultsOptions, Within, default_is
-from experiments.common.page import drawn
-from experiments.common.results import FIGURES_FOLDER
 from experiments.common.run import Run
-from experiments.common.style import RADII_SHADES, log_ticks, shade, styled
 from experiments.common.table import Table
 from experiments.simulate.options import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR, RobotSource
 from sim.drive.pull import Pull
@@ -24,7 +17,7 @@ from trackslip.errors import InvalidValueError
 from trackslip.identification.source import MULTIPLIERS
 from trackslip.logs.file_format import FORMAT
 from trackslip.paper import OBSERVED_RADII
-from trackslip.skid_theory import Contact, Load, Turns, steady_turns, steady_twist
+from trackslip.skid_theory import Load, steady_turns, steady_twist
 
 EXAMPLES = (
     ("the shipped robot", "trackslip predict"),
@@ -34,7 +27,6 @@ EXAMPLES = (
 )
 _HEADER = ("radius driven [m]", "outer slip", "inner slip", "D [mm]", "ICRs, left | right [mm]")
 _GRAVITY = 9.81  # [m/s^2]
-_MODULI = (0.0, 0.002, 0.005, 0.01, 0.025)  # shear moduli that every figure shows [m]
 _ROBOTS = default_is("the robot's", "FLOAT")
 
 
@@ -130,9 +122,6 @@ def run(config: Config) -> None:
     }
     with Run(config) as run:
         run.write(summary)
-        if varies:
-            (run.folder / FIGURES_FOLDER).mkdir()
-            drawn("predict", draw_prediction(turns, contact, ground.shear, load)).write(run.folder / FIGURES_FOLDER)
     rows = [
         (f"{r:g}", f"{outer:+.4f}", f"{inner:+.4f}", f"{1e3 * d:.2f}", f"{1e3 * left:+.1f} | {1e3 * right:+.1f}")
         for r, (inner, outer), d, (left, right) in zip(config.radii, slip, turns.offset, turns.icr, strict=True)
@@ -157,30 +146,3 @@ def predicted_world(config: Config) -> tuple[RobotParameters, Ground, Load]:
     shear = ground.shear if config.shear is None else config.shear
     load = Load(config.slope, config.uphill, config.pull / (robot.mass * _GRAVITY), config.pull_height)
     return robot, Ground(along, ratio * along, shear=shear), load
-
-
-@styled
-def draw_prediction(turns: Turns, contact: Contact, shear: float, load: Load) -> Figure:
-    """The turns on ground with modulus `shear` [m], and the same on other ground."""
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-    offset, slip = figure.subplots(1, 2)
-    radius = np.geomspace(min(turns.radius.min(), 2 * turns.half_gauge), max(turns.radius.max(), 3.5), 30)
-    moduli = sorted({*_MODULI, shear})
-    for k, modulus in enumerate(moduli):
-        try:
-            line = steady_turns(radius, contact, modulus, load)
-        except InvalidValueError:  # softer ground than asked for may not carry the load in every turn
-            continue
-        look = {"color": shade(RADII_SHADES, k / (len(moduli) - 1)), "lw": 2.4 if modulus == shear else 1.3}
-        offset.plot(radius, 1e3 * line.offset, label=f"K = {1e3 * modulus:g} mm", **look)
-        slip.plot(radius, line.slip[:, 1], **look)
-        slip.plot(radius, line.slip[:, 0], ls="--", **look)
-    offset.plot(turns.radius, 1e3 * turns.offset, "o", color=BLACK, ms=4)
-    slip.plot(turns.radius, turns.slip[:, [1, 0]], "o", color=BLACK, ms=4)
-    offset.set(title="Offset of the tracks' ICRs", ylabel="D [mm]")
-    slip.set(title="Slip: outer track, inner dashed", ylabel="slip [–]", ylim=(-0.4, 0.4))
-    for axes in (offset, slip):
-        axes.set(xlabel="radius driven [m]", xscale="log")
-        log_ticks(axes.xaxis)
-    offset.legend(loc="best")
-    return figure

@@ -1,12 +1,9 @@
-import numpy as np
 import pytest
-from figures import assert_readable
 
 from experiments.cli import main
-from experiments.predict import _MODULI, Config, draw_prediction, predicted_world
+from experiments.predict import Config, predicted_world
 from sim.ground.ground import Ground
 from trackslip.laws.file import load_laws
-from trackslip.skid_theory import Load, line_contact, steady_turns
 
 
 def test_the_default_is_the_simulated_robot(robot, trackslip):
@@ -30,17 +27,6 @@ def test_on_ground_that_shears_slip_depends_on_radius_and_load(trackslip):
     level = trackslip("predict", "--shear", "0.01", "--radii", "0.606", "2.938").summary
     assert level["straight_slip"] == 0
     assert level["offset"] == pytest.approx([0.0371, 0.0296], abs=6e-5)
-    assert "<svg" in (result.folder / "figures" / "predict.svg").read_text()
-
-
-def test_a_prediction_has_a_line_for_each_modulus_and_a_point_for_each_radius():
-    contact, load = line_contact(0.168, 0.17, 0.7, 0.778), Load()
-    turns = steady_turns((0.6, 1.5, 3.0), contact, 0.01, load)
-    offset, slip = assert_readable(draw_prediction(turns, contact, 0.01, load)).axes
-    *lines, points = offset.lines
-    assert len(lines) == len(_MODULI)
-    np.testing.assert_allclose(points.get_ydata(), 1e3 * turns.offset)
-    np.testing.assert_allclose(slip.lines[-2].get_ydata(), turns.slip[:, 1])
 
 
 def test_turns_counted_by_hand_give_the_multiplier(capsys, refused):
