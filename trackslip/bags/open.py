@@ -39,7 +39,7 @@ _REPAIRS = {
     ".zstd": "zstd -d {file}",
 }
 _MCAP_END = b"\x89MCAP0\r\n"
-_DEPTH = 3  # of folders in folders
+_DEPTH = 4  # of files in folders
 _SHOWN = 12  # names in a message
 
 
@@ -198,18 +198,14 @@ def open_bags(path: str | Path) -> list[Bag]:
     return [replace(bags[0], notes=(*bags[0].notes, *notes)), *bags[1:]]
 
 
-def bags_in(path: Path, depth: int = _DEPTH) -> list[Path]:
+def bags_in(path: Path) -> list[Path]:
     """The bags in a folder, or the one of a file: folders with metadata, and files."""
     if not path.is_dir():
         return [path] if _is_bag_file(path) else []
-    entries = sorted(path.iterdir())
-    places = [entry for entry in entries if _is_bag_file(entry) and entry.is_file()]
-    if places and (path / _METADATA).is_file():
-        return [path]
-    for folder in entries if depth else ():
-        if folder.is_dir() and os.access(folder, os.R_OK | os.X_OK):
-            places += bags_in(folder, depth - 1)
-    return places
+    patterns = ("/".join("*" * depth) for depth in range(1, _DEPTH + 1))
+    entries = (entry for pattern in patterns for entry in sorted(path.glob(pattern)))
+    files = [entry for entry in entries if _is_bag_file(entry) and entry.is_file()]
+    return list(dict.fromkeys(file.parent if (file.parent / _METADATA).is_file() else file for file in files))
 
 
 def _is_bag_file(path: Path) -> bool:

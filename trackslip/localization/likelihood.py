@@ -102,7 +102,7 @@ class PlateLikelihood:
             step, fall = newton(here, _DAMPING / 10**k)
             there = (fall < _CONVERGED) & climbing
             target = self._moved(here, part[:, None] * step)
-            if np.count_nonzero(there):  # takes a quarter of the time of any()
+            if there.any():
                 np.copyto(here.pose, target, where=there[:, None])
                 np.subtract(here.cost, fall, out=here.cost, where=there)
                 climbing &= ~there
@@ -118,7 +118,7 @@ class PlateLikelihood:
             trial = self.evaluate(beams, target)
             rise = trial.cost - here.cost
             better = (rise < 0) & climbing
-            if np.count_nonzero(better) == len(rows):
+            if better.all():
                 here = trial
             else:
                 np.copyto(here.pose, trial.pose, where=better[:, None])
@@ -126,7 +126,7 @@ class PlateLikelihood:
                 np.copyto(here.axis, trial.axis, where=better)
             np.copyto(part, 1.0, where=better)
             refused = climbing & ~better
-            if np.count_nonzero(refused):
+            if refused.any():
                 promised = 2 * part * fall
                 shorter = promised / (2 * (rise + promised) + _TINY)
                 climbing &= better | (shorter * promised / 2 >= _CONVERGED)  # what the minimum of the parabola promises
@@ -193,7 +193,7 @@ def _half_sides(plate: Plate) -> Array:
 def _missed(edges: Edges, bearing: Array) -> tuple[Array, Array]:
     """By how much corners at bearings (2, M) miss the edges [rad], and the weights of that [1/rad]."""
     residual, weight, slack = bearing - edges.bearing.T, edges.weight.T, edges.slack.T
-    if np.count_nonzero(slack):
+    if slack.any():
         residual -= np.minimum(np.maximum(residual, -slack), slack)
         weight = np.where((slack == 0) | (residual != 0), weight, 0.0)
     return residual, weight

@@ -97,7 +97,7 @@ class PlateLocator:
             self._sort_out(scan, found, doubtful, near)
         valid = self._believed(found)
         covariance = scan.covariance_to_world(found.covariance)
-        if np.count_nonzero(valid) < len(valid):
+        if not valid.all():
             covariance[~valid] = np.nan
         return PoseEstimate(scan.to_world(found.pose), covariance, valid)
 
@@ -147,12 +147,12 @@ class PlateLocator:
         short = self.plate.thickness / scan.beam_step
         covariance = axes.swapaxes(1, 2) @ _widened(covariances(fit), fit.pose, beams.edges.weight, short) @ axes
         strained = _strained(misfit, cluster.count)
-        if np.count_nonzero(strained):
+        if strained.any():
             covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
         score = _EXPLAINED * cluster.count - fit.cost
         score += np.log(max(scan.dropout, _MIN_DROPOUT)) * cluster.lost
         cut = cluster.hidden.max(axis=1) > 0
-        if np.count_nonzero(cut):
+        if cut.any():
             covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
         return PlateSolution(fit.pose, covariance, misfit, score, strained | cut)
 
@@ -166,7 +166,7 @@ class PlateLocator:
         fit = self._likelihood.climb(beams, near, _ITERATIONS)
         misfit = _misfit(fit, cluster)
         unexplained = _strained(misfit, cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
-        if not np.count_nonzero(unexplained):
+        if not unexplained.any():
             return fit, misfit
         for rows in chunks(cluster, MAX_STARTS, unexplained):
             first = starts(cluster.take(rows), self.plate, beam_step, near[rows])

@@ -50,7 +50,7 @@ class Tracker:
         """Continue the tracks with one estimate per robot; a rejected one is replaced by the prediction, not valid."""
         pose = self._unwrapped(estimate.pose)
         valid = self._close(estimate, pose)
-        if np.count_nonzero(valid) == len(valid):
+        if valid.all():
             self._pose, self._last = pose, estimate.covariance.copy()
             self._blind[:] = 0.0
             return PoseEstimate(pose.copy(), estimate.covariance.copy(), valid)

@@ -156,7 +156,7 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
     if near is not None:
         mine = _about(returns, plate, near)
         expected[returns.row[mine]] = True
-    if np.count_nonzero(expected) < len(expected):
+    if not expected.all():
         pieces = returns.split(MAX_GAP)
         fits = pieces.extent < plate.length + plate.thickness + 6 * scan.noise
         score = pieces.count if near is None else -np.hypot(*(returns.centres(pieces) - near[pieces.row, :2]).T)
@@ -199,7 +199,7 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
     count = np.bincount(cluster, minlength=clusters)
     end = count.cumsum()
     filled = count > 0
-    whole = np.count_nonzero(filled) == clusters
+    whole = filled.all()
     if whole:
         low, high = beam[end - count], beam[end - 1]
     else:
@@ -246,7 +246,7 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
     """
     last = scan.ranges.shape[1] - 1
     beside = scan.ranges[rows, np.maximum(low - 1, 0)], scan.ranges[rows, np.minimum(high + 1, last)]
-    if np.count_nonzero(np.isnan(beside)) == 2 * len(rows):  # nothing is beside any of them, as in an open field
+    if np.isnan(beside).all():  # nothing is beside any of them, as in an open field
         return np.zeros((len(rows), 2))
     way = np.repeat([-1, 1], len(rows))
     rows, edge = np.concatenate([rows, rows]), np.concatenate([low, high])
@@ -274,7 +274,7 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
 def _about(returns: Returns, plate: Plate, near: Array) -> np.ndarray:
     """Mask (H,) of the returns in pieces that lie mostly around the plates expected at `near` (S, 3)."""
     close = plate.outside(near, returns.row, returns.x, returns.y) < _ABOUT
-    if np.count_nonzero(close) == len(close):  # all pieces do, as in an open field
+    if close.all():  # all pieces do, as in an open field
         return close
     pieces = returns.split(FINER_GAPS[-1])
     share = np.bincount(pieces.label, weights=close, minlength=len(pieces.count)) / np.maximum(pieces.count, 1)

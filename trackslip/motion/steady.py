@@ -89,18 +89,15 @@ def steady_parts(log: RunLog, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
     _require_headings(log)
     step = np.diff(log.time)
     gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
-    notes = [
-        f"run {log.run!r}: its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s" for k in gaps
-    ]
+    late = [f"its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s" for k in gaps]
+    notes = [f"run {log.run!r}: {gap}" for gap in late]
     lead = max(settle, MARGIN)
     enough = max(_SHORTEST, _time_of_poses(log, MIN_ARC_POSES))
     least = lead + MARGIN + enough
     long, longest = constant_stretches(log.time, log.omega, gaps, least)
     if not long:
         begin, end = log.time[list(longest)]
-        why = [note.removeprefix(f"run {log.run!r}: ") for note in notes[:_LISTED]] + [
-            f"steady from {begin:.12g} s to {end:.12g} s only, too short"
-        ]
+        why = [*late[:_LISTED], f"steady from {begin:.12g} s to {end:.12g} s only, too short"]
         left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out, and an arc needs {enough:.2g} s"
         raise LogError(f"run {log.run!r}: {'; '.join(why)}: {left_out}")
     moving = [piece for piece in long if _turns(log.omega, *piece)]
