@@ -98,28 +98,21 @@ class Belts:
         """Body of each track (T,), at its middle."""
         model.flg_surfacevel = 1  # compiled with belts at rest, the engine would ignore later speeds
 
-    def set(
-        self,
-        speeds: ArrayLike,
-        torque_limit: ArrayLike | None = None,
-        inertia: ArrayLike = 0.0,
-        radius: ArrayLike | None = None,
-    ) -> None:
+    def set(self, speeds: ArrayLike, torque_limit: ArrayLike | None = None, inertia: ArrayLike = 0.0) -> None:
         """Set the belts' speeds (T,) [m/s]; positive drives the robot forwards.
 
         With a torque limit they are set points, and `step` finds the speeds.
 
         Args:
             speeds: of the belts [m/s].
-            torque_limit: largest torque of each belt's motor at its sprocket, one for all or (T,) [N m]; by default the
-                belts have the speeds at once.
-            inertia: moment of inertia of motor, gear and belt at the sprocket, likewise [kg m^2].
-            radius: of the sprocket to the belt's outside, likewise; by default that of the hull's largest wheel [m].
+            torque_limit: largest torque of each belt's motor at its sprocket, the hull's largest wheel, one for all or
+                (T,) [N m]; by default the belts have the speeds at once.
+            inertia: moment of inertia of motor, gear and belt there, likewise [kg m^2].
 
         Raises:
             InvalidValueError: for speeds that aren't finite, negative limits or inertias, and other shapes.
         """
-        self._motors.set(_ONE, _speeds(speeds, len(self.names)), torque_limit, inertia, radius)
+        self._motors.set(_ONE, _speeds(speeds, len(self.names)), torque_limit, inertia)
         self._put(self._motors.speed[0])
 
     def step(self, data: mujoco.MjData) -> None:
@@ -184,11 +177,10 @@ class BatchBelts:
         rows: Any = slice(None),
         torque_limit: ArrayLike | None = None,
         inertia: ArrayLike = 0.0,
-        radius: ArrayLike | None = None,
     ) -> None:
         """Set the belts' speeds (R, T) [m/s] of the simulations `rows`; motors, (T,) or (R, T), as in `Belts.set`."""
         where = np.arange(len(self._surface))[rows]
-        self._motors.set(where, _speeds(speeds, len(self.names)), torque_limit, inertia, radius)
+        self._motors.set(where, _speeds(speeds, len(self.names)), torque_limit, inertia)
         self._put(where, self._motors.speed[where])
 
     def step(self, rows: Any = slice(None)) -> None:
