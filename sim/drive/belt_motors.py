@@ -32,4 +32,4 @@ class BeltMotors:
         drives = np.clip(self.drive.torque_range(omega)[1] - friction, 0.0, None)
         too_fast = np.abs(speeds) > np.abs(goal) * _ROUNDING
         limit = np.where(too_fast, self.drive.torque_limit + friction, drives)
-        return {"torque_limit": limit, "inertia": self.drive.motor.inertia, "radius": self.radius}
+        return {"torque_limit": limit, "inertia": self.drive.motor.inertia}

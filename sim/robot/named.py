@@ -51,17 +51,10 @@ def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParamete
         SettingsFileError: for an unreadable file, and unknown, missing or invalid fields.
         TrackslipError: for a tracked robot whose model doesn't compile.
     """
-    if isinstance(source, RobotParameters):
-        return source, Ground()
-    if isinstance(source, TrackedRobot):
-        return on_flat_ground(source), Ground()
-    if str(source) == SHIPPED:
-        return RobotParameters(), Ground()
-    path, table = _read(source)
-    ground = build(Ground, table.pop("ground", {}), f"{path}: ground", Ground())
-    if _is_tracked(table):
-        return on_flat_ground(_tracked(path, table), str(source)), ground
-    return build(RobotParameters, table, str(path)), ground
+    robot, ground = _load(source)
+    if isinstance(robot, TrackedRobot):
+        robot = on_flat_ground(robot, "" if robot is source else str(source))
+    return robot, ground
 
 
 def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse) -> TrackedRobot:
@@ -69,17 +62,27 @@ def load_tracked(source: RobotSource | Path = "rescue", refuse: Refuse = refuse)
 
     `refuse` is for meshes that are missing where wheels are looked for; see `build_tracked`.
     """
-    if isinstance(source, TrackedRobot):
-        return source
-    if isinstance(source, RobotParameters):
-        return load_tracked(source.looks, refuse) if source.looks else on_terrain(source, "robot")
+    robot, _ = _load(source, refuse)
+    if isinstance(robot, TrackedRobot):
+        return robot
+    if robot.looks:
+        return load_tracked(robot.looks)
+    return on_terrain(robot, "robot" if robot is source else Path(str(source)).stem)
+
+
+def _load(source: RobotSource | Path, refuse: Refuse = refuse) -> tuple[RobotParameters | TrackedRobot, Ground]:
+    if isinstance(source, RobotParameters | TrackedRobot):
+        return source, Ground()
     if str(source) == SHIPPED:
-        return on_terrain(RobotParameters(), SHIPPED)
-    path, table = _read(source)
-    table.pop("ground", None)
-    if _is_tracked(table):
-        return _tracked(path, table, refuse)
-    return on_terrain(build(RobotParameters, table, str(path)), path.stem)
+        return RobotParameters(), Ground()
+    name = str(_FILES.get(str(source), source))
+    is_model = name.lower().endswith((".urdf", ".xacro", ".xml", ".sdf"))
+    require(not is_model, "robot", name, "a .toml file that names this model and its tracks: see docs/your_robot.md")
+    path, table = Path(name), read_named("robot", name, ROBOTS)
+    ground = build(Ground, table.pop("ground", {}), f"{path}: ground", Ground())
+    if any(field in TrackedRobot.__dataclass_fields__ and field not in _SHARED for field in table):
+        return _tracked(path, table, refuse), ground
+    return build(RobotParameters, table, str(path)), ground
 
 
 def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
@@ -164,19 +167,6 @@ class PlainRobot(TrackedRobot):
         hull = spec.geom("hull")
         hull.contype = hull.conaffinity = 1
         return spec
-
-
-def _read(source: str | Path) -> tuple[Path, dict[str, Any]]:
-    """Path and content of a robot's file."""
-    name = str(_FILES.get(str(source), source))
-    is_model = name.lower().endswith((".urdf", ".xacro", ".xml", ".sdf"))
-    require(not is_model, "robot", name, "a .toml file that names this model and its tracks: see docs/your_robot.md")
-    return Path(name), read_named("robot", name, ROBOTS)
-
-
-def _is_tracked(table: Mapping[str, Any]) -> bool:
-    """True for a robot file that names a model, or has any other field that only a tracked robot has."""
-    return any(name in TrackedRobot.__dataclass_fields__ and name not in _SHARED for name in table)
 
 
 _SHARED = RobotParameters.__dataclass_fields__.keys() & TrackedRobot.__dataclass_fields__.keys()

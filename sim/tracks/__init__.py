@@ -8,10 +8,11 @@ belts.set([0.3, 0.3])  # [m/s]
 """
 
 from sim.tracks.add import add_tracks
-from sim.tracks.belts import BatchBelts, Belts, Reading
+from sim.tracks.belts import BatchBelts, Belts
 from sim.tracks.connect import connect
 from sim.tracks.drawing import DrawnTracks
 from sim.tracks.motors import MotorReading
+from sim.tracks.reading import Reading
 from sim.tracks.recipe import PRESETS, Preset
 from sim.tracks.track import Track
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -13,14 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from sim.tracks.contact import set_contacts
 from sim.tracks.description import tracks_in
 from sim.tracks.motors import MotorReading, Motors
-from trackslip.errors import TrackslipError, require
+from sim.tracks.reading import SENSED_WIDTH, Reading, read_contacts
+from trackslip.errors import require
 
-SENSED_WIDTH = 14
-"""Numbers that a contact sensor gives per contact: found, force 3, distance, normal 3, tangent 3, velocity 3."""
 _ONE = np.zeros(1, int)  # the only simulation of a model
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_STILL = 1e-9  # a belt slower than this stands [m/s]
-_COMPLETE = 0.005  # of the load, which contacts that a sensor left out may carry [-]
 
 Floats = NDArray[np.float64]
 
@@ -98,28 +94,21 @@ class Belts:
         """Body of each track (T,), at its middle."""
         model.flg_surfacevel = 1  # compiled with belts at rest, the engine would ignore later speeds
 
-    def set(
-        self,
-        speeds: ArrayLike,
-        torque_limit: ArrayLike | None = None,
-        inertia: ArrayLike = 0.0,
-        radius: ArrayLike | None = None,
-    ) -> None:
+    def set(self, speeds: ArrayLike, torque_limit: ArrayLike | None = None, inertia: ArrayLike = 0.0) -> None:
         """Set the belts' speeds (T,) [m/s]; positive drives the robot forwards.
 
         With a torque limit they are set points, and `step` finds the speeds.
 
         Args:
             speeds: of the belts [m/s].
-            torque_limit: largest torque of each belt's motor at its sprocket, one for all or (T,) [N m]; by default the
-                belts have the speeds at once.
-            inertia: moment of inertia of motor, gear and belt at the sprocket, likewise [kg m^2].
-            radius: of the sprocket to the belt's outside, likewise; by default that of the hull's largest wheel [m].
+            torque_limit: largest torque of each belt's motor at its sprocket, the hull's largest wheel, one for all or
+                (T,) [N m]; by default the belts have the speeds at once.
+            inertia: moment of inertia of motor, gear and belt there, likewise [kg m^2].
 
         Raises:
             InvalidValueError: for speeds that aren't finite, negative limits or inertias, and other shapes.
         """
-        self._motors.set(_ONE, _speeds(speeds, len(self.names)), torque_limit, inertia, radius)
+        self._motors.set(_ONE, _speeds(speeds, len(self.names)), torque_limit, inertia)
         self._put(self._motors.speed[0])
 
     def step(self, data: mujoco.MjData) -> None:
@@ -184,11 +173,10 @@ class BatchBelts:
         rows: Any = slice(None),
         torque_limit: ArrayLike | None = None,
         inertia: ArrayLike = 0.0,
-        radius: ArrayLike | None = None,
     ) -> None:
         """Set the belts' speeds (R, T) [m/s] of the simulations `rows`; motors, (T,) or (R, T), as in `Belts.set`."""
         where = np.arange(len(self._surface))[rows]
-        self._motors.set(where, _speeds(speeds, len(self.names)), torque_limit, inertia, radius)
+        self._motors.set(where, _speeds(speeds, len(self.names)), torque_limit, inertia)
         self._put(where, self._motors.speed[where])
 
     def step(self, rows: Any = slice(None)) -> None:
@@ -259,85 +247,3 @@ def _speeds(speeds: ArrayLike, count: int) -> Floats:
     require(fits, "shape of speeds", values.shape, f"(..., {count}), a belt each")
     require(np.isfinite(values).all(), "speeds", values[~np.isfinite(values)][:1].tolist(), "finite")
     return values
-
-
-@dataclass(frozen=True)
-class Reading:
-    """Forces and motion of T tracks in the last physics step; a batch has a leading axis (N, T)."""
-
-    traction: Floats
-    """Force of the ground along the belt, positive forwards (..., T) [N]. Times the belt's speed, it is its power."""
-    load: Floats
-    """Sum of the normal forces (..., T) [N]."""
-    sliding: Floats
-    """Speed of the belt minus the track's over the ground, averaged over the load (..., T) [m/s]; NaN in the air."""
-    slip: Floats
-    """1 - speed over ground / speed of the belt (..., T) [-]; NaN where nothing touches or the belt stands."""
-    touching: NDArray[np.bool_]
-    """Mask (..., T) of the tracks that touch anything."""
-    depth: Floats
-    """Largest penetration (..., T) [m]."""
-    missing: Floats
-    """Largest share of the load (..., T) at contacts that the sensor had no room for [-]."""
-
-    def complete(self, names: Sequence[str]) -> Reading:
-        """This reading of the tracks `names` (T,); raises TrackslipError where it lacks contacts that matter."""
-        if (self.missing > _COMPLETE).any():
-            track = names[int(np.argmax(self.missing)) % len(names)]
-            raise TrackslipError(
-                f"track {track} touches the terrain at more points than its sensor reports: use a coarser height field"
-            )
-        return self
-
-
-def read_contacts(
-    sensed: Floats, owner: NDArray[np.int_], lost: NDArray[np.int_], lateral: Floats, speeds: Floats
-) -> Reading:
-    """Reading (..., T) of tracks from the contacts of all of them.
-
-    Args:
-        sensed: what contact sensors report (SENSED_WIDTH, C), the largest forces of a track first.
-        owner: the tracks of the contacts (C,), numbers in the flattened (..., T), in ascending order.
-        lost: number (..., T) of contacts of smaller forces that are not reported.
-        lateral: axes (..., T, 3) of the tracks to the left, in the world.
-        speeds: speeds of the belts (..., T) [m/s].
-    """
-    force, distance = sensed[1:4], sensed[4]
-    normal, tangent, velocity = sensed[5:8], sensed[8:11], sensed[11:14]
-
-    def total(values: Floats) -> Floats:
-        """Sums (..., T) over the contacts, one after another, so that other tracks don't change a bit."""
-        sums = np.asarray(np.bincount(owner, values, minlength=speeds.size), float)
-        return sums.reshape(speeds.shape)
-
-    # over a contact the belt moves square to the normal and to the wheels' axes; its direction in the contact's frame:
-    left = np.moveaxis(lateral, -1, 0).reshape(3, -1)[:, owner]
-    first, second = _triple(left, normal, tangent), -(left * tangent).sum(axis=0)
-    size = np.hypot(first, second)
-    size[size == 0] = 1.0
-    weight = force[0]
-    load = total(weight)
-    touching = load > 0
-    over_ground = total(weight * (first * velocity[1] + second * velocity[2]) / size)
-    sliding = speeds - np.divide(over_ground, load, out=np.full(load.shape, np.nan), where=touching)
-    traction = total((first * force[1] + second * force[2]) / size)
-    depth, smallest = np.zeros(speeds.size), np.zeros(speeds.size)
-    np.maximum.at(depth, owner, -distance)
-    smallest[owner] = weight  # that of the last contact
-    left_out = lost * smallest.reshape(speeds.shape)
-    missing = np.divide(left_out, load + left_out, out=np.zeros(load.shape), where=left_out > 0)
-    return Reading(traction, load, sliding, _slip(sliding, speeds), touching, depth.reshape(speeds.shape), missing)
-
-
-def _triple(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Triple products a . (b x c) of vectors (3, ...)."""
-    product: Floats = (
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
-    return product
-
-
-def _slip(sliding: Floats, speed: Floats) -> Floats:
-    """Slip (...) of belts of `speed` (...) that slide over the ground at `sliding` (...) [m/s]."""
-    moving = np.abs(speed) > _STILL
-    return np.divide(sliding, speed, out=np.full(np.shape(sliding), np.nan), where=moving)

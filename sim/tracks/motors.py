@@ -42,32 +42,24 @@ class Motors:
 
         Args:
             size: number of simulations.
-            radius: radii of the sprockets (T,), unless others are set [m].
+            radius: radii of the sprockets (T,) [m].
             weight: of the robot [N].
             slope: of the traction of a robot that is free to move over the belts' speed [N s/m].
         """
         shape = size, len(radius)
-        self._default, self._noise = radius, _ROUGHNESS * weight / len(radius)
+        self._radius, self._noise = radius, _ROUGHNESS * weight / len(radius)
         self._slope = np.tile(np.eye(len(radius)) * slope / len(radius), (size, 1, 1))  # (N, T, T) of the traction
         self._goal, self._change, self._late, self._inertia = np.zeros((4, *shape))
-        self._limit, self._radius = np.full(shape, np.inf), np.tile(radius, (size, 1))
+        self._limit = np.full(shape, np.inf)
         self.speed, self._torque, self._power, self._energy = np.zeros((4, *shape))
 
-    def set(
-        self,
-        rows: NDArray[np.int_],
-        speeds: Floats,
-        torque_limit: ArrayLike | None,
-        inertia: ArrayLike,
-        radius: ArrayLike | None,
-    ) -> None:
+    def set(self, rows: NDArray[np.int_], speeds: Floats, torque_limit: ArrayLike | None, inertia: ArrayLike) -> None:
         """Set the set points (R, T) of some simulations; belts without a limit have these speeds at once."""
         shape = len(rows), self.speed.shape[1]
         limit: ArrayLike = np.inf
         if torque_limit is not None:
-            limit = _numbers("torque_limit", torque_limit, shape, least=0.0)
-        self._radius[rows] = self._default if radius is None else _numbers("radius", radius, shape, least=1e-3)
-        self._inertia[rows] = _numbers("inertia", inertia, shape, least=0.0, most=1e6)
+            limit = _numbers("torque_limit", torque_limit, shape)
+        self._inertia[rows] = _numbers("inertia", inertia, shape, most=1e6)
         self._limit[rows], self._goal[rows] = limit, speeds
         free = np.isinf(limit)
         self.speed[rows] = np.where(free, speeds, self.speed[rows])
@@ -93,7 +85,7 @@ class Motors:
             attempt: step the simulations (A,) from where they are now, at belt speeds (A, T) [m/s]; gives the tractions
                 (A, T) [N]. Each simulation keeps its last attempt.
         """
-        radius, start, goal = self._radius[rows], self.speed[rows], self._goal[rows]
+        radius, start, goal = self._radius, self.speed[rows], self._goal[rows]
         mass, limit = self._inertia[rows] / radius**2, self._limit[rows] / radius
         guess = start + self._change[rows]
         short = (goal - start) * (goal - guess) > 0
@@ -116,12 +108,12 @@ class Motors:
         self.speed[rows], self._slope[rows] = speed, balance.slope
 
 
-def _numbers(name: str, values: ArrayLike, shape: tuple[int, int], least: float, most: float = np.inf) -> Floats:
+def _numbers(name: str, values: ArrayLike, shape: tuple[int, int], most: float = np.inf) -> Floats:
     """Numbers of this shape (R, T) from one for all, one a belt, or all of them."""
     try:
         found = np.broadcast_to(np.asarray(values, float), shape)
     except (TypeError, ValueError):
         found = np.full(shape, np.nan)
-    allowed = f"a number of at least {least:g}, or one for each of {shape[1]} belts"
-    require(((found >= least) & (found <= most)).all(), name, values, allowed)
+    allowed = f"a number of at least 0, or one for each of {shape[1]} belts"
+    require(((found >= 0.0) & (found <= most)).all(), name, values, allowed)
     return found

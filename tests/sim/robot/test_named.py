@@ -144,7 +144,7 @@ def test_robots_that_cannot_stand_on_flat_ground_are_refused(tmp_path):
         load_parameters(path)
 
 
-@pytest.mark.parametrize("name", ["robot.urdf", "model.xml", "robot.urdf.xacro"])
+@pytest.mark.parametrize("name", ["robot.urdf", "model.xml", "robot.urdf.xacro", "robot.sdf"])
 def test_a_model_without_tracks_is_told_what_is_missing(name):
     for load in (load_parameters, load_tracked):
         with pytest.raises(InvalidValueError, match=r"a \.toml file that names this model and its tracks"):

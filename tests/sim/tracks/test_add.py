@@ -10,6 +10,7 @@ from tracked import HULL, add_flipper, add_robot, built, plane, slab
 from sim.tracks import PRESETS, Belts, Track, add_tracks, connect
 from trackslip.errors import InvalidValueError, TrackslipError
 
+SIDES = ("left", "right")
 FLIPPER = [(0, 0, 0.08), (0.25, 0, 0.05)]
 
 
@@ -78,16 +79,22 @@ def test_pairs_and_flippers_share_a_robot():
 
 
 def test_an_attached_robot_is_connected_with_its_new_scene():
-    robot, scene = mujoco.MjSpec(), plane()
-    add_robot(robot)
-    tracked(robot)
-    scene.worldbody.add_frame().attach_body(robot.body("robot"), "first/", "")
+    scene = plane()
+    for prefix, y in (("first/", 0.0), ("second/", 2.0)):
+        robot = mujoco.MjSpec()
+        add_robot(robot)
+        tracked(robot)
+        scene.worldbody.add_frame(pos=[0, y, 0]).attach_body(robot.body("robot"), prefix, "")
     connect(scene)
     connect(scene)  # has nothing left to do
     model = scene.compile()
-    belts = Belts(model)
-    assert belts.names == ("first/robot_left", "first/robot_right")
-    assert driven(model, belts, steps=500).qpos[0] == pytest.approx(0.3, abs=0.02)
+    assert Belts(model).names == tuple(f"{prefix}/robot_{side}" for prefix in ("first", "second") for side in SIDES)
+    data = driven(model, Belts(model, [f"second/robot_{side}" for side in SIDES]), steps=500)
+    np.testing.assert_allclose(data.qpos[[0, 7]], [0.0, 0.3], atol=0.02)
+    with pytest.raises(
+        InvalidValueError, match="must be tracks of the model: first/robot_left, first/robot_right, sec"
+    ):
+        Belts(model, ["robot_left"])
 
 
 PLAIN = """

@@ -45,7 +45,7 @@ def test_turns_have_the_centres_of_rotation_of_theory(ground, preset, speeds, co
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("width", [1.5, 2.0, 2.5, 3.0])
+@pytest.mark.parametrize("width", [1.5, 3.0])
 @pytest.mark.parametrize("radius", [2.4, 8.0])
 def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(preset, width, radius):
     spec, half_gauge = plane(), width * HALF_LENGTH

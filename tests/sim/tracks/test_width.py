@@ -115,16 +115,6 @@ def test_a_narrow_beam_beside_the_middle_carries_a_wide_belt():
     assert height[1] == pytest.approx(0.0, abs=0.002)
 
 
-def test_without_a_width_the_model_is_as_before():
-    models = []
-    for options in ({}, {"width": 0.0}, {"width": WIDTH, "lines": 1}):
-        spec = plane()
-        add_robot(spec)
-        add_tracks(spec, "robot", Track(half_gauge=HALF_GAUGE, hull=HULL, **options), terrain="ground")
-        models.append(spec.to_xml() if spec.compile() else "")
-    assert len(set(models)) == 1
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
