@@ -98,7 +98,7 @@ def compare_drives(
         terms_of_best = [name for name in laws[best].values if not any(name in law.values for law in linear.values())]
         ends = [laws[best].interval95.get(name, (-np.inf, np.inf)) for name in terms_of_best]
         if all(low <= 0 <= high for low, high in ends):
-            reason = f"{best} predicts best, but its {' and '.join(terms_of_best)} may be 0; {among.reason}"
+            reason = f"{best} predicts best, but its {' and '.join(terms_of_best)} may be 0; of laws for odometry, {among.reason}"
             best = among.best
     deployed = best if best in linear or among is None else among.best
     alarms = [*look.alarms, *_alarms(laws[best], errors)]
