@@ -9,12 +9,14 @@ import platform
 import shlex
 import subprocess
 import sys
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from experiments.common.plain_json import plain
 from trackslip.logs.file_format import FORMAT
+from trackslip.logs.runlog import RunLog
 
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "casadi")
 
@@ -33,6 +35,13 @@ def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict
         "git": _git_state(),
         **plain(more),
     }
+
+
+def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
+    """Seed, model and ground, where all runs state the same; empty for a real robot's."""
+    first = logs[0].metadata if logs else {}
+    keys = [key for key in ("seed", "model_sha256", "ground") if first.get(key) is not None]
+    return {key: first[key] for key in keys if all(log.metadata.get(key) == first[key] for log in logs)}
 
 
 @functools.cache

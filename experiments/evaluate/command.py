@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.calibrate.calibration import fit_summary
-from experiments.common.manifest import command_line
+from experiments.common.manifest import command_line, origin
 from experiments.common.plain_json import plain
 from experiments.common.results import RECORDINGS_FOLDER, REPORT_FILE, TRAJECTORIES_FOLDER, file_names
 from experiments.common.run import Run
@@ -19,7 +19,7 @@ from experiments.evaluate.models import known_geometry, models_of, robots_of
 from experiments.evaluate.page import Report
 from experiments.evaluate.prediction import Prediction, predict
 from experiments.recorder import record
-from trackslip.identification.source import Source, origin
+from trackslip.identification.source import Source
 from trackslip.odometry.tum import write_tum
 
 _MOST_PATHS = 20  # drives whose paths are written

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from experiments.common.manifest import command_line
+from experiments.common.manifest import command_line, origin
 from experiments.common.results import REPORT_FILE, write_samples
 from experiments.common.run import Run
 from experiments.common.run_table import chosen
@@ -11,7 +11,7 @@ from experiments.identify.config import Config
 from experiments.identify.page import page, print_all
 from trackslip.identification.identify import identify_source
 from trackslip.identification.result import identification_to_json
-from trackslip.identification.source import ReadOptions, Source, origin, read_source
+from trackslip.identification.source import ReadOptions, Source, read_source
 from trackslip.laws.families import drive_laws
 from trackslip.se2 import Mounting
 

@@ -1,10 +1,9 @@
 """The report of `trackslip.identify(...)`, which the library finds by an entry point."""
 
-from experiments.common.manifest import versions
+from experiments.common.manifest import origin, versions
 from experiments.common.plain_json import plain
 from experiments.identify.page import page
 from trackslip.identification.result import Identification
-from trackslip.identification.source import origin
 
 
 def identification_page(found: Identification) -> str:

@@ -113,10 +113,9 @@ def _checked_clock(drive: PreparedDrive) -> Clock:
     clock = clock_of_drive(drive)
     ahead, differ = ("pose" if clock.offset < 0 else "encoder"), abs(clock.offset)
     if clock.distinct and differ > NEAR:
-        whose = "of the poses" if ahead == "pose" else "of the encoders"
         raise LogError(
             f"run {drive.name!r}: the clocks differ by {differ:.1f} s, as the {ahead} clock is ahead: subtract that "
-            f"from the times {whose}"
+            f"from the times of the {ahead}s"
         )
     time = np.sort(drive.time if drive.beyond is None else np.append(drive.time, drive.beyond[:, 0]))
     if time[0] > drive.edges[-1] + NEAR or time[-1] < drive.edges[0] - NEAR:
@@ -129,27 +128,20 @@ def _checked_clock(drive: PreparedDrive) -> Clock:
 
 def _alarms(drives: Sequence[PreparedDrive], look: Look, matches: Sequence[float]) -> list[Alarm]:
     """Lines on what makes any law doubtful."""
-    alarms = []
+    lines = list[tuple[str, str]]()
     match = float(np.mean(np.abs(matches))) if matches else 1.0
     if match < _DOUBTFUL:
-        alarms.append(
-            Alarm("match", f"wheels and poses hardly go together (correlation {match:.2f}): are they of one drive?")
+        lines.append(
+            ("match", f"wheels and poses hardly go together (correlation {match:.2f}): are they of one drive?")
         )
     for gain, what, unit in ((look.speed, "move", "x and y"), (look.turn, "turn", "phi")):
         if gain is not None and not 0.1 <= abs(gain.value) <= 3.0:
-            alarms.append(
-                Alarm(
-                    "units",
-                    f"the poses {what} {gain.value:.3g} times as far as the wheels: check the units of {unit} and "
-                    "omega, and sprocket_radius",
-                )
-            )
+            times = f"the poses {what} {gain.value:.3g} times as far as the wheels"
+            lines.append(("units", f"{times}: check the units of {unit} and omega, and sprocket_radius"))
     if sum(int(drive.blocks(drive.time[-1:])[0]) + 1 for drive in drives) < FEWEST_BLOCKS:
         least = FEWEST_BLOCKS * BLOCK
-        alarms.append(
-            Alarm("little", f"{look.duration:.0f} s of driving are too few for intervals: drive {least:.0f} s")
-        )
-    return alarms
+        lines.append(("little", f"{look.duration:.0f} s of driving are too few for intervals: drive {least:.0f} s"))
+    return [Alarm(*line) for line in lines]
 
 
 def _notes(drives: Sequence[PreparedDrive], look: Look) -> list[str]:

@@ -144,7 +144,7 @@ def _size(fit: DriveFit) -> float:
     size, horizon = sizes(fit.missed), fit.pairs.horizon
     ahead = set(np.unique(horizon)) & set(_COMPARED) or set(np.unique(horizon))
     columns = [column[np.isfinite(column)] for h in sorted(ahead) for column in size[horizon == h].T]
-    return float(np.exp(np.mean([np.log(column.mean()) for column in columns if len(column)] or [-np.inf])))
+    return float(np.exp(np.mean([np.log(column.mean() + 1e-12) for column in columns if len(column)] or [-np.inf])))
 
 
 def _held(

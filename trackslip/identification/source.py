@@ -143,16 +143,6 @@ def source_of_runs(
     )
 
 
-def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
-    """Seed, model and ground, where all runs state the same; empty for a real robot's."""
-    metadata = [log.metadata for log in logs]
-    return {
-        key: metadata[0][key]
-        for key in ("seed", "model_sha256", "ground")
-        if metadata and all(one.get(key) == metadata[0].get(key) is not None for one in metadata)
-    }
-
-
 def _read(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
     table = read_table(file)
     columns = table.column_names

@@ -13,10 +13,11 @@ from pages import ROOT, missing_line, shown
 from slip_data import slip_errors
 
 from experiments.cli import main
+from experiments.common.manifest import origin
 from experiments.reproduce import figures
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.identification.source import origin, read_source
+from trackslip.identification.source import read_source
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import body_errors
