@@ -219,15 +219,17 @@ class Fleet(Bodies):
             if self.pull.force > 0:
                 self._tow(rows)
             self._drive(rows, belts[k])
-            parts.append(self.batch.rollout(periods * self._substeps, record=("sensordata", "xmat"), ids=ids))
+            recorded = self.batch.rollout(periods * self._substeps, record=("sensordata", "xmat"), ids=ids)
+            ahead = recorded["xmat"][:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3]
+            parts.append((recorded["sensordata"], ahead))
             self._periods += periods
             if before is not None:
                 after = self._placed(rows)
                 self._ground.moved(rows, before, after, self._radius[rows] * mean[k])
                 before = after
-        sensed, axes = (np.concatenate([part[name] for part in parts], axis=1) for name in ("sensordata", "xmat"))
+        sensed, forward = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
         sensed = np.add.reduce(sensed.reshape(len(sensed), len(mean), self._substeps, -1), axis=2).swapaxes(0, 1)
-        forward = axes[:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3].swapaxes(0, 1)
+        forward = forward.swapaxes(0, 1)
         self._follow_heading(rows, forward)
         sensed /= self._substeps
         # grip builds up within a period, so that only the mean force gives the impulse
