@@ -19,26 +19,26 @@ _AHEAD = 5.0  # horizon of the errors that are told [s]
 _MOST_ALARMS, _MOST_NOTES = 4, 2
 
 
-def card(found: Identification, out: str | None = None, taken: Sequence[str] = ()) -> Answer:
+def card(result: Identification, out: str | None = None, taken: Sequence[str] = ()) -> Answer:
     """The answer, with `taken` from bags, and what to do with it if it is in a folder `out`."""
-    fits = found.fits()
-    name = found.expressible
-    current = "current × " if any(alarm.kind == "multiplier" for alarm in found.alarms) else ""
-    answer = found.answer.items()
+    fits = result.fits()
+    name = result.expressible
+    current = "current × " if any(alarm.kind == "multiplier" for alarm in result.alarms) else ""
+    answer = result.answer.items()
     facts = [(key, with_interval(gain.value, gain.ends)) for key, gain in answer if key.endswith("multiplier")]
     facts[:1] = [(key, current + value) for key, value in facts[:1]]
-    shown = dict.fromkeys(law for law in (name, found.best) if law is not None)
+    shown = dict.fromkeys(law for law in (name, result.best) if law is not None)
     for law in shown:
         prefix = f"{law}: " if len(shown) > 1 else ""
         facts += [(f"{prefix}{letter}", value) for letter, value in _parameters(fits[law])]
-    facts.append(("best law", f"{found.best}, {FAMILIES[found.best].title}: {found.reason}"))
-    if name not in (None, found.best):
+    facts.append(("best law", f"{result.best}, {FAMILIES[result.best].title}: {result.reason}"))
+    if name not in (None, result.best):
         facts.append(("deployed", f"{name}, the best law that diff_drive_controller can express; the values are its"))
-    facts += [("error today -> now", error)] if (error := error_today_and_now(found)) else []
-    notes = (f"note: {line}" for line in _few(in_few_lines(found.warnings), _MOST_NOTES))
-    lines = [*_look(found), *_other_method(found), *_few(taken, _MOST_NOTES), *notes]
-    alarms = [alarm.line for alarm in found.alarms]
-    return Answer(f"Best law: {found.best}", facts, lines, alarms, _commands(found, out))
+    facts += [("error today -> now", error)] if (error := error_today_and_now(result)) else []
+    notes = (f"note: {line}" for line in _few(in_few_lines(result.warnings), _MOST_NOTES))
+    lines = [*_look(result), *_other_method(result), *_few(taken, _MOST_NOTES), *notes]
+    alarms = [alarm.line for alarm in result.alarms]
+    return Answer(f"Best law: {result.best}", facts, lines, alarms, _commands(result, out))
 
 
 def print_card(answer: Answer, report: str) -> None:
@@ -57,15 +57,15 @@ def _parameters(fit: FittedLaw) -> list[tuple[str, str]]:
     return [(symbol(fit.name, key), tables.value_text(fit, key)) for key in fit.values]
 
 
-def error_today_and_now(found: Identification) -> str:
+def error_today_and_now(result: Identification) -> str:
     """Errors of prediction without identification and by the best law; empty if they aren't known."""
-    if found.method == "steady" or found.drive is None:
-        cv = found.comparison.validation
-        before, after = (cv[name].yaw_rate if name in cv else None for name in ("none", found.best))
+    if result.method == "steady" or result.drive is None:
+        cv = result.comparison.validation
+        before, after = (cv[name].yaw_rate if name in cv else None for name in ("none", result.best))
         if before is None or after is None:
             return ""
         return f"yaw rate at radii not fitted to {1e3 * before:.3g} -> {1e3 * after:.3g} mrad/s (rms)"
-    today, now = (found.drive.errors.get(name, {}) for name in (TODAY, found.best))
+    today, now = (result.drive.errors.get(name, {}) for name in (TODAY, result.best))
     if not now:
         return ""
     ahead = min(now, key=lambda horizon: abs(horizon - _AHEAD))
@@ -79,24 +79,24 @@ def error_today_and_now(found: Identification) -> str:
     return f"{ahead:g} s ahead, {' and '.join(parts)} (median)"
 
 
-def _look(found: Identification) -> list[str]:
+def _look(result: Identification) -> list[str]:
     """The gains of the first look."""
-    if found.drive is None or found.method == "steady":
+    if result.drive is None or result.method == "steady":
         return []
-    look = found.drive.look
+    look = result.drive.look
     gains = [(what, gain) for what, gain in (("speed", look.speed), ("turn", look.turn)) if gain is not None]
     told = [f"{what} gain {with_interval(gain.value, gain.ends)}" for what, gain in gains]
     told += [f"clocks {look.clock:+.2g} s apart"] if look.clock else []
     return [f"first look: {', '.join(told)}"] if told else []
 
 
-def _other_method(found: Identification) -> list[str]:
+def _other_method(result: Identification) -> list[str]:
     """What the method that isn't used says of D, in a line."""
-    other = found.drive if found.method == "steady" else found.steady
+    other = result.drive if result.method == "steady" else result.steady
     if other is None or REFERENCE not in other.laws:
         return []
     said = ", ".join(f"{letter} = {value}" for letter, value in _parameters(other.laws[REFERENCE]))
-    return [f"{'whole drives' if found.method == 'steady' else 'steady stretches'} say, by {REFERENCE}: {said}"]
+    return [f"{'whole drives' if result.method == 'steady' else 'steady stretches'} say, by {REFERENCE}: {said}"]
 
 
 def _few(lines: Sequence[str], most: int) -> list[str]:
@@ -105,10 +105,10 @@ def _few(lines: Sequence[str], most: int) -> list[str]:
     return [*lines] if more <= 0 else [*lines[:most], f"{more:,} more in the report"]
 
 
-def _commands(found: Identification, out: str | None) -> list[str]:
+def _commands(result: Identification, out: str | None) -> list[str]:
     """What to do next; a law with an alarm isn't offered for deployment."""
     if not out:
         return []
     evaluate, deploy = (f"trackslip {what} {shlex.quote(out)}" for what in ("evaluate ANOTHER_LOG --law", "deploy"))
-    target = "" if found.expressible else f" --to {FAMILIES[found.best].targets[0]}"
-    return [evaluate] if found.alarms else [evaluate, deploy + target]
+    target = "" if result.expressible else f" --to {FAMILIES[result.best].targets[0]}"
+    return [evaluate] if result.alarms else [evaluate, deploy + target]

@@ -24,19 +24,19 @@ def run(config: Config) -> None:
         report(1)
         sensor = None if config.sensor is None else Mounting(*config.sensor)
         with run.watch.stage("identify"):
-            found = identify_source(source, config.method, sensor, report, config.lag)
-        manifest = run.manifest(**origin(found.logs))
-        if not found.logs:
-            write_samples(run.folder, found.samples)
-        run.write(identification_to_json(found), found.logs, manifest=manifest)
+            result = identify_source(source, config.method, sensor, report, config.lag)
+        manifest = run.manifest(**origin(result.logs))
+        if not result.logs:
+            write_samples(run.folder, result.samples)
+        run.write(identification_to_json(result), result.logs, manifest=manifest)
         title = f"Slip laws identified from “{config.path.resolve().name}”"
-        report_page = page(found, title, command_line("identify"), manifest, source.taken)
+        report_page = page(result, title, command_line("identify"), manifest, source.taken)
         report_page.write(run.folder, config.pdf)
         report(1)
     assert report_page.answer is not None
     print_card(report_page.answer, f"{config.out / REPORT_FILE} ({run.wall:.1f} s)")
     if config.all:
-        print_all(found)
+        print_all(result)
 
 
 def source_of(config: Config) -> Source:

@@ -105,22 +105,22 @@ def show_radii(axes: Axes, turns: Turns) -> None:
 
 
 @style.styled
-def predicted_paths(found: Identification) -> style.Panels | None:
+def predicted_paths(result: Identification) -> style.Panels | None:
     """Measured positions of the longest drive, and pieces predicted without slip and by the best law.
 
     None without logs that have more than a few positions.
     """
-    assert found.drive is not None
-    names = {drive.name for drive in found.drive.drives}
-    logs = [log for log in found.logs if log.run in names and log.has_place.sum() > _FEWEST]
+    assert result.drive is not None
+    names = {drive.name for drive in result.drive.drives}
+    logs = [log for log in result.logs if log.run in names and log.has_place.sum() > _FEWEST]
     log = max(logs, key=lambda log: np.ptp(log.time), default=None)
     if log is None:
         return None
     measured = log.pose[log.has_place, :2]
-    best = identified_law(found, found.drive.best)
+    best = identified_law(result, result.drive.best)
     assert best.mounting is not None
     panels = []
-    for name, law in (("none", no_slip(found.geometry)), (found.drive.best, best)):
+    for name, law in (("none", no_slip(result.geometry)), (result.drive.best, best)):
         figure, axes = style.panel(f"{name}, {_AHEAD:g} s ahead", "x [m]", "y [m]", height=4.6)
         axes.plot(*measured[style.thin(len(measured), 1500)].T, ".", color=GREY, ms=3, mew=0, label="measured")
         axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())  # whatever is predicted

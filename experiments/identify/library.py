@@ -6,7 +6,7 @@ from experiments.identify.page import page
 from trackslip.identification.result import Identification
 
 
-def identification_page(found: Identification) -> str:
+def identification_page(result: Identification) -> str:
     """The HTML page that `trackslip identify` writes, for an identification made in Python."""
-    about = {"versions": versions(), "geometry": found.geometry, **origin(found.logs)}
-    return page(found, "Slip laws", "trackslip.identify(...).report(...)", plain(about)).html()
+    about = {"versions": versions(), "geometry": result.geometry, **origin(result.logs)}
+    return page(result, "Slip laws", "trackslip.identify(...).report(...)", plain(about)).html()

@@ -39,17 +39,17 @@ _SLIP = (
 
 
 def page(
-    found: Identification, title: str, command: str, manifest: Mapping[str, Any], taken: Sequence[str] = ()
+    result: Identification, title: str, command: str, manifest: Mapping[str, Any], taken: Sequence[str] = ()
 ) -> Page:
     """The page of an identification, made by `command` or in Python, where the manifest has no configuration.
 
     `taken` says what was read from bags.
     """
-    sections = [whole_drives(found), steady_slip(found)]
-    if found.method == "steady":
+    sections = [whole_drives(result), steady_slip(result)]
+    if result.method == "steady":
         sections.reverse()
-    sections += [method(found), notes(found.warnings)]
-    answer = card(found, manifest.get("config", {}).get("out"), taken)
+    sections += [method(result), notes(result.warnings)]
+    answer = card(result, manifest.get("config", {}).get("out"), taken)
     return Page(title, command, manifest, sections, answer=answer)
 
 
@@ -58,11 +58,11 @@ def notes(warnings: Sequence[str]) -> Section:
     return Section("Notes", [Bullets(warnings) if warnings else None], folded=True)
 
 
-def method(found: Identification) -> Section:
+def method(result: Identification) -> Section:
     """What slip, laws and their parameters mean, and how the best law is chosen."""
-    how = [_STEADY if found.steady is not None else None, _DRIVE if found.drive is not None else None]
-    laws = {**(found.steady.laws if found.steady else {}), **(found.drive.laws if found.drive else {})}
-    meaning = parameter_bullets(laws, found.geometry)
+    how = [_STEADY if result.steady is not None else None, _DRIVE if result.drive is not None else None]
+    laws = {**(result.steady.laws if result.steady else {}), **(result.drive.laws if result.drive else {})}
+    meaning = parameter_bullets(laws, result.geometry)
     return Section("Method", [INTRO, *how, "The parameters of the laws are:", meaning], folded=True)
 
 
@@ -73,12 +73,12 @@ def parameter_bullets(laws: Iterable[str], robot: RobotGeometry) -> Bullets:
     return Bullets([Markup("<strong>{}</strong>: {}.").format(*meaning) for meaning in meanings.items()])
 
 
-def steady_slip(found: Identification) -> Section | None:
+def steady_slip(result: Identification) -> Section | None:
     """The slips of steady stretches and their laws; None if there are none."""
-    comparison = found.steady
+    comparison = result.steady
     if comparison is None:
         return None
-    turns = Turns.of(comparison.samples, found.geometry)
+    turns = Turns.of(comparison.samples, result.geometry)
     laws = speeds = None
     if len(turns):
         laws = Plot(
@@ -99,11 +99,11 @@ def steady_slip(found: Identification) -> Section | None:
         [
             f"{_driven(len(comparison.samples), turns)} {_SLIP}",
             laws,
-            tables.criteria_table(comparison, found.geometry),
+            tables.criteria_table(comparison, result.geometry),
             speeds,
             tables.parameters_table(comparison),
         ],
-        folded=found.method == "drive",
+        folded=result.method == "drive",
     )
 
 
@@ -117,19 +117,19 @@ def _driven(runs: int, turns: Turns) -> str:
     return f"{counted(len(turns), 'turn')} {where}{straight}, each with one mean slip per track."
 
 
-def whole_drives(found: Identification) -> Section | None:
+def whole_drives(result: Identification) -> Section | None:
     """The laws of whole drives; None if they were not evaluated."""
-    drive = found.drive
+    drive = result.drive
     if drive is None:
         return None
     fit = drive.laws[drive.best]
     duration = sum(float(each.time[-1] - each.time[0]) for each in drive.drives)
     driven = f"{counted(len(drive.drives), 'drive')}, {duration:.0f} s, {counted(fit.poses, 'pose')}."
-    if found.method == "steady":
+    if result.method == "steady":
         driven += " Most of the driving was steady, so its laws are the result; these are for comparison."
     path = Plot(
         "drive_path",
-        partial(figures.predicted_paths, found),
+        partial(figures.predicted_paths, result),
         "Path of the longest drive",
         "Measured positions, and where the robot should go from the black dots by its sprocket speeds alone: without "
         "slip, and by the best law.",
@@ -142,18 +142,18 @@ def whole_drives(found: Identification) -> Section | None:
             path,
             tables.parameters_table(drive),
         ],
-        folded=found.method == "steady",
+        folded=result.method == "steady",
     )
 
 
-def print_all(found: Identification) -> None:
+def print_all(result: Identification) -> None:
     """Print the tables of every law, and all notes."""
-    if found.method == "drive" and found.drive is not None:
-        tables.parameters_table(found.drive).print()
-        if found.drive.errors.get(found.best):
-            tables.prediction_table(found.drive).print()
+    if result.method == "drive" and result.drive is not None:
+        tables.parameters_table(result.drive).print()
+        if result.drive.errors.get(result.best):
+            tables.prediction_table(result.drive).print()
     else:
-        tables.parameters_table(found.comparison).print()
-        tables.criteria_table(found.comparison, found.geometry).print()
-    for warning in found.warnings:
+        tables.parameters_table(result.comparison).print()
+        tables.criteria_table(result.comparison, result.geometry).print()
+    for warning in result.warnings:
         print(f"note: {warning}")

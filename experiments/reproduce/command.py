@@ -49,10 +49,10 @@ def run(config: Config) -> None:
             with run.watch.stage("slips"):
                 sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True)
             with run.watch.stage("laws"):
-                found = identify_samples(sampling, geometry)
+                result = identify_samples(sampling, geometry)
             grid = GridSummary.of_logs(grid_logs, sampling.samples, geometry)
 
-        laws = {**KNOWN_LAWS, **{name: found.comparison.laws[name].law for name in IDENTIFIED}}
+        laws = {**KNOWN_LAWS, **{name: result.comparison.laws[name].law for name in IDENTIFIED}}
         loops = [_loop(name, law, np.array(start), config.seed) for name, start in STARTS.items() for law in laws]
         with run.busy("closed loops"), run.watch.stage("closed loops"):
             try:
@@ -65,20 +65,20 @@ def run(config: Config) -> None:
         logs, warnings = [*grid_logs, *loop_logs], saturation_warnings(grid_logs)
         manifest, simulated = run.manifest(**world.about), simulated_seconds(logs)
         with run.busy("report"), run.watch.stage("report"):
-            report = page(command_line("reproduce"), manifest, grid, found, tracking, loop_logs, warnings)
+            report = page(command_line("reproduce"), manifest, grid, result, tracking, loop_logs, warnings)
             report.write(run.folder, config.pdf)
         summary: dict[str, Any] = {
-            **identification_to_json(found),
+            **identification_to_json(result),
             "published": _published(),
-            "warnings": [*warnings, *found.warnings],
+            "warnings": [*warnings, *result.warnings],
             **vars(grid),
-            "tracking": [result.to_json() for result in tracking],
+            "tracking": [errors.to_json() for errors in tracking],
         }
         run.write(summary, logs, simulated, manifest)
         if config.rrd:
             _record(run, logs, loop_logs)
 
-    comparison_table(grid, found, tracking).print()
+    comparison_table(grid, result, tracking).print()
     tracking_table(tracking).print()
     if summary["warnings"]:
         print(f"{counted(len(summary['warnings']), 'warning')}: see the report")

@@ -15,9 +15,9 @@ _NOTE = (
 )
 
 
-def comparison_table(grid: GridSummary, found: Identification, tracking: Sequence[TrackingResult]) -> Table:
+def comparison_table(grid: GridSummary, result: Identification, tracking: Sequence[TrackingResult]) -> Table:
     """A row per quantity of the paper's experiments: slip laws, radii, localization, slip errors, tracking errors."""
-    exponential, icr = (found.comparison.laws[name].values for name in ("exponential", "icr_radius"))
+    exponential, icr = (result.comparison.laws[name].values for name in ("exponential", "icr_radius"))
     radii, errors, spread, poses = grid.radius, grid.slip_error, grid.speed_spread, grid.localization
     radius_error = None if radii.rms_vs_published is None else 100 * radii.rms_vs_published
     rows = [

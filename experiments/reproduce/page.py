@@ -25,7 +25,7 @@ def page(
     command: str,
     manifest: Mapping[str, Any],
     grid: GridSummary,
-    found: Identification,
+    result: Identification,
     results: Sequence[TrackingResult],
     loops: Sequence[RunLog],
     warnings: Sequence[str],
@@ -35,7 +35,7 @@ def page(
     `loops` are the closed loops, with `controller` and `compensation` in their metadata, and `results` their errors;
     `warnings` are those of the grid.
     """
-    turns = Turns.of(found.samples, found.geometry)
+    turns = Turns.of(result.samples, result.geometry)
     beside = Plot(
         "published_and_simulated",
         partial(figures.published_and_simulated, grid.radius, turns),
@@ -44,27 +44,27 @@ def page(
         "each track, by the published law (dashed; crosses at the radii that the paper observed) and in every run.",
     )
     sections = [
-        Section("Published and simulated", [beside if len(turns) else None, comparison_table(grid, found, results)]),
-        _closed_loops(found, results, loops),
-        steady_slip(found),
-        method(found),
-        notes(found.warnings),
+        Section("Published and simulated", [beside if len(turns) else None, comparison_table(grid, result, results)]),
+        _closed_loops(result, results, loops),
+        steady_slip(result),
+        method(result),
+        notes(result.warnings),
     ]
-    answer = _answer(manifest, grid, found, results, [*warnings, *(alarm.line for alarm in found.alarms)])
+    answer = _answer(manifest, grid, result, results, [*warnings, *(alarm.line for alarm in result.alarms)])
     return Page(TITLE, command, manifest, sections, answer=answer)
 
 
 def _answer(
     manifest: Mapping[str, Any],
     grid: GridSummary,
-    found: Identification,
+    result: Identification,
     results: Sequence[TrackingResult],
     warnings: Sequence[str],
 ) -> Answer:
     """How close the simulation is to the paper, and what compensation gains."""
     final = {each.compensation: each.errors.final_position for each in results if each.controller == "feedforward"}
     late = {each.compensation: each.errors.rms_position_after_12s for each in results if each.controller == "linear"}
-    law = found.comparison.laws["icr_radius"]
+    law = result.comparison.laws["icr_radius"]
     facts = [
         ("slip, simulated minus published", f"{number(grid.slip_rms_vs_published, 4)} rms, at the paper's radii"),
         ("radius driven, likewise", f"{percent(grid.radius.rms_vs_published)} rms"),
@@ -83,7 +83,7 @@ def _compensated(errors: Mapping[str, float]) -> str:
     return ", ".join(f"{number(1e3 * errors[name], 1, 'mm')} with {name}" for name in names)
 
 
-def _closed_loops(found: Identification, results: Sequence[TrackingResult], loops: Sequence[RunLog]) -> Section:
+def _closed_loops(result: Identification, results: Sequence[TrackingResult], loops: Sequence[RunLog]) -> Section:
     """The runs along the paper's path, with feedforward and with the linear controller."""
     feedforward, linear = (figures.runs_of(loops, name) for name in ("feedforward", "linear"))
     return Section(
@@ -121,7 +121,7 @@ def _closed_loops(found: Identification, results: Sequence[TrackingResult], loop
             ),
             Plot(
                 "fig12_slip_during_tracking",
-                partial(figures.slip_during_tracking, linear, found.comparison.laws),
+                partial(figures.slip_during_tracking, linear, result.comparison.laws),
                 "Slip during tracking (the paper's Fig. 12)",
                 "Dashed: slip of each track that the law predicts at the commanded curvature. Thin: true slip, "
                 "smoothed over 0.5 s, where the sprocket turns faster than 0.3 rad/s. In the arc (grey), the left "
