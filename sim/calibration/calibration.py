@@ -1,4 +1,8 @@
-"""Calibration: parameters of the simulated robot fitted to what a robot did, with priors and a robust loss."""
+"""Calibration: parameters of the simulated robot fitted to what a robot did, with priors and a robust loss.
+
+MuJoCo's own `mujoco.sysid` fits numbers in an MjSpec to trajectories of its sensors; here, candidates differ in ground,
+drive and clock, too, errors are of motions over some seconds, and single ones may be large.
+"""
 
 from __future__ import annotations
 
