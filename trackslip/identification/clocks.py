@@ -128,7 +128,9 @@ def _shared(values: Array, by: Array, least: int, positive: bool = False) -> Arr
     count = np.maximum(sums(present, everywhere), 0.5)
     mean, mean_by = sums(values, everywhere) / count, sums(present, by) / count
     variance, variance_by = sums(values**2, everywhere) / count - mean**2, sums(present, by**2) / count - mean_by**2
-    covariance = (sums(values, by) / count - mean * mean_by).clip(min=0.0 if positive else None)
+    covariance = sums(values, by) / count - mean * mean_by
+    if positive:
+        covariance = covariance.clip(min=0.0)
     enough = count >= max(least, 0.5 * min(known.sum(), len(by)))
     enough &= (variance > 0.1 * np.mean(values[known] ** 2)) & (variance_by > 1e-3 * by.var() + 1e-12)
     return np.where(enough, covariance**2 / np.where(enough, variance * variance_by, 1.0), 0.0)
