@@ -130,7 +130,7 @@ def _shared(values: Array, by: Array, least: int, positive: bool = False) -> Arr
     variance, variance_by = sums(values**2, everywhere) / count - mean**2, sums(present, by**2) / count - mean_by**2
     covariance = sums(values, by) / count - mean * mean_by
     if positive:
-        covariance = np.maximum(covariance, 0.0)
+        covariance = covariance.clip(min=0.0)
     enough = count >= max(least, 0.5 * min(known.sum(), len(by)))
     enough &= (variance > 0.1 * np.mean(values[known] ** 2)) & (variance_by > 1e-3 * by.var() + 1e-12)
     return np.where(enough, covariance**2 / np.where(enough, variance * variance_by, 1.0), 0.0)

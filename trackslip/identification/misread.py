@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -92,15 +93,7 @@ def refuse_sides(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock
     now = _matches(drives, geometry, clock, None)
     if now.min(initial=1.0) > _CLEARLY:
         return
-    matches = {}
-    for swapped, left, right in _SIDES:
-
-        def other(
-            drive: PreparedDrive, order: int = -1 if swapped else 1, signs: tuple[int, int] = (left, right)
-        ) -> Array:
-            return (drive.omega * signs)[:, ::order]  # signs of the columns as they are
-
-        matches[swapped, left, right] = _matches(drives, geometry, clock, other)
+    matches = {side: _matches(drives, geometry, clock, partial(_turned_over, side)) for side in _SIDES}
     best = max(matches, key=lambda side: matches[side].sum())
     match = matches[best]
     if match.sum() < now.sum() + _BETTER or match.mean() < _CLEARLY:
@@ -112,6 +105,12 @@ def refuse_sides(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock
             "the turns are mirrored: exchange omega_l and omega_r, or change the signs of both if they count backwards"
         )
     raise LogError(f"{what} (correlation with the poses {match.mean():.2f} then, {now.mean():.2f} as it is)")
+
+
+def _turned_over(side: tuple[bool, int, int], drive: PreparedDrive) -> Array:
+    """Sprocket speeds (M, 2) with other signs of the columns, which may then be swapped."""
+    swapped, *signs = side
+    return np.asarray((drive.omega * signs)[:, :: -1 if swapped else 1])
 
 
 def _matches(

@@ -132,7 +132,7 @@ def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
     plausible = (along >= _KEPT[0] * size - error) & (along <= _KEPT[1] * size + error)
     fastest = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1, keepdims=True)
     plausible |= np.abs(along - size) <= 0.1 * fastest  # where sprockets differ or the sensor is off the centre
-    standing = (samples.omega == 0).all(axis=1)
+    standing = np.asarray(~samples.omega.any(axis=1))
     for k in np.flatnonzero(standing | ~plausible.all(axis=1))[:1]:
         if standing[k]:
             raise LogError(f"run {samples.run[k]!r}: the sprockets stand still")
