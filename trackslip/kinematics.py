@@ -52,15 +52,7 @@ def columns(values: Array) -> Sequence[Any]:
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
     """Speeds (V_l, V_r) of the track centres over the ground (..., 2) [m/s] for a twist (..., 2)."""
     twist = np.asarray(twist, float)
-    v, w = columns(twist)
-    speeds = np.empty(twist.shape)
-    speeds[..., 0], speeds[..., 1] = left_and_right(v, w, half_gauge)
-    return speeds
-
-
-def left_and_right(v: Any, w: Any, half_gauge: float) -> tuple[Any, Any]:
-    """The same, of forward speeds v (...) [m/s] and yaw rates w (...) [rad/s]."""
-    return v - half_gauge * w, v + half_gauge * w
+    return np.asarray(twist[..., :1] + SIDES * half_gauge * twist[..., 1:])
 
 
 def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
@@ -100,7 +92,7 @@ def curvature(twist: ArrayLike) -> Array:
     """Path curvature kappa = w / v [1/m], (...): signed infinity when turning in place, 0 at rest."""
     twist = np.asarray(twist, float)
     v, w = twist[..., 0], twist[..., 1]
-    if np.count_nonzero(v) == v.size:  # takes a quarter of the time of all()
+    if v.all():
         return np.asarray(w / v)
     safe = np.where(v == 0, 1.0, v)
     return np.where(v == 0, np.where(w == 0, 0.0, np.copysign(np.inf, w)), w / safe)
@@ -109,8 +101,5 @@ def curvature(twist: ArrayLike) -> Array:
 def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:
     """Scale both sprocket speeds (..., 2) so that neither exceeds `limit` [rad/s] and the curvature is preserved."""
     omega = np.asarray(omega, float)
-    left, right = columns(omega)
-    scale = limit / np.maximum(np.maximum(abs(left), abs(right)), limit)
-    limited = np.empty(omega.shape)
-    limited[..., 0], limited[..., 1] = left * scale, right * scale
-    return limited
+    fastest = np.abs(omega).max(axis=-1, keepdims=True)
+    return np.asarray(omega * (limit / np.maximum(fastest, limit)))

@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 from quadrature import integral_miss, times
 
-from trackslip.trajectory.base import Tabulated
 from trackslip.trajectory.clothoid import clothoid, rounded_square
 from trackslip.trajectory.curves import figure_eight, slalom, spiral
-from trackslip.trajectory.named import REFERENCES, load_reference
+from trackslip.trajectory.named import REFERENCES
 from trackslip.trajectory.profile import LIMITS, MotionLimits
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference, stop_and_go
 from trackslip.trajectory.waypoints import waypoints
@@ -95,15 +94,3 @@ def test_a_reference_moves_with_its_start(name):
         return np.column_stack([np.exp(-1j * start[2]) * (x + 1j * y), phi])
 
     np.testing.assert_allclose(seen((3.0, -7.0, 2.0)), seen((0.0, 0.0, 0.0)), atol=1e-11)
-
-
-@pytest.mark.parametrize("name", ["paper", "figure_eight", "stop_and_go"])
-def test_the_table_is_the_reference(name):
-    reference = load_reference(name)
-    times = np.arange(np.ceil(reference.duration / 0.05) + 1) * 0.05
-    tabulated = Tabulated(reference, times)
-    assert tabulated.duration == reference.duration
-    tabulated.pose(float(times[37]))[:] = 7.0  # the caller's copy
-    for time in [*times[::37].tolist(), -1.0, 0.0123, float(times[1]) + 1e-9, times[:5]]:
-        np.testing.assert_allclose(tabulated.pose(time), reference.pose(time), rtol=1e-14, atol=1e-15)
-        np.testing.assert_allclose(tabulated.twist(time), reference.twist(time), rtol=1e-14, atol=1e-15)
