@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from sim.robot.parameters import RobotParameters
-from sim.tracks.recipe import LEAST_ODDS, LEVEL, LEVEL_WHEELS, LEVEL_WIDE, Preset, track_points
+from sim.tracks.recipe import LEAST_ODDS, LEVEL, LEVEL_WHEELS, LEVEL_WIDE, Preset, track_points, warn_if_unverified
 from trackslip.kinematics import SIDES, Array
 
 _TILT = np.radians(45.0)  # of a pad with one point: its lower end touches, and its axis still gives the directions
@@ -26,6 +26,7 @@ def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Pr
     if not parameters.axles:
         n = track_points(parameters.half_gauge, parameters.contact_length, LEVEL)
         return parameters.contact_length * _middles(n), LEVEL if n == 2 * LEVEL.segments else LEVEL_WIDE
+    warn_if_unverified(parameters.half_gauge, parameters.contact_length)
     points = _middles(_SHEARING) if single else np.array(_GAUSS)
     softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)  # that the engine knows, on any ground
     preset = LEVEL_WHEELS.softer(min(1.0, LEVEL_WHEELS.regularisation / softest))

@@ -181,14 +181,14 @@ def _motor_of(spec: Any, flipper: Flipper, chassis: Any) -> tuple[str, str]:
     """Names of the hinge and motor of a flipper; a motor is added to a hinge without one."""
     body = spec.body(flipper.body)
     if body is None:
-        known = ", ".join(one.name for one in chassis.find_all(mujoco.mjtObj.mjOBJ_BODY))
+        known = ", ".join(each.name for each in chassis.find_all(mujoco.mjtObj.mjOBJ_BODY))
         raise TrackslipError(f"flippers: body = {flipper.body!r}: must be one of the model's: {known}")
     hinges = [joint for joint in body.joints if joint.type == _HINGE]
     if len(hinges) != 1 or len(body.joints) != 1:
         raise TrackslipError(f"flippers: body = {flipper.body!r}: must have one joint, a hinge")
     hinge = hinges[0]
     hinge.name = hinge.name or f"{flipper.body}_hinge"
-    motors = [one for one in spec.actuators if one.target == hinge.name]
+    motors = [each for each in spec.actuators if each.target == hinge.name]
     if not motors:
         motor = spec.add_actuator(name=f"{flipper.body}_motor", target=hinge.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.set_to_position(kp=flipper.stiffness)
@@ -233,7 +233,7 @@ def _read(
     joints = np.array([model.joint(joint).id for _, joint, _ in motors], int)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    if not all(np.isfinite(one).all() for one in (data.geom_xpos, data.geom_xmat, data.xipos, data.qacc)):
+    if not all(np.isfinite(values).all() for values in (data.geom_xpos, data.geom_xmat, data.xipos, data.qacc)):
         raise TrackslipError(f"{robot.model}: a number in it is nan, inf or too large: its motion isn't finite")
     middle = np.array([np.mean(flipper.hull, axis=0)[[0, 1]] for flipper in robot.flippers]).reshape(-1, 2)
     reach = np.insert(middle, 1, 0.0, axis=1)  # (F, 3) from the hinge to the middle of the flipper, in its frame

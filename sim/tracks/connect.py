@@ -104,8 +104,8 @@ def _cells(spec: mujoco.MjSpec, grounds: Sequence[mujoco.MjsGeom]) -> Iterator[f
 
 def _shape(model: mujoco.MjModel, field: str) -> tuple[int, int]:
     """Columns and rows of a height field of a file, which the compiler reads."""
-    found = model.hfield(field)
-    return int(found.ncol[0]), int(found.nrow[0])
+    compiled = model.hfield(field)
+    return int(compiled.ncol[0]), int(compiled.nrow[0])
 
 
 def find_grounds(
@@ -134,9 +134,9 @@ def _static_geoms(body: mujoco.MjsBody) -> Iterator[mujoco.MjsGeom]:
 
 
 def _geom(spec: mujoco.MjSpec, geom: object) -> mujoco.MjsGeom:
-    found = spec.geom(geom) if isinstance(geom, str) else geom
-    if not isinstance(found, mujoco.MjsGeom) or not any(each == found for each in spec.geoms):
+    chosen = spec.geom(geom) if isinstance(geom, str) else geom
+    if not isinstance(chosen, mujoco.MjsGeom) or not any(each == chosen for each in spec.geoms):
         names = ", ".join(each.name for each in _static_geoms(spec.worldbody) if each.name)
         shown = geom.name if isinstance(geom, mujoco.MjsGeom) else geom
         raise InvalidValueError("terrain", shown, f"a geom of the spec, such as {names or 'one of the world body'}")
-    return found
+    return chosen

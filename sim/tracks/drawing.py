@@ -61,8 +61,8 @@ class TrackLook:
         """Pieces to draw after the belt has travelled `travel` (...) [m] forwards."""
         travel = np.asarray(travel, float)
         wheels = [self._wheel(wheel, travel) for wheel in self._wheels()]
-        found = _joined([self._band(travel), self._shoes(travel), *wheels])
-        return replace(found, position=found.position + np.array([0.0, self.y, 0.0]))
+        pieces = _joined([self._band(travel), self._shoes(travel), *wheels])
+        return replace(pieces, position=pieces.position + np.array([0.0, self.y, 0.0]))
 
     @property
     def _thickness(self) -> tuple[float, float]:
@@ -135,15 +135,15 @@ class WheelLook(TrackLook):
 
     def pieces(self, travel: Array | float) -> Pieces:
         """See TrackLook."""
-        found = _joined([self._wheel(wheel, np.asarray(travel, float), _RUBBER) for wheel in self.hull])
-        return replace(found, position=found.position + np.array([0.0, self.y, 0.0]))
+        pieces = _joined([self._wheel(wheel, np.asarray(travel, float), _RUBBER) for wheel in self.hull])
+        return replace(pieces, position=pieces.position + np.array([0.0, self.y, 0.0]))
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:
     """All pieces of `parts`."""
-    kind, size, rgba = (np.concatenate([getattr(one, name) for one in parts]) for name in ("kind", "size", "rgba"))
-    position = np.concatenate([one.position for one in parts], axis=-2)
-    return Pieces(kind, size, rgba, position, np.concatenate([one.angle for one in parts], axis=-1))
+    kind, size, rgba = (np.concatenate([getattr(part, name) for part in parts]) for name in ("kind", "size", "rgba"))
+    position = np.concatenate([part.position for part in parts], axis=-2)
+    return Pieces(kind, size, rgba, position, np.concatenate([part.angle for part in parts], axis=-1))
 
 
 def _same(size: Array, rgba: tuple[float, ...], place: Array, angle: Array, travel: Array, kind: int = BOX) -> Pieces:

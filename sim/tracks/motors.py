@@ -111,9 +111,9 @@ class Motors:
 def _numbers(name: str, values: ArrayLike, shape: tuple[int, int], most: float = np.inf) -> Floats:
     """Numbers of this shape (R, T) from one for all, one a belt, or all of them."""
     try:
-        found = np.broadcast_to(np.asarray(values, float), shape)
+        given = np.broadcast_to(np.asarray(values, float), shape)
     except (TypeError, ValueError):
-        found = np.full(shape, np.nan)
+        given = np.full(shape, np.nan)
     allowed = f"a number of at least 0, or one for each of {shape[1]} belts"
-    require(((found >= 0.0) & (found <= most)).all(), name, values, allowed)
-    return found
+    require(((given >= 0.0) & (given <= most)).all(), name, values, allowed)
+    return given

@@ -43,14 +43,14 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines = MID
 
     Runs that face up, which only touch when the robot has overturned, are a single capsule each.
     """
-    found = []
+    parts = []
     for k, (y, share) in enumerate(lines):
         edge = len(lines) > 1 and k in (0, len(lines) - 1)
         for part in _line(hull, segments, anisotropic):
             x, _, z = part.shape["pos"]
             name, shape = f"{part.name}_{k}" if k else part.name, part.shape | {"pos": [x, y, z]}
-            found.append(replace(part, name=name, shape=shape, weight=part.weight * share, edge=edge))
-    return tuple(found)
+            parts.append(replace(part, name=name, shape=shape, weight=part.weight * share, edge=edge))
+    return tuple(parts)
 
 
 def wheel_parts(wheels: Sequence[Sequence[float]], patch: float, anisotropic: bool) -> tuple[Part, ...]:

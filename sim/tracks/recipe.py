@@ -158,11 +158,16 @@ def track_points(half_gauge: float, contact_length: float, preset: Preset) -> in
     millimetres of its middle slide along themselves more than across: the wider the robot, the finer its points.
     Beyond WIDEST there are no more, and a RobotWarning.
     """
-    if half_gauge > WIDEST * contact_length / 2 * (1 + 1e-9):
-        allowed = f"turns are verified up to {WIDEST / 2 * contact_length:.4g} m, {WIDEST / 2:g} contact lengths"
-        warnings.warn(f"half_gauge = {half_gauge:.4g}: {allowed}", RobotWarning, stacklevel=4)
+    warn_if_unverified(half_gauge, contact_length)
     width = min(2 * half_gauge / contact_length, WIDEST)
     return 2 * preset.segments if width <= _ENOUGH else 2 * math.ceil(_POINTS * width**_GROWTH / 2)
+
+
+def warn_if_unverified(half_gauge: float, contact_length: float) -> None:
+    """Give a RobotWarning for a robot so wide that its turns aren't verified to follow theory."""
+    if half_gauge > WIDEST * contact_length / 2 * (1 + 1e-9):
+        allowed = f"turns are verified up to {WIDEST / 2 * contact_length:.4g} m, {WIDEST / 2:g} contact lengths"
+        warnings.warn(f"half_gauge = {half_gauge:.4g}: {allowed}", RobotWarning, stacklevel=5)
 
 
 def load_preset(preset: str | Preset) -> Preset:

@@ -116,6 +116,7 @@ def test_a_command_that_is_gone_names_what_to_use(name, capsys):
 @pytest.mark.filterwarnings("default")
 def test_a_warning_is_one_line_without_code(tmp_path, capsys):
     (tmp_path / "wide.toml").write_text("half_gauge = 0.6\n")
-    main(["predict", "--robot", str(tmp_path / "wide.toml"), "--radii", "3", "--out", str(tmp_path / "out")])
+    short = ("--radii", "3", "--speeds", "0.1", "--duration", "4", "--out", str(tmp_path / "out"))
+    main(["grid", "--robot", str(tmp_path / "wide.toml"), *short])
     line = "warning: half_gauge = 0.6: turns are verified up to 0.51 m, 1.5 contact lengths"
     assert [one for one in capsys.readouterr().err.splitlines() if "arning" in one] == [line]

@@ -136,3 +136,16 @@ def test_a_drawn_course_follows_from_the_seed_that_is_stored():
     assert make_world(Config(course="rails", seed=7)).course == world.course
     with pytest.raises(InvalidValueError, match=r"course = 'lava': must be one of .*step10, steps_up, .*\.toml"):
         make_world(Config(course="lava"))
+
+
+def test_a_check_prints_what_is_known_of_a_robot_and_fails_if_something_is_wrong(capsys, tmp_path):
+    main(["drive", "--check", "--robot", "box"])
+    assert "mass: 25 kg, +0.000 m ahead" in capsys.readouterr().out
+    low = write_robot(tmp_path).with_name("low.toml")
+    low.write_text(write_robot(tmp_path).read_text().replace("0.1, 0.1]", "0.3, 0.1]"))
+    with pytest.raises(SystemExit, match="2"):
+        main(["drive", "--check", "--robot", str(low)])
+    printed = capsys.readouterr()
+    assert "error: " in printed.out
+    assert "above the tracks' lowest point" in printed.out
+    assert printed.err.endswith("1 error, see above\n")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from tracked_files import ROBOT, URDF, write_robot
 
+from sim.robot.check import check
 from sim.robot.looks import robot_looks
 from sim.robot.named import ROBOTS, load_parameters, load_tracked
 from sim.robot.tracked_model import build_tracked, clear_angles
@@ -192,6 +193,9 @@ def test_runs_begin_in_a_keyframe(tmp_path):
     plain = load_tracked(tmp_path / "arm.toml")
     with pytest.warns(RobotWarning, match='its keyframes, out, home, are not used.*; key = "out" in the robot file'):
         assert build_tracked(plain).model.nkey == 0
+    assert not check(tmp_path / "arm.toml").errors
+    (line,) = (line for line in check(tmp_path / "arm.toml").warnings if "terrain only" in line)
+    assert line.startswith("drives on terrain only: com_x = 0.19")
     with pytest.raises(TrackslipError, match="key = 'hom': must be one of its keyframes, out, home"):
         build_tracked(replace(plain, key="hom"))
     (tmp_path / "home.toml").write_text(f'{tracks}key = "home"\n')
