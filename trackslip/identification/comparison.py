@@ -95,10 +95,10 @@ def compare_drives(
     if ranking:
         best, reason = ranking.best, ranking.reason
     if best not in linear and among is not None:
-        terms_of_best = [name for name in laws[best].values if not any(name in law.values for law in linear.values())]
-        ends = [laws[best].interval95.get(name, (-np.inf, np.inf)) for name in terms_of_best]
+        own = [name for name in laws[best].values if not any(name in law.values for law in linear.values())]
+        ends = [laws[best].interval95.get(name, (-np.inf, np.inf)) for name in own]
         if all(low <= 0 <= high for low, high in ends):
-            reason = f"{best} predicts best, but its {' and '.join(terms_of_best)} may be 0; of laws for odometry, {among.reason}"
+            reason = f"{best} predicts best, but its {' and '.join(own)} may be 0; of laws for odometry, {among.reason}"
             best = among.best
     deployed = best if best in linear or among is None else among.best
     alarms = [*look.alarms, *_alarms(laws[best], errors)]
