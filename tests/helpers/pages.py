@@ -86,12 +86,6 @@ def shown(page: Path, text: str) -> str:
     return found
 
 
-def file(page: Path, name: str) -> str:
-    """The content of a file that a page shows; raises ValueError unless it shows exactly one of that name."""
-    (found,) = [b.text for b in blocks(page.read_text(encoding="utf-8")) if b.directive == "file" and b.about == name]
-    return found
-
-
 def commands(text: str) -> list[str]:
     """The commands of an `sh` block, one a line."""
     joined = re.sub(r"\\\n\s*", "", text)

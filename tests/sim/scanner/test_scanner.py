@@ -20,9 +20,7 @@ def test_rays_are_those_of_a_rectangle(robot, scan_rectangle):
     ranges = feed(robot).true_ranges()
     assert ranges.shape == expected.ranges.shape == (4, 721)
     np.testing.assert_array_equal(np.isnan(ranges), np.isnan(expected.ranges))
-    np.testing.assert_allclose(
-        ranges, expected.ranges, atol=3e-5
-    )  # the plate leans by 7e-6 rad until the robot has settled
+    np.testing.assert_allclose(ranges, expected.ranges, atol=3e-5)  # it leans by 7e-6 rad until it has settled
 
 
 def test_a_stream_of_scans_is_the_same_in_one_piece_or_many(robot):
