@@ -24,6 +24,18 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"trackslip {importlib.metadata.version('trackslip')}\n"
 
 
+def test_python_m_trackslip_runs_the_commands():
+    command = [sys.executable, "-m", "trackslip", "--version"]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.startswith("trackslip ")
+
+
+def test_the_help_groups_every_command(capsys):
+    main([])
+    text = capsys.readouterr().out
+    assert [name for name in commands() if text.count(f"\n  {name:10} ") != 1] == []
+    assert "others:" not in text
+
+
 @pytest.mark.parametrize("command", commands())
 def test_help_ends_with_examples_that_parse(command, capsys):
     text = printed_by(capsys, command, "--help")
