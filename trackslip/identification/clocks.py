@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import correlate
 
 from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, wrap_angle
@@ -123,7 +122,8 @@ def _shared(values: Array, by: Array, least: int, positive: bool = False) -> Arr
     present, everywhere, by = known.astype(float), np.ones(len(by)), by - by.mean()
 
     def sums(a: Array, b: Array) -> Array:
-        return np.asarray(correlate(b, a, "full", "fft"))
+        size = len(a) + len(b) - 1
+        return np.asarray(np.fft.irfft(np.fft.rfft(b, size) * np.fft.rfft(a[::-1], size), size))
 
     count = np.maximum(sums(present, everywhere), 0.5)
     mean, mean_by = sums(values, everywhere) / count, sums(present, by) / count
