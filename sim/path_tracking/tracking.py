@@ -41,7 +41,7 @@ class PathTracking(Restorable):
     STATE = (
         *("fleet", "table", "_source", "_reference", "last", "_k", "_latency", "_line", "_action", "_angle", "_omega"),
         *("_pose", "_measured", "_error", "_seen_error", "_success", "_terms", "reward", "terminated", "truncated"),
-        *("_compensation", "_load"),
+        *("_compensation", "_load", "config"),
     )
 
     def __init__(self, config: EnvConfig, size: int, threads: int = 0) -> None:

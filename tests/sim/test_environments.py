@@ -272,12 +272,16 @@ def test_difficulty_and_randomization_change_between_episodes(vector):
     crossing.set_difficulty(0.6, 0.6)
     assert np.all(crossing.reset(seed=0)[1]["difficulty"] == 0.6)
     tracking = make(TRACKING).unwrapped
+    tracking.reset(seed=0)
+    before = tracking.get_state()
     tracking.set_randomization({"radius_error": (0.2, 0.2)})
     tracking.reset(seed=0)
     radius = RobotParameters().sprocket_radius
     np.testing.assert_allclose(tracking.task.fleet.drive.radius, 1.2 * radius)
     with pytest.raises(InvalidValueError, match="shear"):
         tracking.set_randomization(Randomization(shear=(0.0, 0.01)))
+    tracking.set_state(before)
+    assert tracking.task.config.randomization is None
 
 
 def test_options_may_be_one_each_and_none_is_drawn():

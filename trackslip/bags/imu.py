@@ -13,10 +13,11 @@ from trackslip.bags.open import Bag
 from trackslip.bags.stamps import seconds, stretches
 from trackslip.bags.topics import IMU, imu_topic
 from trackslip.kinematics import Array
-from trackslip.logs.checks import CLEARLY, paired_turns
+from trackslip.logs.checks import paired_turns
 from trackslip.logs.runlog import MAX_YAW_RATE, MEASURED, RunLog
 
 _MAX_GAP = 0.2  # longest time between readings that counts as measured [s]
+_CLEARLY = 0.8  # correlation of turns that leaves no doubt [-]
 _ALONG = 0.98  # component of an axis that is one of the IMU's own: it is mounted so to within 11° [-]
 
 
@@ -76,7 +77,7 @@ def with_gyro(log: RunLog, imu: Imu, start: int, notes: list[str]) -> tuple[RunL
         axis, why = by_axis @ turns / np.linalg.norm(by_axis @ turns), "by the turns"
         if np.abs(axis).max() > _ALONG:
             axis = np.where(np.abs(axis) > _ALONG, np.sign(axis), 0.0)
-        if np.corrcoef(axis @ by_axis, turns)[0, 1] < CLEARLY:
+        if np.corrcoef(axis @ by_axis, turns)[0, 1] < _CLEARLY:
             notes.append(f"gyro of {imu.source} left out: it doesn't follow the robot's turns")
             return log, ""
     rate, share = (np.diff(values) / np.diff(log.time) for values in (axis @ np.stack(turned), known))

@@ -10,8 +10,6 @@ import scipy
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
-CLEARLY = 0.8
-"""Correlation of turns that leaves no doubt [-]."""
 _RESTART = 1.0  # time by which a restarted clock goes back at least [s]
 _GLITCH = 4  # largest number of successive rows that are stamped wrongly rather than part of another drive
 _MIN_STEPS = 5  # minimum number of turns
