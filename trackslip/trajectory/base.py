@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,6 +70,36 @@ class PiecewiseReference(ABC):
     @abstractmethod
     def _curvature(self, k: NDArray[np.intp], way: Array) -> Array:
         """Curvatures (...) there [1/m]."""
+
+
+class Tabulated:
+    """A reference whose poses and twists at certain times are computed in advance, all at once."""
+
+    def __init__(self, reference: Reference, times: ArrayLike) -> None:
+        """Tabulate `reference` at `times` (T,) [s]; at other times it is evaluated."""
+        times = np.asarray(times, float)
+        self._reference = reference
+        self._poses = dict(zip(times.tolist(), reference.pose(times), strict=True))
+        self._twists = dict(zip(times.tolist(), reference.twist(times), strict=True))
+
+    def __getattr__(self, name: str) -> Any:
+        """Any other attribute of the reference."""
+        return getattr(self._reference, name)
+
+    @property
+    def duration(self) -> float:
+        """Time at which the reference ends [s]."""
+        return self._reference.duration
+
+    def pose(self, time: ArrayLike) -> Array:
+        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
+        known = self._poses.get(time) if isinstance(time, float) else None
+        return self._reference.pose(time) if known is None else known.copy()
+
+    def twist(self, time: ArrayLike) -> Array:
+        """Twists (..., 2) at times (...) [s]."""
+        known = self._twists.get(time) if isinstance(time, float) else None
+        return self._reference.twist(time) if known is None else known.copy()
 
 
 def cell(knots: Array, at: Array) -> NDArray[np.intp]:
