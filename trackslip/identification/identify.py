@@ -8,7 +8,7 @@ from pathlib import Path
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.comparison import DriveComparison, compare_drives
+from trackslip.identification.drive_comparison import DriveComparison, compare_drives
 from trackslip.identification.first_look import first_look
 from trackslip.identification.preparation import drives_of
 from trackslip.identification.result import Identification, Method
@@ -85,9 +85,7 @@ def identify_source(
     def of_drives(names: Sequence[str] | None = None) -> tuple[DriveComparison, list[Refused]]:
         drives, refused = drives_of(source.logs)
         look = first_look(drives, source.geometry)
-        drives, notes = look.without_jumps(drives, source.geometry)
-        look = replace(look, notes=(*look.notes, *notes))
-        return compare_drives(drives, source.geometry, look, sensor, names, step, lag), refused
+        return compare_drives(look, source.geometry, sensor, names, step, lag), refused
 
     if method == "drive" or not _steady_runs(source):
         drive, refused = of_drives()

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from trackslip.identification.preparation import Timeline
+from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.derivatives import twist_derivatives
 from trackslip.laws.families import LawFamily
@@ -89,14 +89,14 @@ class DriveModel:
         radii = np.array([name.startswith("radius_error") for name in self.family.names], bool)
         return np.concatenate([np.where(radii, self.radius_prior, 10 * scale), extras])
 
-    def path(self, values: Array, line: Timeline, free: np.ndarray) -> Path:
+    def path(self, values: Array, drives: Drives, free: np.ndarray) -> Path:
         """The path of the sensor at the poses' times by parameters (p,), with derivatives by those `free` (f,)."""
         law = len(self.family.names)
         extra = dict(zip(self.extras, values[law:], strict=True))
         moving = (free < law) | np.isin(free, [self.index("drift"), self.index("lag")])
-        motion, slope = self._motion(values[:law], extra, line, free[moving])
-        time = line.time + extra["clock_offset"]
-        path = path_at(line.edges, motion, slope, time, line.intervals(time))
+        motion, slope = self._motion(values[:law], extra, drives, free[moving])
+        time = drives.time + extra["clock_offset"]
+        path = path_at(drives.edges, motion, slope, time, drives.intervals(time))
         ahead = np.exp(1j * path.heading)
         arm = (extra["sensor_x"] + 1j * extra["sensor_y"]) * ahead
         place_slope, heading_slope = np.zeros((len(free), len(time)), complex), np.zeros((len(free), len(time)))
@@ -110,40 +110,40 @@ class DriveModel:
         place, heading = path.place + arm, path.heading + extra["sensor_yaw"]
         return Path(place, heading, place_slope, heading_slope, path.velocity, path.yaw_rate)
 
-    def gyro_turns(self, values: Array, line: Timeline, free: np.ndarray) -> tuple[Array, Array, Array]:
+    def gyro_turns(self, values: Array, drives: Drives, free: np.ndarray) -> tuple[Array, Array, Array]:
         """Sums (K,) of the gyro's readings until each pose, less bias [rad]; derivatives (f, K); time measured [s]."""
-        assert line.gyro is not None
-        time = line.time + values[self.index("clock_offset")]
-        turned, measured = (np.interp(time, line.gyro[:, 0], sums) for sums in line.gyro.T[1:])
+        assert drives.gyro is not None
+        time = drives.time + values[self.index("clock_offset")]
+        turned, measured = (np.interp(time, drives.gyro[:, 0], sums) for sums in drives.gyro.T[1:])
         bias = values[self.index("gyro_bias")]
         slope = np.zeros((len(free), len(time)))
-        slope[free == self.index("gyro_bias")] = -line.time
-        return turned - bias * line.time, slope, measured
+        slope[free == self.index("gyro_bias")] = -drives.time
+        return turned - bias * drives.time, slope, measured
 
     def _motion(
-        self, values: Array, extra: Mapping[str, float], line: Timeline, free: np.ndarray
+        self, values: Array, extra: Mapping[str, float], drives: Drives, free: np.ndarray
     ) -> tuple[Array, Array]:
         """Motion (3, M) in the encoder intervals, and its derivatives (3, f, M) by the parameters `free` (f,)."""
         lag, drift, of_law = extra["lag"], extra["drift"], free[free < len(values)]
-        belts = np.moveaxis(self.family.law(values, self.geometry).twist(line.omega, self.geometry), -1, 0)
-        v, w = motion = _lagging(belts, line, lag)
-        slope = np.zeros((3, len(free), len(line.omega)))
+        belts = np.moveaxis(self.family.law(values, self.geometry).twist(drives.omega, self.geometry), -1, 0)
+        v, w = motion = _lagging(belts, drives, lag)
+        slope = np.zeros((3, len(free), len(drives.omega)))
         if len(of_law):
-            by_law = twist_derivatives(self.family, values[None], line.omega, self.geometry)[0]
-            slope[::2, free < len(values)] = _lagging(np.moveaxis(by_law[..., of_law], 0, -1), line, lag)
+            by_law = twist_derivatives(self.family, values[None], drives.omega, self.geometry)[0]
+            slope[::2, free < len(values)] = _lagging(np.moveaxis(by_law[..., of_law], 0, -1), drives, lag)
         if (at_lag := free == self.index("lag")).any():
             change = 1e-3  # [s], small beside any lag that shows
-            slope[::2, at_lag] = ((_lagging(belts, line, lag + change) - motion) / change)[:, None]
+            slope[::2, at_lag] = ((_lagging(belts, drives, lag + change) - motion) / change)[:, None]
         slope[1] = -drift * (v * slope[2] + w * slope[0])
         slope[1, free == self.index("drift")] = -v * w
         return np.stack([v, -drift * v * w, w]), slope
 
 
-def _lagging(values: Array, line: Timeline, lag: float) -> Array:
+def _lagging(values: Array, drives: Drives, lag: float) -> Array:
     """Means (..., M) in the intervals of a first-order lag [s] behind values (..., M); each drive starts settled."""
     if lag <= 0:
         return values
-    step, begins = np.diff(line.edges), line.begins
+    step, begins = np.diff(drives.edges), drives.begins
     kept = np.exp(-step / lag)
     driven = (1 - kept) * values
     driven[..., begins] += kept[begins] * values[..., begins]

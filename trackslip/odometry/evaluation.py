@@ -133,7 +133,8 @@ def estimated_trajectory(
     measured = log.pose[rows]
     heading = measured[:, 2]
     if not np.isfinite(heading).any():
-        heading = trailing_heading(at, measured[:, :2], estimated)
+        place, estimated_place = (pose[:, 0] + 1j * pose[:, 1] for pose in (measured, estimated))
+        heading = trailing_heading(at, place, estimated_place, estimated[:, 2])
     speed = np.abs(body_twist(log.omega[1:], 0.0, geometry)[:, 0])
     way = np.concatenate([[0.0], np.cumsum(speed * np.diff(log.time))])
     return Trajectory(log.run, log.time[rows], np.interp(at, log.time, way), measured, estimated, heading)

@@ -11,8 +11,7 @@ from trackslip.files import reason
 from trackslip.identification.path import GYRO
 from trackslip.identification.result import Identification, identification_to_json
 from trackslip.kinematics import RobotGeometry, wrap_angle
-from trackslip.laws.base import SlipLaw
-from trackslip.laws.constant import NoSlip
+from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.file import NO_SLIP, StoredLaws, read_stored, stored_laws
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise

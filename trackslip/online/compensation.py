@@ -11,8 +11,7 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.laws.base import SlipLaw
-from trackslip.laws.constant import NoSlip
+from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.laws.icr import ConstantIcr

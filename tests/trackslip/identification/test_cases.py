@@ -19,7 +19,6 @@ from trackslip.logs.runlog import RunLog
 
 DRIVE = drive_of()
 TIME, POSE = measured(DRIVE)
-ANGLE = np.cumsum(DRIVE.omega * ENCODER_STEP, axis=0)
 
 
 def answer(*logs: RunLog, robot: Robot = HUSKY) -> Identification:
@@ -99,7 +98,7 @@ def test_wheels_and_headings_alone():
     found = answer(log_of(drive, drive.time, headings))
     assert 1 / HUSKY.turn_gain == pytest.approx(1.754, abs=5e-4)
     assert found.answer["wheel_separation_multiplier"].value == pytest.approx(1 / HUSKY.turn_gain, abs=5e-4)
-    assert found.drive.look.speed is None
+    assert found.drive.look.gains.speed is None
 
 
 def test_three_rows_a_time_use_all_poses(tmp_path):
@@ -141,28 +140,11 @@ def test_a_sensor_and_a_drift_that_one_speed_does_not_tell_apart_stay_small():
     assert abs(extras["drift"]) < 0.6
 
 
-@pytest.mark.parametrize("late", [6.0, 30.0, 112.0, 1.7e9])
+@pytest.mark.parametrize("late", [30.0, 1.7e9])
 def test_clocks_that_differ(tmp_path, late):
     path = file_of(tmp_path / "log.csv", table_of(DRIVE, TIME + late, POSE))
     with pytest.raises(LogError, match=f"the clocks differ by {late:.1f} s, as the pose clock is ahead"):
         identify(path, HUSKY.geometry)
-
-
-@pytest.mark.parametrize(
-    ("wheels", "poses", "cause"),
-    [
-        (lambda w: w, lambda p: [8.5, 47, np.nan] + p / [111320 * np.cos(np.radians(47)), 111320, 1], "longitude"),
-        (lambda w: ANGLE, lambda p: p, "look like angles"),
-        (lambda w: w * HUSKY.radius, lambda p: p, "look like m/s"),
-        (lambda w: w, lambda p: np.column_stack([p[:, :2], np.sin(p[:, 2] / 2)]), "z of a quaternion"),
-        (lambda w: w, lambda p: p * [1, 1, 180 / np.pi], "in degrees"),
-    ],
-)
-def test_readings_of_something_else(tmp_path, wheels, poses, cause):
-    path = file_of(tmp_path / "log.csv", table_of(DRIVE.with_wheels(wheels(DRIVE.omega)), TIME, poses(POSE)))
-    with pytest.raises(LogError, match=cause) as caught:
-        identify(path, HUSKY.geometry)
-    assert "\n" not in str(caught.value)
 
 
 def test_spellings_of_one_csv_agree(tmp_path):

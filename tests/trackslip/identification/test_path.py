@@ -7,7 +7,7 @@ import pytest
 from drives import SLAM, drive_log, held, model
 
 from trackslip.identification.path import path_at
-from trackslip.identification.preparation import Timeline, drive_of, interval_means
+from trackslip.identification.preparation import Drives, drive_of, interval_means
 from trackslip.kinematics import advance
 
 RNG = np.random.default_rng(0)
@@ -53,9 +53,9 @@ def test_each_of_several_drives_moves_as_it_does_alone(clock_offset, lag):
     drives, driven = [drive_of(drive_log(seed, 10.0 + seed)) for seed in range(3)], model("turn_loss")
     every, begin = np.arange(len(driven.names)), 0
     values = np.array([0.045, 0.0066, 0.3, 0.1, 0.05, 0.2, clock_offset, 0.07, lag])
-    together = driven.path(values, Timeline.of(drives), every)
+    together = driven.path(values, Drives.of(drives), every)
     for drive in drives:
-        alone, rows = driven.path(values, Timeline.of([drive]), every), slice(begin, begin + len(drive.time))
+        alone, rows = driven.path(values, Drives.of([drive]), every), slice(begin, begin + len(drive.time))
         turn = together.heading[begin] - alone.heading[0]
         moved = (together.place[rows] - together.place[begin]) * np.exp(-1j * turn)
         np.testing.assert_allclose(moved, alone.place - alone.place[0], atol=1e-10)

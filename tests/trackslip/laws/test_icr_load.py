@@ -132,4 +132,4 @@ def test_the_law_is_found_from_runs_under_different_loads():
 def test_without_loads_the_law_is_not_tried_and_says_what_it_takes():
     assert "icr_load" not in compare_laws(_samples(None), GEOMETRY).laws
     (note,) = fit_law("icr_load", _samples(np.zeros((30, 2))), GEOMETRY, vague=True).notes
-    assert note.endswith("it takes runs under loads")
+    assert "don't determine" in note

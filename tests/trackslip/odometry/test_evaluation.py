@@ -9,7 +9,7 @@ from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import LogError
 from trackslip.kinematics import advance, body_twist
-from trackslip.laws.constant import NoSlip
+from trackslip.laws.base import NoSlip
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.evaluation import LENGTHS, odometry_errors, trajectory_of
 from trackslip.odometry.slip_odometry import SlipOdometry

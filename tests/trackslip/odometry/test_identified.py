@@ -16,7 +16,7 @@ from trackslip.identification.identify import identify
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.result import identification_to_json
 from trackslip.kinematics import RobotGeometry
-from trackslip.laws.constant import NoSlip
+from trackslip.laws.base import NoSlip
 from trackslip.laws.file import save_laws
 from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
@@ -91,8 +91,8 @@ def test_what_is_wrong_is_told_in_a_line(found, folder, tmp_path):
     save_laws(tmp_path / "two.json", {"icr_radius": ICR, "icr": ConstantIcr(0.04, 0.168)}, GEOMETRY)
     other = RobotGeometry(0.2, 0.06)
     for source, name, robot, message in [
-        (folder, "constant", None, "law = 'constant': must be one of none, icr, icr_radius (in "),
-        (found, "constant", None, "(in the identification)"),
+        (folder, "exponential", None, "law = 'exponential': must be one of none, icr, icr_radius (in "),
+        (found, "exponential", None, "(in the identification)"),
         (tmp_path / "two.json", None, None, "two.json: says nothing of which law is best: choose one of icr, "),
         (folder, "icr", other, "its laws are for half_gauge = 0.168 m and sprocket_radius = 0.06 m"),
         (found, "icr", other, "the identification: its laws are for half_gauge = 0.168 m"),

@@ -10,7 +10,7 @@ from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import WHITE, LawMotion, SlipVariation
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
-from trackslip.laws.constant import NoSlip
+from trackslip.laws.base import NoSlip
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.icr import ConstantIcr
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss
