@@ -20,12 +20,9 @@ Fit = TypeVar("Fit", bound=FittedLaw)
 class Choice:
     """The best of some laws."""
 
-    best: str
-    """The law that predicts motion best; of laws that predict it equally well, the simplest."""
-    reason: str
-    """Why, in one sentence."""
-    score: Mapping[str, float]
-    """Mean over the criteria of each law's mean error, relative to the smallest [-]."""
+    best: str  # the law that predicts motion best; of laws that predict it equally well, the simplest
+    reason: str  # why, in one sentence
+    score: Mapping[str, float]  # mean over the criteria of each law's mean error, relative to the smallest [-]
     expressible: str | None = None
     """The best of the laws that a differential drive's odometry can express, chosen likewise; None if there is none."""
 

@@ -46,13 +46,8 @@ def identify(
         method: steady: from stretches of constant sprocket speeds; drive: from whole drives. By default steady where
             most of the driving is, else drive.
         sensor: place and yaw on the robot of the sensor that measured the poses, if known.
-        gear: turns of the encoder per turn of the sprocket, if omega is the speed of the encoder [-].
-        settle: time after the sprockets have become steady that is left out of each run [s].
-        motion: how a steady run becomes a twist: paper, arc or bundle; by default the most accurate method
-            that each run allows.
-        bag: which topics of a bag are encoders and poses; needed if the bag leaves a doubt.
-        multiplier: wheel_separation_multiplier by which odometry taken as encoders was computed [-].
         lag: whether to estimate how far the motion lags behind the belts, of whole drives.
+        gear, settle, motion, bag, multiplier: see `ReadOptions`.
 
     Raises:
         LogError: if the log cannot be read, or its runs determine no law.

@@ -1,15 +1,8 @@
 """The model of a drive: a law, and the effects of the sensor's mounting, its clock and the robot's lag on the poses.
 
-Its parameters are the law's, followed by EXTRAS:
-
-- sensor_x: how far ahead of the turning centre the sensor sits [m]. The centre may lie ahead of or behind the middle of
-  the tracks; the two can't be told apart.
-- sensor_y: how far to the left of the middle the sensor sits [m].
-- drift: c, outward drift in turns, a lateral speed of -c v w [s].
-- clock_offset: tau, encoder clock minus pose clock [s]: encoders show at stamp t + tau what poses show at stamp t.
-- sensor_yaw: heading of the sensor minus heading of the robot [rad].
-- lag: time constant with which the motion follows the belts [s].
-- gyro_bias, gyro_scale: a gyro reads (1 + scale) yaw rate + bias [rad/s, -].
+Its parameters are the law's, followed by EXTRAS. The centre of turns may lie ahead of the middle of the tracks, and
+sensor_x is the distance from it. With a drift c, the lateral speed is -c v w. Encoders show at stamp t + clock_offset
+what poses show at stamp t. A gyro reads (1 + gyro_scale) yaw rate + gyro_bias.
 """
 
 from __future__ import annotations
@@ -115,10 +108,9 @@ class DriveModel:
         assert drives.gyro is not None
         time = drives.time + values[self.index("clock_offset")]
         turned, measured = (np.interp(time, drives.gyro[:, 0], sums) for sums in drives.gyro.T[1:])
-        bias = values[self.index("gyro_bias")]
-        slope = np.zeros((len(free), len(time)))
-        slope[free == self.index("gyro_bias")] = -drives.time
-        return turned - bias * drives.time, slope, measured
+        at_bias = self.index("gyro_bias")
+        slope = np.where((free == at_bias)[:, None], -drives.time, 0.0)
+        return turned - values[at_bias] * drives.time, slope, measured
 
     def _motion(
         self, values: Array, extra: Mapping[str, float], drives: Drives, free: np.ndarray

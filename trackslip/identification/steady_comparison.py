@@ -26,21 +26,17 @@ _NEGLIGIBLE = 1e-3  # relative error of the track speeds that no ground and no e
 class CrossValidation:
     """Rms errors of a law for runs at radii that it was not fitted to."""
 
-    slip: float
-    """Of the track speeds, relative to the faster sprocket's [-]."""
-    linear_speed: float
-    """[m/s]."""
-    yaw_rate: float
-    """[rad/s]."""
+    slip: float  # of the track speeds, relative to the faster sprocket's [-]
+    linear_speed: float  # [m/s]
+    yaw_rate: float  # [rad/s]
 
     @classmethod
-    def of(cls, law: SteadyFit) -> CrossValidation | None:
-        """Errors at left-out radii; None where there is one radius, or the other runs are too few for a fit."""
-        samples, twist = law.fit.samples, left_out(law)
+    def of(cls, twist: Array | None, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation | None:
+        """Errors of the twists (n, 2) that `left_out` predicts."""
         if twist is None:
             return None
         v, w = (rms(column) for column in (twist - samples.twist).T)
-        return cls(rms(samples.relative_errors(twist, law.fit.geometry)), v, w)
+        return cls(rms(samples.relative_errors(twist, geometry)), v, w)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,14 +70,15 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     known = {name: law for name, law in laws.items() if not law.notes}
     if not known.keys() - {"none"}:
         raise LogError(next(why for why in warnings if why.startswith("law icr:")))
-    choice = choose(known, _ranked)
+    predicted = {name: left_out(law) for name, law in laws.items()}
+    choice = choose(known, lambda some: _ranked(some, predicted))
     assert choice is not None
     order = sorted(laws, key=lambda name: (laws[name].aicc or np.inf, laws[name].scatter))
     return SteadyComparison(
         **vars(choice),
         samples=samples,
         laws={name: laws[name] for name in order},
-        validation={name: CrossValidation.of(laws[name]) for name in order},
+        validation={name: CrossValidation.of(twist, samples, geometry) for name, twist in predicted.items()},
         warnings=tuple(warnings),
     )
 
@@ -109,8 +106,8 @@ def folds(labels: np.ndarray) -> np.ndarray:
     return np.unique(fold[labels], return_inverse=True)[1]
 
 
-def _ranked(laws: Mapping[str, SteadyFit]) -> Choice:
-    """The simplest of the laws that predict left-out radii as well as any other.
+def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]) -> Choice:
+    """The simplest of the laws whose predictions of left-out radii are as good as any other's.
 
     Errors are mean squares of the relative errors of the track speeds, weighted by the runs' variances. Where the
     samples are too few for predictions, it is the simplest of the laws whose AICc is within 2 of the smallest
@@ -119,7 +116,7 @@ def _ranked(laws: Mapping[str, SteadyFit]) -> Choice:
     fit = next(iter(laws.values())).fit
     samples, scatter = fit.samples, max(_NEGLIGIBLE, min(law.scatter for law in laws.values()))
     weight = 1 / (fit.measurement.mean(axis=1) + scatter**2)
-    twists = {name: twist for name, law in laws.items() if (twist := left_out(law)) is not None}
+    twists = {name: twist for name in laws if (twist := predicted[name]) is not None}
     if twists and len(samples) >= FEWEST_BLOCKS:
         relative = {name: samples.relative_errors(twist, fit.geometry) ** 2 for name, twist in twists.items()}
         errors = {name: weight / weight.mean() * each.mean(axis=1) for name, each in relative.items()}

@@ -8,8 +8,7 @@ residual of a run is the measured minus the predicted speed V of either track, (
 
 P is the covariance of the measured twist, B maps twists to track speeds, and tau is the scatter of the track speeds
 beyond the measurement errors, relative to s, the speed of the faster sprocket: effects outside the law (uneven ground,
-speed, its wrong shape). They act on the robot as a whole, so a slow sprocket is not predicted better than a fast one,
-and one that stands still is as good as any.
+speed, its wrong shape). They act on the robot as a whole, so a slow sprocket is not predicted better than a fast one.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """The estimator: windows of poses, each laid onto the path that the belts drive by a law.
 
-The belts of a drive, integrated by a law, give a path of the sensor. The poses are cut into windows of some seconds,
-twice, the second time half a window later. In each window the path is moved and turned so that it fits the poses
-best; what is left are residuals, which don't depend on where the robot is in the world. Slip that varies shifts later
-windows, but bends none but its own: no state needs to be estimated. The parameters of the law, of the sensor's place
-and of the clocks are those with the smallest residuals, in units of their spread, under Cauchy's loss (P. J. Huber
-and E. M. Ronchetti, *Robust Statistics*, 2009, ch. 7).
+The belts of a drive, integrated by a law, give a path of the sensor. The poses are cut into windows of some seconds. In
+each window the path is moved and turned so that it fits the poses best; what is left are residuals, which don't depend
+on where the robot is in the world. Slip that varies bends no window but its own: no state needs to be estimated. The
+parameters of the law, of the sensor's place and of the clocks are those with the smallest residuals, in units of their
+spread, under Cauchy's loss (P. J. Huber and E. M. Ronchetti, *Robust Statistics*, 2009, ch. 7).
 
 Standard errors come from blocks of driving: a fit without one block, by one step of Newton's method, and the scatter of
 these fits (CR3; A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015).
@@ -220,12 +219,7 @@ class WindowFit:
 
 
 def fit_windows(
-    model: DriveModel,
-    drives: Drives,
-    length: float,
-    values: Array,
-    held: Collection[str],
-    mean: Array,
+    model: DriveModel, drives: Drives, length: float, values: Array, held: Collection[str], mean: Array
 ) -> WindowFit:
     """Fit all parameters but those `held` to windows of a length [s], from `values` (p,), with priors' `mean` (p,).
 

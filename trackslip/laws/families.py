@@ -26,42 +26,30 @@ class Parameter:
 
     starts: tuple[float, ...]
     """Starting values: fits start from the first of each parameter, then from the second of each, and so on."""
-    low: float
-    """Lower limit."""
-    high: float
-    """Upper limit."""
-    scale: float
-    """Size of a significant change."""
-    unit: str
-    """Unit as printed; empty for a pure number. For lengths (m) the values above are in half gauges."""
-    symbol: str = ""
-    """Its letter in formulas, without the track; by default its name is printed."""
-    meaning: str = ""
-    """Meaning of the letter, for reports."""
+    low: float  # lower limit
+    high: float  # upper limit
+    scale: float  # size of a significant change
+    unit: str  # unit as printed; empty for a pure number. For lengths (m) the values above are in half gauges
+    symbol: str = ""  # its letter in formulas, without the track; by default its name is printed
+    meaning: str = ""  # meaning of the letter, for reports
 
 
 @dataclass(frozen=True)
 class LawFamily:
     """Slip laws that differ only in the values of their parameters."""
 
-    title: str
-    """A short description."""
-    parameters: Mapping[str, Parameter]
-    """Free parameters by name, in the order of their values in arrays."""
+    title: str  # a short description
+    parameters: Mapping[str, Parameter]  # free parameters by name, in the order of their values in arrays
     build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
     """Builds a law from values of the parameters: numbers, or arrays of one shape."""
-    targets: tuple[str, ...] = ("json",)
-    """Its deployment targets, out of `trackslip.deploy.TARGETS`."""
-    loaded: bool = False
-    """True if slip depends on the traction per unit load, which runs must then provide."""
+    targets: tuple[str, ...] = ("json",)  # its deployment targets, out of `trackslip.deploy.TARGETS`
+    loaded: bool = False  # true if slip depends on the traction per unit load, which runs must then provide
     two_sided: bool = False
     """True if left and right turns slip differently, so that fits need turns to both sides."""
     fast: bool = False
     """True if slip depends on the lateral acceleration, which must then be a few tenths of a m/s² for it to show."""
-    of_runs: bool = True
-    """True if it is fitted to steady runs."""
-    of_drives: bool = True
-    """True if it is fitted to whole drives."""
+    of_runs: bool = True  # true if it is fitted to steady runs
+    of_drives: bool = True  # true if it is fitted to whole drives
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -28,16 +28,11 @@ SHIPPED = Path(__file__).parent / "laws.json"
 class StoredLaws:
     """The laws in a file, with the rest of its content."""
 
-    name: str
-    """The file's name in messages and comments, without the folders that lead to it."""
-    geometry: RobotGeometry
-    """Geometry of the robot that the laws were identified for."""
-    laws: Mapping[str, SlipLaw]
-    """Laws by family name; `none` is always there."""
-    content: Mapping[str, Any]
-    """Content of the file."""
-    manifest: Mapping[str, Any]
-    """Content of the manifest next to it; empty where there is none."""
+    name: str  # the file's name in messages and comments, without the folders that lead to it
+    geometry: RobotGeometry  # geometry of the robot that the laws were identified for
+    laws: Mapping[str, SlipLaw]  # laws by family name; `none` is always there
+    content: Mapping[str, Any]  # content of the file
+    manifest: Mapping[str, Any]  # content of the manifest next to it; empty where there is none
 
     def law_named(self, name: str | None) -> str:
         """`name` if there is such a law; for None the best law as stored, or the only one.

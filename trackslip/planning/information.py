@@ -48,10 +48,8 @@ class PoseQuality:
 class Expectation:
     """Standard errors expected of an identification."""
 
-    stderr: Mapping[str, float]
-    """Standard errors of the law's parameters and of the extras, in their units."""
-    held: tuple[str, ...]
-    """Parameters that the driving doesn't determine."""
+    stderr: Mapping[str, float]  # standard errors of the law's parameters and of the extras, in their units
+    held: tuple[str, ...]  # parameters that the driving doesn't determine
 
 
 def drive_to_measure(speeds: Array, rate: float, poses: PoseQuality, radius: float, merge: int = 1) -> PreparedDrive:

@@ -32,24 +32,16 @@ _DEVIATIONS = 3.5  # of slip that the area allows for
 class Route:
     """Two legs, there and back, repeated until the time is up, and spins."""
 
-    start: int
-    """Index of the first place in WAYPOINTS."""
-    end: int
-    """Index of the other one."""
-    backwards: tuple[bool, bool]
-    """Whether the way there and the way back are driven backwards."""
-    bow: tuple[int, int]
-    """Angle between the chord of each way and its ends [BOW]."""
-    spinning: float
-    """Share of the time for spins to both sides [-]."""
-    pairs: int
-    """Number of such pairs, spread over the route."""
-    size: float = 1.0
-    """Distances of the places, relative to the largest useful ones [-]."""
+    start: int  # index of the first place in WAYPOINTS
+    end: int  # index of the other one
+    backwards: tuple[bool, bool]  # whether the way there and the way back are driven backwards
+    bow: tuple[int, int]  # angle between the chord of each way and its ends [BOW]
+    spinning: float  # share of the time for spins to both sides [-]
+    pairs: int  # number of such pairs, spread over the route
+    size: float = 1.0  # distances of the places, relative to the largest useful ones [-]
     ends: float = 0.5
     """Length of the first and the last pair over that of the others, which are measured for two legs [-]."""
-    shrink: float = 0.0
-    """Relative reduction of the distance from the middle at each leg, as slip adds up [-]."""
+    shrink: float = 0.0  # relative reduction of the distance from the middle at each leg, as slip adds up [-]
 
 
 @dataclass(frozen=True)

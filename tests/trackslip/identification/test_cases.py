@@ -9,8 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pytest
-from bags import in_order, joint_states, pose_stamped, stamp, write_bag
-from plain_drives import ENCODER_STEP, HUSKY, Drive, Robot, drive_of, log_of, measured, table_of, weaving
+from plain_drives import HUSKY, Drive, Robot, drive_of, log_of, measured, table_of, weaving
 
 from trackslip.errors import LogError
 from trackslip.identification.identify import identify
@@ -101,31 +100,14 @@ def test_wheels_and_headings_alone():
     assert found.drive.look.gains.speed is None
 
 
-def test_three_rows_a_time_use_all_poses(tmp_path):
-    """Encoders, gyro and poses of one time, a row each."""
-    drive = drive_of(duration=60.0)
-    rows = slice(None, None, 5)
-    time, pose = measured(drive)
-    omega = np.diff(np.cumsum(drive.omega, axis=0)[rows], axis=0, prepend=0.0) / 5
-    cells = np.full((len(time), 3, 6), np.nan)
-    cells[:, 0, :2], cells[:, 2, 3:] = omega, pose
-    cells[:, 1, 2] = np.gradient(drive.pose[:, 2], ENCODER_STEP)[rows]
-    names = ("omega_l", "omega_r", "gyro", "x", "y", "phi")
-    columns = {n: pa.array(c, from_pandas=True) for n, c in zip(names, cells.reshape(-1, 6).T, strict=True)}
-    path = file_of(tmp_path / "log.csv", pa.table({"t": np.repeat(time, 3)} | columns))
-    found = identify(path, HUSKY.geometry)
-    assert found.drive.laws["icr_radius"].poses == len(time)
-    require_true(found, offset=0.002, error=0.002)
-
-
 def test_all_poses_of_a_long_and_a_short_drive_are_used():
     logs = []
-    for name, count in (("long", 8000), ("short", 1000)):
+    for name, count in (("long", 4500), ("short", 500)):
         drive = drive_of(duration=count * 0.06, seed=len(name))
         time, pose = measured(drive, pose_step=0.06)
         logs.append(log_of(drive, time[:count], pose[:count], name))
     found = answer(*logs)
-    assert found.drive.laws["icr_radius"].poses == 9000
+    assert found.drive.laws["icr_radius"].poses == 5000
     require_true(found, offset=0.001, error=0.001)
 
 
@@ -145,41 +127,6 @@ def test_clocks_that_differ(tmp_path, late):
     path = file_of(tmp_path / "log.csv", table_of(DRIVE, TIME + late, POSE))
     with pytest.raises(LogError, match=f"the clocks differ by {late:.1f} s, as the pose clock is ahead"):
         identify(path, HUSKY.geometry)
-
-
-def test_spellings_of_one_csv_agree(tmp_path):
-    drive = drive_of(duration=70.0)
-    text = file_of(tmp_path / "log.csv", table_of(drive, *measured(drive))).read_text().replace('"', "")
-    first, *rest = text.splitlines()
-    spellings = {
-        "plain": [first, *rest],
-        "blanks": [line.replace(",", ", ") for line in (first, *rest)],
-        "comment": ["# robot 1", first, *rest],
-        "units": [first, "-,s,rad/s,rad/s,m,m,rad", *rest],
-        "commas": [line.replace(",", ";").replace(".", ",") for line in (first, *rest)],
-        "one run": [line.partition(",")[2] for line in (first, *rest)],
-    }
-    answers = []
-    for name, lines in spellings.items():
-        path = tmp_path / f"{name}.csv"
-        path.write_text("\n".join(lines) + "\n")
-        answers.append(identify(path, HUSKY.geometry))
-    require_true(answers[0], offset=0.002, error=0.002)
-    assert all(found.answer == answers[0].answer for found in answers)
-
-
-def test_readings_stamped_microseconds_apart(tmp_path):
-    """Twice a second, a reading of the wheels comes late, with the next one."""
-    drive = drive_of(duration=65.0)
-    stamps, late = drive.time.copy(), np.arange(10, len(drive.time) - 5, 25)
-    stamps[late] = stamps[late + 1] - 4e-6
-    angle = np.cumsum(drive.omega * ENCODER_STEP, axis=0).tolist()
-    wheels = [joint_states(stamp(t), ("left_wheel", "right_wheel"), a) for t, a in zip(stamps, angle, strict=True)]
-    poses = [
-        pose_stamped(stamp(t), where) for t, where in zip(*(part.tolist() for part in measured(drive)), strict=True)
-    ]
-    bag = write_bag(tmp_path / "bag", "sqlite3", in_order(wheels, poses))
-    require_true(identify(bag, HUSKY.geometry), offset=0.002, error=0.002)
 
 
 def test_rare_readings_stand_in_the_middle_of_their_time():

@@ -70,11 +70,6 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     assert np.mean(hits) > 0.84  # 0.95 less three times 0.035
 
 
-def test_repeated_poses_count_once():
-    found = look_at(pose=POSE[np.arange(len(POSE)) // 3 * 3])
-    assert any("poses repeat the one before: each counts once" in note for note in found.notes)
-
-
 def test_turns_to_one_side_pass_with_a_note():
     step = np.arange(40)
     commands = np.where(step % 2 == 0, 0.3, 0.0) * np.where(step % 4 == 0, 1, -1), np.where(step % 2 == 1, 0.2, 0.0)

@@ -69,13 +69,6 @@ def test_motion_without_noise_gives_the_law_exactly():
         )
 
 
-@pytest.mark.parametrize("source", [MOUNTED, replace(GNSS, ahead=0.3, left=0.1, delay=0.15)])
-def test_place_mounting_and_clock_are_found_with_the_law(source):
-    fit = fitted(REFERENCE, drive_log(1, 120.0, source))
-    place = {key: value for key, value in PLACE.items() if source.heading or key != "sensor_yaw"}
-    require_within(fit, place | {"offset": ICR.offset, "radius_error": ICR.radius_error})
-
-
 def test_a_given_sensor_is_held_and_improves_the_rest():
     log = drive_log(1, 80.0, MOUNTED)
     given = fitted(REFERENCE, log, sensor=Mounting(0.3, 0.1, np.radians(5)))
@@ -118,14 +111,6 @@ def test_values_stop_at_limits_and_say_so(value):
     assert "radius_error" in fit.at_limit
     assert low[1] <= fit.values["radius_error"] <= high[1]
     assert fitted(REFERENCE, log).at_limit == ()
-
-
-@pytest.mark.parametrize("value", [-0.7, -0.3, 1.5])
-def test_far_values_are_found(value):
-    """As of encoders with a gear, whose ε is no error of machining."""
-    log = drive_log(1, 80.0, law=ConstantIcr(0.045, 0.168))
-    fit = fitted(REFERENCE, replace(log, omega=log.omega / (1 + value)))
-    require_within(fit, {"offset": 0.045, "radius_error": value}, 5.0)
 
 
 @pytest.mark.parametrize("start", [None, {"radius_error": 0.0}])

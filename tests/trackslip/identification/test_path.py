@@ -1,10 +1,8 @@
 """Paths that belts drive: exact arcs, their derivatives, drives in a row, and encoders that are read rarely."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from drives import SLAM, drive_log, held, model
+from drives import drive_log, held, model
 
 from trackslip.identification.path import path_at
 from trackslip.identification.preparation import Drives, drive_of, interval_means
@@ -75,9 +73,3 @@ def test_a_reading_that_is_logged_again_and_again_counts_once_in_the_middle_of_i
     assert np.abs(as_read[1:] - expected)[10:-10].max() > 0.2
     for every_row in (RNG.normal(size=(400, 2)), np.repeat(RNG.normal(size=(8, 2)), 50, axis=0), np.ones((400, 2))):
         np.testing.assert_array_equal(interval_means(time, every_row), every_row[1:])
-
-
-def test_poses_more_often_than_20_hz_are_thinned():
-    drive = drive_of(drive_log(1, 20, replace(SLAM, rate=180.0)))
-    assert np.median(np.diff(drive.time)) == pytest.approx(0.05, rel=0.15)
-    assert len(drive_of(drive_log(1, 20, replace(SLAM, rate=30.0))).time) == pytest.approx(600, abs=10)

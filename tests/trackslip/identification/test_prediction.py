@@ -11,7 +11,7 @@ from trackslip.identification.comparison import ranked
 from trackslip.identification.drive_comparison import compare_drives
 from trackslip.identification.first_look import first_look
 from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.prediction import HORIZONS, Pairs, trailing_heading
+from trackslip.identification.prediction import HORIZONS, Pairs
 from trackslip.identification.preparation import Drives, drive_of, drives_of
 from trackslip.laws.base import NoSlip
 from trackslip.laws.families import FAMILIES
@@ -53,17 +53,6 @@ def test_pairs_are_a_horizon_apart_in_one_drive_in_motion():
     late = pairs.start[pairs.start >= border] - border
     assert pairs.drives.drives[1].time[late].max() < 10.1
     assert len(pairs_of(drive_log(1, 3.0, EXACT, STILL), horizons=(10.0,)).start) == 0
-
-
-def test_headings_come_from_the_trail_of_positions():
-    time = np.arange(0.0, 30.0, 0.2)
-    place, heading = -2j * np.exp(0.1j * time), 0.1 * time
-    found = trailing_heading(time, np.exp(0.7j) * place + 5 - 3j, place, heading)
-    known = np.isfinite(found)
-    assert known[20:].all()
-    assert not known[:5].any()  # too few, on too short a way
-    np.testing.assert_allclose(found[known], heading[known] + 0.7, atol=1e-9)
-    assert np.isnan(trailing_heading(time, 0j * time, 0j * time, 0 * time)).all()
 
 
 @pytest.mark.parametrize("source", [replace(SLAM, position_noise=0.002, heading_noise=0.002), SLAM])
