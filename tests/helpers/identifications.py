@@ -44,10 +44,7 @@ def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determine
     comparison = SteadyComparison(
         samples=samples,
         laws=laws,
-        validation={
-            name: CrossValidation.of(left_out(law), samples, GEOMETRY) if determined else None
-            for name, law in laws.items()
-        },
+        validation={name: CrossValidation.of(twist, samples, GEOMETRY) for name, twist in predicted.items()},
         score={},
         best=best,
         reason="it predicts best",
