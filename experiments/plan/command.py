@@ -80,6 +80,6 @@ def _to_json(plan: DrivePlan, paper: Expectation | None) -> dict[str, Any]:
         "held": plan.expectation.held,
         "paper_stderr": None if paper is None else paper.stderr,
         "start": plan.start,
-        "places": {"low": plan.places.low, "high": plan.places.high},
+        "places": {"low": plan.places[0], "high": plan.places[1]},
         "strokes": {"way": plan.maneuvers.way, "duration": plan.maneuvers.duration},
     }
