@@ -15,7 +15,6 @@ import scipy
 
 from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.laws.derivatives import twist_derivatives
 from trackslip.laws.families import LawFamily
 
 
@@ -121,7 +120,7 @@ class DriveModel:
         v, w = motion = _lagging(belts, drives, lag)
         slope = np.zeros((3, len(free), len(drives.omega)))
         if len(of_law):
-            by_law = twist_derivatives(self.family, values[None], drives.omega, self.geometry)[0]
+            by_law = self.family.twist_slopes(values[None], drives.omega, self.geometry)[0]
             slope[::2, free < len(values)] = _lagging(np.moveaxis(by_law[..., of_law], 0, -1), drives, lag)
         if (at_lag := free == self.index("lag")).any():
             change = 1e-3  # [s], small beside any lag that shows
