@@ -192,6 +192,8 @@ def _displaced(
     chord = np.sinc(turn / (2 * np.pi))
     ahead = np.exp(1j * (heading + turn / 2)) * step
     moved = ahead * chord * (motion[0] + 1j * motion[1])
+    if not slope.shape[1]:
+        return moved, np.zeros((0, len(moved)), complex)
     small = np.abs(turn) < 1e-4  # where the chord is 1 - t² / 24
     shorter = np.where(small, -turn / 12, (np.cos(turn / 2) - chord) / np.where(small, 1.0, turn))
     turn_slope = slope[2] * step
