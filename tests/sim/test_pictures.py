@@ -117,6 +117,7 @@ for name in ("PathTracking", "Traverse"):
 """
 
 
+@pytest.mark.slow
 def test_gymnasium_finds_no_fault_in_pictures_without_a_display(opengl):
     environment = {name: value for name, value in os.environ.items() if not name.endswith("DISPLAY")}
     environment["MUJOCO_GL"] = opengl
@@ -124,23 +125,6 @@ def test_gymnasium_finds_no_fault_in_pictures_without_a_display(opengl):
         [sys.executable, "-W", "error", "-c", CHECK], env=environment, text=True, capture_output=True
     )
     assert (checked.returncode, checked.stderr) == (0, "")
-
-
-DRIVE = """
-import gymnasium, numpy as np
-env = gymnasium.make("sim:trackslip/PathTracking-v0", render_mode="human", reference="circle")
-env.reset(seed=0)
-for _ in range(20):
-    env.step(np.array([0.7, 0.7], np.float32))
-{end}
-"""
-
-
-def program(display, end):
-    """A Python that drives in a window."""
-    streams = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE)
-    environment = os.environ | {"DISPLAY": display}
-    return subprocess.Popen([sys.executable, "-c", DRIVE.format(end=end)], env=environment, text=True, **streams)
 
 
 @pytest.fixture
@@ -159,8 +143,17 @@ def display():
     server.wait()
 
 
-@pytest.mark.parametrize("end", ["env.close()", "pass"], ids=["closed", "left open"])
+DRIVE = """
+import gymnasium, numpy as np
+env = gymnasium.make("sim:trackslip/PathTracking-v0", render_mode="human", reference="circle")
+env.reset(seed=0)
+for _ in range(20):
+    env.step(np.array([0.7, 0.7], np.float32))
+"""
+
+
+@pytest.mark.parametrize("end", [pytest.param("env.close()", marks=pytest.mark.slow), "pass"])
 def test_a_window_follows_the_robot_and_closes(display, end):
-    driving = program(display, end)
-    _, errors = driving.communicate(timeout=60)
-    assert (driving.returncode, errors) == (0, "")
+    command, environment = [sys.executable, "-c", DRIVE + end], os.environ | {"DISPLAY": display}
+    driving = subprocess.run(command, env=environment, text=True, capture_output=True, timeout=60)
+    assert (driving.returncode, driving.stdout, driving.stderr) == (0, "", "")

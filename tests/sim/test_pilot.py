@@ -45,31 +45,6 @@ def test_a_pilot_of_many_robots_is_as_many_pilots_to_the_bit(fleet, controller):
         np.testing.assert_array_equal(together, alone)
 
 
-class Counting(Feedforward):
-    """A user's controller that counts the poses it is called with, and drives at a share of the reference's twist."""
-
-    def __init__(self, share):
-        self.share, self.calls, self.sensed = share, [], []
-
-    def sense(self, omega):
-        self.sensed.append(omega.tolist())
-
-    def twist(self, time, pose, reference):
-        self.calls.append(len(pose))
-        return self.share * super().twist(time, pose, reference)
-
-
-def test_each_pilots_controller_is_called_with_its_robots(fleet):
-    whole, half = Counting(1.0), Counting(0.5)
-    found = commands(fleet, [Pilot(whole, [0, 2]), Pilot(half, [1]), Pilot(Feedforward(), [3])])
-    assert whole.calls == [2] * ROWS
-    assert half.calls == [1] * ROWS
-    assert half.sensed == [[[1.0, 1.0]]] * ROWS
-    np.testing.assert_allclose(found[:, 1], found[:, 0] / 2)
-    np.testing.assert_array_equal(found[:, 0], found[:, 3])
-    assert np.abs(found[-1]).min() > 0
-
-
 def test_a_preview_looks_ahead_of_the_motion_and_the_reference(fleet):
     geometry, controller, reference = fleet.robot.geometry, LinearTimeVarying(), paper_reference()
     law = ConstantIcr(0.03, geometry.half_gauge, 0.006)

@@ -43,23 +43,14 @@ def rows(candidate, theory=True, rng=None, noise=0.0, lateral=False):
 
 
 @pytest.mark.slow
-def test_a_known_robot_is_found_again_by_simulation():
-    fit = calibrate(rows(TRUE, theory=False), START, FREE)
-    for name in FREE:
-        assert fit.estimates[name].held == ""
-        assert abs(fit.candidate.value(name) - TRUE.value(name)) < max(3 * fit.estimates[name].stderr, 1e-4)
-        assert fit.estimates[name].stderr < 0.002  # the error is the simulator's own
-
-
-@pytest.mark.slow
 def test_intervals_contain_the_truth_as_often_as_they_say():
     """By theory, which is quick."""
     inside, squares = [], []
     for seed in range(40):
         fit = calibrate(rows(TRUE, rng=np.random.default_rng(seed), noise=0.002), START, FREE)
-        found = [(fit.estimates[name], TRUE.value(name)) for name in FREE]
-        inside += [one.low <= truth <= one.high for one, truth in found]
-        squares.append([((one.value - truth) / one.stderr) ** 2 for one, truth in found])
+        pairs = [(fit.estimates[name], TRUE.value(name)) for name in FREE]
+        inside += [estimate.low <= truth <= estimate.high for estimate, truth in pairs]
+        squares.append([((estimate.value - truth) / estimate.stderr) ** 2 for estimate, truth in pairs])
     assert 0.88 <= np.mean(inside) <= 0.99, np.mean(inside)
     assert np.all(np.mean(squares, axis=0) < 2.0), np.mean(squares, axis=0)
 
@@ -104,17 +95,6 @@ def test_the_best_start_is_that_of_the_smallest_errors():
     assert rms[-1] > 0.1
 
 
-def test_ratio_and_length_are_told_to_be_one_parameter():
-    target = replace(TurnTable.published(), theory=True)
-    fit = calibrate(target, BASE, ("friction_ratio", "contact_length", "radius_error"))
-    held = {name: one.held for name, one in fit.estimates.items() if one.held}
-    assert held == {"contact_length": "the target does not tell it from friction_ratio"}
-    assert fit.candidate.robot.contact_length == BASE.robot.contact_length
-    assert set(fit.correlation) == {"friction_ratio", "radius_error"}
-    alone = calibrate(target, BASE, ("friction_ratio", "radius_error"))
-    assert fit.metrics["slip_rms"] == pytest.approx(alone.metrics["slip_rms"], rel=1e-3)
-
-
 def straight_rows():
     omega = np.array([[2.0, 2.0], [3.0, 3.0], [4.0, 4.0]])
     twist = np.column_stack([0.06 * omega[:, 0], np.zeros(3)])
@@ -145,7 +125,7 @@ def test_impossible_calibrations_are_refused(free, message):
         calibrate(TurnTable.published(), BASE, free)
 
 
-@pytest.mark.parametrize("name", ["shipped", "husky", "warthog", "maxxii"])
+@pytest.mark.parametrize("name", ["shipped", "husky"])
 def test_every_parameter_can_be_changed_and_read_back(name):
     base = Candidate(load_parameters(name)[0])
     for parameter, one in PARAMETERS.items():
@@ -166,12 +146,6 @@ def test_radii_of_both_sides_turn_a_robot_that_drives_straight_on():
         assert twist[2] > 0.005
 
 
-def test_no_weight_brings_a_calibrations_motors_to_their_limits():
-    heavy = RobotParameters(mass=400.0, sprocket_radius=0.03)
-    found = [steady_turns(heavy, Ground(0.7, 0.77), OMEGA, theory=theory)[:, [0, 2]] for theory in (False, True)]
-    np.testing.assert_allclose(found[0], found[1], rtol=0.01)
-
-
 def test_shear_is_found_in_turns_that_theory_drives_with_it():
     truth = replace(BASE, ground=Ground(0.7, 0.805, shear=0.008))
     fit = calibrate(rows(truth), BASE, ("shear", "friction_ratio"))
@@ -190,18 +164,6 @@ def test_the_place_of_the_sensor_is_found_in_lateral_speeds():
     assert set(fit.metrics) == {"v_rms", "w_rms", "lateral_rms", "slip_rms"}
 
 
-def test_a_missing_lateral_speed_leaves_the_rest_of_its_row():
-    target = rows(replace(BASE, sensor=Mounting(0.2, -0.1, 0.03)), lateral=True)
-    lateral = target.samples.lateral.copy()
-    lateral[4] = np.nan
-    part = replace(target, samples=replace(target.samples, lateral=lateral))
-    assert len(part.errors(BASE)) == len(target.errors(BASE)) - 1 == len(part.layout.kind)
-    found, known = (one.metrics(one.errors(BASE)) for one in (part, target))
-    assert found["v_rms"] == known["v_rms"]
-    assert found["slip_rms"] == known["slip_rms"]
-    assert found["lateral_rms"] != known["lateral_rms"]
-
-
 def test_single_wrong_rows_hardly_matter():
     target = rows(TRUE)
     twist = target.samples.twist.copy()
@@ -214,12 +176,14 @@ def test_single_wrong_rows_hardly_matter():
 def test_what_is_held_widens_the_intervals_of_the_others():
     """Only the product of ratio and length matters: the ratio is as uncertain as the prior of the length, 15 %."""
     target = rows(BASE, rng=np.random.default_rng(3), noise=0.002)
-    fit = calibrate(target, BASE, ("friction_ratio", "contact_length"))
-    alone = calibrate(target, BASE, ("friction_ratio",)).estimates["friction_ratio"]
-    assert fit.estimates["contact_length"].held
-    found = fit.estimates["friction_ratio"]
-    assert found.value == pytest.approx(alone.value, rel=1e-3)
-    assert found.stderr == pytest.approx(np.hypot(alone.stderr, 0.15 * alone.value), rel=0.05)
+    fit = calibrate(target, BASE, ("friction_ratio", "contact_length", "radius_error"))
+    held = {name: estimate.held for name, estimate in fit.estimates.items() if estimate.held}
+    assert held == {"contact_length": "the target does not tell it from friction_ratio"}
+    assert fit.candidate.robot.contact_length == BASE.robot.contact_length
+    alone = calibrate(target, BASE, ("friction_ratio", "radius_error")).estimates["friction_ratio"]
+    ratio = fit.estimates["friction_ratio"]
+    assert ratio.value == pytest.approx(alone.value, rel=1e-3)
+    assert ratio.stderr == pytest.approx(np.hypot(alone.stderr, 0.15 * alone.value), rel=0.05)
 
 
 def test_folds_are_predicted_by_fits_to_the_others():
@@ -275,16 +239,10 @@ def test_no_window_contains_a_jump_of_the_poses():
     ("change", "message"),
     [
         ({"pose": np.zeros((100, 3))}, "1 pose while it drives"),
+        ({"pose": np.column_stack([np.arange(100.0), np.zeros(100), np.full(100, np.nan)])}, "no poses with headings"),
         ({"omega": np.zeros((100, 2))}, "the sprockets stand still"),
     ],
 )
-def test_drives_without_motion_are_refused(change, message):
+def test_drives_without_motion_or_headings_are_refused(change, message):
     with pytest.raises(LogError, match=message):
         Drives([replace(drive(np.arange(100) * 0.05), **change)], BASE.geometry)
-
-
-def test_drives_without_headings_are_refused():
-    log = drive(np.arange(100) * 0.05)
-    bare = np.column_stack([log.pose[:, :2], np.full(100, np.nan)])
-    with pytest.raises(LogError, match="no poses with headings"):
-        Drives([replace(log, pose=bare)], BASE.geometry)

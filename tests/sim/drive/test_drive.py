@@ -33,8 +33,7 @@ def torque_of_weight(robot, slope):
     return robot.mass * GRAVITY * np.sin(slope) / 2 * robot.geometry.sprocket_radius
 
 
-@pytest.mark.parametrize(("slope", "limit"), [(0.3, 1.0), (0.15, 0.6)])
-@pytest.mark.parametrize("period", [0.005, 0.01])
+@pytest.mark.parametrize(("slope", "limit", "period"), [(0.3, 1.0, 0.005), (0.15, 0.6, 0.01)])
 def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, limit, period):
     """The gear's friction holds it too, and the rotors count for more than their weight: gears square it."""
     fleet = on_slope(robot, slope, Drive(torque_limit=limit, period=period))
@@ -49,7 +48,7 @@ def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, li
     np.testing.assert_allclose(fleet.drive.saturated_time, 2.0, atol=0.02)
 
 
-@pytest.mark.parametrize("share", [-0.6, -0.3, 0.3, 0.6])
+@pytest.mark.parametrize("share", [-0.6, 0.3])
 def test_between_climbing_and_rolling_back_the_gears_friction_holds(robot, share):
     """The motor lacks a share of the gear's friction. That friction is rounded off at rest: tanh(omega / 0.02)."""
     slope = 0.3
@@ -60,8 +59,7 @@ def test_between_climbing_and_rolling_back_the_gears_friction_holds(robot, share
     np.testing.assert_allclose(fleet.drive.saturated_time, 3.0, atol=0.05)
 
 
-@pytest.mark.parametrize("limit", [0.8, 2.0, 30.0])
-@pytest.mark.parametrize("period", [0.005, 0.01, 0.02])
+@pytest.mark.parametrize(("limit", "period"), [(0.8, 0.02), (2.0, 0.005), (30.0, 0.01)])
 def test_impulses_of_the_motors_become_momentum(robot, limit, period):
     """From rest to 0.18 m/s, however hard the motors push and however seldom they are sampled."""
     drive = Drive(torque_limit=limit, period=period, motor=Motor(friction=0.3))
@@ -96,7 +94,7 @@ def test_power_of_a_steady_turn_is_what_ground_gear_and_winding_dissipate(robot)
     np.testing.assert_allclose(power, in_ground + in_gear + in_winding, rtol=0.01)
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=5, deadline=None, derandomize=True)
 @given(
     strength=st.floats(0.15, 1.2),
     inertia=st.floats(0.01, 3.0),
@@ -169,20 +167,7 @@ def run_free(state, periods):
     return torque
 
 
-def test_speed_and_angle_follow_a_first_order_lag_exactly():
-    drive = Drive()
-    state = DriveState(drive, 1, 0.06)
-    state.command(np.array([[2.0, -1.0]]))
-    run_free(state, 15)
-    run_free(state, 5)
-    time = 20 * drive.period
-    grown = 1 - np.exp(-time / drive.lag)
-    np.testing.assert_allclose(state.omega, [[2.0 * grown, -grown]], rtol=1e-12)
-    np.testing.assert_allclose(state.angle[0, 0], 2.0 * (time - drive.lag * grown), rtol=1e-12)
-
-
-@pytest.mark.parametrize("lag", [0.003, 0.05, 0.58])
-@pytest.mark.parametrize("delay", [0.004, 0.01, 0.033, 0.03, 0.2])
+@pytest.mark.parametrize(("lag", "delay"), [(0.05, 0.0), (0.003, 0.004), (0.58, 0.01), (0.05, 0.033), (0.003, 0.2)])
 def test_speed_and_angle_follow_a_dead_time_and_a_lag_exactly(lag, delay):
     """At any fraction of a period, and however the time is cut up."""
     drive = Drive(lag=lag, delay=delay)
@@ -203,35 +188,21 @@ def test_speed_and_angle_follow_a_dead_time_and_a_lag_exactly(lag, delay):
     np.testing.assert_array_equal(whole.angle, pieces.angle)
 
 
-def test_a_pulse_passes_through_the_delay(robot):
-    """The belts are at rest at both ends of a stretch in whose middle they turn."""
-    fleet = Fleet(robot, np.zeros((1, 3)), radius_error=0.0, drive=Drive(lag=0.001, delay=0.2))
-    for omega in (3.0, 0.0):
-        fleet.command([omega, omega])
-        fleet.advance(0.1)
-    fleet.advance(0.4)
-    assert fleet.pose()[0, 0] == pytest.approx(3.0 * 0.06 * 0.1, rel=0.02)
+STRONG = {"droop": 0.0025, "top_speed": 5.0, "torque_limit": 1e4, "motor": Motor(no_load_speed=1e4, stall_torque=1e4)}
 
 
-HEAVY = {
-    "shipped": (RobotParameters(radius_error=0.0), {"droop": 0.05}),
-    **{
-        f"{mass} kg, {lag} s": (
-            RobotParameters(gauge, length, 0.3, 0.0, mass, com_height=0.25),
-            {"lag": lag, "droop": 0.0025, "top_speed": 5.0, "torque_limit": 1e4},
-        )
-        for mass, gauge, length in ((75.0, 0.28, 0.5), (470.0, 0.6, 1.2))
-        for lag in (0.05, 0.58)
-    },
-}
-
-
-@pytest.mark.parametrize("name", HEAVY)
-def test_a_servo_with_droop_loses_speed_in_proportion_to_its_torque(name):
+@pytest.mark.parametrize(
+    ("parameters", "drive"),
+    [
+        (RobotParameters(radius_error=0.0), Drive(droop=0.05)),
+        (RobotParameters(0.28, 0.5, 0.3, 0.0, 75.0, com_height=0.25), Drive(lag=0.58, **STRONG)),
+        (RobotParameters(0.6, 1.2, 0.3, 0.0, 470.0, com_height=0.25), Drive(lag=0.05, **STRONG)),
+    ],
+    ids=["25 kg", "75 kg", "470 kg"],
+)
+def test_a_servo_with_droop_loses_speed_in_proportion_to_its_torque(parameters, drive):
     """Standing, straight, in arcs in which tracks hardly slide or slide, spinning, stopped; and it does not chatter."""
-    parameters, options = HEAVY[name]
-    motor = Motor() if name == "shipped" else Motor(no_load_speed=1e4, stall_torque=1e4)
-    drive, turn = Drive(**options, motor=motor), 0.6 * options.get("top_speed", 0.3) / parameters.sprocket_radius
+    turn = 0.6 * drive.top_speed / parameters.sprocket_radius
     fleet = Fleet(load_robot(parameters=parameters), np.zeros((1, 3)), Ground(0.6, 0.6), 0.0, drive)
     for shares in ((0, 0), (1, 1), (0.95, 1), (0.5, 1), (-0.5, 0.5), (0, 0)):
         fleet.command(turn * np.array(shares))

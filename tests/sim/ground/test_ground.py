@@ -1,8 +1,9 @@
-"""Grounds: patches and changes under each pad, names, files, and what is refused."""
+"""Grounds: patches and changes under each pad, gravity and the friction angle."""
 
 import numpy as np
+import pytest
 
-from sim.ground.ground import Change, Ground, Patch
+from sim.ground.ground import Change, Ground, Patch, friction_angle
 from sim.ground.pad_friction import PadFriction
 
 PADS = np.array([[0.1, 0.2], [0.1, -0.2]])
@@ -17,9 +18,7 @@ def test_patches_act_under_the_pads_that_are_on_them():
     first, second = friction.surface(0.0, at, np.zeros(2))[..., :2]
     np.testing.assert_allclose(first, [[0.5, 0.6], [0.5, 0.6]])
     np.testing.assert_allclose(second, [[0.2, 0.3], [0.5, 0.6]])  # the right pad is at y = -0.1
-    turned = friction.surface(0.0, at, np.full(2, np.pi))[
-        1, :, :2
-    ]  # now the left pad is at y = -0.1, the right at (0.1, 0.3)
+    turned = friction.surface(0.0, at, np.full(2, np.pi))[1, :, :2]  # the left pad at y = -0.1, the right at 0.3
     np.testing.assert_allclose(turned, [[0.5, 0.6], [0.2, 0.3]])
     on_both = friction.surface(0.0, np.add(at, [0.4, 0.0]), np.zeros(2))[1][..., :2]
     np.testing.assert_allclose(on_both[0], [0.9, 0.8])  # the last counts
@@ -36,9 +35,13 @@ def test_changes_take_effect_at_their_times_outside_patches():
 
 
 def test_gravity_points_downhill():
-    np.testing.assert_allclose(
-        Ground(slope=0.3, uphill=0.0).gravity(9.81), 9.81 * np.array([-np.sin(0.3), 0, -np.cos(0.3)])
-    )
-    np.testing.assert_allclose(
-        Ground(slope=0.3, uphill=np.pi / 2).gravity(9.81)[:2], [0, -9.81 * np.sin(0.3)], atol=1e-12
-    )
+    for uphill in (0.0, 0.4, np.pi / 2):
+        expected = 9.81 * np.array([-np.sin(0.3) * np.cos(uphill), -np.sin(0.3) * np.sin(uphill), -np.cos(0.3)])
+        np.testing.assert_allclose(Ground(slope=0.3, uphill=uphill).gravity(9.81), expected, atol=1e-12)
+
+
+def test_the_friction_angle_is_that_of_the_ellipse():
+    assert friction_angle((0.7, 0.9), 0.0) == pytest.approx(np.arctan(0.7))
+    assert friction_angle((0.7, 0.9), -np.pi / 2) == pytest.approx(np.arctan(0.9))
+    c = np.sqrt(0.5)
+    assert np.tan(friction_angle((0.7, 0.9), 3 * np.pi / 4)) == pytest.approx(1 / np.hypot(c / 0.7, c / 0.9))

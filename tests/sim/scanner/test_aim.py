@@ -1,7 +1,6 @@
 """Only the beams that can meet the plate are cast; the ranges must be those of casting all."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -42,7 +41,7 @@ def around_the_scanner(robot, distance, bearing, heading):
     return np.stack([x + distance * np.cos(mount + bearing), y + distance * np.sin(mount + bearing), heading], axis=-1)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), name=st.sampled_from(sorted(SCANNERS)), reach=st.sampled_from([0.4, 2.0, 25.0]))
 def test_ranges_are_those_of_casting_every_beam(robot, seed, name, reach):
     """Near and far, in front and behind, and with the scanner inside the plate's sphere."""
@@ -52,20 +51,19 @@ def test_ranges_are_those_of_casting_every_beam(robot, seed, name, reach):
     np.testing.assert_array_equal(ScannerFeed(SCANNERS[name], fleet).true_ranges(), all_beams(SCANNERS[name], fleet))
 
 
-@pytest.mark.parametrize("name", sorted(SCANNERS))
-def test_the_seam_behind_the_scanner_and_its_edges(robot, name):
+def test_the_seam_behind_the_scanner_and_its_edges(robot):
     bearing = np.radians([-180.0, -179.0, -166.0, -164.0, -91.0, -90.0, -20.0, 0.0, 19.0, 90.0, 165.0, 179.9])
     distance = np.full(12, 1.0)
     fleet = Fleet(robot, around_the_scanner(robot, distance, bearing, bearing))
-    ranges = ScannerFeed(SCANNERS[name], fleet).true_ranges()
-    np.testing.assert_array_equal(ranges, all_beams(SCANNERS[name], fleet))
-    assert np.isfinite(ranges[7]).any()  # straight ahead
+    for scanner in SCANNERS.values():
+        ranges = ScannerFeed(scanner, fleet).true_ranges()
+        np.testing.assert_array_equal(ranges, all_beams(scanner, fleet))
+        assert np.isfinite(ranges[7]).any()  # straight ahead
 
 
-@pytest.mark.parametrize("name", ["half circle", "all around"])
-def test_while_robots_drive_past_fast(robot, name):
+def test_while_robots_drive_past_fast(robot):
     """The beams are chosen anew only when a plate has moved on; at 2 m/s that is every other scan."""
-    scanner = SCANNERS[name]
+    scanner = SCANNERS["half circle"]
     drive = Drive(top_speed=2.0, torque_limit=1e3, motor=Motor(stall_torque=1e3, no_load_speed=1e5))
     start = around_the_scanner(robot, np.array([0.8, 1.0, 1.5]), np.array([1.0, -0.5, 3.0]), np.array([0.0, 1.0, 2.0]))
     fleet = Fleet(robot, start, drive=drive)
@@ -83,8 +81,7 @@ def test_while_robots_drive_past_fast(robot, name):
 def test_a_plate_that_leans(robot):
     """On a slope, with the weight off the middle, the plate's middle isn't above the robot's."""
     leaning = load_robot(parameters=RobotParameters(com_x=0.04, com_y=0.04))
-    fleet = Fleet(
-        leaning, around_the_scanner(robot, np.array([0.35, 3.0]), np.array([0.3, -0.4]), np.array([1.0, 2.0]))
-    )
+    start = around_the_scanner(robot, np.array([0.35, 3.0]), np.array([0.3, -0.4]), np.array([1.0, 2.0]))
+    fleet = Fleet(leaning, start)
     for scanner in SCANNERS.values():
         np.testing.assert_array_equal(ScannerFeed(scanner, fleet).true_ranges(), all_beams(scanner, fleet))

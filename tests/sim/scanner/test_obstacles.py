@@ -46,7 +46,7 @@ def engine_ranges(obstacles, origin, directions, time):
     return np.where(np.array(distance) < 0, np.nan, distance)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_ranges_are_those_of_the_engine(seed):
     rng = np.random.default_rng(seed)
@@ -92,9 +92,9 @@ def test_obstacles_on_the_scanner_are_refused(robot, name, inside, outside):
 
 def test_a_post_hides_a_part_of_the_plate_and_nothing_else(robot):
     fleet = Fleet(robot, [[-1.5, 0.5, 0.3], [3.0, 0.5, 0.0]])
-    open_field, hidden = (
-        ScannerFeed(LaserScanner(), fleet, obstacles=None).true_ranges(),
-        ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(posts=(Post(-1.5, -0.5),))).true_ranges(),
+    open_field, hidden, behind = (
+        ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(posts=posts)).true_ranges()
+        for posts in ((), (Post(-1.5, -0.5),), (Post(-1.5, 2.0, 0.1),))
     )
     shadow = np.abs(LaserScanner().bearings) <= np.arcsin(0.05)
     np.testing.assert_array_equal(hidden[:, ~shadow], open_field[:, ~shadow])
@@ -102,16 +102,4 @@ def test_a_post_hides_a_part_of_the_plate_and_nothing_else(robot):
     near = np.cos(bearing) - np.sqrt(0.05**2 - np.sin(bearing) ** 2)
     np.testing.assert_allclose(hidden[:, shadow], np.tile(near, (2, 1)), atol=1e-12)
     assert np.isfinite(open_field[0, shadow]).all()
-    behind = ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(posts=(Post(-1.5, 2.0, 0.1),))).true_ranges()
     np.testing.assert_array_equal(behind[0], open_field[0])  # the plate hides it wholly
-
-
-def test_the_person_walks_in_the_fleets_time(robot):
-    fleet = Fleet(robot, [[3.0, 3.0, 0.0]])
-    person = ScannerFeed(LaserScanner(), fleet, obstacles=Obstacles(walkers=(Walker(-2.5, 0.5, 1.0, 0.0),)))
-    for middle in (-2.5, -1.5, -0.5):
-        ranges = person.true_ranges()[0]
-        seen = LaserScanner().bearings[np.isfinite(ranges) & (ranges < 3.0)]
-        expected = np.arctan2(-(middle + 1.5), 2.0)  # counter-clockwise from the scanner's heading, +y
-        assert seen.mean() == pytest.approx(expected, abs=np.radians(0.3))
-        fleet.advance(1.0)

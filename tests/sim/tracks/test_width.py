@@ -13,9 +13,8 @@ WIDTH, HEIGHT = 0.12, 0.12  # of the belts, and of the centre of mass [m]
 
 
 def wide(spec, preset="accurate", terrain="ground", width=WIDTH, **options):
-    add_tracks(
-        spec, "robot", Track(half_gauge=HALF_GAUGE, hull=HULL, preset=preset, width=width, **options), terrain=terrain
-    )
+    track = Track(half_gauge=HALF_GAUGE, hull=HULL, preset=preset, width=width, **options)
+    add_tracks(spec, "robot", track, terrain=terrain)
     model = spec.compile()
     return model, mujoco.MjData(model), Belts(model)
 
@@ -28,8 +27,7 @@ def even_pressure(along=200, across=12):
     return Contact(np.tile(x, 2), np.concatenate([HALF_GAUGE + y, y - HALF_GAUGE]), 0.7, 0.7, (0.0, 0.0, HEIGHT))
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize(("speeds", "bound"), [((0.04, 0.06), 0.01), ((-0.5, 0.5), 0.03)])
+@pytest.mark.parametrize(("preset", "speeds", "bound"), [("accurate", (0.04, 0.06), 0.01), ("fast", (-0.5, 0.5), 0.03)])
 def test_wide_belts_turn_like_an_even_pressure(preset, speeds, bound):
     spec = plane()
     add_robot(spec)
@@ -44,28 +42,12 @@ def test_wide_belts_turn_like_an_even_pressure(preset, speeds, bound):
     assert expected > 1.02 * (speeds[1] - speeds[0]) / (2 * narrow)  # the width shows
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("width", [0.0, WIDTH])
-def test_standing_robots_sink_in_as_deep_whatever_the_width(preset, width):
-    spec = plane()
-    add_robot(spec)
-    model, data, belts = wide(spec, preset, width=width)
-    mujoco.mj_step(model, data, nstep=round(2.0 / model.opt.timestep))
-    reading = belts.read(data)
-    np.testing.assert_allclose(reading.load, 25 * 9.81 / 2, rtol=1e-3)
-    spec = plane()
-    add_robot(spec)
-    model, plain, _ = wide(spec, preset, width=0.0)
-    mujoco.mj_step(model, plain, nstep=round(2.0 / model.opt.timestep))
-    assert data.qpos[2] == pytest.approx(plain.qpos[2], rel=0.02)
-
-
-def tips(width, preset, slope, height):
+def tips(preset, slope, height):
     """True if a robot with wide belts that stands across a slope tips over."""
     spec = plane()
     body = add_robot(spec)
     body.ipos = [0, 0, height]
-    model, data, belts = wide(spec, preset, width=width, friction=(4.0, 4.0))
+    model, data, belts = wide(spec, preset, friction=(4.0, 4.0))
     belts.set([0.0, 0.0])
     for part in np.sin(np.linspace(0, np.pi / 2, 400)):  # tilted slowly, to the left
         model.opt.gravity[:] = 9.81 * np.array([0, np.sin(part * slope), -np.cos(part * slope)])
@@ -74,14 +56,11 @@ def tips(width, preset, slope, height):
     return bool(data.xmat.reshape(-1, 3, 3)[1, 2, 2] < np.cos(np.radians(30)))
 
 
-@pytest.mark.parametrize(
-    ("preset", "height", "part"), [("accurate", 0.12, 0.97), ("accurate", 0.3, 0.97), ("fast", 0.12, 0.95)]
-)
+@pytest.mark.parametrize(("preset", "height", "part"), [("accurate", 0.3, 0.97), ("fast", 0.12, 0.95)])
 def test_a_robot_tips_over_the_edges_of_its_belts(preset, height, part):
-    for width in (0.08, WIDTH):
-        over = np.arctan((HALF_GAUGE + width / 2) / height)
-        assert not tips(width, preset, part * over, height)
-        assert tips(width, preset, 1.01 * over, height)
+    over = np.arctan((HALF_GAUGE + WIDTH / 2) / height)
+    assert not tips(preset, part * over, height)
+    assert tips(preset, 1.01 * over, height)
 
 
 @pytest.mark.parametrize(("width", "holds"), [(0.0, False), (WIDTH, True)])
@@ -131,19 +110,11 @@ def test_widths_that_make_no_sense_are_refused(options, message):
         add_tracks(spec, "robot", Track(half_gauge=HALF_GAUGE, hull=HULL, **options))
 
 
-@pytest.mark.parametrize("friction", [(0.7, 0.7), (0.7, 0.8)])
-@pytest.mark.parametrize(("segments", "lines"), [(8, 3), (16, 5), (40, 9)])
-@pytest.mark.parametrize("inertia", [0.5, 5.0])
-def test_no_point_is_softer_than_the_engine_knows(segments, lines, friction, inertia):
-    spec = mujoco.MjSpec.from_string(
-        f"""<mujoco><worldbody><geom name="floor" type="plane" size="5 5 1"/><body name="robot"><freejoint/>
-        <inertial pos="0 0 .1" mass="25" diaginertia="{inertia} {inertia} {inertia}"/></body></worldbody></mujoco>"""
-    )
-    hull = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
-    shape = {"half_gauge": 0.2, "hull": hull, "segments": segments, "width": 0.1, "lines": lines}
-    add_tracks(spec, "robot", Track(**shape, friction=friction), terrain=["floor"])
-    model = spec.compile()
-    Belts(model)
+@pytest.mark.parametrize(("segments", "lines", "across", "inertia"), [(8, 3, 0.7, 5.0), (40, 9, 0.8, 0.5)])
+def test_no_point_is_softer_than_the_engine_knows(segments, lines, across, inertia):
+    spec = plane()
+    add_robot(spec).inertia = [inertia] * 3
+    model, _, _ = wide(spec, segments=segments, lines=lines, friction=(0.7, across))
     assert model.pair_solimp[:, :2].min() >= mujoco.mjMINIMP
     grip = model.pair_solreffriction[:, 1] / np.maximum(model.pair_solimp[:, 0], mujoco.mjMINIMP)
     np.testing.assert_allclose(grip, -PRESETS["accurate"].grip, rtol=1e-6)

@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.fleet import Fleet
-from sim.loop import open_loop
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
 from trackslip import se2
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 
@@ -86,8 +83,3 @@ def test_lateral_speed_follows_turning_centre_and_drift():
     _, twist = moved.drive(omega, RATE, np.random.default_rng(0))
     v, lateral, w = twist.T
     np.testing.assert_allclose(lateral, -0.03 * w - 0.02 * v * w, atol=1e-15)
-
-
-def test_a_rate_that_the_servo_does_not_know_is_refused(robot):
-    with pytest.raises(InvalidValueError, match="servo period"):
-        open_loop(Fleet(robot, np.zeros((2, 3)), threads=1), np.zeros((5, 2, 2)), 4 / 30, period=1 / 30)
