@@ -1,12 +1,16 @@
+"""Fleets: turns and slides by theory, grounds that change, and the same bits in any company."""
+
 import itertools
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from sim import attitude
 from sim.attitude import rotation
 from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet, Setting
-from sim.ground.ground import Change, Ground
+from sim.ground.ground import Change, Ground, Patch
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import compiled, load_robot
@@ -160,3 +164,67 @@ def test_a_robot_on_locked_tracks_slides_and_spins_as_far_as_coulomb_friction_le
     harder = 4e-4 if name == "shipped" else 1e-4
     assert pose[2] == pytest.approx(sliding_distance(speed, moment / inertia), abs=harder, rel=1e-3)
     np.testing.assert_allclose(pose[:2], 0.0, atol=1e-5)
+
+
+PATCHED = Ground(patches=(Patch((0.02, 0.3), (0.0, 1.0), 0.2, 0.2),), changes=(Change(0.21, 0.4, 0.5),))
+COULOMB = [Ground(), Ground(0.9, 1.1, slope=0.2, uphill=2.0), PATCHED, Ground(0.15, 0.15)]
+SHEARING = [
+    Ground(shear=0.005, slope=0.1, uphill=0.4),
+    Ground(shear=0.01, patches=(Patch((0.1, 0.4), (-1, 1), 0.5, 0.6), Patch((0.3, 0.5), (-1, 1), 0.7, 0.8, 0.002))),
+    Ground(shear=0.025, changes=(Change(0.2, 0.6, 0.7), Change(0.4, 0.5, 0.6, 0.001))),
+    Ground(0.15, 0.15),
+]
+
+
+def known(fleet, rows=slice(None)):
+    """Everything that a fleet knows of some of its robots."""
+    drive, shear = fleet.drive, fleet.shear
+    of_drive = drive.omega, drive.angle, drive.torque, drive.energy, drive.saturated_time
+    of_ground = () if shear is None else (shear.displacement, shear.share)
+    of_bodies = fleet.pose(), fleet.twist(), fleet.traction(), fleet.attitude(), fleet.friction(), fleet.batch.state
+    return [np.array(values)[rows] for values in (*of_drive, *of_ground, *of_bodies)]
+
+
+def assert_same(some, others):
+    for one, other in zip(some, others, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    ("grounds", "late"), [(COULOMB, {}), (SHEARING, {"delay": 0.01, "droop": 0.03})], ids=["Coulomb", "shear"]
+)
+def test_strong_and_weak_robots_on_any_ground_drive_the_same_however_they_are_stepped(robot, grounds, late):
+    """At any number of threads, in steps of any length, and alone; some motors are too weak."""
+    commands = np.array([[2.0, 3.0], [3.0, -1.0], [3.0, 3.0], [0.5, 1.0]])
+    start = np.array([[0.1 * k, 0.0, 3.0 + 0.2 * k] for k in range(4)])  # some turn through pi
+
+    def driven(rows, threads, steps):
+        weak, shears = Drive(torque_limit=3.0, **late), grounds is SHEARING
+        fleet = Fleet(robot, start[rows], [grounds[k] for k in rows], 0.01, weak, threads, shears=shears)
+        for sign in (1.0, -0.7, 0.7):  # at last the belts are at their set points to the last bit
+            fleet.command(sign * commands[rows])
+            for step in steps:
+                fleet.advance(step)
+        return known(fleet)
+
+    together = driven(range(4), 2, [0.15])
+    assert together[4].max() > 0.05
+    for values in (driven(range(4), 1, [0.01] * 15), driven(range(4), 2, [0.07, 0.01, 0.07])):
+        assert_same(together, values)
+    assert_same([values[2:3] for values in together], driven([2], 1, [0.05] * 3))
+
+
+EULER = np.random.default_rng(0).uniform(-1.2, 1.2, (50, 3))  # yaw, then nose down, then leaning to the right
+TURNED = Rotation.from_euler("ZYX", EULER)
+QUATERNION = TURNED.as_quat(scalar_first=True)
+
+
+def test_axes_and_angles_are_those_of_the_rotation_and_its_left_side_goes_up_to_lean_right():
+    np.testing.assert_allclose(attitude.rotation(QUATERNION), TURNED.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(attitude.heading(QUATERNION), EULER[:, 0], atol=1e-12)
+    np.testing.assert_allclose(attitude.pitch(QUATERNION), -EULER[:, 1], atol=1e-12)
+    np.testing.assert_allclose(attitude.roll(QUATERNION), EULER[:, 2], atol=1e-12)
+    np.testing.assert_allclose(attitude.upright(QUATERNION), TURNED.as_matrix()[:, 2, 2], atol=1e-12)
+    left_up = Rotation.from_euler("x", 0.2)
+    assert left_up.as_matrix()[2, 1] > 0
+    assert attitude.roll(left_up.as_quat(scalar_first=True)) == pytest.approx(0.2)

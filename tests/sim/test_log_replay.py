@@ -66,18 +66,6 @@ def test_a_drive_with_a_dead_time_goes_on_at_the_speeds_it_had():
     assert heading[0] < 0.001
 
 
-def test_parts_of_a_drive_go_on_at_the_speed_they_begin_with(driven):
-    middle = [log.between(60, 120) for log in driven]
-    position, heading = missed(middle, replay(middle, ROBOT, GROUND))
-    assert position.max() < 0.005
-    assert heading.max() < 0.02
-    np.testing.assert_allclose(
-        [first_twist(log, ROBOT.geometry) for log in middle],
-        [log.truth.twist[:7].mean(axis=0) for log in middle],
-        atol=0.01,
-    )
-
-
 def test_sensors_and_clocks_are_those_of_the_log(driven):
     sensor, late = Mounting(0.2, -0.1, 0.3), 0.2
     shift = round(late / 0.05)

@@ -8,10 +8,7 @@ import pytest
 from sim.env import PathTrackingEnv
 from sim.network import Network
 from sim.policy import Policy, PolicyController
-from sim.task import from_options
-from sim.traverse.config import TraverseConfig
 from sim.traverse.policy import CrossingPolicy
-from sim.traverse.task import Crossing
 from trackslip.controllers.base import SensesSprockets
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.trajectory.segmented import paper_reference
@@ -106,18 +103,6 @@ def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():
         twist = controller.twist(info["time"], np.array(info["measured_pose"])[None], reference)
         np.testing.assert_allclose(twist[0] / [0.3, 1.0], action, atol=1e-6)
         observation, *_, info = env.step(action.astype(np.float32))
-
-
-def test_corrections_of_zero_are_the_scripted_controller():
-    still = CrossingPolicy(Network((np.zeros((63, 4)),), (np.zeros(4),)), {"action": "correction", "flippers": "pairs"})
-    task = Crossing(from_options(TraverseConfig, still.options), 1, threads=1)
-    other = Crossing(task.config, 1, threads=1)
-    for one in (task, other):
-        one.begin([0], [one.draw(np.random.default_rng(0), {"difficulty": 0.5})])
-    for _ in range(5):
-        task.step(still.action(task.observation()))
-        other.world.step(other.config.scripted.command(other.world))
-        np.testing.assert_array_equal(task.world.state.qpos, other.world.state.qpos)
 
 
 def test_a_stored_policy_is_the_same(tmp_path):

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from sim.drive.drive import Drive, DriveState
 from sim.drive.motor import Motor
@@ -48,17 +46,6 @@ def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, li
     np.testing.assert_allclose(fleet.drive.saturated_time, 2.0, atol=0.02)
 
 
-@pytest.mark.parametrize("share", [-0.6, 0.3])
-def test_between_climbing_and_rolling_back_the_gears_friction_holds(robot, share):
-    """The motor lacks a share of the gear's friction. That friction is rounded off at rest: tanh(omega / 0.02)."""
-    slope = 0.3
-    limit = torque_of_weight(robot, slope) + share * MOTOR.friction
-    fleet = on_slope(robot, slope, Drive(torque_limit=limit))
-    fleet.advance(3.0)
-    np.testing.assert_allclose(fleet.drive.omega, 0.02 * np.arctanh(share), rtol=0.1)
-    np.testing.assert_allclose(fleet.drive.saturated_time, 3.0, atol=0.05)
-
-
 @pytest.mark.parametrize(("limit", "period"), [(0.8, 0.02), (2.0, 0.005), (30.0, 0.01)])
 def test_impulses_of_the_motors_become_momentum(robot, limit, period):
     """From rest to 0.18 m/s, however hard the motors push and however seldom they are sampled."""
@@ -92,46 +79,6 @@ def test_power_of_a_steady_turn_is_what_ground_gear_and_winding_dissipate(robot)
     current = fleet.drive.torque / (MOTOR.gear * MOTOR.torque_constant)
     in_winding = (MOTOR.resistance * current**2).sum(axis=1)
     np.testing.assert_allclose(power, in_ground + in_gear + in_winding, rtol=0.01)
-
-
-@settings(max_examples=5, deadline=None, derandomize=True)
-@given(
-    strength=st.floats(0.15, 1.2),
-    inertia=st.floats(0.01, 3.0),
-    mass=st.floats(5.0, 100.0),
-    com_y=st.floats(-0.03, 0.03),
-    slope=st.floats(0.0, 0.25),
-    uphill=st.floats(-3.0, 3.0),
-    commands=st.lists(st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)), min_size=3, max_size=3),
-)
-def test_torque_is_within_the_limits_and_what_ground_rotor_and_gear_take(
-    strength, inertia, mass, com_y, slope, uphill, commands
-):
-    """Any robot on any slope: at one physics step a period, the traction of the step is the mean of the period."""
-    robot = load_robot(parameters=RobotParameters(mass=mass, com_y=com_y))
-    full = 0.7 * mass * GRAVITY * 0.06 / 2  # torque at which a track slides
-    limit = strength * full
-    motor = Motor(stall_torque=limit / 50 * 1.5, rotor_inertia=inertia * 8e-6, friction=0.1 * limit)
-    fleet = Fleet(
-        robot,
-        np.zeros((1, 3)),
-        Ground(slope=slope, uphill=uphill),
-        0.0,
-        Drive(torque_limit=limit, motor=motor, period=0.005),
-    )
-    off = []
-    for command in commands:
-        fleet.command(command)
-        for _ in range(80):
-            before = fleet.drive.omega.copy()
-            fleet.advance(fleet.period)
-            least, most = fleet.drive.drive.torque_range(fleet.drive.omega)
-            assert np.all((fleet.drive.torque >= least) & (fleet.drive.torque <= most))
-            spin = motor.inertia * (fleet.drive.omega - before) / fleet.period
-            taken = 0.06 * fleet.traction() + motor.loss(fleet.drive.omega) + spin
-            off.append(np.abs(fleet.drive.torque - taken).max())
-    # a search that ends at its cap, where a sprocket nearly stands, clips the torque of that one period
-    assert np.mean(np.array(off) > search_tolerance(limit, mass)) < 0.01
 
 
 def test_one_motor_too_weak_to_turn_keeps_the_robot_straight(robot):
@@ -216,18 +163,6 @@ def test_a_servo_with_droop_loses_speed_in_proportion_to_its_torque(parameters, 
         np.testing.assert_allclose(speeds, turn * np.array(shares) - drive.droop * torques, atol=2e-3 * turn)
         assert np.abs(np.diff(speeds, axis=0)).max() < 1e-4 * turn
         assert np.abs(np.diff(torques, axis=0)).max() < 0.002 * parameters.mass * GRAVITY * parameters.sprocket_radius
-
-
-def test_on_a_slope_a_servo_with_droop_yields_without_a_swing(robot):
-    """A set point of zero: the robot rolls back at the speed that its weight costs, and never faster."""
-    fleet = Fleet(robot, np.zeros((1, 3)), Ground(slope=0.3), 0.0, Drive(droop=0.05))
-    speeds = []
-    for _ in range(200):
-        fleet.advance(0.01)
-        speeds.append(fleet.drive.omega[0].copy())
-    expected = -0.05 * (torque_of_weight(robot, 0.3) + MOTOR.loss(speeds[-1][0]))
-    np.testing.assert_allclose(speeds[-1], expected, rtol=5e-3)
-    assert np.min(speeds) > 1.01 * expected
 
 
 def test_encoder_counts():

@@ -24,15 +24,6 @@ from trackslip.trajectory.segmented import Segment, SegmentedReference
 TEN_DEGREES = float(np.radians(10.0))
 
 
-def test_a_parked_robot_hardly_creeps(robot):
-    headings = np.linspace(0, np.pi, 7)
-    fleet = Fleet(robot, [(0.0, 0.0, h) for h in headings], Ground(slope=TEN_DEGREES))
-    fleet.advance(1.0)
-    before = fleet.pose()
-    fleet.advance(10.0)
-    assert np.hypot(*(fleet.pose() - before)[:, :2].T).max() / 10.0 < 0.05e-3
-
-
 @pytest.mark.parametrize("heading", [0.0, np.pi / 2])
 def test_beyond_the_friction_angle_it_slides_as_coulomb_says(robot, heading):
     """On slippery ground, whose friction angle is so small that no pad lifts."""

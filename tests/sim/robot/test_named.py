@@ -9,8 +9,7 @@ from sim import Fleet, Ground, RobotParameters, build_tracked, load_robot
 from sim.attitude import rotation
 from sim.drive.drive import tireless
 from sim.robot.looks import robot_looks
-from sim.robot.named import ROBOTS, load_parameters, load_tracked, on_flat_ground
-from sim.robot.robot import compiled
+from sim.robot.named import ROBOTS, load_parameters, load_tracked
 from sim.tracks import Belts
 from trackslip.errors import InvalidValueError, SettingsFileError
 from trackslip.skid_theory import steady_twist
@@ -87,31 +86,6 @@ def test_it_turns_alike_on_flat_ground_and_on_terrain(source):
     assert on_terrain == pytest.approx(expected, rel=0.01)
 
 
-def test_the_plate_stands_above_everything_else_on_a_robot():
-    parameters, _ = load_parameters("rescue")
-    looks = robot_looks(parameters)
-    model, data = looks.model, mujoco.MjData(looks.model)
-    data.qpos[:] = looks.qpos(np.zeros(3))
-    mujoco.mj_kinematics(model, data)
-    own = np.array([model.body(body).name.startswith("robot/") for body in model.geom_bodyid])
-    turned = data.geom_xmat[own].reshape(-1, 3, 3)
-    corners = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
-    boxes = model.geom_aabb[own, None, :3] + corners * model.geom_aabb[own, None, 3:]
-    highest = (data.geom_xpos[own, None] + np.einsum("gij,gcj->gci", turned, boxes))[..., 2].max()
-    plate = model.geom("plate").id
-    assert data.geom_xpos[plate, 2] - model.geom_size[plate, 2] == pytest.approx(highest + 0.1)
-    assert model.body("lrf").pos[2] == data.geom_xpos[plate, 2] == pytest.approx(parameters.plate_height)
-
-
-def test_robots_in_python_are_taken_as_they_are():
-    rescue = load_tracked("rescue")
-    assert load_tracked(rescue) is rescue
-    assert load_parameters(WIDE) == (WIDE, Ground())
-    parameters, _ = load_parameters(rescue)
-    assert parameters == on_flat_ground(rescue)
-    assert load_tracked(load_parameters("rescue")[0]) == rescue
-
-
 def test_robots_that_cannot_stand_on_flat_ground_are_refused(tmp_path):
     hull = "[[-0.2, 0.2, 0.1], [0.0, 0.1, 0.1], [0.2, 0.2, 0.1]]"
     path = write_robot(tmp_path, ROBOT.split("[[flippers]]")[0].replace("[[-0.2, 0.1, 0.1], [0.2, 0.1, 0.1]]", hull))
@@ -137,14 +111,3 @@ def test_fields_of_both_kinds_are_not_mixed(tmp_path):
 def test_inertia_of_no_body_is_refused(inertia):
     with pytest.raises(InvalidValueError, match=r"inertia = .*six finite numbers"):
         RobotParameters(inertia=inertia)
-
-
-@pytest.mark.parametrize("name", ["husky", "warthog", "maxxii"])
-def test_the_motors_of_real_robots_are_ample_at_their_top_speed(name):
-    parameters = load_parameters(name)[0]
-    fleet = Fleet(compiled(parameters), np.zeros((4, 3)), Ground(0.9, 1.0))
-    omega = fleet.drive.limit * np.array([[1.0, 1.0], [-1.0, 1.0], [0.3, 1.0], [0.0, -1.0]])
-    fleet.command(omega)
-    fleet.advance(3.0)
-    assert fleet.drive.saturated_time.max() == 0
-    np.testing.assert_allclose(fleet.drive.omega, omega)

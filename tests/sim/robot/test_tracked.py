@@ -41,35 +41,6 @@ def test_shipped_robots_stand_on_their_tracks(name):
     assert load[0] == pytest.approx(load[1], rel=1e-3)
 
 
-def test_positive_angles_lift_the_tips_of_all_flippers(rescue):
-    data = mujoco.MjData(rescue.model)
-
-    def tips(angle):
-        data.qpos[rescue.flipper_qpos] = rescue.flipper_control(np.full(4, angle))
-        mujoco.mj_kinematics(rescue.model, data)
-        found = []
-        for flipper in rescue.robot.flippers:
-            body = rescue.model.body(flipper.body).id
-            x, z, _ = max(flipper.hull, key=lambda wheel: abs(wheel[0]))
-            found.append(data.xpos[body, 2] + (data.xmat[body].reshape(3, 3) @ [x, flipper.y, z])[2])
-        return np.array(found)
-
-    length = 0.245
-    np.testing.assert_allclose(tips(0.5) - tips(0.0), length * np.sin(0.5), atol=1e-12)
-    assert rescue.flipper_angles(data.qpos).shape == (4,)
-    np.testing.assert_allclose(rescue.flipper_angles(data.qpos), 0.0, atol=1e-12)
-
-
-def test_looks_weigh_and_touch_nothing(rescue):
-    shown = build_tracked(rescue.robot, looks=True)
-    assert shown.model.ngeom > rescue.model.ngeom
-    np.testing.assert_array_equal(shown.model.body_mass[1:], rescue.model.body_mass[1:])
-    np.testing.assert_array_equal(shown.model.body_inertia[1:], rescue.model.body_inertia[1:])
-    assert shown.model.npair == rescue.model.npair
-    looks = shown.model.geom_group == 1
-    assert not (shown.model.geom_contype[looks] | shown.model.geom_conaffinity[looks]).any()
-
-
 def test_visuals_that_carry_the_mass_are_kept(tmp_path):
     geom = '<geom type="box" size="0.2 0.1 0.05" pos="0 0 0.2" contype="0" conaffinity="0" group="1"/>'
     model = f'<mujoco><worldbody><body name="b"><freejoint/>{geom}</body></worldbody></mujoco>'
@@ -88,18 +59,6 @@ def test_a_urdf_gets_a_free_joint_and_a_motor(tmp_path):
     assert made.flipper_range.tolist() == [[-1.0, 1.0]]
     assert made.track_side.tolist() == [0, 1, 0]
     assert made.model.body_subtreemass[made.body] == pytest.approx(21.0)
-
-
-def test_a_light_flipper_is_stable_at_the_long_step(tmp_path):
-    made = build_tracked(load_tracked(write_robot(tmp_path)), preset="fast")
-    model, data = made.model, mujoco.MjData(made.model)
-    data.qpos[2] = 0.5
-    data.ctrl[:] = made.flipper_control(np.array([0.5]))
-    model.opt.gravity[:] = 0
-    for _ in range(500):
-        mujoco.mj_step(model, data)
-    assert made.flipper_angles(data.qpos) == pytest.approx(0.5, abs=1e-6)
-    assert abs(data.qvel[6]) < 1e-6  # of the hinge; nothing holds the robot itself
 
 
 def test_the_scene_and_states_of_the_model_stay_behind(tmp_path):

@@ -4,21 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.terrain import (
-    Beams,
-    Course,
-    Flat,
-    HeightField,
-    Pallets,
-    Ramp,
-    Rough,
-    SideSlope,
-    Stairs,
-    Step,
-    course_names,
-    load_course,
-)
-from sim.terrain.course import look_up
+from sim.terrain import Beams, Course, Flat, HeightField, Pallets, Ramp, Rough, SideSlope, Stairs, Step
+from sim.terrain.course import course_names, load_course, look_up
 from sim.terrain.solids import Level
 from trackslip.errors import InvalidValueError
 

@@ -57,14 +57,6 @@ def test_the_ground_carries_the_robot_at_the_depth_of_the_preset(preset, width):
     assert np.abs(reading.sliding).max() < 1e-6
 
 
-def test_a_body_that_is_turned_on_the_robot_drives_where_its_own_x_axis_points():
-    spec = plane()
-    add_robot(spec).add_body(name="turned", quat=[np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
-    tracked(spec, body="turned", terrain="ground")
-    model = spec.compile()
-    np.testing.assert_allclose(driven(model, Belts(model)).qpos[:2], [0.0, 0.6], atol=0.02)
-
-
 def test_an_attached_robot_is_connected_with_its_new_scene():
     scene = plane()
     for prefix, y in (("first/", 0.0), ("second/", 2.0)):
@@ -141,6 +133,8 @@ def test_whatever_is_fixed_to_the_world_is_terrain_by_default():
         ({"friction": (0.7, 0.0)}, "friction = 0.0: must be a finite number > 0"),
         ({"terrain": "box", "friction": (0.7, 0.9)}, "friction = (0.7, 0.9): must be equal along and across"),
         ({"load": "half"}, "load = 'half': must be a finite number > 0"),
+        ({"width": 0.5}, "width = 0.5: must be less than 0.4 m"),
+        ({"width": 0.1, "lines": 10}, "lines = 10"),
         ({"segments": 0}, "segments = 0: must be a whole number from 1 to 40"),
         ({"terrain": ["stairs"]}, "terrain = 'stairs': must be a geom of the spec, such as ground"),
         ({"terrain": [plane().geom("ground")]}, "terrain = 'ground': must be a geom of the spec"),

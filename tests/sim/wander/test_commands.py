@@ -34,20 +34,6 @@ def test_speeds_and_accelerations_stay_within_their_limits(driving, seed, max_sp
     assert len(speeds) == 1501
 
 
-def test_random_driving_has_straights_turns_both_ways_stops_and_reversals():
-    left, right = commands("random", 0, 240.0).T
-    moving = np.abs(left) + np.abs(right) > 0.05
-    for kind in (
-        moving & (left == right),
-        left > right + 0.05,
-        right > left + 0.05,
-        (left < 0) & (right < 0),
-        left * right < -1e-3,
-        (left == 0) & (right == 0),
-    ):
-        assert kind.mean() > 0.01
-
-
 @pytest.mark.parametrize("driving", ["eights", "loop"])
 def test_figures_close_for_the_half_gauge_that_the_driver_reckons_with(driving):
     driver = Driver(half_gauge=0.213, acceleration=100.0)  # a short ramp, which would shift the figure
