@@ -11,19 +11,11 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from results import assert_same
 
-from sim.drive.drive import Drive
-from sim.drive.pull import Pull
+from sim import Drive, LaserScanner, Limits, Pull, Randomization, Reflex, RobotParameters, SensorNoise, TraverseConfig
 from sim.path_tracking.config import EnvConfig, Reward
-from sim.path_tracking.randomization import Randomization
-from sim.robot.parameters import RobotParameters
-from sim.scanner.scanner import LaserScanner
 from sim.task import from_options
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.traverse.config import Reward as TraverseReward
-from sim.traverse.config import TraverseConfig
-from sim.traverse.observation import SensorNoise
-from sim.traverse.outcome import Limits
-from sim.traverse.reflex import Reflex
 from sim.traverse.states import Servos
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
@@ -233,7 +225,7 @@ ROUGH = {"course": ("random", "rough")}
 @pytest.mark.parametrize(
     ("name", "robots", "steps", "options"),
     [
-        (TRACKING, 16, 100, DRAWN | LEARNING | {"off_path": 0.5}),
+        (TRACKING, 16, 50, DRAWN | LEARNING | {"off_path": 0.5}),
         (TRAVERSE, 8, 20, ROUGH),
         pytest.param(TRACKING, 64, 15_625, DRAWN | {"off_path": 0.5}, marks=pytest.mark.slow),  # a million actions
         pytest.param(TRAVERSE, 64, 15_625, ROUGH, marks=pytest.mark.slow),

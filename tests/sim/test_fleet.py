@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from results import assert_same
 from scipy.spatial.transform import Rotation
 
 from sim import attitude
@@ -116,19 +117,6 @@ def test_a_robot_begun_anew_drives_as_a_new_fleet_does(robot):
     np.testing.assert_allclose(old.pose(), new.pose(), atol=1e-4)
 
 
-def test_a_ground_changes_in_the_time_of_the_run(robot):
-    fleet = Fleet(robot, np.zeros((2, 3)))
-    fleet.advance(2.0)
-    fleet.restart([1], [Setting((0.0, 0.0, 0.0), Ground(changes=(Change(0.5, 0.3, 0.4),)))])
-    fleet.advance(0.5)
-    assert fleet.friction()[1] == pytest.approx([0.7, 0.778])
-    fleet.advance(0.05)
-    assert fleet.friction() == pytest.approx(np.array([[0.7, 0.778], [0.3, 0.4]]))
-    fleet.restart([1], [Setting((0.0, 0.0, 0.0))])
-    fleet.advance(1.0)
-    assert fleet.friction()[1] == pytest.approx([0.7, 0.778])
-
-
 def slid(parameters, friction, twist):
     """Final pose (3,) and model of a robot that is launched at a twist (3,) on locked tracks or wheels."""
     fleet = Fleet(compiled(parameters), np.zeros((1, 3)), Ground(friction, friction), 0.0, tireless(2.0), 1)
@@ -183,11 +171,6 @@ def known(fleet, rows=slice(None)):
     of_ground = () if shear is None else (shear.displacement, shear.share)
     of_bodies = fleet.pose(), fleet.twist(), fleet.traction(), fleet.attitude(), fleet.friction(), fleet.batch.state
     return [np.array(values)[rows] for values in (*of_drive, *of_ground, *of_bodies)]
-
-
-def assert_same(some, others):
-    for one, other in zip(some, others, strict=True):
-        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize(

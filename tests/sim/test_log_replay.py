@@ -5,14 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim import replay
+from sim import Fleet, Ground, RobotParameters, load_robot, open_loop, replay
 from sim.drive.drive import Drive, tireless
-from sim.fleet import Fleet
-from sim.ground.ground import Ground
 from sim.log_replay import first_twist
-from sim.loop import open_loop
-from sim.robot.parameters import RobotParameters
-from sim.robot.robot import load_robot
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.se2 import Mounting

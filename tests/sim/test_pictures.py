@@ -10,9 +10,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim import build_tracked, load_tracked
 from sim.opengl import Pictures
-from sim.robot.named import load_tracked
-from sim.robot.tracked_model import build_tracked
 from sim.robot.tracked_view import TrackedView
 from trackslip.errors import InvalidValueError, TrackslipError
 

@@ -6,11 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
+from sim import Fleet, RobotParameters, load_robot
 from sim.drive.drive import tireless
-from sim.fleet import Fleet
 from sim.ground.ground import Ground, Patch
-from sim.robot.parameters import RobotParameters
-from sim.robot.robot import load_robot
 from trackslip.kinematics import track_slip
 
 FAST = tireless(0.6)

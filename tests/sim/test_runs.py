@@ -5,14 +5,9 @@ import re
 import numpy as np
 import pytest
 
+from sim import Fleet, LaserScanner, Pilot, ScannerFeed, closed_loop, load_robot, open_loop
 from sim.drive.motor import Motor
-from sim.fleet import Fleet
-from sim.loop import closed_loop, open_loop
-from sim.pilot import Pilot
-from sim.robot.robot import load_robot
 from sim.run_recorder import Description, RunRecorder
-from sim.scanner.feed import ScannerFeed
-from sim.scanner.scanner import LaserScanner
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.error_feedback import Feedforward, LinearTimeVarying
 from trackslip.errors import InvalidValueError, RunFailedError
@@ -120,28 +115,47 @@ def test_runs_that_make_no_sense_are_refused(robot):
         open_loop(fleet, OMEGA, 1.0, descriptions=names(1))
 
 
-class FailsAfter(Feedforward):
-    """Feedforward that raises after a time [s]."""
+class Custom(Feedforward):
+    """A controller that is a function of time [s] and of the feedforward's twists (N, 2)."""
 
-    def __init__(self, after):
-        self._after = after
+    def __init__(self, function):
+        self._function = function
 
     def twist(self, time, pose, reference):
-        if time > self._after:
-            raise RuntimeError("out of order")
-        return super().twist(time, pose, reference)
+        return self._function(time, super().twist(time, pose, reference))
+
+
+def fails(time, twist):
+    if time > 0.99:
+        raise RuntimeError("out of order")
+    return twist
+
+
+@pytest.mark.parametrize(
+    ("function", "message", "rows"),
+    [
+        (lambda time, twist: twist * np.nan, "returns the twist (nan, nan) at 0 s: must be finite", []),
+        (lambda time, twist: twist[0], "twists have the shape (2,): must be (1, 2), one per pose", []),
+        (lambda time, twist: twist * (np.nan if time > 0.07 else 1), "returns the twist (nan, nan) at 0.1 s: ", [2]),
+    ],
+)
+def test_twists_that_are_none_are_refused(robot, function, message, rows):
+    path = short_path()
+    with pytest.raises(RunFailedError) as failure:
+        closed_loop(Fleet(robot, path.pose([0.0])), Custom(function), path)
+    assert re.match(f"run 'run 0': its controller('s)? {re.escape(message)}", str(failure.value))
+    assert [len(log.time) for log in failure.value.logs] == rows
 
 
 def test_a_controller_that_fails_leaves_the_rows_before():
     robot, reference = load_robot(contact_sensors=True), short_path()
     start = np.tile(reference.pose(0.0), (2, 1))
     fleet, feed = set_up(robot, start)
-    pilots = [Pilot(Feedforward(), [0]), Pilot(FailsAfter(0.99), [1])]
+    pilots = [Pilot(Feedforward(), [0]), Pilot(Custom(fails), [1])]
     with pytest.raises(RunFailedError, match=r"^run 'run 1': its controller fails at 1 s \(RuntimeError") as failure:
         closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(2))
     fleet, feed = set_up(robot, start)
-    pilots = [Pilot(Feedforward(), [0]), Pilot(FailsAfter(np.inf), [1])]
-    whole = closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(2))
+    whole = closed_loop(fleet, [Pilot(Feedforward(), range(2))], reference, feed, PlateLocator(robot.plate), names(2))
     for log, expected in zip(failure.value.logs, whole, strict=True):
         assert len(log.time) == 20
         assert log.metadata == {"number": expected.metadata["number"], "failure": str(failure.value)}
@@ -150,39 +164,6 @@ def test_a_controller_that_fails_leaves_the_rows_before():
         np.testing.assert_array_equal(log.twist_command, expected.twist_command[:20])
         np.testing.assert_array_equal(log.scans.full, expected.scans.full[:20])
         np.testing.assert_array_equal(log.scans.cluster.count, expected.scans.cluster.count[:20])
-
-
-class Returns(Feedforward):
-    """A controller that always returns the same."""
-
-    def __init__(self, twist):
-        self._twist = np.array(twist)
-
-    def twist(self, time, pose, reference):
-        return self._twist
-
-
-class NotFiniteAfter(SegmentedReference):
-    """A reference whose twist is NaN after 0.07 s."""
-
-    def twist(self, time):
-        return np.where(np.asarray(time)[..., None] > 0.07, np.nan, super().twist(time))
-
-
-@pytest.mark.parametrize(
-    ("controller", "reference", "message", "rows"),
-    [
-        (Returns([[np.nan, 0.0]]), SegmentedReference, "returns the twist (nan, 0.0) at 0 s: must be finite", []),
-        (Returns([0.0, 0.0]), SegmentedReference, "twists have the shape (2,): must be (1, 2), one per pose", []),
-        (Feedforward(), NotFiniteAfter, "returns the twist (nan, nan) at 0.1 s: must be finite", [2]),
-    ],
-)
-def test_twists_that_are_none_are_refused(robot, controller, reference, message, rows):
-    path = reference((0.0, 0.0, 0.0), [Segment(2.0, 0.0, 0.15)])
-    with pytest.raises(RunFailedError) as failure:
-        closed_loop(Fleet(robot, path.pose([0.0])), controller, path)
-    assert re.fullmatch(f"run 'run 0': its controller('s)? {re.escape(message)}", str(failure.value))
-    assert [len(log.time) for log in failure.value.logs] == rows
 
 
 STARTS = np.array([[0.0, 0.0, 1.5], [0.05, 0.0, 1.6], [0.0, 0.1, 1.4], [-0.05, 0.1, 1.7]])
@@ -194,8 +175,8 @@ def fleet(robot):
     return Fleet(robot, STARTS)
 
 
-def commands(fleet, pilots, robots=range(4)):
-    """Set points (T, R, 2) that pilots of the fleet give to some robots, which creep forwards."""
+def commands(fleet, pilots):
+    """Set points (T, 4, 2) that pilots of the fleet give to its robots, which creep forwards."""
     record = RunRecorder(fleet, ROWS, PERIOD, None)
     record.pose[:] = STARTS + np.arange(ROWS)[:, None, None] * [0.0, 0.004, 0.0]
     record.omega[:] = 1.0
@@ -206,7 +187,7 @@ def commands(fleet, pilots, robots=range(4)):
             law = pilot.law(record, k)
             twist = pilot.twist(record, k, law, paper_reference())
             omega[k, pilot.robots] = law.sprocket_speeds(twist, fleet.robot.geometry)
-    return omega[:, list(robots)]
+    return omega
 
 
 @pytest.mark.parametrize("controller", [LinearTimeVarying, DynamicFeedback, Feedforward])

@@ -3,16 +3,10 @@
 import numpy as np
 import pytest
 
-from sim.drive.drive import Drive
+from sim import Description, Drive, Fleet, LaserScanner, ScannerFeed, load_robot, open_loop
 from sim.drive.motor import Motor
-from sim.fleet import Fleet
 from sim.ground.ground import Ground, Patch
-from sim.loop import open_loop
 from sim.robot.parameters import SINK, RobotParameters
-from sim.robot.robot import load_robot
-from sim.run_recorder import Description
-from sim.scanner.feed import ScannerFeed
-from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.localization.plate import PlateLocator
 from trackslip.skid_theory import line_contact, steady_twist

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 from results import assert_same
 
-from sim.drive.drive import Drive
-from sim.drive.pull import Pull
+from sim import Drive, LaserScanner, Limits, Pull
 from sim.ground.ground import Change, Ground
-from sim.scanner.scanner import LaserScanner
-from sim.traverse.outcome import Limits
 from trackslip.errors import InvalidValueError
 from trackslip.laws.icr_load import IcrLoad
 

@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
+from sim import Fleet, Ground, RobotParameters, load_robot
 from sim.drive.drive import Drive, DriveState
 from sim.drive.motor import Motor
-from sim.fleet import Fleet
-from sim.ground.ground import Ground
-from sim.robot.parameters import RobotParameters
-from sim.robot.robot import load_robot
 
 GRAVITY = 9.81
 MOTOR = Motor()
@@ -20,11 +17,6 @@ def on_slope(robot, slope, drive):
     fleet.set_ground(Ground(slope=slope))
     fleet.command([3.0, 3.0])
     return fleet
-
-
-def search_tolerance(limit, mass):
-    """Torque [N m] at which the search for a speed stops: 0.1 % of the limit and 0.02 % of the weight."""
-    return 0.001 * limit + 0.0002 * mass * GRAVITY * 0.06 + 1e-9
 
 
 def torque_of_weight(robot, slope):
@@ -42,7 +34,7 @@ def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, li
     before = fleet.twist()[0, 0]
     fleet.advance(1.0)
     assert fleet.twist()[0, 0] - before == pytest.approx(expected, rel=0.01)
-    np.testing.assert_allclose(fleet.drive.torque, limit, atol=search_tolerance(limit, robot.mass))
+    np.testing.assert_allclose(fleet.drive.torque, limit, atol=0.001 * limit + 0.0002 * robot.mass * GRAVITY * 0.06)
     np.testing.assert_allclose(fleet.drive.saturated_time, 2.0, atol=0.02)
 
 
@@ -98,12 +90,15 @@ def test_one_motor_too_weak_to_turn_keeps_the_robot_straight(robot):
     assert weak.drive.saturated_time[0, 0] < 0.1
 
 
-def test_limits_are_the_current_and_the_torque_speed_line():
+def test_limits_are_the_current_and_the_torque_speed_line_and_angles_whole_counts():
     """Beyond its no-load speed, 10 rad/s of the sprocket, a motor brakes; a turning one, with its whole current."""
     state = DriveState(Drive(torque_limit=4.0, motor=Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0)), 1, 0.06)
     least, most = state.drive.torque_range(np.array([0.0, 7.0, 12.0, 50.0, -50.0]))
     np.testing.assert_allclose(most, [4.0, 3.0, -2.0, -4.0, 4.0])
     np.testing.assert_allclose(least, [-4.0, -4.0, -4.0, -4.0, 4.0])
+    state = DriveState(Drive(encoder_counts=100), 1, 0.06)
+    state.angle[:] = [[2 * np.pi * 0.519, -2 * np.pi * 0.001]]
+    np.testing.assert_allclose(state.encoder_angle() / (2 * np.pi), [[0.51, -0.01]])
 
 
 def run_free(state, periods):
@@ -151,7 +146,7 @@ def test_a_servo_with_droop_loses_speed_in_proportion_to_its_torque(parameters, 
     """Standing, straight, in arcs in which tracks hardly slide or slide, spinning, stopped; and it does not chatter."""
     turn = 0.6 * drive.top_speed / parameters.sprocket_radius
     fleet = Fleet(load_robot(parameters=parameters), np.zeros((1, 3)), Ground(0.6, 0.6), 0.0, drive)
-    for shares in ((0, 0), (1, 1), (0.95, 1), (0.5, 1), (-0.5, 0.5), (0, 0)):
+    for shares in ((0, 0), (1, 1), (0.5, 1), (-0.5, 0.5), (0, 0)):
         fleet.command(turn * np.array(shares))
         fleet.advance(8 * drive.lag + 1.0)
         speeds, torques = [], []
@@ -163,9 +158,3 @@ def test_a_servo_with_droop_loses_speed_in_proportion_to_its_torque(parameters, 
         np.testing.assert_allclose(speeds, turn * np.array(shares) - drive.droop * torques, atol=2e-3 * turn)
         assert np.abs(np.diff(speeds, axis=0)).max() < 1e-4 * turn
         assert np.abs(np.diff(torques, axis=0)).max() < 0.002 * parameters.mass * GRAVITY * parameters.sprocket_radius
-
-
-def test_encoder_counts():
-    state = DriveState(Drive(encoder_counts=100), 1, 0.06)
-    state.angle[:] = [[2 * np.pi * 0.519, -2 * np.pi * 0.001]]
-    np.testing.assert_allclose(state.encoder_angle() / (2 * np.pi), [[0.51, -0.01]])

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from sim import Fleet, Pull
 from sim.drive.drive import tireless
-from sim.drive.pull import Pull
-from sim.fleet import Fleet
 from sim.ground.ground import Change, Ground, Patch, friction_angle
 from sim.ground.pad_friction import PadFriction
 from sim.ground.shear import LARGEST, LEAST_SHARE

@@ -1,18 +1,11 @@
 import numpy as np
 import pytest
 
-from sim.drive.pull import Pull
+from sim import Fleet, Ground, LaserScanner, Pilot, Pull, Randomization, RobotParameters, closed_loop
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
-from sim.fleet import Fleet
-from sim.ground.ground import Ground
 from sim.ground.named import NAMED_GROUNDS
-from sim.loop import closed_loop
 from sim.path_tracking.config import Reward
-from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.tracking import TERMS
-from sim.pilot import Pilot
-from sim.robot.parameters import RobotParameters
-from sim.scanner.scanner import LaserScanner
 from trackslip import se2
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.errors import InvalidValueError, TrackslipError

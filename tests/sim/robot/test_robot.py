@@ -4,12 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim import Fleet, Ground, load_robot
 from sim.drive.drive import tireless
-from sim.fleet import Fleet
-from sim.ground.ground import Ground
 from sim.robot.chassis import MODELS
 from sim.robot.parameters import SINK, RobotParameters
-from sim.robot.robot import load_robot
 from sim.tracks.recipe import LEVEL
 from trackslip.errors import RobotWarning
 from trackslip.skid_theory import line_contact, steady_twist
@@ -78,7 +76,7 @@ def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(width, shear, within
     robot = load_robot(parameters=RobotParameters(half_gauge=half_gauge))
     fleet = Fleet(robot, np.zeros((2, 3)), Ground(shear=shear), 0.0, tireless())
     fleet.command(belts / robot.geometry.sprocket_radius)
-    fleet.advance(20.0 if shear else 3.0)
+    fleet.advance(12.0 if shear else 3.0)
     contact = line_contact(half_gauge, half_length, 0.7, 0.778, (0.0, 0.0, 0.12), points=800)
     expected = steady_twist(belts, contact, 9.81, shear)[:, 2]
     offset, by_theory = (spread / (2 * w) - half_gauge for w in (fleet.twist()[:, 2], expected))

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from tracked_files import ROBOT, URDF, write_robot
 
-from sim.robot.check import check
+from sim import Traverse, check
 from sim.robot.looks import robot_looks
 from sim.robot.named import ROBOTS, load_parameters, load_tracked
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain import load_course
 from sim.tracks import Belts
-from sim.traverse.world import Traverse
 from trackslip.errors import RobotWarning, TrackslipError
 
 G = 9.81
@@ -39,15 +38,6 @@ def test_shipped_robots_stand_on_their_tracks(name):
     assert load[:2].sum() == pytest.approx(weight, rel=2e-3)
     assert (load[2:] == 0).all()
     assert load[0] == pytest.approx(load[1], rel=1e-3)
-
-
-def test_visuals_that_carry_the_mass_are_kept(tmp_path):
-    geom = '<geom type="box" size="0.2 0.1 0.05" pos="0 0 0.2" contype="0" conaffinity="0" group="1"/>'
-    model = f'<mujoco><worldbody><body name="b"><freejoint/>{geom}</body></worldbody></mujoco>'
-    (tmp_path / "b.xml").write_text(model)
-    (tmp_path / "b.toml").write_text('model = "b.xml"\nhalf_gauge = 0.2\nhull = [[-0.2, 0.1, 0.1], [0.2, 0.1, 0.1]]\n')
-    made = build_tracked(load_tracked(tmp_path / "b.toml"))
-    assert made.model.body_subtreemass[made.body] == pytest.approx(1000 * 8 * 0.2 * 0.1 * 0.05)
 
 
 def test_a_urdf_gets_a_free_joint_and_a_motor(tmp_path):

@@ -7,12 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim import Fleet, Ground, load_robot
+from sim import Fleet, Ground, build_tracked, check, load_robot
 from sim.drive.drive import tireless
-from sim.robot.check import check
 from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters, load_tracked
-from sim.robot.tracked_model import build_tracked
 from trackslip.errors import RobotWarning, TrackslipError
 from trackslip.skid_theory import steady_twist
 

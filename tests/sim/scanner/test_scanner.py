@@ -5,12 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sim import Fleet, LaserScanner, RobotParameters, ScannerFeed
 from sim.drive.drive import tireless
-from sim.fleet import Fleet
-from sim.robot.parameters import RobotParameters
 from sim.robot.robot import SCANNED_GROUP, compiled
-from sim.scanner.feed import ScannerFeed
-from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.trajectory.named import REFERENCES
 

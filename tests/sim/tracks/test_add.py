@@ -32,16 +32,6 @@ def driven(model, belts, speeds=(0.3, 0.3), steps=1000):
     return data
 
 
-def test_tracks_need_mujoco_and_numpy_only():
-    code = (
-        "import sys\n"
-        "for name in ('gymnasium', 'scipy', 'rerun', 'pyarrow', 'matplotlib'): sys.modules[name] = None\n"
-        "import sim.tracks\n"
-        "print(sorted(m for m in sys.modules if m.startswith('sim.') and not m.startswith('sim.tracks')))\n"
-    )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
-
-
 @pytest.mark.parametrize(("preset", "width"), [("accurate", 0.0), ("accurate", 0.12), ("fast", 0.0)])
 def test_the_ground_carries_the_robot_at_the_depth_of_the_preset(preset, width):
     """Also a payload that comes after the tracks."""
@@ -76,6 +66,8 @@ def test_an_attached_robot_is_connected_with_its_new_scene():
 
 PLAIN = """
 import sys
+for name in ("gymnasium", "scipy", "rerun", "pyarrow", "matplotlib"):
+    sys.modules[name] = None
 import mujoco
 import numpy as np
 from sim.tracks import Belts
@@ -107,15 +99,12 @@ def test_a_robot_saved_and_attached_elsewhere_turns_as_here(tmp_path):
 
 
 def test_whatever_is_fixed_to_the_world_is_terrain_by_default():
-    spec = plane()
-    rack = spec.worldbody.add_body(name="rack").add_body(name="shelf")
-    rack.add_geom(name="board", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1])
-    rack.add_geom(name="paint", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1], contype=0, conaffinity=0)
-    for name, moves in (("parcel", True), ("lift", False)):
-        body = spec.worldbody.add_body(name=name, pos=[3, 0, 1], mocap=not moves)
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1])
-        if moves:
-            body.add_freejoint()
+    spec = mujoco.MjSpec.from_string(
+        """<mujoco><worldbody><geom name="ground" type="plane" size="9 9 1"/><body><body>
+        <geom name="board" size=".1"/><geom name="paint" size=".1" contype="0" conaffinity="0"/></body></body>
+        <body mocap="true" pos="3 0 1"><geom name="lift" size=".1"/></body>
+        <body pos="3 0 1"><freejoint/><geom name="parcel" size=".1"/></body></worldbody></mujoco>"""
+    )
     add_robot(spec)
     tracked(spec)
     connect(spec)
@@ -154,25 +143,25 @@ def test_bad_arguments_are_named_and_leave_the_spec_as_it_was(options, message):
     tracked(spec, half_gauge=0.3, name="outer")
 
 
-@pytest.mark.parametrize(
-    ("option", "value", "message"),
-    [
-        ("enableflags", mujoco.mjtEnableBit.mjENBL_OVERRIDE, "flag override = 'enable': must be disable"),
-        ("timestep", 0.003, "timestep = 0.003: must be at most 0.002 s"),
-    ],
-)
-def test_options_of_a_model_that_spoil_the_recipe_are_refused(option, value, message):
-    spec = on_plane()
+def test_models_without_tracks_or_with_options_that_spoil_the_recipe_are_refused():
+    spec, override = on_plane(), mujoco.mjtEnableBit.mjENBL_OVERRIDE
     with pytest.raises(InvalidValueError, match="tracks of the model: there are none"):
         Belts(spec.compile())
     tracked(spec)
     with pytest.raises(InvalidValueError, match="connected before the model is compiled"):
         Belts(spec.compile())
     connect(spec)
-    model = spec.compile()
-    setattr(model.opt, option, value)
-    with pytest.raises(InvalidValueError, match=message):
-        Belts(model)
+    for option, value, message in (
+        ("enableflags", override, "flag override = 'enable': must be disable"),
+        ("timestep", 0.003, "timestep = 0.003: must be at most 0.002 s"),
+    ):
+        model = spec.compile()
+        setattr(model.opt, option, value)
+        with pytest.raises(InvalidValueError, match=message):
+            Belts(model)
+    for options in ({"torque_limit": -1.0}, {"torque_limit": [1.0, 2.0, 3.0]}, {"inertia": np.nan}):
+        with pytest.raises(InvalidValueError, match=f"{next(iter(options))} = .*: must be a number of at least 0"):
+            Belts(spec.compile()).set([0.1, 0.1], **options)
 
 
 def test_more_pairs_than_a_step_can_test_are_refused():

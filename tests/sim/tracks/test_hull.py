@@ -15,13 +15,6 @@ OVAL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
 NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
 
 
-def test_the_belt_of_an_oval_runs_forwards_above_and_backwards_below():
-    above, below = Hull.from_wheels(OVAL).runs
-    np.testing.assert_allclose([above.start, above.end], [[-0.25, 0.16], [0.25, 0.16]], atol=1e-15)
-    np.testing.assert_allclose([below.start, below.end], [[0.25, 0.0], [-0.25, 0.0]], atol=1e-15)
-    np.testing.assert_allclose(below.outwards, [0, -1], atol=1e-15)
-
-
 @given(
     st.integers(0, 6),
     st.booleans(),

@@ -6,7 +6,6 @@ import pytest
 from tracked import HALF_GAUGE, HALF_LENGTH, HULL, add_flipper, add_robot, built, plane, slab
 
 from sim.tracks import PRESETS, Belts, Track, add_tracks, connect
-from trackslip.errors import RobotWarning
 from trackslip.skid_theory import Contact, line_contact, steady_twist
 
 
@@ -57,13 +56,6 @@ def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(preset, width, radiu
     expected = steady_twist(speeds, line_contact(half_gauge, HALF_LENGTH, 0.7, 0.7, (0.0, 0.0, 0.12), 800), 9.81)[2]
     offset, by_theory = (icr_half_width(speeds, w) - half_gauge for w in (data.qvel[5], expected))
     assert offset == pytest.approx(by_theory, rel=0.01)
-
-
-def test_tracks_wider_than_verified_are_told_of():
-    spec = plane()
-    add_robot(spec)
-    with pytest.warns(RobotWarning, match=r"half_gauge = 1: turns are verified up to 0\.75 m, 1\.5 contact lengths"):
-        add_tracks(spec, "robot", Track(half_gauge=1.0, hull=HULL))
 
 
 @pytest.mark.parametrize(("preset", "limbs"), [("accurate", 2), ("fast", 1)])
@@ -169,13 +161,6 @@ def test_the_belt_of_a_moving_flipper_moves_relative_to_the_flipper():
 WIDTH, HEIGHT = 0.12, 0.12  # of the belts, and of the centre of mass [m]
 
 
-def wide(spec, preset="accurate", terrain="ground", width=WIDTH, **options):
-    track = Track(half_gauge=HALF_GAUGE, hull=HULL, preset=preset, width=width, **options)
-    add_tracks(spec, "robot", track, terrain=terrain)
-    model = spec.compile()
-    return model, mujoco.MjData(model), Belts(model)
-
-
 def even_pressure(along=200, across=12):
     """Two belts under even pressure."""
     x = ((np.arange(along) + 0.5) / along - 0.5) * 2 * HALF_LENGTH
@@ -188,7 +173,7 @@ def even_pressure(along=200, across=12):
 def test_wide_belts_turn_like_an_even_pressure(preset, speeds, bound):
     spec = plane()
     add_robot(spec)
-    model, data, belts = wide(spec, preset)
+    model, data, belts = built(spec, preset, width=WIDTH)
     belts.set(speeds)
     mujoco.mj_step(model, data, nstep=round(2.0 / model.opt.timestep))
     measured, expected = (
@@ -204,7 +189,7 @@ def tips(preset, slope, height):
     spec = plane()
     body = add_robot(spec)
     body.ipos = [0, 0, height]
-    model, data, belts = wide(spec, preset, friction=(4.0, 4.0))
+    model, data, belts = built(spec, preset, friction=(4.0, 4.0), width=WIDTH)
     belts.set([0.0, 0.0])
     for part in np.sin(np.linspace(0, np.pi / 2, 400)):  # tilted slowly, to the left
         model.opt.gravity[:] = 9.81 * np.array([0, np.sin(part * slope), -np.cos(part * slope)])
@@ -220,26 +205,11 @@ def test_a_robot_tips_over_the_edges_of_its_belts(preset, height, part):
     assert tips(preset, 1.01 * over, height)
 
 
-@pytest.mark.parametrize(("width", "holds"), [(0.0, False), (WIDTH, True)])
-def test_an_edge_beside_the_middle_of_a_belt_holds_it(width, holds):
-    """The left belt's middle is 3 cm beyond the edge of a slab, its inner line on it."""
-    spec = mujoco.MjSpec()
-    edge = HALF_GAUGE - 0.03
-    slab = {"size": [5, 5, 0.5], "pos": [0, edge - 5, -0.5]}
-    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_BOX, **slab)
-    body = add_robot(spec)
-    body.ipos = [0, 0.05, HEIGHT]
-    model, data, _ = wide(spec, width=width)
-    mujoco.mj_step(model, data, nstep=round(3.0 / model.opt.timestep))
-    lean = np.arccos(data.xmat.reshape(-1, 3, 3)[1, 2, 2])
-    assert (lean < np.radians(0.5)) == holds
-
-
 @pytest.mark.parametrize(("segments", "lines", "across", "inertia"), [(8, 3, 0.7, 5.0), (40, 9, 0.8, 0.5)])
 def test_no_point_is_softer_than_the_engine_knows(segments, lines, across, inertia):
     spec = plane()
     add_robot(spec).inertia = [inertia] * 3
-    model, _, _ = wide(spec, segments=segments, lines=lines, friction=(0.7, across))
+    model, _, _ = built(spec, segments=segments, lines=lines, friction=(0.7, across), width=WIDTH)
     assert model.pair_solimp[:, :2].min() >= mujoco.mjMINIMP
     grip = model.pair_solreffriction[:, 1] / np.maximum(model.pair_solimp[:, 0], mujoco.mjMINIMP)
     np.testing.assert_allclose(grip, -PRESETS["accurate"].grip, rtol=1e-6)

@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 
 from experiments.common.choices import FTR_NAMES
-from sim.robot.named import load_tracked
-from sim.robot.tracked import TrackedRobot
+from sim import Command, TrackedRobot, Traverse, TraverseConfig, load_tracked
 from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
-from sim.traverse.config import TraverseConfig
 from sim.traverse.courses import MAX_BOXES, OBSTACLES, draw_course
 from sim.traverse.footprint import Footprint
 from sim.traverse.ftr_courses import FTR_BOXES, FTR_COURSES, KINDS, draw_ftr_course
 from sim.traverse.task import Crossing
-from sim.traverse.world import Command, Traverse
 from trackslip.errors import InvalidValueError
 
 SHORT = {"width": 2.0, "start_length": 1.0, "goal_length": 1.0}
@@ -50,15 +47,14 @@ def test_robots_drive_on_slots_as_on_the_course(world):
 
 
 def test_courses_without_room_are_refused(world):
-    steps = Course((Stairs(0.1, 0.3, 6),), **SHORT)
-    with pytest.raises(InvalidValueError, match="course = '7 boxes': must be of at most 5"):
-        world.begin([0], [steps])
-    rough = Course((Rough(1.0, 0.05),), **SHORT)
-    with pytest.raises(InvalidValueError, match="1 height fields"):
-        world.begin([0], [rough])
-    alone = Traverse(load_tracked("box"), [OTHER], threads=1)
-    with pytest.raises(InvalidValueError, match="courses"):
-        alone.begin([0], [steps])
+    steps, alone = Course((Stairs(0.1, 0.3, 6),), **SHORT), Traverse(load_tracked("box"), [OTHER], threads=1)
+    for robots, course, message in (
+        (world, steps, "course = '7 boxes': must be of at most 5"),
+        (world, Course((Rough(1.0, 0.05),), **SHORT), "1 height fields"),
+        (alone, steps, "courses"),
+    ):
+        with pytest.raises(InvalidValueError, match=message):
+            robots.begin([0], [course])
 
 
 def test_every_course_fits_the_slots():
@@ -137,18 +133,10 @@ def highest(course):
     return course.height(np.linspace(-1.0, course.goal, 2001)[:, None], np.array([-0.4, 0.02, 0.4])).max()
 
 
-HEIGHTS = {
-    "steps_up": (0.2, 0.4),
-    "uplifts": (0.2, 0.4),
-    "one_sided": (0.1, 0.3),
-    "waves": (0.1, 0.4),
-    "rails": (0.2, 0.3),
-}
-"""At difficulties 0 and 1 [m]."""
-
-
 def test_sizes_are_those_published():
-    for kind, (low, high) in HEIGHTS.items():
+    steps, narrow = (0.2, 0.4), (0.1, 0.3)  # heights at difficulties 0 and 1 [m]
+    heights = {"steps_up": steps, "uplifts": steps, "one_sided": narrow, "waves": (0.1, 0.4), "rails": (0.2, 0.3)}
+    for kind, (low, high) in heights.items():
         for difficulty, expected in ((0.0, low), (1.0, high), (0.5, (low + high) / 2)):
             assert highest(drawn(f"{kind}_published", difficulty)) == pytest.approx(expected, rel=0.03)
             assert highest(drawn(kind, difficulty)) == pytest.approx(0.8 * expected, rel=0.03)

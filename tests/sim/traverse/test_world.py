@@ -6,17 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim import Command, Scripted, Traverse, build_tracked, load_tracked
 from sim.batched_world import quietly
-from sim.robot.named import load_tracked
-from sim.robot.tracked_model import build_tracked
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.tracks import Belts
 from sim.traverse.contact import ContactPoints
 from sim.traverse.outcome import Limits, Outcome, StuckWatch
-from sim.traverse.policy import Scripted
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
 from sim.traverse.states import Servos, ServoState
-from sim.traverse.world import Command, Traverse
 from trackslip.errors import InvalidValueError
 
 LEVEL = Course((Flat(4.0),), friction=0.7)

@@ -13,12 +13,11 @@ from sim.wander.motion import LawMotion
 from trackslip import se2
 from trackslip.kinematics import RobotGeometry, twist_of_tracks, wrap_angle
 from trackslip.laws.icr import ConstantIcr
-from trackslip.logs.runlog import RunLog
 
 RATE = 50.0
 
 
-def commands(driving: str, seed: int = 0, duration: float = 120.0, driver: Driver | None = None) -> np.ndarray:
+def commands(driving, seed=0, duration=120.0, driver=None):
     return track_commands(driving, duration, RATE, driver or Driver(), np.random.default_rng(seed))
 
 
@@ -49,7 +48,7 @@ GEOMETRY = RobotGeometry(0.168, 0.06)
 
 
 @pytest.fixture
-def encoders() -> RunLog:
+def encoders():
     rng = np.random.default_rng(0)
     omega = track_commands("random", 20.0, RATE, Driver(), rng) / GEOMETRY.sprocket_radius
     motion, twist = LawMotion(ConstantIcr(0.045, 0.168, 0.0066), GEOMETRY).drive(omega, RATE, rng)

@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.fleet import Fleet
-from sim.scanner.feed import ScannerFeed
-from sim.scanner.scanner import LaserScanner
+from sim import Fleet, LaserScanner, ScannerFeed
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import PoseSource, plate_ranges, plate_scans
