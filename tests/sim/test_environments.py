@@ -58,9 +58,9 @@ SHORT = {"limits": Limits(time=1.2, stuck_time=0.4), "course": ("random", "rough
 )
 def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_path):
     file = tmp_path / "short.csv"
-    file.write_text("x,y\n0,0\n0.1,0\n0.2,0.02\n")  # of a few seconds, so that an episode comes to its end
+    file.write_text("x,y\n0,0\n0.02,0\n0.04,0.002\n")  # of two seconds, so that an episode comes to its end
     if name == TRACKING:
-        options = options | {"reference": (*options["reference"], str(file))}
+        options = options | {"reference": ("slalom", str(file))}
     native = gym.make_vec(name, num_envs=3, autoreset_mode=mode, threads=2, **options)
     single = gym.make_vec(name, 3, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **options)
     for space in ("observation_space", "action_space", "metadata"):
@@ -68,7 +68,7 @@ def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_pat
     assert_same(native.reset(seed=7), single.reset(seed=7))
     single.action_space.seed(3)
     ends = 0
-    for _ in range(9 if name == TRAVERSE else 80):
+    for _ in range(9 if name == TRAVERSE else 50):
         actions = single.action_space.sample()
         if name == TRAVERSE:
             actions[0] = -1.0, 1.0, 0.0, 0.0, 0.0, 0.0  # turns on the spot until its time is over

@@ -54,7 +54,7 @@ def test_it_is_the_vector_environment():
     assert theirs.reset_infos[2]["time"] == 0
     ours.action_space.seed(5)
     ends = 0
-    for _ in range(150):
+    for _ in range(90):
         actions = ours.action_space.sample()
         expected, reward, terminated, truncated, info = ours.step(actions)
         observation, rewards, done, infos = theirs.step(actions)

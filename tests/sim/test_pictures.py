@@ -117,7 +117,8 @@ for _ in range(20):
 
 
 @pytest.mark.skipif(not shutil.which("xvfb-run"), reason="there is no virtual display")
-@pytest.mark.parametrize("end", [pytest.param("env.close()", marks=pytest.mark.slow), "pass"])
+@pytest.mark.slow
+@pytest.mark.parametrize("end", ["env.close()", "pass"])
 def test_a_window_follows_the_robot_and_closes(end):
     command = ["xvfb-run", "-a", sys.executable, "-c", DRIVE + end]
     driving = subprocess.run(command, text=True, capture_output=True, timeout=60)

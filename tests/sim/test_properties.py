@@ -21,7 +21,7 @@ def steady_twist(robot, omega, ground, seconds=2.5, **options):
     return fleet.twist()
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(scale=st.floats(0.6, 2.0), left=st.floats(0.5, 2.0), spread=st.floats(0.2, 1.0))
 def test_slip_depends_on_the_shape_not_on_the_scale(scale, left, spread):
     """A robot of another size, at speeds that grow with the square root of it: same centripetal over weight."""
@@ -41,7 +41,7 @@ def test_slip_depends_on_the_shape_not_on_the_scale(scale, left, spread):
     np.testing.assert_allclose(*slips, atol=1e-3)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(left=st.floats(-3.0, 3.0), right=st.floats(-3.0, 3.0), along=st.floats(0.2, 0.9), ratio=st.floats(0.7, 1.4))
 def test_turns_mirror_on_even_ground(robot, left, right, along, ratio):
     twist = steady_twist(robot, np.array([[left, right], [right, left]]), Ground(along, ratio * along))

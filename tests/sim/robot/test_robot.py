@@ -28,7 +28,7 @@ def test_the_shipped_file_is_what_the_recipe_makes_of_the_default_parameters(rob
     assert (file.opt.impratio, file.opt.timestep) == (made.opt.impratio, made.opt.timestep)
     assert file.geom("sprocket0").size[0] == robot.geometry.sprocket_radius
     assert made.pair_friction[0, :2].tolist() == [Ground().along, Ground().across]
-    assert LEVEL.sink == SINK
+    assert (LEVEL.sink, LEVEL.timestep) == (SINK, file.opt.timestep)
 
 
 @pytest.mark.parametrize("name", ["tracked_robot.xml", "field.xml"])
