@@ -8,7 +8,7 @@ from sim import Fleet, Ground, load_robot
 from sim.drive.drive import tireless
 from sim.robot.chassis import MODELS
 from sim.robot.parameters import SINK, RobotParameters
-from sim.tracks.recipe import LEVEL
+from sim.tracks.recipe import LEVEL, track_points
 from trackslip.errors import RobotWarning
 from trackslip.skid_theory import line_contact, steady_twist
 
@@ -83,7 +83,10 @@ def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(width, shear, within
     np.testing.assert_allclose(offset, by_theory, rtol=within)
 
 
-def test_a_robot_wider_than_verified_is_told_of():
+def test_wide_robots_have_more_points_up_to_the_widest_verified_and_wider_ones_are_told_of():
+    """10 (2 b / L)^1.6 beyond a width of 1.2, in pairs."""
+    points = [track_points(half_gauge, 0.34, LEVEL) for half_gauge in (0.168, 0.203, 0.205, 0.34, 0.51)]
+    assert points == [10, 10, 14, 32, 58]
     with pytest.warns(RobotWarning, match=r"half_gauge = 0\.6: turns are verified up to 0\.51 m, 1\.5 contact lengths"):
         wide = load_robot(RobotParameters(half_gauge=0.6))
-    assert len(wide.contact_points) == len(load_robot(RobotParameters(half_gauge=0.51)).contact_points)
+    assert len(wide.contact_points) == 2 * points[-1]
