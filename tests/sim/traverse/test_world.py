@@ -108,6 +108,19 @@ def test_flippers_touch_what_is_ahead_from_above_and_reach_for_lower_ground_behi
     assert rear[0] < rear[1] < rear[2] == 0
 
 
+def test_flippers_feel_the_ground_under_them_that_courses_have():
+    course, reflex = Course((Ramp(0.3, 4.0),), start_length=3.0), Reflex()
+    world = Traverse(load_tracked("rescue"), [course], threads=1)
+    world.begin([0], start=[[-0.38, 0.0, 0.0]])
+    shape = world.flippers
+    hinge = world.state.position[0] + shape.hinge  # it stands level and looks along x
+    x = hinge[:, :1] + np.where(shape.front, 1, -1)[:, None] * SAMPLES * shape.length[:, None]
+    ground = course.height(x, hinge[:, 1:2])
+    expected = reflex.angles(ground[None], np.zeros(1), hinge[None, :, 2], shape)
+    np.testing.assert_allclose(world.reflex(reflex), expected, atol=1e-3)
+    assert expected[0, shape.front].min() > 0.05
+
+
 def test_the_scripted_controller_comes_back_to_the_middle():
     world = Traverse(load_tracked("rescue"), [Course((Flat(3.0),))], 2, threads=1)
     world.begin([0, 1], start=[[-1.0, 0.3, 0.3], [-1.0, -0.3, -0.3]])
