@@ -111,6 +111,7 @@ def test_runs_that_make_no_sense_are_refused(robot):
             closed_loop(fleet, [Pilot(Feedforward(), robots)], short_path(), feed)
     with pytest.raises(InvalidValueError, match=r"duration = 0\.01: must be at least the time between two scans"):
         open_loop(fleet, OMEGA, 0.01, feed)
+    assert [len(log.time) for log in open_loop(fleet, OMEGA, 0.05, feed)] == [2, 2]
     with pytest.raises(InvalidValueError, match="descriptions = '1 descriptions': must be 2, one per robot"):
         open_loop(fleet, OMEGA, 1.0, descriptions=names(1))
 

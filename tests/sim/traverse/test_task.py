@@ -1,13 +1,16 @@
 """trackslip/Traverse-v0 as a task: what is drawn, observations and rewards."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
-from sim import Outcome, SensorNoise
+from sim import Limits, Outcome, SensorNoise, TraverseConfig
 from sim.terrain import Course, Rough
 from sim.traverse.config import Reward
-from sim.traverse.task import TERMS, reward_terms
+from sim.traverse.ftr_courses import KINDS
+from sim.traverse.task import TERMS, Crossing, reward_terms
 from trackslip.errors import InvalidValueError
 
 ID = "sim:trackslip/Traverse-v0"
@@ -72,10 +75,39 @@ def test_the_reward_is_the_sum_of_its_terms():
     terms = reward_terms(Reward(), gain, work, took, change, outcome)
     np.testing.assert_allclose(terms["progress"], [0.2, 0.4, 0.0, -0.2])
     np.testing.assert_allclose(terms["energy"], [-0.01, 0, 0, 0])
-    np.testing.assert_allclose(terms["time"], -0.025)
+    np.testing.assert_allclose(terms["time"], -0.05)
     np.testing.assert_allclose(terms["change"], [-0.005, 0, -0.01, 0])
-    np.testing.assert_allclose(terms["end"], [0, 5, -5, -5])
+    np.testing.assert_allclose(terms["end"], [0, 5, -1, 0])  # running out of time truncates
     env = gym.make(ID).unwrapped
     env.reset(seed=0)
     _, reward, _, _, info = env.step(np.ones(6, np.float32))
     assert reward == pytest.approx(sum(info[f"reward_{name}"] for name in TERMS), abs=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kinds", [("steps_up",), KINDS])
+def test_a_failed_try_earns_more_than_standing_still_and_less_than_crossing(kinds):
+    discount, robots = 0.97, 3 * len(kinds)
+    config = TraverseConfig(course=kinds, limits=Limits(time=20.0, stuck_time=3.0), period=0.2)
+    rng, earned, crossed = np.random.default_rng(0), [], []
+    for action, act in (
+        ("direct", np.zeros),
+        ("direct", lambda shape: rng.uniform(-1, 1, shape)),
+        ("correction", np.zeros),
+    ):
+        task, total = Crossing(replace(config, action=action), robots, threads=1), np.zeros(robots)
+        options = [{"course": kind, "difficulty": 0.2 * k} for kind in kinds for k in range(3)]
+        task.begin(range(robots), [task.draw(np.random.default_rng(k), own) for k, own in enumerate(options)])
+        factor = 1.0
+        while (task.outcome == Outcome.DRIVING).any():
+            task.step(act((robots, len(task.commanded))))
+            total += factor * task.reward
+            factor *= discount
+        earned.append(total.reshape(len(kinds), 3))
+        crossed.append((task.outcome == Outcome.REACHED).reshape(len(kinds), 3))
+    still, tried, scripted = earned
+    assert not crossed[1].any()
+    assert (still.max(axis=1) < tried.mean(axis=1) - 0.1).all()
+    for own, well, others in zip(scripted, crossed[2], tried, strict=True):
+        assert well.any()
+        assert own[well].min() > others.max()

@@ -105,7 +105,8 @@ def test_flippers_touch_what_is_ahead_from_above_and_reach_for_lower_ground_behi
     pitch = np.array([-0.4, 0.0, 0.4])
     rear = reflex.angles(np.zeros((3, 2, 3)), pitch, np.full((3, 2), 0.08), shape)[:, 1]
     assert reflex.lowest <= rear[0] < -0.3
-    assert rear[0] < rear[1] < rear[2] == 0
+    assert rear[0] < rear[1] < 0
+    assert rear[2] == pytest.approx(-reflex.push * (0.4 - reflex.tolerated))  # it pushes what leans back
 
 
 def test_flippers_feel_the_ground_under_them_that_courses_have():
