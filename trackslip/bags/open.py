@@ -111,16 +111,31 @@ class Bag:
         """The topics whose messages have one of the types, given as `sensor_msgs/msg/JointState`."""
         return [topic for topic in self.topics.values() if topic.type in types]
 
+    def between(self, begin: int, end: int) -> Bag:
+        """What was recorded from `begin` to before `end` [ns], with the transforms that are published only once."""
+
+        def read(chosen: Collection[str], decode: bool) -> Iterator[Message]:
+            for message in self.read(chosen, decode):
+                if begin <= message.arrival < end or message.topic.endswith("tf_static"):
+                    yield message
+
+        return replace(self, read=read)
+
     def messages(self, *topics: str) -> Iterator[Message]:
         """Decoded messages of topics, by time of recording; raises LogError for unknown topics and damage."""
         return self.read([self.topic(name).name for name in topics], True)
 
     def table(self, topic: str, row: Callable[[Any], Sequence[float]]) -> tuple[np.ndarray, np.ndarray, Array]:
-        """Stamps and arrivals (N,) [ns] of a topic's messages, and the numbers (N, k) that `row` takes from each."""
+        """Stamps and arrivals (N,) [ns] of a topic's messages, and the numbers (N, k) that `row` takes from each.
+
+        Raises LogError if there are none.
+        """
         times, numbers = array("q"), array("d")
         for message in self.messages(topic):
             times.extend((message.stamp, message.arrival))
             numbers.extend(row(message.content))
+        if not times:
+            raise LogError(f"topic {topic}: no messages")
         stamp, arrival = np.array(times, np.int64).reshape(-1, 2).T
         return stamp, arrival, np.array(numbers).reshape(len(stamp), -1)
 

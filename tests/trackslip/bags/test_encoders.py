@@ -22,8 +22,7 @@ TURNED = sprocket_angles(LOG)
 
 def read(tmp_path, messages, choice=AUTOMATIC, notes=None):
     notes = [] if notes is None else notes
-    (found,) = read_encoders(open_bag(write_bag(tmp_path / "run", "mcap", messages)), choice, notes)
-    return found
+    return read_encoders(open_bag(write_bag(tmp_path / "run", "mcap", messages)), choice, notes)
 
 
 def states(names, positions=None, velocities=None, topic="/joint_states", time=LOG.time):
@@ -166,8 +165,8 @@ def test_odometry_from_the_wheels_stands_for_encoders(tmp_path):
     pose = np.column_stack([0.1 * time, np.zeros_like(time), 0.3 * np.sin(time)]) + rng.normal(0, 1e-3, (len(time), 3))
     write_run(RunLog("drive", time, omega, pose), tmp_path / "run", geometry)
     bag = open_bag(tmp_path / "run")
-    (stated,) = read_encoders(bag, AUTOMATIC, [])
-    (reckoned,) = read_encoders(bag, BagChoice(encoders="/odom", wheels=geometry), [])
+    stated = read_encoders(bag, AUTOMATIC, [])
+    reckoned = read_encoders(bag, BagChoice(encoders="/odom", wheels=geometry), [])
     np.testing.assert_allclose(reckoned.omega[1:], stated.omega[1:], atol=0.02)  # means of velocities, of positions
     assert reckoned.taken == "encoders: odometry /odom"
     with pytest.raises(LogError, match="topic /odom: speeds of wheels need the geometry that it assumes"):
