@@ -12,8 +12,7 @@ from sim.stopwatch import Stopwatch
 from trackslip.localization.base import Locator
 from trackslip.localization.follower import EVERY, Follower
 from trackslip.localization.scan import Cluster, extract_plate
-from trackslip.logs.runlog import RunLog
-from trackslip.logs.scanlog import ScanLog
+from trackslip.logs.runlog import RunLog, ScanLog
 
 _AT_ONCE, _MOST_AT_ONCE = 2500, 400  # scans in a block: of all robots, and of each
 

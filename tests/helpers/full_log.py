@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.localization.scan import Cluster, Plate, Scan
-from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.scanlog import ScanLog
+from trackslip.logs.runlog import RunLog, ScanLog, Truth
 
 ROWS, BEAMS = 40, 31
 MOUNT = np.array([-1.0, 2.0, 0.3])

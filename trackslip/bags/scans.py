@@ -18,8 +18,7 @@ from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
 from trackslip.localization.raw_scans import RawScans, follow_plate
 from trackslip.localization.scan import Cluster, Plate
-from trackslip.logs.runlog import RunLog
-from trackslip.logs.scanlog import ScanLog
+from trackslip.logs.runlog import RunLog, ScanLog
 
 
 @dataclass(frozen=True)

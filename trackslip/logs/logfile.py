@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -15,14 +17,18 @@ import pyarrow.parquet
 
 from trackslip.errors import LogError, LogWarning, first_line
 from trackslip.files import regular_file
-from trackslip.logs.csv_file import read_csv
 from trackslip.logs.file_format import known_manifest
 from trackslip.logs.runlog import RunLog
+from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 
 RUNS = "runs.parquet"
 """Name of the file of runs in a folder of results."""
+_LOOKED_AT = 50  # lines from which separator and decimal mark are told
+_DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
+_TIMES = ("s", "sec", "ms", "us", "ns")  # in the column t of a row of units
+_NO_UNIT = ("", "-", "1")
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
@@ -61,7 +67,7 @@ def read_table(path: Path) -> pa.Table:
     try:
         regular_file(path)
         if kind == ".csv":
-            return read_csv(path)
+            return _read_csv(path)
         if kind == ".parquet":
             return pa.parquet.read_table(path, page_checksum_verification=True)
     except FileNotFoundError as error:
@@ -74,6 +80,48 @@ def read_table(path: Path) -> pa.Table:
             reason = f"damaged, cut short or no Parquet file ({reason})"
         raise LogError(f"{path}: {reason}") from error
     raise LogError(f"{path}: must end in .parquet or .csv")
+
+
+def _read_csv(path: Path) -> pa.Table:
+    """The table in a CSV file, every column as text so that errors name row and column.
+
+    Read as well: blanks around cells, lines before the header that begin with #, columns separated by semicolons or
+    tabs, decimal commas among these, and a row of units under the header, which become the units of the columns.
+    """
+    import pyarrow.compute as pc  # takes longer to import than pyarrow itself
+
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        lines = list(islice(file, _LOOKED_AT))
+    comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
+    header = lines[comments] if comments < len(lines) else ""
+    separator = max(",;\t", key=header.count)
+    rows = list(csv.reader(lines[comments:], delimiter=separator))
+    table = pa.csv.read_csv(
+        path,
+        read_options=pa.csv.ReadOptions(skip_rows=comments),
+        parse_options=pa.csv.ParseOptions(delimiter=separator),
+        convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(rows[0] if rows else (), pa.string())),
+    )
+    names = [name.strip() for name in table.column_names]
+    columns = [pc.utf8_trim_whitespace(column.cast(pa.string())) for column in table.columns]
+    if separator != "," and any(_DECIMAL_COMMA.match(cell) for row in rows for cell in row):
+        columns = [
+            column if name == "run" else pc.replace_substring(column, ",", ".")
+            for name, column in zip(names, columns, strict=True)
+        ]
+    return _with_units(pa.Table.from_arrays(columns, names))
+
+
+def _with_units(table: pa.Table) -> pa.Table:
+    """The table without a first row of units, which its columns get."""
+    first = [column[0].as_py().strip("[]()") for column in table.columns] if len(table) else []
+    if dict(zip(table.column_names, first, strict=False)).get("t") not in _TIMES:
+        return table
+    fields = [
+        field.with_metadata({"unit": unit}) if field.name in COLUMNS and unit not in _NO_UNIT else field
+        for field, unit in zip(table.schema, first, strict=True)
+    ]
+    return table.slice(1).cast(pa.schema(fields))
 
 
 def runs_file(path: Path) -> Path:
@@ -110,7 +158,7 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     files = {file: StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
     schema = pa.unify_schemas([stored.schema for stored in files.values()])
     about = {new: files[file].metadata[name] for file, name, new in runs}
-    schema = schema.with_metadata(file_metadata(schema, about))
+    schema = schema.with_metadata(file_metadata(about))
     with pa.parquet.ParquetWriter(path, schema, **packing(schema)) as writer:
         for file, name, new in runs:
             table = pa.concat_tables([schema.empty_table(), files[file].table(name, new)], promote_options="default")
@@ -132,7 +180,7 @@ class StoredRuns:
 
     def log(self, name: str) -> RunLog:
         """A run; raises LogError if it cannot be read."""
-        about = file_metadata(self.schema, {name: self.metadata[name]})
+        about = file_metadata({name: self.metadata[name]})
         (log,) = runs_from_table(self.table(name, name).replace_schema_metadata(about), str(self._path)).runs
         return log
 

@@ -9,8 +9,7 @@ from trackslip.kinematics import advance
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Plate, extract_plate
 from trackslip.logs.logfile import read_runs, write_parquet
-from trackslip.logs.runlog import RunLog
-from trackslip.logs.scanlog import ScanLog
+from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.motion.arc import arc, poses_on_arc
 from trackslip.motion.bundle import bundle
 from trackslip.motion.methods import best_method
