@@ -17,9 +17,8 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
 from trackslip.localization.beams import PlateBeams
-from trackslip.localization.gauss_newton import UNKNOWN, Evaluation, covariances
 from trackslip.localization.initial_poses import MAX_STARTS, chunks, portions, starts
-from trackslip.localization.likelihood import PlateLikelihood
+from trackslip.localization.likelihood import UNKNOWN, Evaluation, PlateLikelihood
 from trackslip.localization.returns import best_of_each
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
@@ -145,7 +144,7 @@ class PlateLocator:
         fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
         short = self.plate.thickness / scan.beam_step
-        covariance = axes.swapaxes(1, 2) @ _widened(covariances(fit), fit.pose, beams.edges.weight, short) @ axes
+        covariance = axes.swapaxes(1, 2) @ _widened(fit.covariances(), fit.pose, beams.edges.weight, short) @ axes
         strained = _strained(misfit, cluster.count)
         if strained.any():
             covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
