@@ -105,5 +105,5 @@ class ScanBlocks(ScanByScan):
             pose = scan.from_world(record.pose[rows].swapaxes(0, 1).reshape(-1, 3))
             cluster = extract_plate(scan, record.fleet.robot.plate, pose)
             for k, parts in enumerate(self._clusters):
-                parts.append(cluster.between(k * n, (k + 1) * n))
+                parts.append(cluster.take(np.arange(k * n, (k + 1) * n)))
         self._located, self._waiting = rows.stop, 0

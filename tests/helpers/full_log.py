@@ -20,8 +20,8 @@ def full_log():
     ranges = rng.uniform(1, 5, (ROWS, BEAMS)).astype(np.float32)
     ranges[:, ::4] = np.nan
     scan = Scan(np.linspace(-1.5, 1.5, BEAMS), np.empty((0, BEAMS)), 0.005, MOUNT, 20.0)
-    none = np.zeros((ROWS, 1))
-    cluster = Cluster(none, none + 1, none > 0, np.zeros(ROWS, int), np.zeros(ROWS, int), np.zeros((ROWS, 2)))
+    none, zero = np.zeros(0), np.zeros(ROWS, int)
+    cluster = Cluster(none, none, zero, zero, np.zeros((ROWS, 2)))
     return RunLog(
         run="a run",
         time=time,

@@ -17,7 +17,7 @@ from trackslip.bags.transforms import MAX_TILT, heading_and_tilt, read_fixed
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
 from trackslip.localization.raw_scans import RawScans, follow_plate
-from trackslip.localization.scan import Cluster, Plate
+from trackslip.localization.scan import Plate
 from trackslip.logs.runlog import RunLog, ScanLog
 
 
@@ -77,11 +77,8 @@ def plate_log(
     poses = scanner.to_world(plates.estimate.pose)[kept]
     log = joined(run, encoders, Poses(scans.source, stamp[kept], scans.delay, poses))
     log.metadata["bag"] |= {"mount": mount.tolist(), "mount_from": source}
-    columns = {}
-    for name, values in vars(plates.cluster).items():
-        columns[name] = np.full((len(log.time), *values.shape[1:]), name == "range", values.dtype)
-        columns[name][log.is_valid] = values[kept]
-    log = replace(log, scans=ScanLog(scanner, plate, Cluster(**columns)))
+    cluster = plates.cluster.take(np.flatnonzero(kept)).among(log.is_valid)
+    log = replace(log, scans=ScanLog(scanner, plate, cluster))
     return log, f"{encoders.taken}; poses: the plate's in {scans.source}; scanner: {source}"
 
 

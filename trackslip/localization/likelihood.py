@@ -26,8 +26,8 @@ import numpy as np
 
 from trackslip import se2
 from trackslip.kinematics import Array
+from trackslip.localization.base import Rows
 from trackslip.localization.beams import Edges, PlateBeams
-from trackslip.localization.rows import Rows
 from trackslip.localization.scan import Plate
 from trackslip.localization.view import View, in_axes
 

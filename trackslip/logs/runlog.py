@@ -52,25 +52,15 @@ class ScanLog:
     """One cluster per row of the log, without returns where none was found."""
     full: Array | None = None  # (T, B) all ranges of the scans, NaN for no return [m]
 
+    @property
+    def beam(self) -> np.ndarray:
+        """(H,) index of the beam of each return."""
+        return np.rint((self.cluster.bearing - self.scan.bearings[0]) / self.scan.beam_step).astype(int)
+
     def between(self, first: int, end: int) -> ScanLog:
         """The scans from row `first` up to, but not including, `end`."""
         full = None if self.full is None else self.full[first:end]
         return replace(self, cluster=self.cluster.take(np.arange(first, end)), full=full)
-
-    def first_beam(self) -> np.ndarray:
-        """(T,) index of the first beam of the cluster; 0 if there is none."""
-        step = self.scan.beam_step
-        index = np.rint((self.cluster.bearing[:, 0] - self.scan.bearings[0]) / step).astype(int)
-        return np.where(self.cluster.count > 0, index, 0)
-
-    def ranges(self) -> tuple[Array, np.ndarray]:
-        """Ranges [m] of all rows in sequence, each from its first beam, and their number in each row (T,).
-
-        NaN stands for no return, or one from another object.
-        """
-        cluster, width = self.cluster, self.cluster.width
-        within = np.arange(cluster.hit.shape[1]) < width[:, None]
-        return np.where(cluster.hit, cluster.range, np.nan)[within], width
 
 
 @dataclass(frozen=True)

@@ -109,10 +109,15 @@ def _table(log: RunLog) -> pa.Table:
 
 
 def _scan_columns(scans: ScanLog) -> dict[str, Any]:
-    """The columns of scans, with T rows each."""
-    numbers = (scans.first_beam(), scans.cluster.lost, *scans.cluster.hidden.T)
+    """The columns of scans, with T rows each; ranges are NaN for beams between the returns of a cluster."""
+    cluster, beam = scans.cluster, scans.beam
+    first, last = (ends.astype(int) for ends in cluster.extremes(beam))
+    width = np.where(cluster.count > 0, last - first + 1, 0)
+    ranges = np.full(width.sum(), np.nan)
+    ranges[(width.cumsum() - width - first)[cluster.row] + beam] = cluster.range
+    numbers = (first, cluster.lost, *cluster.hidden.T)
     columns = {name: pa.array(values) for name, values in zip(_OF_SCANS, numbers, strict=True)}
-    columns[_RANGES] = _lists(*scans.ranges())
+    columns[_RANGES] = _lists(ranges, width)
     return columns if scans.full is None else columns | {_ALL_RANGES: _list_column(scans.full)}
 
 
@@ -174,13 +179,11 @@ def _scans(table: pa.Table, rows: np.ndarray, about: Mapping[str, Any]) -> ScanL
     )
     first, lost, *hidden = (table.column(name).take(rows).to_numpy() for name in _OF_SCANS)
     lists = table.column(_RANGES).take(rows).combine_chunks()
-    width = np.asarray(lists.value_lengths())
-    column = np.arange(width.max(initial=1))
-    ranges = np.full((len(width), len(column)), np.nan)
-    ranges[column < width[:, None]] = lists.flatten()
+    width, ranges = np.asarray(lists.value_lengths()), np.asarray(lists.flatten(), float)
+    row = np.repeat(np.arange(len(width)), width)
+    bearing = scan.bearings[first[row].astype(int) + np.arange(len(row)) - (width.cumsum() - width)[row]]
     hit = np.isfinite(ranges)
-    bearing = scan.bearings[np.minimum(first[:, None].astype(int) + column, beams - 1)]
-    hidden_ends = np.stack(hidden, axis=-1)
-    cluster = Cluster(bearing, np.where(hit, ranges, 1.0), hit, hit.sum(axis=1), lost.astype(int), hidden_ends)
+    count = np.bincount(row[hit], minlength=len(width))
+    cluster = Cluster(bearing[hit], ranges[hit], count, lost.astype(int), np.stack(hidden, axis=-1))
     full = from_list_column(table, _ALL_RANGES, rows)
     return ScanLog(scan, Plate(**about["plate"]), cluster, full)
