@@ -36,20 +36,6 @@ def test_what_a_run_has_not_is_nan():
     assert errors.rms_position == 0.0
 
 
-def test_the_arc_is_where_the_reference_turns():
-    reference = SegmentedReference((0, 0, 0), [Segment(10.0, 0.1, 0.1), Segment(10.0, 0.1, 0.1, 0.5)])
-    pose = reference.pose(TIME)
-    pose[TIME < 9.9, 1] += 0.3
-    assert tracking_errors(TIME, pose, reference).rms_position_arc == pytest.approx(0.0, abs=1e-12)
-
-
-def test_farther_than_half_a_metre_is_lost():
-    reference = circle(1.25, 0.15, 20.0)
-    pose = reference.pose(TIME)
-    pose[200, 0] += 0.501
-    assert not tracking_errors(TIME, pose, reference).success
-
-
 def test_expense_of_constant_and_of_alternating_set_points():
     rows = len(TIME)
     command = np.tile([3.0, 4.0], (rows, 1))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from bags import (
     KINDS,
-    START,
     chain_of,
     fix,
     odometry,
@@ -16,7 +15,6 @@ from bags import (
     poses_of,
     quaternion,
     stamp,
-    transform,
     write_bag,
 )
 from hypothesis import given
@@ -112,13 +110,6 @@ def test_poses_that_mean_nothing_are_left_out(tmp_path, messages, without, note)
     assert said.startswith(f"topic /slam/pose: {note}")
 
 
-def test_single_quaternions_that_are_not_of_unit_length_are_no_headings(tmp_path):
-    found, notes = read(tmp_path, with_turn(turned(0.0, 0.0, 0.0, 2.0), [3, 4]), "/slam/pose")
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found.pose[:, 2])), [3, 4])
-    np.testing.assert_array_equal(found.pose[:, :2], SEEN[:, :2])
-    assert not notes
-
-
 def test_fixes_are_read_and_those_without_are_left_out(tmp_path):
     messages = [
         fix(stamp(k / 5), 47.0 + 1e-6 * k, 8.0 - 1e-6 * k, 400.0, status=-1 if k in (3, 4) else 2) for k in range(20)
@@ -143,14 +134,3 @@ def test_a_chain_of_transforms_is_sampled_where_its_slowest_link_changes(tmp_pat
         expected = reduce(se2.compose, [(1.0 + 0.01 * np.floor(time), 2.0, 0.3), between, (0.2, 0.1, 0.5)])
         np.testing.assert_allclose(where[:2], expected[:2], atol=1e-9)
         assert se2.wrap_angle(where[2] - expected[2]) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_chain_may_lead_up_and_down(tmp_path):
-    """As where a filter states the map in the frame of odometry."""
-    messages = [
-        transform(START, "odom", "map", (1.0, 1.0, 1.0), topic="/tf_static"),
-        *(transform(stamp(t), "odom", "base", where) for t, where in zip(LOG.time, LOG.pose.tolist(), strict=True)),
-    ]
-    found, _ = read(tmp_path, messages, "tf:map:base")
-    expected = se2.compose(se2.inverse((1.0, 1.0, 1.0)), LOG.pose)
-    np.testing.assert_allclose(found.pose[:, :2], expected[:, :2], atol=1e-9)

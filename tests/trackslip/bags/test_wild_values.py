@@ -16,7 +16,7 @@ TIMES = st.sampled_from([0, 1, -(2**31) * 10**9, 2**31 * 10**9 - 1, stamp(1.0), 
 
 
 @settings(
-    max_examples=6, deadline=None, phases=[Phase.generate], suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=4, deadline=None, phases=[Phase.generate], suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
 def test_values_that_no_sensor_states_end_in_a_line_or_a_log_of_finite_numbers(tmp_path_factory, data):

@@ -46,7 +46,6 @@ PLACES = {
     "walker": {"things": [*room(), WALKER]},
     "slow and clockwise": {"things": room(), "scan_duration": 0.045, "clockwise": True},
     "centimetres": {"things": room(), "noise": 0.002, "quantisation": 0.01},
-    "noisy": {"things": room(), "noise": 0.03},
     "full circle": {"things": [post(0, -3)], "fov": 2 * np.pi * 360 / 361, "start": (-2.0, 0, 0)},
     "wall beside it": {"things": [*room(), wall((-0.3, 3.9), (0.3, 3.9))]},
 }

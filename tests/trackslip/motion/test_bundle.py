@@ -61,12 +61,6 @@ def test_bundle_is_better_than_the_arc(logs):
     assert np.all(errors[bundle].std(axis=0) < errors[arc].std(axis=0))
 
 
-def test_where_it_starts_does_not_matter(logs):
-    log, pose = logs[0]
-    from_truth = bundle(replace(log, pose=pose, valid=None), WINDOW)
-    np.testing.assert_allclose(from_truth.twist, bundle(log, WINDOW).twist, rtol=2e-6)
-
-
 def test_scans_of_something_else_are_left_out(logs):
     log, _ = logs[0]
     cluster = log.scans.cluster
