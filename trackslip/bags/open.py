@@ -299,20 +299,17 @@ def _reader(path: Path) -> Any:
 def _streamed(path: Path) -> Bag:
     """The bag in an MCAP file without index, as a recorder leaves it whose battery went flat."""
     counts: Counter[tuple[str, str]] = Counter()
-    read = 0  # bytes
     with _refusing(path):
         size = regular_file(path).stat().st_size
         with path.open("rb") as file:
             file.seek(-min(size, len(_MCAP_END)), os.SEEK_END)
             is_complete = file.read() == _MCAP_END
-        for schema, channel, _, place in _records(path):
+        for schema, channel, _ in _records(path):
             counts[channel.topic, schema.name] += 1
-            read = place
         if not counts:
             raise ValueError("it has no whole message")
     topics = [Topic(name, kind, count) for (name, kind), count in counts.items()]
-    lost = f"{(size - read) / 1e3:.0f} of {size / 1e3:.0f} kB are lost"
-    notes = () if is_complete else (f"{path}: its end is missing, as after a power cut: {lost}",)
+    notes = () if is_complete else (f"{path}: its end is missing, as after a power cut: read as far as it goes",)
     return _bag(path, topics, partial(_read_streamed, path), notes)
 
 
@@ -321,7 +318,7 @@ def _read_streamed(path: Path, chosen: Collection[str], decode: bool) -> Iterato
 
     types = get_typestore(Stores.EMPTY)
     with _refusing(path):
-        for schema, channel, message, _ in _records(path):
+        for schema, channel, message in _records(path):
             if channel.topic not in chosen:
                 continue
             if decode and schema.name not in types.fielddefs:
@@ -330,8 +327,8 @@ def _read_streamed(path: Path, chosen: Collection[str], decode: bool) -> Iterato
             yield Message(channel.topic, message.log_time, content)
 
 
-def _records(path: Path) -> Iterator[tuple[Any, Any, Any, int]]:
-    """Schema, channel, message and place in the file [bytes] of each message, as far as the file goes."""
+def _records(path: Path) -> Iterator[tuple[Any, Any, Any]]:
+    """Schema, channel and message of each message, as far as the file goes."""
     from mcap.exceptions import RecordLengthLimitExceeded
     from mcap.reader import NonSeekingReader
 
@@ -343,7 +340,7 @@ def _records(path: Path) -> Iterator[tuple[Any, Any, Any, int]]:
                 if file.tell() == size:
                     return  # the record that ends with the file may be cut off
                 if schema is not None:
-                    yield schema, channel, message, file.tell()
+                    yield schema, channel, message
         except RecordLengthLimitExceeded:
             return  # the last record is longer than the file
         except Exception:  # whatever a record raises that is cut off

@@ -1,6 +1,5 @@
 """Bags of all kinds, written by rosbags and by MCAP's own writer: complete, compressed, cut off, damaged."""
 
-import re
 import shutil
 
 import numpy as np
@@ -74,8 +73,7 @@ def test_an_mcap_file_that_was_cut_off_is_read_up_to_there(tmp_path, share, comp
     assert rows == expected(messages)[: len(rows)]
     assert len(bag.arrivals()["/joint_states"]) == len(rows)
     (note,) = bag.notes
-    lost, size = map(int, re.search(r"its end is missing, .*: (\d+) of (\d+) kB are lost", note).groups())
-    assert 0 <= lost < size == round(share * len(whole) / 1e3)
+    assert "its end is missing, as after a power cut: read as far as it goes" in note
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def errors(session, found):
     return error, error / np.sqrt(np.einsum("sii->si", found.estimate.covariance[valid]))
 
 
-def commands(duration=25.0, top=3.0):
+def commands(duration=18.0, top=3.0):
     return teleoperated(np.random.default_rng(1), duration, top)
 
 

@@ -57,7 +57,7 @@ def test_standard_errors_are_those_of_repeats():
     """Of noise without memory, and with one of half a second."""
     for memory in (0.0, 0.9):
         found = []
-        for seed in range(60):
+        for seed in range(30):
             log = circle_log((0.1, 0.08))
             rng = np.random.default_rng(seed)
             noise = rng.normal(size=log.pose.shape) * [0.002, 0.002, 0.004]
