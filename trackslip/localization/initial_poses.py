@@ -49,17 +49,9 @@ def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Arra
     for axis, size in ((e, plate.length), (n, plate.thickness)):
         low, high = cluster.extremes(x * axis[row, 0] + y * axis[row, 1])
         away = np.sum(axis * middle, axis=1) > 0  # the LRF is on the low side
-        centre += centre_of_side(low, high, size, away)[:, None] * axis
+        near = np.where(away, low + size / 2, high - size / 2)  # unless almost all of a side is seen, its near end is
+        centre += np.where(high - low > _WHOLE * size, (low + high) / 2, near)[:, None] * axis
     return np.concatenate([centre, heading[:, None]], axis=-1)
-
-
-def centre_of_side(low: Array, high: Array, size: float, away: np.ndarray) -> Array:
-    """Coordinates (S,) of the centre along a side of length `size`, of which the part from `low` to `high` is seen.
-
-    Unless almost all of it is seen, its near end is: the lower one where the plate lies in the positive direction.
-    """
-    near = np.where(away, low + size / 2, high - size / 2)
-    return np.where(high - low > _WHOLE * size, (low + high) / 2, near)
 
 
 def portions(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) -> list[np.ndarray]:

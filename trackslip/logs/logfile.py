@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import re
 import warnings
@@ -153,41 +154,21 @@ def read_log(path: Path) -> ReadRuns:
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     """Write runs, each given as (file, name, new name), from files by `write_parquet` to a single file, in order.
 
-    Raises LogError if a file cannot be read.
+    Their row groups are their runs, so that one is in memory at a time. Raises LogError if a file cannot be read.
     """
-    files = {file: StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
-    schema = pa.unify_schemas([stored.schema for stored in files.values()])
-    about = {new: files[file].metadata[name] for file, name, new in runs}
-    schema = schema.with_metadata(file_metadata(about))
-    with pa.parquet.ParquetWriter(path, schema, **packing(schema)) as writer:
-        for file, name, new in runs:
-            table = pa.concat_tables([schema.empty_table(), files[file].table(name, new)], promote_options="default")
-            writer.write_table(table, row_group_size=len(table))
-
-
-class StoredRuns:
-    """Access to single runs of a file by `write_parquet`, whose row groups are its runs."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    with contextlib.ExitStack() as stack:
         try:
-            self._file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
+            files = {}
+            for file in {file for file, *_ in runs}:
+                files[file] = stack.enter_context(pa.parquet.ParquetFile(file, page_checksum_verification=True))
+            about = {file: stored_metadata(read.schema_arrow.metadata, str(file)) for file, read in files.items()}
+            schema = pa.unify_schemas([files[file].schema_arrow.remove_metadata() for file, *_ in runs])
+            schema = schema.with_metadata(file_metadata({new: about[file][name] for file, name, new in runs}))
+            with pa.parquet.ParquetWriter(path, schema, **packing(schema)) as writer:
+                for file, name, new in runs:
+                    table = files[file].read_row_group([*about[file]].index(name)).replace_schema_metadata(None)
+                    table = table.set_column(0, "run", pa.repeat(new, len(table)))
+                    table = pa.concat_tables([schema.empty_table(), table], promote_options="default")
+                    writer.write_table(table, row_group_size=len(table))
         except (pa.ArrowException, OSError) as error:
-            raise LogError(f"{path}: {first_line(error)}") from error
-        self.metadata = stored_metadata(self._file.schema_arrow.metadata, str(path))
-        """That of each run, by name."""
-        self.schema = self._file.schema_arrow.remove_metadata()
-
-    def log(self, name: str) -> RunLog:
-        """A run; raises LogError if it cannot be read."""
-        about = file_metadata({name: self.metadata[name]})
-        (log,) = runs_from_table(self.table(name, name).replace_schema_metadata(about), str(self._path)).runs
-        return log
-
-    def table(self, name: str, new: str) -> pa.Table:
-        """The rows of a run under a new name; raises LogError if they cannot be read."""
-        try:
-            table = self._file.read_row_group([*self.metadata].index(name)).replace_schema_metadata(None)
-        except (pa.ArrowException, OSError) as error:
-            raise LogError(f"{self._path}: run {name!r}: {first_line(error)}") from error
-        return table.set_column(0, "run", pa.repeat(new, len(table)))
+            raise LogError(f"{path}: its runs can't be joined ({first_line(error)})") from error

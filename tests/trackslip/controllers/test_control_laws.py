@@ -8,7 +8,6 @@ from linearised import closed_loop, error_gains, pose_with_error
 
 from trackslip.controllers.error_feedback import Kanayama, LinearTimeVarying, OffsetPoint, Samson
 from trackslip.controllers.steering import PathAhead, PurePursuit, Stanley
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
 from trackslip.metrics import body_errors
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle
@@ -119,16 +118,6 @@ def test_stanley_to_first_order(speed, radius):
     wanted = [[k1, 0, 0], [along, across, turn * (1 + pull * 0.3 * np.cos(delta))]]
     np.testing.assert_allclose(gains, wanted, atol=1e-6)
     assert np.linalg.eigvals(closed_loop(gains, np.array([v, w]))).real.max() < -0.1
-
-
-def test_stanley_steers_within_its_limit():
-    controller = Stanley(steering_limit=0.5)
-    reference = circle(1.0, 0.15, 40.0)
-    pose = pose_with_error(reference.pose(5.0), np.random.default_rng(2).uniform(-1, 1, (100, 3)))
-    v, w = np.moveaxis(controller.twist(5.0, pose, reference), -1, 0)
-    assert (np.abs(w) <= np.abs(v) * np.tan(0.5) / controller.wheelbase + 1e-12).all()
-    with pytest.raises(InvalidValueError, match="steering_limit"):
-        Stanley(steering_limit=1.6)
 
 
 def test_beyond_a_cusp_and_the_end_the_path_goes_on_straight():

@@ -8,7 +8,6 @@ from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.path_following import PathFollowing
 from trackslip.controllers.steering import PurePursuit, RegulatedPurePursuit
 from trackslip.kinematics import advance
-from trackslip.trajectory.named import named_reference
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle
 
 SPEEDS = pytest.mark.parametrize("speed", [0.15, -0.15])
@@ -47,17 +46,6 @@ def test_a_late_robot_stays_on_its_path_and_hurries_by_a_limited_share(speed):
     assert distance < 5e-3
     assert speeds.max() == pytest.approx(1.3 * abs(speed), rel=0.02)
     assert away(LinearTimeVarying())[0] > 0.02
-
-
-def test_a_robot_that_was_left_behind_does_not_skip_a_cusp():
-    """stop_and_go drives a stretch in reverse: a robot held for 2 s turns back where the path does."""
-    reference = named_reference("stop_and_go")
-    poses, twists = drive(PathFollowing(), reference, reference.pose(0.0), reference.duration + 10.0, held=2.0)
-    assert np.hypot(*(poses[-1] - reference.pose(reference.duration))[:2]) < 5e-3
-    path = reference.pose(np.linspace(0.0, reference.duration, 2000))[:, :2]
-    beside = np.linalg.norm(poses[:, None, :2] - path, axis=-1).min(axis=1)
-    assert beside.max() < 5e-3
-    assert twists[:, 0].min() < -0.05
 
 
 @SPEEDS
