@@ -8,7 +8,7 @@ import pytest
 
 from sim import Limits, Outcome, SensorNoise, TraverseConfig
 from sim.terrain import Course, Rough
-from sim.traverse.config import Reward
+from sim.traverse.config import CrossingReward
 from sim.traverse.ftr_courses import KINDS
 from sim.traverse.task import TERMS, Crossing, reward_terms
 from trackslip.errors import InvalidValueError
@@ -72,7 +72,7 @@ def test_the_reward_is_the_sum_of_its_terms():
     outcome = np.array([Outcome.DRIVING, Outcome.REACHED, Outcome.TIPPED, Outcome.TIME])
     change = np.array([[1.0, -1.0], [0.0, 0.0], [0.0, 2.0], [0.0, 0.0]])
     gain, work, took = np.array([[0.1, 0.2, 0.0, -0.1], [10.0, 0.0, 0.0, 0.0], [0.1] * 4])
-    terms = reward_terms(Reward(), gain, work, took, change, outcome)
+    terms = reward_terms(CrossingReward(), gain, work, took, change, outcome)
     np.testing.assert_allclose(terms["progress"], [0.2, 0.4, 0.0, -0.2])
     np.testing.assert_allclose(terms["energy"], [-0.01, 0, 0, 0])
     np.testing.assert_allclose(terms["time"], -0.05)
