@@ -60,7 +60,7 @@ def write_course_run(run: DrivenCourse, about: Mapping[str, Any], file: Path) ->
             columns.append(pa.array(np.ascontiguousarray(column), from_pandas=True))
             fields.append(pa.field(begin + end, pa.float64(), metadata={"unit": unit, "description": text}))
     table = with_units(pa.Table.from_arrays(columns, schema=pa.schema(fields)))
-    table = table.replace_schema_metadata(file_metadata(table.schema, {_NAME: plain(about)}))
+    table = table.replace_schema_metadata(file_metadata({_NAME: plain(about)}))
     pa.parquet.write_table(table, file, row_group_size=len(run.time), **packing(table.schema))
 
 

@@ -22,7 +22,7 @@ from sim.wander.motion import LawMotion
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
-from trackslip.laws.constant import NoSlip
+from trackslip.laws.base import NoSlip
 
 NAN, INF = float("nan"), float("inf")
 PATCH, CHANGE = partial(Patch, (0, 1), (0, 1), 1.0, 1.0), partial(Change, 0.0, 1.0, 1.0)
