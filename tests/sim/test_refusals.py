@@ -52,6 +52,7 @@ REFUSED = [
     (partial(Wall, 0.0, 1.0, 0.0), {"y1": 1.0}, "must be another place than x0, y0"),
     (partial(Walker, 0.0, 0.0, INF), {"vy": 0.0}, "vx = inf: must be from -20 to 20 m/s"),
     (WHEELS, {"wheels": [(0.01 * k, 0.1, 0.1) for k in range(101)]}, "must be from 2 to 100 wheels"),
+    (WHEELS, {"wheels": [(0.0, 0.1, 0.1), (0.01, 0.1, 0.05)]}, "two wheels or more that don't lie inside one another"),
     (WHEELS, {"wheels": [(0.0, 0.1, 0.1), (0.3, 0.1, -0.1)]}, "must be finite, with radii of at least"),
     (Flat, {"length": NAN}, "length = nan: must be from 0.001 to 200 m"),
     (Ramp, {"angle": 1.5}, "angle = 1.5: must be from -1.2 to 1.2 rad (69 degrees)"),
