@@ -25,20 +25,20 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
 _FORMAT = "trackslip policy 1"
-_ERRORS, _TWIST_NOW = slice(0, 3), slice(3, 5)  # of an observation
-_FINE = np.array([0.02, 0.02, 0.02])  # errors at which the compression sets in, in the observation's units
+ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # of an observation
+FINE = np.array([0.02, 0.02, 0.02])  # errors at which the compression sets in, in the observation's units
 
 
 def features(observation: Array) -> Array:
     """Inputs (..., n) of the network for observations (..., n)."""
     seen = np.array(observation, float)
-    seen[..., _ERRORS] = np.arcsinh(seen[..., _ERRORS] / _FINE)
+    seen[..., ERRORS] = np.arcsinh(seen[..., ERRORS] / FINE)
     return seen
 
 
 def corrected(observation: Array, correction: Array, authority: ArrayLike) -> Array:
     """Actions (N, 2): the reference's present twist in observations (N, n), plus corrections (N, 2) in [-1, 1]."""
-    return np.clip(observation[:, _TWIST_NOW] + np.clip(correction, -1.0, 1.0) * np.asarray(authority), -1.0, 1.0)
+    return np.clip(observation[:, TWIST_NOW] + np.clip(correction, -1.0, 1.0) * np.asarray(authority), -1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,8 @@ class PolicyController:
         config = from_options(EnvConfig, policy.options)
         require(not config.loads, "loads of the policy", config.loads, "false: controllers sense no loads")
         self._policy, self._layout = policy, TrackingLayout(config, top_speed)
-        inputs, outputs = len(policy.network.weights[0]), len(policy.network.biases[-1])
-        seen = len(self._layout.elements)
-        require((inputs, outputs) == (seen, 2), "network of the policy", (inputs, outputs), f"from {seen} inputs to 2")
+        shape, seen = policy.network.shape, len(self._layout.elements)
+        require(shape == (seen, 2), "network of the policy", shape, f"from {seen} inputs to 2")
         self._scale = np.array(config.twist_scale)
         self.reset()
 

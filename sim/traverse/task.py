@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim import terms
 from sim.drive.belt_motors import BeltMotors
 from sim.restorable import Restorable
 from sim.task import Element, checked, clipped_actions
 from sim.terrain import Course, load_course
-from sim.traverse.config import DRAWN, RANDOM, SAMPLE, Reward, TraverseConfig
+from sim.traverse.config import DRAWN, RANDOM, SAMPLE, CrossingReward, TraverseConfig
 from sim.traverse.courses import MAX_BOXES, draw_course
 from sim.traverse.footprint import Footprint
 from sim.traverse.ftr_courses import FTR_BOXES, draw_ftr_course
@@ -41,6 +42,36 @@ class CourseRun:
     """Start pose (x, y, heading) [m, m, rad]."""
     seed: int = 0
     """Of its sensors' noise."""
+
+
+class Actions:
+    """What actions mean in a world."""
+
+    def __init__(self, config: TraverseConfig, world: Traverse) -> None:
+        self._config, self._world = config, world
+        names = each = [flipper.body for flipper in world.tracked.robot.flippers]
+        if config.flippers == "pairs":
+            names = [f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")]
+            each = sorted(set(names))
+        self._member = np.array([each.index(name) for name in names], int)  # which action moves a flipper
+        self._scale, kind = (world.servos.top_speed, _QUARTER), "set point"
+        if config.action == "correction":
+            self._scale, kind = (config.speed_authority, config.flipper_authority), "correction"
+        speed, angle = self._scale
+        self.elements = (
+            *(Element(f"{side} belt speed, {kind}", "m/s", speed) for side in ("left", "right")),
+            *(Element(f"{name}, {kind}", "rad", angle) for name in each),
+        )
+        """Names, units and scales of the elements (A)."""
+
+    def command(self, action: Array) -> Command:
+        """Set points for actions (N, A) in [-1, 1]."""
+        speed, angle = self._scale
+        belts, flippers = speed * action[:, :2], angle * action[:, 2:][:, self._member]
+        if self._config.action == "correction":
+            scripted = self._config.scripted.command(self._world)
+            return Command(scripted.speed + belts, scripted.flippers + flippers)
+        return Command(belts, flippers)
 
 
 class Crossing(Restorable):
@@ -82,17 +113,12 @@ class Crossing(Restorable):
         self.period = config.period
         """Control period [s]."""
         self.layout = CrossingLayout(self.world, config.noise)
-        self.observed = self.layout.elements
+        self.observed = self.layout.elements + terms.elements(config.own_observations)
         """Elements (n) of an observation."""
         self.difficulty = config.difficulty
         """Range from which the difficulty of the next courses is drawn [-]."""
-        names = [flipper.body for flipper in self.world.tracked.robot.flippers]
-        each = names
-        if config.flippers == "pairs":
-            names = [f"{end} flippers" for end in np.where(self.world.flippers.front, "front", "rear")]
-            each = sorted(set(names))
-        self._member = np.array([each.index(name) for name in names], int)  # which action moves a flipper
-        self.commanded = _commanded(config, each, self.world.servos.top_speed)
+        self.actions = Actions(config, self.world)
+        self.commanded = self.actions.elements
         """Elements (A) of an action."""
         self._action: Array = np.zeros((size, len(self.commanded)))
         self._difficulty: Array = np.full(size, np.nan)
@@ -100,7 +126,7 @@ class Crossing(Restorable):
         self._length: Array = np.ones(size)  # way from start to goal [m]
         self._penetration: Array = np.zeros(size)  # largest in the episode [m]
         self._work: Array = np.zeros(size)  # in the episode [J]
-        self._terms: dict[str, Array] = {name: np.zeros(size) for name in TERMS}
+        self._terms: dict[str, Array] = {name: np.zeros(size) for name in (*TERMS, *config.own_rewards)}
         self.reward: Array = np.zeros(size)
         """Rewards (N,) of the last step."""
         self.terminated: NDArray[np.bool_] = np.zeros(size, bool)
@@ -176,7 +202,7 @@ class Crossing(Restorable):
         action = clipped_actions(actions, self.size, len(self.commanded))
         running = self.outcome == Outcome.DRIVING
         before = self.world.way
-        self.world.step(self._command(action))
+        self.world.step(self.actions.command(action))
         change, self._action = action - self._action, action
         contact = self.world.contact
         work = np.where(running, _sum(contact.work), 0.0)
@@ -186,13 +212,16 @@ class Crossing(Restorable):
         ended = np.where(running, self.outcome, Outcome.DRIVING)
         took = np.where(running, self.period, 0.0)
         self._terms = reward_terms(self.config.reward, gain, work, took, np.where(running[:, None], change, 0.0), ended)
-        self.reward = sum((self._terms[name] for name in TERMS), np.zeros(self.size))
+        own = terms.weighted(self, self.config.own_rewards)
+        self._terms |= {name: np.where(running, value, 0.0) for name, value in own.items()}
+        self.reward = sum(self._terms.values(), np.zeros(self.size))
         self.truncated = self.outcome == Outcome.TIME
         self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
 
     def observation(self) -> Array:
         """Observations (N, n), see `traverse.observation`."""
-        return self.layout.observation(self.world, self._seed.tolist())
+        usual = self.layout.observation(self.world, self._seed.tolist())
+        return np.concatenate([usual, terms.scaled(self, self.config.own_observations)], axis=1)
 
     def info(self) -> dict[str, NDArray[Any]]:
         """Further quantities by name, as arrays (N, ...); the keys are always the same."""
@@ -211,33 +240,15 @@ class Crossing(Restorable):
             "traction": contact.traction.copy(),  # (N, T) [N]
             "penetration": self._penetration.copy(),  # largest so far [m]
             "work": self._work.copy(),  # of the belts so far [J]
-            **{f"reward_{name}": self._terms[name].copy() for name in TERMS},
+            **{f"reward_{name}": value.copy() for name, value in self._terms.items()},
+            **({"privileged": terms.scaled(self, self.config.privileged)} if self.config.privileged else {}),
         }
-
-    def _command(self, action: Array) -> Command:
-        """Set points for actions (N, A)."""
-        world, config = self.world, self.config
-        belts, flippers = action[:, :2], action[:, 2:][:, self._member]
-        if config.action == "correction":
-            scripted = config.scripted.command(world)
-            speed = scripted.speed + config.speed_authority * belts
-            return Command(speed, scripted.flippers + config.flipper_authority * flippers)
-        return Command(world.servos.top_speed * belts, _QUARTER * flippers)
-
-
-def _commanded(config: TraverseConfig, flippers: Sequence[str], top_speed: float) -> tuple[Element, ...]:
-    """Elements of an action that moves belts and `flippers`."""
-    speed, angle, kind = top_speed, _QUARTER, "set point"
-    if config.action == "correction":
-        speed, angle, kind = config.speed_authority, config.flipper_authority, "correction"
-    belts = (Element(f"{side} belt speed, {kind}", "m/s", speed) for side in ("left", "right"))
-    return *belts, *(Element(f"{name}, {kind}", "rad", angle) for name in flippers)
 
 
 def reward_terms(
-    reward: Reward, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes
+    reward: CrossingReward, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes
 ) -> dict[str, Array]:
-    """The terms (N,) of `config.Reward`, by name.
+    """The terms (N,) of `config.CrossingReward`, by name.
 
     They depend on the way gained (N,) [m], the belts' work (N,) [J], the time taken (N,) [s], the change of the actions
     (N, A), and the outcome of this step (N,).

@@ -7,10 +7,7 @@ from wandered import GEOMETRY, LAW, wandered
 
 from experiments.common.lookup import controller
 from experiments.simulate.grid_runs import before_scanner
-from sim.fleet import Fleet
-from sim.ground.named import load_ground
-from sim.scanner.feed import ScannerFeed
-from sim.scanner.scanner import LaserScanner
+from sim import Fleet, LaserScanner, ScannerFeed, load_ground
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.preparation import drives_of

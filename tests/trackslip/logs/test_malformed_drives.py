@@ -83,9 +83,3 @@ def malformed(count):
 @malformed(20)
 def test_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
     check(mistakes, seed)
-
-
-@pytest.mark.slow
-@malformed(300)
-def test_many_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
-    check(mistakes, seed)
