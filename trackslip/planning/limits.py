@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,7 +21,7 @@ MOST_DOUBT = 0.9
 """Largest relative error of what is known of a robot [-]."""
 _PATH_LAW = "icr_radius"  # by which paths are predicted
 _DEVIATIONS = 4.0  # of errors of an earlier identification that the area allows for
-_LEAST_REACH, _LEAST_RADIUS = 0.01, 0.005  # doubts that always remain [-]
+_LEAST_REACH, _LEAST_RADIUS, _LEAST_PULL = 0.01, 0.005, 0.0005  # doubts that always remain [-]
 _LEAST_SLIP = 1e-4  # [m/sqrt(m), rad/sqrt(m)]
 
 
@@ -129,6 +130,10 @@ def read_identification(path: str | Path, law: str | None = None) -> tuple[LawIn
     if "radius_error" in doubts:
         doubt, error = np.clip(doubts["radius_error"], _LEAST_RADIUS, MOST_DOUBT), vars(by_path.law)["radius_error"]
         knowledge = replace(knowledge, radius_error=float(error), radius_doubt=float(doubt))
+    with suppress(InvalidValueError):  # where it has no such law
+        sides = vars(identified_law(path, "icr_sides").law)
+        pull = np.clip(abs(sides["radius_error_left"] - sides["radius_error_right"]), _LEAST_PULL, MOST_DOUBT)
+        knowledge = replace(knowledge, pull=float(pull))
     if used.noise is not None:
         along, across, turning = (max(size, _LEAST_SLIP) for size in vars(used.noise).values())
         knowledge = replace(knowledge, slip=(along, across, turning))
