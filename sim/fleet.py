@@ -73,7 +73,7 @@ class Fleet(Bodies):
         self._split = robot.parameters.radius_split * np.array([-1.0, 1.0])
         self._radius = self._effective_radius(np.broadcast_to(radius_error, (self.size,)))
         drive = drive or robot.parameters.drive
-        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius, robot.mass)
+        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
         self.period = drive.period
         self._substeps = substeps(drive, robot)
 
@@ -162,10 +162,11 @@ class Fleet(Bodies):
         periods = round(duration / self.period)
         if abs(periods * self.period - duration) > 1e-9:
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
-        if periods > 1 and self.drive.drive.droop > 0:  # the next speeds depend on the torques
-            self._one_by_one(EVERYONE, periods, lambda: self.advance(self.period))
-            return
         if periods == 0:
+            return
+        if self.drive.drive.droop > 0:  # the next speeds depend on the torques
+            everyone = np.arange(self.size)
+            self._one_by_one(everyone, periods, lambda: self._advance_within_limits(everyone, self.drive))
             return
         before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
         torque = self.drive.torque_for(forecast, self._run(EVERYONE, forecast.mean))
