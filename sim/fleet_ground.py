@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from mujoco import batch
 
-from sim.bodies import Rows
 from sim.drive.pull import Pull
 from sim.ground.ground import Ground
 from sim.ground.pad_friction import PadFriction
@@ -19,6 +18,10 @@ from sim.robot.robot import Robot
 from trackslip.errors import require
 from trackslip.kinematics import Array
 
+Rows = np.ndarray | slice
+"""Indices of robots, or a slice of them."""
+EVERYONE = slice(None)
+"""All robots."""
 _LIGHTEST = 0.05  # load of a point that is still accounted for, over the mean
 _AT_REST = 0.005  # a robot slower than this is at rest; creep is a hundred times slower [m/s]
 _UPRIGHT = 0.1  # a robot with less roll and pitch than this stands on its tracks [rad]

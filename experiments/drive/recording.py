@@ -67,7 +67,7 @@ def _send_plots(recording: Recording, run: DrivenCourse) -> list[Panel]:
         ("Traction [N]", "contact/traction", contact.traction, run.tracks, forces),
         ("Penetration [mm]", "contact/depth", 1e3 * contact.depth, run.tracks, forces),
         ("Attitude and slope [deg]", "attitude/chassis", run.attitude, ("pitch", "roll", "slope"), attitude),
-        ("Flippers [deg]", "attitude/flippers", np.degrees(run.state.flippers), run.flippers, attitude),
+        ("Flippers [deg]", "attitude/flippers", np.degrees(run.angles), run.flippers, attitude),
         ("Belts [m/s]", "belts/mean", contact.belt, run.tracks, attitude),
     )
     for _, entity, values, names, _ in plots:

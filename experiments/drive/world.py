@@ -19,7 +19,7 @@ from sim.traverse.footprint import Footprint
 from sim.traverse.ftr_courses import FTR_COURSES, draw_ftr_course
 from sim.traverse.outcome import Limits
 from sim.traverse.reflex import Reflex
-from sim.traverse.states import Servos
+from sim.traverse.servos import Servos
 from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds

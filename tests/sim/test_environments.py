@@ -30,7 +30,7 @@ from sim.traverse.config import TraverseConfig
 from sim.traverse.observation import SensorNoise
 from sim.traverse.outcome import Limits
 from sim.traverse.reflex import Reflex
-from sim.traverse.states import Servos
+from sim.traverse.servos import Servos
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import load_laws, save_laws
@@ -162,7 +162,8 @@ def test_scales_turn_observations_and_actions_into_quantities():
     for k, side in enumerate(("left", "right")):
         assert seen[f"{side} belt speed"] == pytest.approx(said[f"{side} belt speed, set point"], rel=0.01)
         assert seen[f"front_{side}_flipper set point"] == pytest.approx(said["front flippers, set point"])
-        assert seen[f"rear_{side}_flipper angle"] == pytest.approx(world.state.flippers[0, 2 + k], rel=1e-5)
+        angles = world.tracked.flipper_angles(world.state.qpos)[0]
+        assert seen[f"rear_{side}_flipper angle"] == pytest.approx(angles[2 + k], rel=1e-5)
     place = world.state.position[:, None, :2]
     below = world.elevation(place)[0, 0] - world.state.position[0, 2] - world.tracked.robot.lowest
     assert seen["height at (0, 0) m"] == pytest.approx(below, abs=1e-6)

@@ -109,7 +109,7 @@ def test_the_plate_leans_with_the_robot_and_the_scanner_sees_it(robot):
     # by theory: the springs of the ground give way by 2 mm under the weight
     assert roll == pytest.approx(-0.04 * 0.002 / (0.168**2 - 0.12 * 0.002), rel=0.05)
     assert seen[1][1] - seen[0][1] == pytest.approx(-0.5 * np.sin(roll), rel=0.1)
-    assert fleet.now.lean(robot.lrf_height)[0] == pytest.approx(-robot.lrf_height * np.sin(roll), rel=0.02)
+    assert fleet.state.lean(robot.lrf_height)[0] == pytest.approx(-robot.lrf_height * np.sin(roll), rel=0.02)
 
 
 def test_lateral_speed_is_in_the_truth_and_as_theory_says():

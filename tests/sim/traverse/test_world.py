@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.batched_world import quietly
 from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
 from sim.terrain import Course, Flat, Ramp
@@ -12,8 +11,9 @@ from sim.tracks import Belts
 from sim.traverse.contact import ContactPoints
 from sim.traverse.policy import Scripted
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
-from sim.traverse.states import Servos, ServoState
+from sim.traverse.servos import Servos, ServoState
 from sim.traverse.world import Command, Traverse
+from sim.world import quietly
 from trackslip.errors import InvalidValueError
 
 LEVEL = Course((Flat(4.0),), friction=0.7)
@@ -37,7 +37,7 @@ def test_straight_on_nothing_slips_and_the_load_is_the_weight(rescue):
     assert np.isnan(contact.slip[0, 2:]).all()
     assert np.abs(contact.work).sum() < 0.2
     assert rescue.state.velocity[0, 0] == pytest.approx(0.3, rel=2e-3)
-    np.testing.assert_allclose(rescue.state.flippers[0], 0.6, atol=0.03)
+    np.testing.assert_allclose(rescue.tracked.flipper_angles(rescue.state.qpos)[0], 0.6, atol=0.03)
 
 
 def test_work_lifts_the_robot_up_a_ramp():

@@ -1,4 +1,4 @@
-"""States of robots on courses, and of the servos of their belts and flippers."""
+"""Servos of belts and flippers of robots on courses."""
 
 from __future__ import annotations
 
@@ -7,72 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim import attitude
 from sim.restorable import Restorable
-from sim.robot.tracked_model import TrackedModel
 from trackslip.errors import require_at_most, require_positive
 from trackslip.kinematics import Array
 
 MAX_SPEED = 5.0
 """Largest belt speed that servos may have [m/s]."""
-
-
-class States(Restorable):
-    """States of N robots at the end of a control period; of a diverged run, the last finite one."""
-
-    STATE = ("qpos", "qvel")
-
-    def __init__(self, tracked: TrackedModel, qpos: Array, qvel: Array) -> None:
-        """Start with states `qpos` (N, nq) and `qvel` (N, nv)."""
-        self._tracked = tracked
-        self.qpos = qpos.copy()
-        """Positions (N, nq) of all joints."""
-        self.qvel = qvel.copy()
-        """Velocities (N, nv) of all joints."""
-
-    @property
-    def position(self) -> Array:
-        """Positions (N, 3) of the chassis' frame [m]."""
-        first = self._tracked.free[0]
-        return self.qpos[:, first : first + 3]
-
-    @property
-    def quaternion(self) -> Array:
-        """Attitudes (N, 4) of the chassis: w, x, y, z."""
-        first = self._tracked.free[0] + 3
-        return self.qpos[:, first : first + 4]
-
-    @property
-    def velocity(self) -> Array:
-        """Velocities (N, 3) of the chassis' frame in the world [m/s]."""
-        first = self._tracked.free[1]
-        return self.qvel[:, first : first + 3]
-
-    @property
-    def rate(self) -> Array:
-        """Angular velocities (N, 3) of the chassis in its own frame [rad/s]."""
-        first = self._tracked.free[1] + 3
-        return self.qvel[:, first : first + 3]
-
-    @property
-    def heading(self) -> Array:
-        """Headings (N,), from -pi to pi [rad]."""
-        return attitude.heading(self.quaternion)
-
-    @property
-    def pitch(self) -> Array:
-        """Angles (N,) by which the chassis points upwards [rad]."""
-        return attitude.pitch(self.quaternion)
-
-    @property
-    def roll(self) -> Array:
-        """Angles (N,) by which the chassis leans to its right [rad]."""
-        return attitude.roll(self.quaternion)
-
-    @property
-    def flippers(self) -> Array:
-        """Angles (N, F) of the flippers, tips up [rad]."""
-        return self._tracked.flipper_angles(self.qpos)
 
 
 @dataclass(frozen=True)
