@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.drive.motor import Motor
 from sim.restorable import Restorable
-from trackslip.errors import require, require_at_most, require_non_negative, require_positive
+from trackslip.errors import Checked, checked, require, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
 RADIUS_ERROR = 0.0066
@@ -22,34 +22,28 @@ MAX_RADIUS_ERROR = 0.5
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(Checked):
     """Servo and motor of a sprocket. Only the top speed is the paper's; everything else is assumed."""
 
-    lag: float = 0.05
+    lag: float = checked(0.05, require_positive, 1.0, "s")
     """Time constant of the speed controller [s]."""
-    delay: float = field(default=0.0, metadata={"stored_unless": 0.0})
+    delay: float = checked(0.0, require_non_negative, 1.0, "s", stored_unless=0.0)
     """Dead time between a command and the speed controller [s]."""
-    droop: float = field(default=0.0, metadata={"stored_unless": 0.0})
+    droop: float = checked(0.0, require_non_negative, 1.0, "rad/s per N m", stored_unless=0.0)
     """Steady loss of speed per torque of the motor [rad/s per N m]."""
-    top_speed: float = 0.3
+    top_speed: float = checked(0.3, require_positive, 10.0, "m/s")
     """Largest speed of a track [m/s] (paper, Sec. II)."""
-    torque_limit: float = 8.0
+    torque_limit: float = checked(8.0, require_positive)
     """Largest torque of the motor at the sprocket, limited by the amplifier's current [N m]."""
-    encoder_counts: int = 100_000
+    encoder_counts: int = checked(100_000, require_positive)
     """Encoder counts per revolution of the sprocket (motor encoder times gear)."""
-    period: float = 0.01
+    period: float = checked(0.01, require_positive)
     """Sampling period of the servo [s]."""
     motor: Motor = field(default_factory=Motor)
     """The motor."""
 
     def __post_init__(self) -> None:
-        for name in ("lag", "top_speed", "torque_limit", "encoder_counts", "period"):
-            require_positive(name, getattr(self, name))
-        require_at_most("lag", self.lag, 1.0, "s")
-        require_at_most("top_speed", self.top_speed, 10.0, "m/s")
-        for name, unit in (("delay", "s"), ("droop", "rad/s per N m")):
-            require_non_negative(name, getattr(self, name))
-            require_at_most(name, getattr(self, name), 1.0, unit)
+        super().__post_init__()
         limit, friction = self.torque_limit, self.motor.friction
         require(limit > friction, "torque_limit", limit, f"more than motor.friction = {friction} N m")
 

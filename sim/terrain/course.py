@@ -22,8 +22,10 @@ from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, 
 from sim.terrain.solids import EDGE, LINES, Base, Level, Solid, look
 from sim.toml_file import build, read_named, read_toml
 from trackslip.errors import (
+    Checked,
     InvalidValueError,
     SettingsFileError,
+    checked,
     require,
     require_at_most,
     require_positive,
@@ -55,7 +57,7 @@ _KINDS: dict[str, type[Any]] = {
 
 
 @dataclass(frozen=True)
-class Course:
+class Course(Checked):
     """Pieces in a row between a start and a goal platform; the first piece begins at x = 0, at height 0.
 
     Beside and below the course is a level floor, 0.3 m below the lowest of its parts.
@@ -63,15 +65,15 @@ class Course:
 
     pieces: tuple[Piece, ...]
     """In the order in which they are crossed."""
-    width: float = 3.0
+    width: float = checked(3.0, require_length)
     """Width [m]."""
-    friction: float = 0.7
+    friction: float = checked(0.7, require_positive, 10.0)
     """Coefficient of friction."""
-    seed: int = 0
+    seed: int = checked(0, require_whole, 0)
     """Root seed of everything random, such as rough ground."""
-    start_length: float = 2.0
+    start_length: float = checked(2.0, require_length)
     """Length of the level platform before the first piece [m]."""
-    goal_length: float = 2.0
+    goal_length: float = checked(2.0, require_length)
     """Length of the level platform behind the last piece [m]."""
 
     @classmethod
@@ -95,11 +97,7 @@ class Course:
         require(len(self.pieces) > 0, "pieces", self.pieces, "at least one piece")
         for piece in self.pieces:
             require(hasattr(piece, "place"), "pieces", piece, "pieces of terrain")
-        for name in ("width", "start_length", "goal_length"):
-            require_length(name, getattr(self, name))
-        require_positive("friction", self.friction)
-        require_at_most("friction", self.friction, 10.0)
-        require_whole("seed", self.seed, 0)
+        super().__post_init__()
         require_at_most("length of the course", self.placed[-1].x + self.start_length, _MAX_COURSE, "m")
 
     @cached_property

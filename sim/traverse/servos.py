@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.restorable import Restorable
-from trackslip.errors import require_at_most, require_positive
+from trackslip.errors import Checked, checked, require_positive
 from trackslip.kinematics import Array
 
 MAX_SPEED = 5.0
@@ -16,22 +16,15 @@ MAX_SPEED = 5.0
 
 
 @dataclass(frozen=True)
-class Servos:
+class Servos(Checked):
     """Servos of a robot's belts and flippers."""
 
-    lag: float = 0.05
+    lag: float = checked(0.05, require_positive, 1.0, "s")
     """Time constant of the belts' speed [s]."""
-    top_speed: float = 0.6
+    top_speed: float = checked(0.6, require_positive, MAX_SPEED, "m/s")
     """Largest belt speed [m/s]."""
-    flipper_speed: float = 1.5
+    flipper_speed: float = checked(1.5, require_positive, 100.0, "rad/s")
     """Largest angular speed of a flipper's set point [rad/s]."""
-
-    def __post_init__(self) -> None:
-        for name in ("lag", "top_speed", "flipper_speed"):
-            require_positive(name, getattr(self, name))
-        require_at_most("lag", self.lag, 1.0, "s")
-        require_at_most("top_speed", self.top_speed, MAX_SPEED, "m/s")
-        require_at_most("flipper_speed", self.flipper_speed, 100.0, "rad/s")
 
 
 class ServoState(Restorable):
