@@ -4,7 +4,6 @@ import re
 from functools import partial
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 import pytest
 
