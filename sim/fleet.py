@@ -114,11 +114,15 @@ class Fleet(World):
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
-        return np.column_stack([self.state.qpos[:, :2], self._heading])
+        pose = np.empty((self.size, 3))
+        pose[:, :2], pose[:, 2] = self.state.qpos[:, :2], self._heading
+        return pose
 
     def twist(self) -> Array:
         """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
-        return self.state.twist
+        twist = np.empty((self.size, 3))
+        twist[:, :2], twist[:, 2] = se2.rotate(-self._heading, self.state.qvel[:, :2]), self.state.qvel[:, 5]
+        return twist
 
     def load(self) -> Array:
         """Normal forces of the ground on the (left, right) tracks in the last physics step, (N, 2) [N]."""

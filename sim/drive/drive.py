@@ -194,8 +194,10 @@ class DriveState(Restorable):
 
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
         """Robots (R,) with a motor too weak for the torques (P, N, 2) [N m] of a forecast."""
-        speed = forecast.omega[1:]
-        least, most = self.torque_limits(np.arange(len(self.omega)), speed, speed)
+        ample = self.drive.motor.torque_range(np.abs(forecast.omega).max())[1]
+        if np.abs(torque).max() <= min(ample, self.drive.torque_limit):  # as a rule
+            return np.empty(0, int)
+        least, most = self.drive.torque_range(forecast.omega[1:])
         return np.flatnonzero(((torque < least) | (torque > most)).any(axis=(0, 2)))
 
     def accept(self, forecast: Forecast, torque: Array, saturated: Array | None = None) -> None:
