@@ -90,8 +90,9 @@ class Fleet(World):
         """Speed of each pad's surface, along its own axis (N, P) [m/s], live."""
         self._slanted = surface[:, robot.pads, 0]  # (N, P), live: the same across a tilted pad
         fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
-        laid = robot.pad_position, robot.patches, robot.patch_length
-        self.shear = Shear(*laid, self.size, drive.period, fastest) if shears else None
+        shape = robot.parameters
+        patches = (len(shape.axles), shape.patch_length) if shape.axles else (1, shape.contact_length)
+        self.shear = Shear(robot.pad_position, *patches, self.size, drive.period, fastest) if shears else None
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
         self._ground = FleetGround(self.batch, robot, grounds, self.shear)
         self.sensed: Array = np.zeros((self.size, robot.model.nsensordata))

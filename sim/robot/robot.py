@@ -37,8 +37,6 @@ class Robot:
     """The compiled model, without its visuals."""
     geometry: RobotGeometry
     """Half gauge and nominal sprocket radius."""
-    contact_half_length: float
-    """Half the length of the tracks' contact with the ground, from the first wheel's patch to the last one's [m]."""
     mass: float
     """Mass of the robot [kg]."""
     plate: Plate
@@ -63,10 +61,6 @@ class Robot:
     """True if there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
     points_per_pad: int
     """Number of points at which a pad touches the ground."""
-    patches: int
-    """Number of contact patches of a side: one a wheel, or the track's."""
-    patch_length: float
-    """Length of a patch [m]."""
 
     def pad_speeds(self, belts: Array) -> Array:
         """Speeds (..., P) of the pads' surfaces, each along its own axis, for belt speeds (..., 2) [m/s]."""
@@ -111,7 +105,6 @@ def load_robot(
     return Robot(
         model=model,
         geometry=parameters.geometry,
-        contact_half_length=parameters.contact_length / 2,
         mass=float(model.body_subtreemass[model.body("chassis").id]),
         plate=Plate(2 * float(plate.size[0]), 2 * float(plate.size[1])),
         plate_radius=float(np.linalg.norm(plate.size)),
@@ -128,8 +121,6 @@ def load_robot(
         parameters=parameters,
         contact_sensors=contact_sensors,
         points_per_pad=count,
-        patches=len(parameters.axles) or 1,
-        patch_length=parameters.patch_length if parameters.axles else parameters.contact_length,
     )
 
 

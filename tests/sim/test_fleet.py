@@ -36,7 +36,9 @@ def test_turning_agrees_with_theory_over_the_grid(robot, ratio):
     fleet = drive(robot, omega, ground=Ground(0.7, 0.7 * ratio), radius_error=0.0067)
     surface = omega * robot.geometry.sprocket_radius * 1.0067
     geometry = robot.geometry
-    theory = steady_twist(surface, line_contact(geometry.half_gauge, robot.contact_half_length, 0.7, 0.7 * ratio))
+    theory = steady_twist(
+        surface, line_contact(geometry.half_gauge, robot.parameters.contact_length / 2, 0.7, 0.7 * ratio)
+    )
     twist = fleet.twist()
     spread = surface[:, 1] - surface[:, 0]
     np.testing.assert_allclose(spread / twist[:, 2], spread / theory[:, 2], rtol=0.01)  # 2 (b + D)
@@ -51,7 +53,7 @@ def test_turning_in_place_and_turning_right_agree_with_theory(robot):
     omega = np.array([[-2.0, 2.0], [3.0, 2.0], [-3.0, -2.0], [2.0, 2.0]])
     fleet = drive(robot, omega, radius_error=0.0)
     ground = Ground()
-    contact = line_contact(0.168, robot.contact_half_length, ground.along, ground.across)
+    contact = line_contact(0.168, robot.parameters.contact_length / 2, ground.along, ground.across)
     theory = steady_twist(omega * 0.06, contact)
     np.testing.assert_allclose(fleet.twist()[:, [0, 2]], theory[:, [0, 2]], rtol=0.01, atol=1e-4)
 
