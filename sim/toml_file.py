@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os.path
+import re
 import reprlib
 import tomllib
 import typing
@@ -19,13 +20,18 @@ from trackslip.files import read_text, reason
 T = TypeVar("T")
 
 _MOST = 1_000_000  # bytes of a file of settings
+_DEEPEST = 32  # keys nested, as in a.b.c = 1; parsing takes a time that grows as its square
+_TOO_DEEP = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPEST + 1}}}""")
 _type_hints = functools.cache(typing.get_type_hints)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file; raises SettingsFileError for a file that can't be read."""
     try:
-        table = tomllib.loads(read_text(path, _MOST))
+        text = read_text(path, _MOST)
+        if _TOO_DEEP.search(text):
+            raise tomllib.TOMLDecodeError(f"keys nested more than {_DEEPEST} deep")
+        table = tomllib.loads(text)
     except OSError as error:
         raise SettingsFileError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:

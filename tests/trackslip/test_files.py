@@ -57,7 +57,7 @@ def test_settings_are_neither_empty_nor_nested_without_end(tmp_path):
     path.write_text("# nothing\n")
     with pytest.raises(SettingsFileError, match="no settings in it"):
         load_ground(str(path))
-    for content in ("a = " + "[" * 100_000, "#" * 2_000_000):
+    for content in ("a." * 100_000 + "a = 1\n", "[" + "a." * 100_000 + "a]\n", "a = " + "[" * 100_000, "#" * 2_000_000):
         path.write_text(content)
         with pytest.raises(SettingsFileError, match=r"nested|must be at most 1000000"):
             load_ground(str(path))
