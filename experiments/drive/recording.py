@@ -11,8 +11,8 @@ from experiments.drive.course import DrivenCourse
 from experiments.recorder.model import drawn, send_geoms, send_paving, send_robot
 from experiments.recorder.plots import LEFT, RIGHT, Panel, send_layout
 from experiments.recorder.stream import CAMERA, FIELD, RUN, Recording, Series, paint, write_recording
+from sim.robot.looks import track_looks
 from sim.robot.tracked_model import TrackedModel
-from sim.robot.tracked_view import track_looks
 from sim.traverse.contact import ContactPoints
 
 _EVERY = 2  # one row in so many is drawn

@@ -8,8 +8,8 @@ import numpy as np
 
 from experiments.drive.course import DrivenCourse, drive_course
 from sim.opengl import Window, place
+from sim.robot.looks import TrackedView
 from sim.robot.tracked_model import TrackedModel
-from sim.robot.tracked_view import TrackedView
 from sim.traverse.world import Command, Traverse
 from trackslip.kinematics import Array, track_speeds
 

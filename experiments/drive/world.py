@@ -10,8 +10,7 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
-from sim.drive.belt_motors import BeltMotors
-from sim.drive.drive import Drive
+from sim.drive.drive import BeltMotors, Drive
 from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.terrain import load_course

@@ -11,7 +11,7 @@ import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
-from sim.drive.belt_motors import BeltMotors
+from sim.drive.drive import BeltMotors
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up

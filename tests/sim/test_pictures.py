@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from sim.opengl import Pictures
+from sim.robot.looks import TrackedView
 from sim.robot.named import load_tracked
 from sim.robot.tracked_model import build_tracked
-from sim.robot.tracked_view import TrackedView
 from trackslip.errors import InvalidValueError, TrackslipError
 
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"

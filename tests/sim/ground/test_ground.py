@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from sim.fleet_ground import PadFriction
 from sim.ground.ground import Change, Ground, Patch
-from sim.ground.pad_friction import PadFriction
 
 PADS = np.array([[0.1, 0.2], [0.1, -0.2]])
 

@@ -6,8 +6,8 @@ import pytest
 
 from sim.ground.ground import Ground
 from sim.robot.chassis import MODELS, shaped_robot
-from sim.robot.pads import lay_pads
 from sim.robot.parameters import SINK, RobotParameters
+from sim.robot.robot import lay_pads
 from sim.tracks.recipe import LEVEL
 
 FIELD = MODELS / "field.xml"
