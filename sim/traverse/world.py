@@ -108,7 +108,6 @@ class Traverse(World):
         self._courses = tuple(courses)
         self.course: list[Course] = [courses[0]] * size
         """Course of each robot."""
-        self._laid: list[Course | None] = [None] * size
         self._stuck = StuckWatch(self.limits, size, period)
         self.outcome: Outcomes = np.full(size, Outcome.DRIVING)
         """Outcomes (N,) of the runs so far."""
@@ -169,7 +168,6 @@ class Traverse(World):
         """See Restorable."""
         super().set_state(state)
         self.course = [self._courses[one] if isinstance(one, int) else one for one in state["courses"]]
-        self._laid = list(self.course)
 
     def step(self, command: Command) -> None:
         """Simulate one control period of the robots whose runs have not ended.
@@ -198,11 +196,8 @@ class Traverse(World):
         self.batch.state[broken] = before[broken]  # of a diverged run, the last finite one
         fine = rows[~broken[rows]]
         if fine.size:
-            kept = ~broken[rows]
-            reading = self._belts.read_all(records, kept).complete(self.track_names)
-            step = float(self.tracked.model.opt.timestep)
-            belts = np.concatenate([speeds for *_, speeds in records], axis=1)[kept].swapaxes(0, 1)
-            self.contact.put(fine, TrackContact.mean(reading, belts, step))
+            reading = self._belts.read_all(records, ~broken[rows]).complete(self.track_names)
+            self.contact.put(fine, TrackContact.mean(reading, float(self.tracked.model.opt.timestep)))
         self._judge(rows, broken)
 
     def elevation(self, points: Array) -> Array:
@@ -228,9 +223,9 @@ class Traverse(World):
         """Put a course under a robot."""
         if self._slots is None:
             require(course is self.course[row], "courses", course, "the one that the robots were made for")
-        elif course is not self._laid[row]:
+        else:
             self._slots.lay(row, course)
-        self.course[row] = self._laid[row] = course
+        self.course[row] = course
         if self._friction is not None:
             self._friction[row, :, :2] = course.friction
         bounds = course.bounds
