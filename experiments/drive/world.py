@@ -10,7 +10,7 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
-from sim.drive.drive import BeltMotors, Drive
+from sim.robot.belt_motors import BeltMotors
 from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.terrain import load_course
@@ -49,7 +49,7 @@ def make_world(config: Config) -> Traverse:
         [course],
         preset=config.preset,
         servos=Servos(top_speed=max(TOP_SPEED, fastest)),
-        motors=None if robot.drive == Drive() else BeltMotors(robot.drive, robot.sprocket_radius),
+        motors=BeltMotors.of(robot),
         limits=Limits(time=config.duration),
         period=PERIOD,
         sample=SAMPLE,

@@ -6,7 +6,7 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -218,28 +218,3 @@ class DriveState(Restorable):
         """Angles (N, 2) in whole encoder counts [rad]."""
         count = 2 * np.pi / self.drive.encoder_counts
         return np.floor(self.angle / count) * count
-
-
-_ROUNDING = 1 + 1e-6  # of belts, over their set points [-]
-
-
-@dataclass(frozen=True)
-class BeltMotors:
-    """A motor for each belt."""
-
-    drive: Drive
-    """Motors, gears and current limits."""
-    radius: float
-    """Radius of the sprockets [m]."""
-
-    def at(self, speeds: Array, goal: Array) -> dict[str, Any]:
-        """Limits (..., T) of belts that have speeds (..., T) and shall have those of `goal` (..., T) [m/s].
-
-        They are options of `Belts.set`. The friction of the gears helps belts that are too fast, and the line of torque
-        over speed limits the others.
-        """
-        omega, friction = np.abs(speeds) / self.radius, self.drive.motor.friction
-        drives = np.clip(self.drive.torque_range(omega)[1] - friction, 0.0, None)
-        too_fast = np.abs(speeds) > np.abs(goal) * _ROUNDING
-        limit = np.where(too_fast, self.drive.torque_limit + friction, drives)
-        return {"torque_limit": limit, "inertia": self.drive.motor.inertia}

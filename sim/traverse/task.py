@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.restorable import Restorable
+from sim.robot.belt_motors import BeltMotors
 from sim.task import Element, checked, clipped_actions
 from sim.terrain import Course, load_course
 from sim.traverse.config import DRAWN, RANDOM, SAMPLE, Reward, TraverseConfig
@@ -71,7 +72,8 @@ class Crossing(Restorable):
             size,
             boxes=max((MAX_BOXES if one == RANDOM else FTR_BOXES for one in self._drawn), default=0),
             preset=config.preset,
-            servos=config.servos,
+            servos=config.servos_of(robot),
+            motors=BeltMotors.of(robot),
             limits=config.limits,
             period=config.period,
             sample=SAMPLE,
@@ -90,7 +92,7 @@ class Crossing(Restorable):
             names = [f"{end} flippers" for end in np.where(self.world.flippers.front, "front", "rear")]
             each = sorted(set(names))
         self._member = np.array([each.index(name) for name in names], int)  # which action moves a flipper
-        self.commanded = _commanded(config, each)
+        self.commanded = _commanded(config, each, self.world.servos.top_speed)
         """Elements (A) of an action."""
         self._action: Array = np.zeros((size, len(self.commanded)))
         self._difficulty: Array = np.full(size, np.nan)
@@ -220,12 +222,12 @@ class Crossing(Restorable):
             scripted = config.scripted.command(world)
             speed = scripted.speed + config.speed_authority * belts
             return Command(speed, scripted.flippers + config.flipper_authority * flippers)
-        return Command(config.servos.top_speed * belts, _QUARTER * flippers)
+        return Command(world.servos.top_speed * belts, _QUARTER * flippers)
 
 
-def _commanded(config: TraverseConfig, flippers: Sequence[str]) -> tuple[Element, ...]:
+def _commanded(config: TraverseConfig, flippers: Sequence[str], top_speed: float) -> tuple[Element, ...]:
     """Elements of an action that moves belts and `flippers`."""
-    speed, angle, kind = config.servos.top_speed, _QUARTER, "set point"
+    speed, angle, kind = top_speed, _QUARTER, "set point"
     if config.action == "correction":
         speed, angle, kind = config.speed_authority, config.flipper_authority, "correction"
     belts = (Element(f"{side} belt speed, {kind}", "m/s", speed) for side in ("left", "right"))
@@ -246,7 +248,7 @@ def reward_terms(
         "time": -reward.weight_time * took,
         "change": -reward.weight_change * _sum(change**2) / change.shape[1],
         "end": np.select(
-            [outcome == Outcome.REACHED, outcome != Outcome.DRIVING],
+            [outcome == Outcome.REACHED, (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME)],
             [reward.weight_reached, -reward.weight_failed],
             0.0,
         ),

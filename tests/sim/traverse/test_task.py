@@ -8,8 +8,9 @@ import pytest
 
 from sim.terrain import Course, Flat, Rough, Step
 from sim.traverse.config import Reward, TraverseConfig
+from sim.traverse.ftr_courses import KINDS
 from sim.traverse.observation import SensorNoise
-from sim.traverse.outcome import Outcome
+from sim.traverse.outcome import Limits, Outcome
 from sim.traverse.task import TERMS, Crossing, reward_terms
 from trackslip.errors import InvalidValueError
 
@@ -84,34 +85,38 @@ def test_the_reward_is_the_sum_of_its_terms():
     terms = reward_terms(Reward(), gain, work, took, change, outcome)
     np.testing.assert_allclose(terms["progress"], [0.2, 0.4, 0.0, -0.2])
     np.testing.assert_allclose(terms["energy"], [-0.01, 0, 0, 0])
-    np.testing.assert_allclose(terms["time"], -0.025)
+    np.testing.assert_allclose(terms["time"], -0.05)
     np.testing.assert_allclose(terms["change"], [-0.005, 0, -0.01, 0])
-    np.testing.assert_allclose(terms["end"], [0, 5, -5, -5])
+    np.testing.assert_allclose(terms["end"], [0, 5, -1, 0])  # running out of time truncates
     env = gym.make(ID).unwrapped
     env.reset(seed=0)
     _, reward, _, _, info = env.step(np.ones(6, np.float32))
     assert reward == pytest.approx(sum(info[f"reward_{name}"] for name in TERMS), abs=1e-12)
 
 
-def test_standing_still_is_worse_than_trying_and_failing_and_that_than_crossing():
-    rng = np.random.default_rng(0)
-    config = TraverseConfig(action="direct")
-    returns = {}
-    for name, robots, options, act in (
-        ("still", 1, {}, np.zeros),
-        ("random", 12, {}, lambda shape: rng.uniform(-1, 1, shape)),
-        ("scripted", 4, {"action": "correction"}, np.zeros),
+@pytest.mark.parametrize("kinds", [("steps_up",), pytest.param(KINDS, marks=pytest.mark.slow)])
+def test_a_failed_try_earns_more_than_standing_still_and_less_than_crossing(kinds):
+    discount, robots = 0.97, 3 * len(kinds)
+    config = TraverseConfig(course=kinds, limits=Limits(time=20.0, stuck_time=3.0), period=0.2)
+    rng, earned, crossed = np.random.default_rng(0), [], []
+    for action, act in (
+        ("direct", np.zeros),
+        ("direct", lambda shape: rng.uniform(-1, 1, shape)),
+        ("correction", np.zeros),
     ):
-        task, earned = Crossing(replace(config, **options), robots, threads=1), np.zeros(robots)
-        task.begin(range(robots), [task.draw(np.random.default_rng(k), {}) for k in range(robots)])
+        task, total = Crossing(replace(config, action=action), robots, threads=1), np.zeros(robots)
+        options = [{"course": kind, "difficulty": 0.2 * k} for kind in kinds for k in range(3)]
+        task.begin(range(robots), [task.draw(np.random.default_rng(k), own) for k, own in enumerate(options)])
+        factor = 1.0
         while (task.outcome == Outcome.DRIVING).any():
             task.step(act((robots, len(task.commanded))))
-            earned += task.reward
-        returns[name] = earned, task.outcome.copy()
-    (still, _), (random, how), (scripted, crossed) = returns.values()
-    np.testing.assert_allclose(still, -5 - 60 * 0.25)
-    assert not (how == Outcome.REACHED).any()
-    tried = how != Outcome.TIME  # and failed
-    assert tried.sum() >= 4
-    assert still.max() < random[tried].mean() - 1
-    assert random.max() < scripted[crossed == Outcome.REACHED].min()
+            total += factor * task.reward
+            factor *= discount
+        earned.append(total.reshape(len(kinds), 3))
+        crossed.append((task.outcome == Outcome.REACHED).reshape(len(kinds), 3))
+    still, tried, scripted = earned
+    assert not crossed[1].any()
+    assert (still.max(axis=1) < tried.mean(axis=1) - 0.1).all()
+    for own, well, others in zip(scripted, crossed[2], tried, strict=True):
+        assert well.any()
+        assert own[well].min() > others.max()

@@ -114,14 +114,14 @@ def test_front_flippers_touch_what_is_ahead_from_above():
     assert tilted == pytest.approx(angle - 0.2)
 
 
-def test_rear_flippers_reach_for_lower_ground_and_never_give_way():
+def test_rear_flippers_reach_for_lower_ground_and_push_what_leans_back():
     shape, reflex = geometry(), Reflex()
     pitch = np.array([-0.4, 0.0, 0.4])
     rear = reflex.angles(np.zeros((3, 2, 3)), pitch, np.full((3, 2), 0.08), shape)[:, 1]
     assert rear[0] < -0.3
     assert reflex.lowest <= rear.min()
     assert rear[1] < 0
-    assert rear[2] == 0
+    assert rear[2] == pytest.approx(-reflex.push * (0.4 - reflex.tolerated))
 
 
 def test_the_scripted_controller_comes_back_to_the_middle():
