@@ -163,11 +163,12 @@ class Traverse(World):
         """See Restorable; courses that the world was made with are kept by their number."""
         number = {id(course): k for k, course in enumerate(self._courses)}
         courses = tuple(number.get(id(course), course) for course in self.course)
-        return super().get_state() | {"courses": courses}
+        return super().get_state() | {"courses": courses, "belts": self._belts.get_state()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """See Restorable."""
         super().set_state(state)
+        self._belts.set_state(state["belts"])
         self.course = [self._courses[one] if isinstance(one, int) else one for one in state["courses"]]
 
     def step(self, command: Command) -> None:
