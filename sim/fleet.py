@@ -39,7 +39,7 @@ def substeps(drive: Drive, robot: Robot) -> int:
 class Fleet(World):
     """N robots on their grounds. The same arguments give the same bits at any number of threads."""
 
-    STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction", "_traction")
+    STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction")
 
     def __init__(
         self,
@@ -99,7 +99,6 @@ class Fleet(World):
         """Means (N, S) of the engine's sensors over the last `advance`."""
         self.mean_traction: Array = np.zeros((self.size, 2))
         """Mean longitudinal forces (N, 2) of the ground on the (left, right) tracks over the last `advance` [N]."""
-        self._traction: Array = np.zeros((self.size, 2))  # of the last servo period
         self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
         self.pull = pull or Pull()
         """Pull on all robots."""
@@ -209,10 +208,6 @@ class Fleet(World):
         self._advance_within_limits(weak, limited, periods)
         self.drive.put(weak, limited)
 
-    def traction(self) -> Array:
-        """Mean longitudinal forces of the ground on the tracks in the last servo period, (N, 2) [N]."""
-        return self._traction.copy()
-
     def launch(self, twist: ArrayLike) -> None:
         """Set the robots in motion with twists (N, 3) or (3,): forwards, to the left [m/s], yaw rate [rad/s].
 
@@ -255,7 +250,6 @@ class Fleet(World):
         # grip builds up within a period, so that only the mean force gives the impulse
         traction = _along(sensed[..., :6], forward)
         self.sensed[rows], self.mean_traction[rows] = sensed.mean(axis=0), traction.mean(axis=0)
-        self._traction[rows] = traction[-1]
         return traction
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState, periods: int) -> None:
@@ -279,7 +273,7 @@ class Fleet(World):
 
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
-        return self._ground.mean_friction.copy()
+        return self._ground.friction.mean(axis=1)
 
     def _ran(self) -> Array:
         """Time (N,) since the start of each robot's run [s]."""
@@ -346,7 +340,7 @@ class Fleet(World):
         speed, lean = np.hypot(*self.state.qvel[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
         require_at_rest(grounds, heading, speed, lean, self.pull)
         self.sensed[rows] = self.batch.bind("sensordata")[rows]
-        self._traction[rows] = self.mean_traction[rows] = _along(self._sensors[rows], self._forward[rows])
+        self.mean_traction[rows] = _along(self._sensors[rows], self._forward[rows])
         self._put_back(rows, start)
         self._ground.hold(rows, heading, self._towed(rows), self.pull.height)
 

@@ -94,7 +94,6 @@ class FleetGround(Restorable):
         self._batch, self._robot, self._shear = of, robot, shear
         self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
         self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # as PadFriction.surface
-        self._mean_friction: Array | None = None  # (N, 2), once asked for
         self.grounds = tuple(grounds)
         """Ground of each robot."""
         self.put(grounds)
@@ -105,13 +104,6 @@ class FleetGround(Restorable):
         return self._surface[..., :2]
 
     @property
-    def mean_friction(self) -> Array:
-        """Friction averaged over the pads, (N, 2) [-]."""
-        if self._mean_friction is None:
-            self._mean_friction = np.add.reduce(self.friction, axis=1) / self.friction.shape[1]
-        return self._mean_friction
-
-    @property
     def varies(self) -> bool:
         """True if the ground depends on place or time."""
         return self._ground.varies
@@ -119,7 +111,6 @@ class FleetGround(Restorable):
     def set_state(self, state: Mapping[str, Any]) -> None:
         """See Restorable."""
         super().set_state(state)
-        self._mean_friction = None
         self.put(self.grounds)
 
     def put(self, grounds: Sequence[Ground], rows: np.ndarray | None = None) -> None:
@@ -149,7 +140,6 @@ class FleetGround(Restorable):
 
         All N robots are at positions (N, 2) [m] with headings (N,) [rad] at times (N,) since the start of their runs.
         """
-        self._mean_friction = None
         self._surface[rows] = self._ground.surface(time, position, heading)[rows]
         self._share(rows)
 

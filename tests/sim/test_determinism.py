@@ -22,7 +22,7 @@ def known(fleet, rows=slice(None)):
     drive, shear = fleet.drive, fleet.shear
     of_drive = drive.omega, drive.angle, drive.torque, drive.energy, drive.saturated_time
     of_ground = () if shear is None else (shear.displacement, shear.share)
-    of_bodies = fleet.pose(), fleet.twist(), fleet.traction(), fleet.attitude(), fleet.friction(), fleet.batch.state
+    of_bodies = fleet.pose(), fleet.twist(), fleet.mean_traction, fleet.attitude(), fleet.friction(), fleet.batch.state
     return [np.array(values)[rows] for values in (*of_drive, *of_ground, *of_bodies)]
 
 

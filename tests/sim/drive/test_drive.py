@@ -130,7 +130,7 @@ def test_torque_is_within_the_limits_and_what_ground_rotor_and_gear_take(
             least, most = fleet.drive.drive.torque_range(fleet.drive.omega)
             assert np.all((fleet.drive.torque >= least) & (fleet.drive.torque <= most))
             spin = motor.inertia * (fleet.drive.omega - before) / fleet.period
-            taken = 0.06 * fleet.traction() + motor.loss(fleet.drive.omega) + spin
+            taken = 0.06 * fleet.mean_traction + motor.loss(fleet.drive.omega) + spin
             off.append(np.abs(fleet.drive.torque - taken).max())
     # a search that ends at its cap, where a sprocket nearly stands, clips the torque of that one period
     assert np.mean(np.array(off) > search_tolerance(limit, mass)) < 0.01

@@ -62,7 +62,7 @@ def test_driving_uphill_takes_the_weight_and_the_motors_pay(robot):
     fleet.command([3.0, 3.0])
     fleet.advance(3.0)
     weight = robot.mass * 9.81 * np.sin(slope)
-    assert fleet.traction().sum() == pytest.approx(weight, rel=0.01)
+    assert fleet.mean_traction.sum() == pytest.approx(weight, rel=0.01)
     torque = fleet.drive.torque
     motor = Motor()
     # at its sprocket: the pull at the real radius, and what the gear loses
