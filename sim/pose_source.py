@@ -17,8 +17,7 @@ from trackslip.localization.base import Locator, PoseEstimate
 from trackslip.localization.follower import EVERY, Follower
 from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Cluster, extract_plate
-from trackslip.logs.runlog import RunLog
-from trackslip.logs.scanlog import ScanLog
+from trackslip.logs.runlog import RunLog, ScanLog
 
 Index = NDArray[np.int_]
 
@@ -196,5 +195,5 @@ class ScanBlocks(ScanByScan):
             pose = scan.from_world(record.pose[rows].swapaxes(0, 1).reshape(-1, 3))
             cluster = extract_plate(scan, record.fleet.robot.plate, pose)
             for k, parts in enumerate(self._clusters):
-                parts.append(cluster.between(k * n, (k + 1) * n))
+                parts.append(cluster.take(np.arange(k * n, (k + 1) * n)))
         self._located, self._waiting = rows.stop, 0

@@ -16,8 +16,7 @@ from trackslip.errors import require
 from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
 from trackslip.localization.base import PoseEstimate
-from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.scanlog import ScanLog
+from trackslip.logs.runlog import RunLog, ScanLog, Truth
 
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""

@@ -6,25 +6,17 @@ axes broadcast. Headings and turns are not wrapped.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import require_finite
 
 Array = NDArray[np.floating[Any]]
 
-_SMALL_TURN = 0.5  # turn below which series replace quotients [rad]
-_TERMS = np.arange(7)  # of these series: the rest is less than their rounding
-_SIGNS = (-1.0) ** _TERMS
-_ALONG = _SIGNS / np.array([math.factorial(2 * k + 1) for k in _TERMS])
-_ACROSS = _SIGNS / np.array([math.factorial(2 * k + 2) for k in _TERMS])
-_D_ALONG = np.append(2 * _TERMS[1:] * _ALONG[1:], 0.0)
-_QUOTIENTS = np.column_stack([_ALONG, _ACROSS, _D_ALONG, (2 * _TERMS + 1) * _ACROSS])  # in the turn's square
+_SMALL_TURN = 0.03  # turn below which a series replaces a difference of nearly equal numbers [rad]
 
 
 @dataclass(frozen=True)
@@ -174,14 +166,9 @@ def _chord(turn: ArrayLike) -> Array:
 def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
     turn = np.asarray(turn, float)
-    quotients = np.empty((4, *turn.shape))
-    small = np.abs(turn) <= _SMALL_TURN
-    t = turn[small]
-    along, across, d_along, d_across = polynomial.polyval(t**2, _QUOTIENTS)
-    quotients[:, small] = along, t * across, t * d_along, d_across
-    t = turn[~small]
-    sin, cos = np.sin(t), np.cos(t)
-    along, across = sin / t, (1 - cos) / t
-    quotients[:, ~small] = along, across, (cos - along) / t, (sin - across) / t
-    along, across, d_along, d_across = quotients
+    along, across = np.sinc(turn / np.pi), np.sin(turn / 2) * _chord(turn)
+    divisor = np.where(turn == 0, 1.0, turn)
+    small = np.abs(turn) < _SMALL_TURN
+    d_along = np.where(small, turn * (-1 / 3 + turn**2 / 30 - turn**4 / 840), (np.cos(turn) - along) / divisor)
+    d_across = np.where(turn == 0, 0.5, (np.sin(turn) - across) / divisor)
     return along, across, d_along, d_across

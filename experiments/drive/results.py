@@ -60,7 +60,7 @@ def write_course_run(run: DrivenCourse, about: Mapping[str, Any], file: Path) ->
             columns.append(pa.array(np.ascontiguousarray(column), from_pandas=True))
             fields.append(pa.field(begin + end, pa.float64(), metadata={"unit": unit, "description": text}))
     table = with_units(pa.Table.from_arrays(columns, schema=pa.schema(fields)))
-    table = table.replace_schema_metadata(file_metadata(table.schema, {_NAME: plain(about)}))
+    table = table.replace_schema_metadata(file_metadata({_NAME: plain(about)}))
     pa.parquet.write_table(table, file, row_group_size=len(run.time), **packing(table.schema))
 
 
@@ -81,13 +81,7 @@ def _columns(run: DrivenCourse, radius: float) -> list[tuple[str, Sequence[str],
         ("", ["slope"], "rad", "slope of the ground under the tracks, along the robot, uphill", run.slope[:, None]),
         ("belt_cmd_", "lr", "m/s", "belt speed asked for", run.command.speed),
         ("belt_", run.tracks, "m/s", "mean belt speed since the previous row", contact.belt),
-        (
-            "slip_",
-            run.tracks,
-            PURE,
-            "1 - speed over ground / belt speed; null without contact or at rest",
-            contact.slip,
-        ),
+        ("slip_", run.tracks, PURE, "1 - ground speed / belt speed; null without contact or at rest", contact.slip),
         ("traction_", run.tracks, "N", "mean force of the ground along the belt", contact.traction),
         ("load_", run.tracks, "N", "mean normal force", contact.load),
         ("depth_", run.tracks, "m", "largest penetration since the previous row", contact.depth),

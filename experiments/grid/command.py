@@ -15,7 +15,7 @@ from experiments.recorder import record_all
 from experiments.simulate.world import World
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import TrackslipError, counted
-from trackslip.logs.logfile import StoredRuns, read_runs
+from trackslip.logs.logfile import read_runs
 
 
 def run(config: Config) -> None:
@@ -41,7 +41,7 @@ def run(config: Config) -> None:
         about: dict[str, Any] = {"timing": timing}
         if config.bag:
             with run.watch.stage("bags"), run.progress("bags", len(driven), "bags") as done:
-                about["bags"] = write_bags(run.folder, driven, map(StoredRuns(file).log, driven), done=done)
+                about["bags"] = write_bags(run.folder, driven, read_runs(file), done=done)
         grids = grids_of(runs, rows)
         run.write(summary_of(grids, rows) | about, simulated=simulated, **world.about)
     print_sweep(grids, rows, runs[0].duration)

@@ -28,17 +28,17 @@ def send_scans(recording: Recording, entity: str, traces: Traces, height: float)
     if scans is None:
         return
     mount, cluster = scans.scan.mount, scans.cluster
-    hit = cluster.hit & traces.log.is_valid[:, None]
-    plate = _points(mount, height, cluster.bearing, cluster.range)[hit]
+    count = np.where(traces.log.is_valid, cluster.count, 0)
+    hit = traces.log.is_valid[cluster.row]
+    plate = _points(mount, height, cluster.bearing[hit], cluster.range[hit])
     dots = rr.Points3D.from_fields(**paint(PLATE_COLOUR, 0.012))
-    recording.shapes(f"{entity}/plate", time, hit.sum(axis=1), dots, positions=plate)
+    recording.shapes(f"{entity}/plate", time, count, dots, positions=plate)
     beams = np.stack([np.broadcast_to([*mount[:2], height], plate.shape), plate], axis=1)
     line = rr.LineStrips3D.from_fields(**paint(PLATE_COLOUR, 0.0015, 60))
-    recording.shapes(f"{entity}/beams", time, hit.sum(axis=1), line, strips=beams)
+    recording.shapes(f"{entity}/beams", time, count, line, strips=beams)
     if scans.full is not None:
         rest = scans.full.copy()
-        rows, columns = np.nonzero(hit)
-        rest[rows, scans.first_beam()[rows] + columns] = np.nan
+        rest[cluster.row[hit], scans.beam[hit]] = np.nan
         rest, bearings = rest[:, ::_EVERY], scans.scan.bearings[::_EVERY]
         known = np.isfinite(rest)
         dots = rr.Points3D.from_fields(**paint(OTHER_COLOUR, 0.012))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.localization.scan import Cluster, Plate, Scan
-from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.scanlog import ScanLog
+from trackslip.logs.runlog import RunLog, ScanLog, Truth
 
 ROWS, BEAMS = 40, 31
 MOUNT = np.array([-1.0, 2.0, 0.3])
@@ -21,8 +20,8 @@ def full_log():
     ranges = rng.uniform(1, 5, (ROWS, BEAMS)).astype(np.float32)
     ranges[:, ::4] = np.nan
     scan = Scan(np.linspace(-1.5, 1.5, BEAMS), np.empty((0, BEAMS)), 0.005, MOUNT, 20.0)
-    none = np.zeros((ROWS, 1))
-    cluster = Cluster(none, none + 1, none > 0, np.zeros(ROWS, int), np.zeros(ROWS, int), np.zeros((ROWS, 2)))
+    none, zero = np.zeros(0), np.zeros(ROWS, int)
+    cluster = Cluster(none, none, zero, zero, np.zeros((ROWS, 2)))
     return RunLog(
         run="a run",
         time=time,

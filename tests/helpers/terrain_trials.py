@@ -7,12 +7,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from climbing_theory import SideView
 from mujoco import batch
 
-from sim.robot.named import load_tracked
-from sim.robot.tracked_model import build_tracked
+from sim import build_tracked, load_tracked
 from sim.tracks import Belts, Track, add_tracks
-from trackslip.climbing_theory import SideView
 from trackslip.skid_theory import line_contact
 
 UP, STAIRS = (np.pi / 2, np.pi / 2), (0.3, 0.0)

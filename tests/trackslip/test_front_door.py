@@ -1,4 +1,3 @@
-import json
 import re
 import subprocess
 import sys
@@ -56,51 +55,18 @@ def test_importing_the_package_imports_next_to_nothing():
     assert not found & {"numpy", "scipy", "typing", "dataclasses", "pathlib"}
 
 
-def test_runs_in_memory_in_a_folder_and_in_a_file_give_the_same_laws(runs, found, tmp_path):
-    from trackslip.logs.logfile import RUNS, write_csv, write_parquet
+def test_runs_in_memory_and_in_a_folder_give_the_same_laws(runs, found, tmp_path):
+    from trackslip.logs.logfile import RUNS, write_parquet
 
     write_parquet(runs, tmp_path / RUNS)
-    write_csv(runs, tmp_path / "log.csv")
     assert found.best == "icr_radius"
-    for source in (tmp_path, str(tmp_path / "log.csv")):
-        assert trackslip.identify(source, GEOMETRY).laws == found.laws
+    assert trackslip.identify(tmp_path, GEOMETRY).laws == found.laws
 
 
 def test_intervals_cover_the_law_that_was_driven(found):
     for name, (low, high) in found.intervals["icr_radius"].items():
         assert low < getattr(LAW, name) < high
     assert set(found.intervals) == set(found.laws)
-
-
-def test_geometry_comes_from_the_log_or_is_asked_for(runs, found):
-    stated = {"geometry": {"half_gauge": GEOMETRY.half_gauge, "sprocket_radius": GEOMETRY.sprocket_radius}}
-    told = [steady_run(radius, metadata=stated) for radius in (0.6, 1.0, 2.0, 3.0)]
-    assert trackslip.identify(told).geometry == GEOMETRY
-    with pytest.raises(trackslip.InvalidValueError, match=r"half_gauge = None: must be given .*the runs"):
-        trackslip.identify(runs)
-
-
-def test_nothing_to_identify_from_is_refused():
-    with pytest.raises(trackslip.LogError, match=r"the runs: there are none"):
-        trackslip.identify([], GEOMETRY)
-    closed_loop = [steady_run(1.0, metadata={"controller": "linear"})]
-    with pytest.raises(trackslip.LogError, match=r"1 run in closed loop"):
-        trackslip.identify(closed_loop, GEOMETRY, method="steady")
-
-
-def test_an_identification_shows_its_best_laws(found):
-    lines = repr(found).splitlines()
-    assert lines[0] == "Slip laws from 10 steady samples (b = 0.168 m, r = 0.06 m); best: icr_radius"
-    assert lines[2].split()[:4] == ["icr_radius", "(best)", "offset", "[m]"]
-    values = found.comparison.laws["icr_radius"].values
-    assert float(lines[2].split()[4]) == pytest.approx(values["offset"], abs=1e-5)
-    low, high = (float(lines[2].split()[k]) for k in (5, 7))
-    assert (low, high) == pytest.approx(found.intervals["icr_radius"]["offset"], abs=1e-5)
-    assert len(lines) < 20
-    html = found._repr_html_()
-    for law in found.laws.values():
-        assert type(law).__name__ == "NoSlip" or html.count("<tr>") > 10
-    assert html.count("<tr>") == 1 + sum(len(fit.values) for fit in found.comparison.laws.values())
 
 
 def install(tmp_path, monkeypatch, entry_point):
@@ -121,30 +87,6 @@ def test_reports_are_drawn_by_whoever_offers_to(found, tmp_path, monkeypatch):
     assert html.startswith("<!DOCTYPE html>")
     assert ">best</span>" in html
     assert str(tmp_path) not in html
-
-
-def test_without_a_drawer_or_a_place_the_report_is_refused(found, tmp_path, monkeypatch):
-    with monkeypatch.context() as nothing:
-        nothing.setattr(sys, "path", [])
-        with pytest.raises(trackslip.TrackslipError, match=r"no package .* 'trackslip.reports' is installed"):
-            found.report(tmp_path / "report.html")
-    install(tmp_path, monkeypatch, "builtins:repr")
-    with pytest.raises(trackslip.OutputError, match="No such file"):
-        found.report(tmp_path / "nowhere" / "report.html")
-
-
-def test_laws_are_saved_and_loaded(found, tmp_path):
-    file = tmp_path / "laws.json"
-    trackslip.save_laws(file, found.laws, GEOMETRY)
-    named = {name: law for name, law in found.laws.items() if name != "none"}
-    assert trackslip.load_laws(file, GEOMETRY) == named
-    assert set(json.loads(file.read_text())["slip_laws"]) == set(named)
-    with pytest.raises(trackslip.InvalidValueError, match="law = 'mine': must be one of"):
-        trackslip.save_laws(file, {"mine": LAW}, GEOMETRY)
-    with pytest.raises(trackslip.InvalidValueError, match="a law of the family 'icr'"):
-        trackslip.save_laws(file, {"icr": LAW}, GEOMETRY)
-    with pytest.raises(trackslip.OutputError, match="cannot be written"):
-        trackslip.save_laws(tmp_path / "nowhere" / "laws.json", found.laws, GEOMETRY)
 
 
 def test_extras_are_installed_from_a_checkout():

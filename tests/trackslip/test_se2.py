@@ -72,13 +72,6 @@ def test_a_chain_of_steps_leads_along_its_poses(pose):
     np.testing.assert_allclose(se2.chain(pose[0], se2.steps(pose)), pose, atol=1e-11)
 
 
-def test_shapes_broadcast():
-    frames, points = np.ones((5, 1, 3)), np.ones((4, 2))
-    assert se2.to_world(frames, points).shape == se2.from_world(frames, points).shape == (5, 4, 2)
-    assert se2.compose(frames, np.ones((4, 3))).shape == se2.between(np.ones(3), np.ones((5, 4, 3))).shape == (5, 4, 3)
-    assert [part.shape for part in se2.drive(np.ones(3), np.ones((5, 3)))] == [(5, 3), (5, 3, 3), (5, 3, 3)]
-
-
 @pytest.mark.parametrize("turn", [0.0, 1e-9, -0.01, 0.5, -0.5 - 1e-9, 3.0, -20.0])
 def test_quotients_of_arcs_are_integrals(turn):
     """Of cos(s t), sin(s t) and their derivatives by t, over s from 0 to 1."""

@@ -1,6 +1,7 @@
-"""A user's program, type-checked strictly and run against the built and installed wheel."""
+"""A user's program: it runs, and is type-checked strictly against the built and installed wheel."""
 
 import os
+import runpy
 import subprocess
 import sys
 import sysconfig
@@ -84,59 +85,38 @@ trackslip.Exponential("a", 1, 2, 3)
 
 def run(*command, cwd):
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run(
-        [str(part) for part in command], cwd=cwd, env=environment, capture_output=True, text=True, check=False
-    )
+    return subprocess.run([*map(str, command)], cwd=cwd, env=environment, capture_output=True, text=True, check=False)
 
 
-@pytest.fixture(scope="module")
-def python(tmp_path_factory):
-    """The interpreter of a fresh environment with the wheel, and beside it what is installed here but trackslip."""
-    pytest.importorskip("hatchling", reason="hatchling builds the wheel")
-    pytest.importorskip("mypy", reason="mypy checks the program")
-    folder = tmp_path_factory.mktemp("wheel")
-    built = run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=ROOT)
-    assert built.returncode == 0, built.stderr
-    (wheel,) = folder.glob("*.whl")
-    run(sys.executable, "-m", "venv", "--without-pip", folder / "venv", cwd=folder)
-    python = folder / "venv" / "bin" / "python"
-    install = ("install", "--no-deps", "--no-index", "--no-compile", wheel)
-    installed = run(sys.executable, "-m", "pip", "--python", python, *install, cwd=folder)
-    assert installed.returncode == 0, installed.stderr
-    site = next((folder / "venv" / "lib").glob("python*/site-packages"))
-    (site / "others.pth").write_text(sysconfig.get_path("purelib") + "\n")  # whose own .pth files aren't read
-    return python
-
-
-@pytest.fixture(scope="module")
-def checked(python, tmp_path_factory):
-    """What mypy prints of both programs."""
-    folder = tmp_path_factory.mktemp("programs")
-    (folder / "program.py").write_text(PROGRAM)
-    (folder / "wrong.py").write_text(WRONG)
-    options = ("--strict", "--python-executable", python, "--cache-dir", folder / "cache")
-    return run(sys.executable, "-m", "mypy", *options, "program.py", "wrong.py", cwd=folder).stdout
-
-
-def test_a_users_program_type_checks(checked):
-    assert "in 1 file (checked 2 source files)" in checked, checked
-    assert "program.py" not in checked, checked
-
-
-@pytest.mark.parametrize("line", [4, 5, 6, 7])
-def test_wrong_types_are_found(checked, line):
-    """So that the test above can fail: without py.typed everything is Any."""
-    assert f"wrong.py:{line}: error" in checked
-
-
-def test_a_users_program_runs(python, tmp_path):
-    (tmp_path / "program.py").write_text(PROGRAM)
+def test_a_users_program_runs(tmp_path, monkeypatch):
     measured = ((1.7, 0.1095, 0.0421), (1.4, 0.1005, 0.0842), (1.0, 0.0887, 0.1403))
     rows = [f"{left},2.0,{v},{w}" for left, v, w in measured]
     (tmp_path / "samples.csv").write_text("\n".join(["omega_l,omega_r,v,w", *rows]) + "\n")
-    done = run(python, "program.py", "samples.csv", ".", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "report.html" in done.stdout
+    (tmp_path / "program.py").write_text(PROGRAM)
+    monkeypatch.setattr(sys, "argv", ["program.py", str(tmp_path / "samples.csv"), str(tmp_path)])
+    runpy.run_path(str(tmp_path / "program.py"), run_name="__main__")
     assert (tmp_path / "report.html").read_text().startswith("<!DOCTYPE html>")
-    where = run(python, "-c", "import trackslip; print(trackslip.__file__)", cwd=tmp_path)
-    assert str(python.parents[1]) in where.stdout
+
+
+@pytest.mark.slow
+def test_a_users_program_type_checks_against_the_wheel(tmp_path):
+    """Wrong types must be found: without py.typed everything is Any."""
+    pytest.importorskip("hatchling", reason="hatchling builds the wheel")
+    pytest.importorskip("mypy", reason="mypy checks the program")
+    built = run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path, cwd=ROOT)
+    assert built.returncode == 0, built.stderr
+    (wheel,) = tmp_path.glob("*.whl")
+    run(sys.executable, "-m", "venv", "--without-pip", "venv", cwd=tmp_path)
+    python = tmp_path / "venv" / "bin" / "python"
+    install = ("install", "--no-deps", "--no-index", "--no-compile", wheel)
+    installed = run(sys.executable, "-m", "pip", "--python", python, *install, cwd=tmp_path)
+    assert installed.returncode == 0, installed.stderr
+    site = next((tmp_path / "venv" / "lib").glob("python*/site-packages"))
+    (site / "others.pth").write_text(sysconfig.get_path("purelib") + "\n")  # whose own .pth files aren't read
+    (tmp_path / "program.py").write_text(PROGRAM)
+    (tmp_path / "wrong.py").write_text(WRONG)
+    options = ("--strict", "--python-executable", python, "--cache-dir", tmp_path / "cache")
+    said = run(sys.executable, "-m", "mypy", *options, "program.py", "wrong.py", cwd=tmp_path).stdout
+    assert "in 1 file (checked 2 source files)" in said, said
+    assert "program.py" not in said, said
+    assert all(f"wrong.py:{line}: error" in said for line in (4, 5, 6, 7)), said

@@ -6,6 +6,7 @@ The box in tests/sim/tracks has more: ground of a box, wide and small belts, mot
 import numpy as np
 import pytest
 from checked import report
+from climbing_theory import highest_step
 from default_contact import use_default_contact
 from terrain_trials import DEPTH, FACE, STAIRS, LevelGround, Trial, box, limit, rescue
 
@@ -13,7 +14,6 @@ from experiments.common.check import Check
 from experiments.common.table import Table, percent, significant
 from sim.seeds import generator
 from sim.terrain import Course, Rough, Stairs
-from trackslip.climbing_theory import friction_angle, highest_step, tips_backwards, tips_sideways
 from trackslip.skid_theory import steady_twist
 
 pytestmark = pytest.mark.slow
@@ -88,14 +88,14 @@ def climbing_limit(robot, friction):
         trial.advance(4.0)
         return trial.velocity[:, 0] > 0
 
-    expected = friction_angle(friction)
+    expected = np.arctan(friction)
     return limit(climbs, expected - np.radians(0.6), expected + np.radians(0.6), 9) - expected
 
 
 def tipping_error(robot, sideways):
     """Error of the slope on which a parked robot tips over that stands across it, or points uphill [rad]."""
     view = robot.view
-    expected = tips_sideways(robot.half_gauge, view.height) if sideways else tips_backwards(view)
+    expected = np.arctan2(robot.half_gauge if sideways else view.ahead, view.height)
 
     def stands(slopes):
         trial = Trial(robot, len(slopes), np.pi / 2 if sideways else 0.0)

@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from trackslip import se2
 from trackslip.bags.choice import AUTOMATIC, BagChoice
-from trackslip.bags.encoders import Encoders, joined, read_encoders
+from trackslip.bags.encoders import joined, read_encoders
 from trackslip.bags.imu import read_imu, with_gyro
 from trackslip.bags.open import Bag, bags_in, open_bags
 from trackslip.bags.poses import read_poses
 from trackslip.bags.scans import plate_log, read_scans
-from trackslip.bags.stamps import Stamped, clocks_apart
-from trackslip.bags.topics import IMU, PoseOrigin, pose_source
-from trackslip.errors import InvalidValueError, LogError, LogWarning, counted
+from trackslip.bags.stamps import clocks_apart, restarts_of
+from trackslip.bags.topics import IMU, PoseOrigin, encoder_topics, pose_source
+from trackslip.errors import InvalidValueError, LogError, LogWarning
 from trackslip.kinematics import Array
 from trackslip.logs.logfile import RUNS, read_log, runs_file
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.logs.table_reader import ReadRuns
 
 REPEATED = "its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
-Seen = TypeVar("Seen", bound=Stamped)
 _STRIDE = 1.0  # time over which motions by poses and by wheels are compared [s]
 _MIN_STRIDES = 10  # fewer motions prove nothing
 _EXACT = 5e-3  # relative residual of poses computed from the wheels; noise-free poses on slipping ground have 6e-3
@@ -85,72 +83,67 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
         name = bag.name if sum(other.name == bag.name for other in bags) == 1 else str(bag.path)
         of_bag: list[str] = []
         try:
-            for log, sources in _drives(bag, choice, name, of_bag):
+            drives = _drives_in(bag, choice, name, of_bag)
+        except LogError as error:
+            drives = {}
+            refused.append(Refused.of(name, error))
+        for part, drive in drives.items():
+            try:
+                log, sources = _read_drive(drive, choice, part, of_bag)
+            except LogError as error:
+                refused.append(Refused.of(part, error))
+            else:
                 runs.append(log)
                 taken[sources] = None
-        except LogError as error:
-            refused.append(Refused.of(name, error))
         notes += [*bag.notes, *(of_bag if len(bags) == 1 else (f"{name}: {line}" for line in of_bag))]
     if not runs:
         raise LogError(refused[0].reason if len(bags) == 1 else none_usable(refused))
     return ReadRuns(tuple(runs), tuple(refused), tuple(notes), tuple(taken))
 
 
-def _drives(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> list[tuple[RunLog, str]]:
-    """The drives in a bag, one unless its clock restarts, each with the sources taken, in words.
+def _drives_in(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> dict[str, Bag]:
+    """The drives in a bag called `name`: one, unless the clock of the encoders' topic restarts."""
+    topic = encoder_topics(bag, choice)[0][0].name
+    stamp, arrival, _ = bag.table(topic, lambda _: (0.0,))
+    starts = restarts_of(stamp, arrival)
+    if not len(starts):
+        return {name: bag}
+    notes.append(f"topic {topic}: time goes back: read as {len(starts) + 1} drives")
+    edges = [0, *starts.tolist(), np.iinfo(np.int64).max]
+    return {f"{name}, part {k}": bag.between(*ends) for k, ends in enumerate(pairwise(edges), start=1)}
+
+
+def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tuple[RunLog, str]:
+    """The log of a drive, and the sources taken, in words.
 
     `notes` gets a line for what is left out, and for what is doubtful. Raises LogError, naming topic and cause.
     """
     encoders = read_encoders(bag, choice, notes)
-    found = []
     if choice.plate is not None:
-        for part, turned, scans in _by_drive(bag, name, encoders, read_scans(bag, choice.scan, notes), notes):
-            log, taken = plate_log(bag, part, turned, scans, choice.plate, notes)
-            found.append((log, f"{turned.taken}; poses: {taken}"))
-        return found
+        return plate_log(bag, name, encoders, read_scans(bag, choice.scan, notes), choice.plate, notes)
     source = pose_source(bag, choice)
     poses = read_poses(bag, source.name, notes)
+    notes += clocks_apart(encoders, poses)
+    log = joined(name, encoders, poses)
+    if _repeats_wheels(log):
+        if source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned:
+            topics = bag.of_type(IMU)
+            headings = f", {topics[0].name} takes only the headings of an IMU" if topics else ""
+            raise LogError(f"{poses.source}: {REPEATED}; --poses chooses others, or these if measured{headings}")
+        notes.append(f"{poses.source}: {REPEATED}")
+    has_poses = source.origin is not PoseOrigin.IMU or log.is_valid.any()
+    taken = encoders.taken + (f"; poses: {source.name} ({source.origin.value})" if has_poses else "; no poses")
     try:
-        imus = read_imu(bag, choice, notes)
+        imu = read_imu(bag, choice, notes)
     except LogError as error:
         if choice.imu is not None:
             raise
-        imus = []
         notes.append(f"read without gyro: {error}")
-    for k, (part, turned, seen) in enumerate(_by_drive(bag, name, encoders, poses, notes)):
-        log = joined(part, turned, seen)
-        if _repeats_wheels(log):
-            if source.origin in _PERHAPS_WHEELS and not choice.dead_reckoned:
-                topics = bag.of_type(IMU)
-                headings = f", {topics[0].name} takes only the headings of an IMU" if topics else ""
-                raise LogError(f"{seen.source}: {REPEATED}; --poses chooses others, or these if measured{headings}")
-            notes.append(f"{seen.source}: {REPEATED}")
-        taken = f"{turned.taken}; poses: {source.name} ({source.origin.value})"
-        if source.origin is PoseOrigin.IMU and not log.is_valid.any():
-            taken = f"{turned.taken}; no poses"
-        if len(imus) == len(encoders):
-            log, by_gyro = with_gyro(log, imus[k], int(turned.stamp[0]), notes)
-            taken += by_gyro
-        found.append((log, taken))
-    return found
-
-
-def _by_drive(
-    bag: Bag, name: str, encoders: Sequence[Encoders], others: Sequence[Seen], notes: list[str]
-) -> Iterator[tuple[str, Encoders, Seen]]:
-    """Encoders and poses or scans of each drive in a bag called `name`, one unless its clock restarts.
-
-    Raises LogError if they don't belong together.
-    """
-    if len(encoders) != len(others):
-        raise LogError(
-            f"{bag.path}: time goes back {counted(len(encoders) - 1, 'time')} in topic {encoders[0].source} "
-            f"and {counted(len(others) - 1, 'time')} in {others[0].source}"
-        )
-    for k, (turned, seen) in enumerate(zip(encoders, others, strict=True), start=1):
-        apart = clocks_apart(turned, seen)
-        notes += [apart] if apart else []
-        yield f"{name}, part {k}" if len(encoders) > 1 else name, turned, seen
+        return log, taken
+    if imu is None:
+        return log, taken
+    log, by_gyro = with_gyro(log, imu, int(encoders.stamp[0]), notes)
+    return log, taken + by_gyro
 
 
 def _repeats_wheels(log: RunLog) -> bool:

@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from trackslip.bags.choice import SIDES, BagChoice
 from trackslip.bags.open import Bag, listed
 from trackslip.bags.poses import Poses
-from trackslip.bags.stamps import Stamped, seconds, stretches, without_bursts
+from trackslip.bags.stamps import Stamped, ascending, seconds, without_bursts
 from trackslip.bags.topics import WHEELS, Sides, encoder_topics
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry, track_speeds
@@ -55,10 +55,10 @@ class Encoders(Stamped):
 
 @dataclass(frozen=True)
 class _Joint:
-    """Readings of a joint."""
+    """Readings of a joint, by ascending stamp."""
 
     stamp: np.ndarray  # (N,) int [ns]
-    arrival: np.ndarray  # (N,) int [ns]
+    delay: Array  # (N,) from the stamp to the recording [s]
     position: Array  # (N,) [rad]; NaN where not measured
     velocity: Array  # (N,) [rad/s]; likewise
 
@@ -70,42 +70,51 @@ class _Joint:
             return False
         return bool(np.ptp(known) > 0 or not (np.abs(self.velocity) > _MOVES).any())
 
+    def angles(self, by_position: bool) -> tuple[np.ndarray, Array]:
+        """Stamps (n,) [ns] and angles (n,) [rad], none if hardly any are stated."""
+        values = self.position if by_position else self.velocity
+        rows = np.flatnonzero(np.isfinite(values))
+        if 2 * len(rows) <= len(values):
+            return self.stamp[:0], values[:0]
+        rows = rows[without_bursts(self.stamp[rows])]
+        stamp = self.stamp[rows]
+        if by_position:
+            return stamp, unwrapped(values[rows])
+        return stamp, np.asarray(cumulative_trapezoid(values[rows], seconds(stamp, int(stamp[0])), initial=0.0))
 
-def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> list[Encoders]:
-    """The encoders' readings, one for each stretch between restarts of their clock: nearly always one.
+
+def read_encoders(bag: Bag, choice: BagChoice, notes: list[str]) -> Encoders:
+    """The encoders' readings.
 
     Positions are preferred to velocities; the speeds of several joints on a side are averaged. `notes` gets a line for
     what is left out. Raises LogError if there are no encoders, or no telling which they are.
     """
     topics, names = encoder_topics(bag, choice)
     topic = " and ".join(each.name for each in topics)
-    joints = _joints(bag, [each.name for each in topics], names, choice.wheels)
+    joints = _joints(bag, topic, [each.name for each in topics], names, choice.wheels, notes)
     by_position = all(joint.has_positions for joint in joints.values())
     if not by_position and names != WHEELS:
         notes.append(f"topic {topic}: speeds are its velocities, because it states no positions")
-    angles = {name: _angles(topic, name, joint, by_position, notes) for name, joint in joints.items()}
-    counts = {len(parts) for parts in angles.values()}
-    if len(counts) > 1:
-        raise LogError(f"{bag.path}: topic {topic}: time goes back for some of its joints, not for others")
-    delay = np.concatenate([(joint.arrival - joint.stamp)[joint.stamp != 0] / 1e9 for joint in joints.values()])
-    signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in SIDES])
-    drives = []
-    for k in range(*counts):
-        part = {name: parts[k] for name, parts in angles.items()}
-        stamp = _common([at for at, _ in part.values()])
-        if len(stamp) > 1:
-            first = int(stamp[0])
-            time = seconds(stamp, first)
-            turns = {name: np.diff(np.interp(time, seconds(at, first), angle)) for name, (at, angle) in part.items()}
-            sides = [side_turns(topic, side, turns, notes) for side in names]
-            omega = np.stack(sides, axis=-1) / np.diff(time)[:, None] * signs
-            drives.append(Encoders(topic, stamp, delay, names, np.concatenate([omega[:1], omega])))
-    if not drives:
+    angles = {name: joint.angles(by_position) for name, joint in joints.items()}
+    for name, (stamp, _) in angles.items():
+        if not len(stamp):
+            raise LogError(f"topic {topic}: joint {name} states neither positions nor velocities")
+    stamp = _common([at for at, _ in angles.values()])
+    if len(stamp) < 2:
         raise LogError(f"{bag.path}: topic {topic}: fewer than 2 messages with the joints chosen")
-    return drives
+    first = int(stamp[0])
+    time = seconds(stamp, first)
+    turns = {name: np.diff(np.interp(time, seconds(at, first), angle)) for name, (at, angle) in angles.items()}
+    signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in SIDES])
+    turned = np.stack([side_turns(topic, side, turns, notes) for side in names], axis=-1)
+    omega = turned / np.diff(time)[:, None] * signs
+    delay = np.concatenate([joint.delay for joint in joints.values()])
+    return Encoders(topic, stamp, delay, names, np.concatenate([omega[:1], omega]))
 
 
-def _joints(bag: Bag, topics: Sequence[str], names: Sides, wheels: RobotGeometry | None) -> dict[str, _Joint]:
+def _joints(
+    bag: Bag, source: str, topics: Sequence[str], names: Sides, wheels: RobotGeometry | None, notes: list[str]
+) -> dict[str, _Joint]:
     """The readings of the joints; raises LogError for a joint that no message names."""
     rows: dict[str, list[tuple[float, ...]]] = {}
     for message in bag.messages(*topics):
@@ -116,11 +125,13 @@ def _joints(bag: Bag, topics: Sequence[str], names: Sides, wheels: RobotGeometry
     for side, of_side in zip(SIDES, names, strict=True):
         for name in of_side:
             if name not in rows:
-                source = f"topic {' and '.join(topics)}"
-                raise LogError(f"{side} = {name!r}: {source} has no such joint; its joints are {listed([*rows])}")
+                have = f"topic {source} has no such joint; its joints are {listed([*rows])}"
+                raise LogError(f"{side} = {name!r}: {have}")
             stamp, arrival = np.array([row[:2] for row in rows[name]], np.int64).T
             values = np.array([row[2:] for row in rows[name]], float).T
-            joints[name] = _Joint(stamp, arrival, *np.where(np.abs(values) <= _MAX_ANGLE, values, np.nan))
+            values = np.where(np.abs(values) <= _MAX_ANGLE, values, np.nan)
+            kept = ascending(source, stamp, arrival, notes)
+            joints[name] = _Joint(stamp[kept], (arrival - stamp)[kept] / 1e9, *values[:, kept])
     return joints
 
 
@@ -133,27 +144,6 @@ def _joint_states(content: Any, names: Sides, wheels: RobotGeometry | None) -> I
     none = np.full(len(content.name), np.nan)
     fields = (field if len(field) == len(none) else none for field in (content.position, content.velocity))
     return zip(content.name, *fields, strict=True)
-
-
-def _angles(
-    topic: str, name: str, joint: _Joint, by_position: bool, notes: list[str]
-) -> list[tuple[np.ndarray, Array]]:
-    """Stamps (n,) [ns] and angles (n,) [rad] of a joint, for each stretch between restarts of the clock."""
-    values = joint.position if by_position else joint.velocity
-    known = np.flatnonzero(np.isfinite(values))
-    if 2 * len(known) <= len(values):
-        raise LogError(f"topic {topic}: joint {name} states neither positions nor velocities")
-    angles = []
-    for part in stretches(topic, joint.stamp[known], joint.arrival[known], notes):
-        rows = known[part]
-        rows = rows[without_bursts(joint.stamp[rows])]
-        stamp = joint.stamp[rows]
-        if by_position:
-            angle = unwrapped(values[rows])
-        else:
-            angle = np.asarray(cumulative_trapezoid(values[rows], seconds(stamp, int(stamp[0])), initial=0.0))
-        angles.append((stamp, angle))
-    return angles
 
 
 def _common(stamps: Sequence[np.ndarray]) -> np.ndarray:

@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from trackslip.bags.choice import BagChoice
 from trackslip.bags.open import Bag
-from trackslip.bags.stamps import seconds, stretches
+from trackslip.bags.stamps import ascending, seconds
 from trackslip.bags.topics import IMU, imu_topic
 from trackslip.kinematics import Array
 from trackslip.logs.checks import paired_turns
@@ -31,23 +31,22 @@ class Imu:
     rate: Array  # (n, 3) about the axes of its frame [rad/s]
 
 
-def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> list[Imu]:
-    """The gyro's readings for each stretch between restarts of the clock; empty, with a note, if there are none."""
+def read_imu(bag: Bag, choice: BagChoice, notes: list[str]) -> Imu | None:
+    """The gyro's readings; None without, with a note if there is an IMU."""
     topic = imu_topic(bag, choice)
     if topic is None:
-        return []
-
+        return None
     stamp, arrival, rates = bag.table(topic.name, _rates)
     good = (np.abs(rates) <= MAX_YAW_RATE).all(axis=1)
     if good.sum() < 2 or not rates[good].any():
         notes.append(f"topic {topic.name}: it states no angular velocities: read without gyro")
-        return []
+        return None
     stamp, rates = stamp[good], rates[good]
-    parts = stretches(topic.name, stamp, arrival[good], notes)
+    rows = ascending(topic.name, stamp, arrival[good], notes)
     frame = bag.first(topic.name, 1)[0].content.header.frame_id
     several = f", one of {len(bag.of_type(IMU))}" if len(bag.of_type(IMU)) > 1 and choice.imu is None else ""
     source = f"{topic.name} in {frame or 'no frame'}{several}"
-    return [Imu(source, stamp[rows], rates[rows]) for rows in parts]
+    return Imu(source, stamp[rows], rates[rows])
 
 
 def _rates(imu: Any) -> tuple[float, ...]:

@@ -111,16 +111,31 @@ class Bag:
         """The topics whose messages have one of the types, given as `sensor_msgs/msg/JointState`."""
         return [topic for topic in self.topics.values() if topic.type in types]
 
+    def between(self, begin: int, end: int) -> Bag:
+        """What was recorded from `begin` to before `end` [ns], with the transforms that are published only once."""
+
+        def read(chosen: Collection[str], decode: bool) -> Iterator[Message]:
+            for message in self.read(chosen, decode):
+                if begin <= message.arrival < end or message.topic.endswith("tf_static"):
+                    yield message
+
+        return replace(self, read=read)
+
     def messages(self, *topics: str) -> Iterator[Message]:
         """Decoded messages of topics, by time of recording; raises LogError for unknown topics and damage."""
         return self.read([self.topic(name).name for name in topics], True)
 
     def table(self, topic: str, row: Callable[[Any], Sequence[float]]) -> tuple[np.ndarray, np.ndarray, Array]:
-        """Stamps and arrivals (N,) [ns] of a topic's messages, and the numbers (N, k) that `row` takes from each."""
+        """Stamps and arrivals (N,) [ns] of a topic's messages, and the numbers (N, k) that `row` takes from each.
+
+        Raises LogError if there are none.
+        """
         times, numbers = array("q"), array("d")
         for message in self.messages(topic):
             times.extend((message.stamp, message.arrival))
             numbers.extend(row(message.content))
+        if not times:
+            raise LogError(f"topic {topic}: no messages")
         stamp, arrival = np.array(times, np.int64).reshape(-1, 2).T
         return stamp, arrival, np.array(numbers).reshape(len(stamp), -1)
 
@@ -284,20 +299,17 @@ def _reader(path: Path) -> Any:
 def _streamed(path: Path) -> Bag:
     """The bag in an MCAP file without index, as a recorder leaves it whose battery went flat."""
     counts: Counter[tuple[str, str]] = Counter()
-    read = 0  # bytes
     with _refusing(path):
         size = regular_file(path).stat().st_size
         with path.open("rb") as file:
             file.seek(-min(size, len(_MCAP_END)), os.SEEK_END)
             is_complete = file.read() == _MCAP_END
-        for schema, channel, _, place in _records(path):
+        for schema, channel, _ in _records(path):
             counts[channel.topic, schema.name] += 1
-            read = place
         if not counts:
             raise ValueError("it has no whole message")
     topics = [Topic(name, kind, count) for (name, kind), count in counts.items()]
-    lost = f"{(size - read) / 1e3:.0f} of {size / 1e3:.0f} kB are lost"
-    notes = () if is_complete else (f"{path}: its end is missing, as after a power cut: {lost}",)
+    notes = () if is_complete else (f"{path}: its end is missing, as after a power cut: read as far as it goes",)
     return _bag(path, topics, partial(_read_streamed, path), notes)
 
 
@@ -306,7 +318,7 @@ def _read_streamed(path: Path, chosen: Collection[str], decode: bool) -> Iterato
 
     types = get_typestore(Stores.EMPTY)
     with _refusing(path):
-        for schema, channel, message, _ in _records(path):
+        for schema, channel, message in _records(path):
             if channel.topic not in chosen:
                 continue
             if decode and schema.name not in types.fielddefs:
@@ -315,8 +327,8 @@ def _read_streamed(path: Path, chosen: Collection[str], decode: bool) -> Iterato
             yield Message(channel.topic, message.log_time, content)
 
 
-def _records(path: Path) -> Iterator[tuple[Any, Any, Any, int]]:
-    """Schema, channel, message and place in the file [bytes] of each message, as far as the file goes."""
+def _records(path: Path) -> Iterator[tuple[Any, Any, Any]]:
+    """Schema, channel and message of each message, as far as the file goes."""
     from mcap.exceptions import RecordLengthLimitExceeded
     from mcap.reader import NonSeekingReader
 
@@ -328,7 +340,7 @@ def _records(path: Path) -> Iterator[tuple[Any, Any, Any, int]]:
                 if file.tell() == size:
                     return  # the record that ends with the file may be cut off
                 if schema is not None:
-                    yield schema, channel, message, file.tell()
+                    yield schema, channel, message
         except RecordLengthLimitExceeded:
             return  # the last record is longer than the file
         except Exception:  # whatever a record raises that is cut off

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from trackslip.bags.open import Bag, Topic
-from trackslip.bags.stamps import Stamped, stretches
+from trackslip.bags.stamps import Stamped, ascending
 from trackslip.bags.topics import FIX, IMU, POSE_TYPES
 from trackslip.bags.transforms import (
     MAX_PLACE,
@@ -35,28 +35,24 @@ class Poses(Stamped):
     pose: Array  # (N, 3) [m, m, rad]: NaN where not measured, headings not unwrapped
 
 
-def read_poses(bag: Bag, source: str, notes: list[str]) -> list[Poses]:
-    """The poses of a topic or of tf:PARENT:CHILD, one for each stretch between restarts of their clock.
+def read_poses(bag: Bag, source: str, notes: list[str]) -> Poses:
+    """The poses of a topic or of tf:PARENT:CHILD.
 
     `notes` gets a line for what is left out, and for what is doubtful. Raises LogError if there are none.
     """
     if source.startswith("tf:"):
         name = source
         _, parent, child = source.split(":")
-        parts = read_chain(bag, parent, child, notes)
+        poses = read_chain(bag, parent, child, notes)
     else:
         topic = bag.topic(source)
         source, name = topic.name, f"topic {topic.name}"
         poses = _read(bag, topic, notes)
-        parts = [poses.take(rows) for rows in stretches(source, poses.stamp, poses.arrival, notes)]
-    found = []
-    for part in parts:
-        if len(part.stamp):
-            pose = np.column_stack([part.place[:, :2], _headings(name, part, notes)])
-            found.append(Poses(source, part.stamp, (part.arrival - part.stamp) / 1e9, pose))
-    if not found:
+        poses = poses.take(ascending(source, poses.stamp, poses.arrival, notes))
+    if not len(poses.stamp):
         raise LogError(f"{bag.path}: {source}: no pose can be read")
-    return found
+    pose = np.column_stack([poses.place[:, :2], _headings(name, poses, notes)])
+    return Poses(source, poses.stamp, (poses.arrival - poses.stamp) / 1e9, pose)
 
 
 def _read(bag: Bag, topic: Topic, notes: list[str]) -> SpacePoses:

@@ -11,15 +11,14 @@ import numpy as np
 from trackslip.bags.encoders import Encoders, joined
 from trackslip.bags.open import Bag
 from trackslip.bags.poses import Poses
-from trackslip.bags.stamps import Stamped, seconds, stretches
+from trackslip.bags.stamps import Stamped, ascending, clocks_apart, seconds
 from trackslip.bags.topics import scan_topic
 from trackslip.bags.transforms import MAX_TILT, heading_and_tilt, read_fixed
 from trackslip.errors import LogError, counted
 from trackslip.kinematics import Array
 from trackslip.localization.raw_scans import RawScans, follow_plate
-from trackslip.localization.scan import Cluster, Plate
-from trackslip.logs.runlog import RunLog
-from trackslip.logs.scanlog import ScanLog
+from trackslip.localization.scan import Plate
+from trackslip.logs.runlog import RunLog, ScanLog
 
 
 @dataclass(frozen=True)
@@ -31,8 +30,8 @@ class Scans(Stamped):
     """The first message, with angles, limits and frame."""
 
 
-def read_scans(bag: Bag, name: str | None, notes: list[str]) -> list[Scans]:
-    """The scans of a topic, one for each stretch between restarts of their clock: nearly always one.
+def read_scans(bag: Bag, name: str | None, notes: list[str]) -> Scans:
+    """The scans of a topic.
 
     Scans with other beams than most are left out; `notes` gets a line for that. Raises LogError if there are none.
     """
@@ -42,22 +41,25 @@ def read_scans(bag: Bag, name: str | None, notes: list[str]) -> list[Scans]:
         scan = message.content
         beams = len(scan.ranges), round(scan.angle_min, 4), round(scan.angle_increment, 7)
         alike[beams].append((message.stamp, message.arrival, np.array(scan.ranges, np.float32), scan))
-    usual = max(alike.values(), key=len)
+    usual = max(alike.values(), key=len, default=[])
+    if not usual:
+        raise LogError(f"topic {topic.name}: no messages")
     if others := sum(map(len, alike.values())) - len(usual):
         notes.append(f"topic {topic.name}: {counted(others, 'scan')} with other beams than most left out")
     stamps, arrivals, ranges, scans = zip(*usual, strict=True)
     stamp, arrival, values = np.array(stamps, np.int64), np.array(arrivals, np.int64), np.stack(ranges)
-    rows, delay = stretches(topic.name, stamp, arrival, notes), (arrival - stamp) / 1e9
-    return [Scans(topic.name, stamp[part], delay[part], values[part], scans[0]) for part in rows]
+    rows = ascending(topic.name, stamp, arrival, notes)
+    return Scans(topic.name, stamp[rows], ((arrival - stamp) / 1e9)[rows], values[rows], scans[0])
 
 
 def plate_log(
     bag: Bag, run: str, encoders: Encoders, scans: Scans, plate: Plate, notes: list[str]
 ) -> tuple[RunLog, str]:
-    """The log of a run, with the plate's poses and ranges, and what these were taken from, in words.
+    """The log of a run, with the plate's poses and ranges, and the sources taken, in words.
 
     `notes` gets a line for each doubt. Raises LogError, naming topic and cause.
     """
+    notes += clocks_apart(encoders, scans)
     mount, upside_down, source = _mount(bag, scans, notes)
     start = int(encoders.stamp[0])
     time, began = seconds(encoders.stamp, start), seconds(scans.stamp, start)
@@ -75,12 +77,9 @@ def plate_log(
     poses = scanner.to_world(plates.estimate.pose)[kept]
     log = joined(run, encoders, Poses(scans.source, stamp[kept], scans.delay, poses))
     log.metadata["bag"] |= {"mount": mount.tolist(), "mount_from": source}
-    columns = {}
-    for name, values in vars(plates.cluster).items():
-        columns[name] = np.full((len(log.time), *values.shape[1:]), name == "range", values.dtype)
-        columns[name][log.is_valid] = values[kept]
-    log = replace(log, scans=ScanLog(scanner, plate, Cluster(**columns)))
-    return log, f"the plate's in {scans.source}; scanner: {source}"
+    cluster = plates.cluster.take(np.flatnonzero(kept)).among(log.is_valid)
+    log = replace(log, scans=ScanLog(scanner, plate, cluster))
+    return log, f"{encoders.taken}; poses: the plate's in {scans.source}; scanner: {source}"
 
 
 def _mount(bag: Bag, scans: Scans, notes: list[str]) -> tuple[Array, bool, str]:

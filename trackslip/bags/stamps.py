@@ -31,14 +31,19 @@ def seconds(stamp: np.ndarray, origin: int) -> Array:
     return np.asarray((stamp - origin) / 1e9)
 
 
-def stretches(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[str]) -> list[np.ndarray]:
-    """Rows (n,) of a topic's messages by ascending stamp, for each stretch between restarts of the clock.
+def restarts_of(stamp: np.ndarray, arrival: np.ndarray) -> np.ndarray:
+    """Times of recording (n,) [ns] at which the clock of the stamps (N,) starts anew."""
+    rows = np.argsort(arrival, kind="stable")
+    rows = rows[stamp[rows] != 0]
+    return np.asarray(arrival[rows[restarts(seconds(stamp[rows], int(stamp[rows].min(initial=0))))]])
+
+
+def ascending(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Rows (n,) of a topic's messages by ascending stamp, of those recorded by one clock.
 
     Stamps (N,) are those in the headers, arrivals (N,) the times of recording [ns]. `notes` gets a line for what is
     left out, if it hasn't got it. Raises LogError if most messages have no stamp.
     """
-    if not len(stamp):
-        raise LogError(f"topic {topic}: no messages")
     lines = []
     zero = stamp == 0
     if zero.mean() > 0.5:
@@ -50,22 +55,14 @@ def stretches(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[st
         lines.append(f"{zero.sum()} of {len(stamp)} messages left out: their header stamps are 0")
     rows = np.argsort(arrival, kind="stable")
     rows = rows[~zero[rows]]
-    time = seconds(stamp[rows], int(stamp[rows].min()))
-    starts = restarts(time)
-    if starts.size:
-        back = f"from {time[starts[0] - 1]:.6g} s to {time[starts[0]]:.6g} s"
-        lines.append(f"time goes back {back}: read as {starts.size + 1} drives")
-    parts = []
-    for part in np.split(rows, starts):
-        parts.append(part[in_order(stamp[part])])
-        if len(parts[-1]) < len(part):
-            k = int(np.argmax(np.diff(stamp[part]) <= 0)) + 1
-            what = "is stamped twice" if stamp[part[k]] == stamp[part[k - 1]] else "goes back"
-            at = f"{(stamp[part[k]] - stamp[part[0]]) / 1e9:.6g} s"
-            count = len(part) - len(parts[-1])
-            lines.append(f"{count} of {len(part)} messages left out: time {what} at {at}")
+    kept = rows[in_order(stamp[rows])]
+    if len(kept) < len(rows):
+        k = int(np.argmax(np.diff(stamp[rows]) <= 0)) + 1
+        what = "is stamped twice" if stamp[rows[k]] == stamp[rows[k - 1]] else "goes back"
+        at = f"{(stamp[rows[k]] - stamp[rows[0]]) / 1e9:.6g} s"
+        lines.append(f"{len(rows) - len(kept)} of {len(rows)} messages left out: time {what} at {at}")
     notes += [line for line in (f"topic {topic}: {line}" for line in lines) if line not in notes]
-    return parts
+    return kept
 
 
 def without_bursts(stamp: np.ndarray) -> np.ndarray:
@@ -80,8 +77,8 @@ def without_bursts(stamp: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.append(interval >= _BURST * usual, True))
 
 
-def clocks_apart(ours: Stamped, theirs: Stamped) -> str:
-    """A line on clocks that differ by a constant, by the delays of two topics' messages; empty if they don't.
+def clocks_apart(ours: Stamped, theirs: Stamped) -> list[str]:
+    """A line on clocks that differ by a constant, by the delays of two topics' messages; none if they don't.
 
     Delays are the times from the stamps in the headers to the recording, by the recorder's one clock. Raises LogError
     if the stamps have no time in common.
@@ -90,7 +87,7 @@ def clocks_apart(ours: Stamped, theirs: Stamped) -> str:
     spread = sum(float(np.ptp(np.percentile(topic.delay, (25, 75)))) for topic in (ours, theirs))
     line = f"clocks differ by {apart:.1f} s by their receive stamps" if apart > _APART + spread else ""
     if ours.stamp[0] <= theirs.stamp[-1] and theirs.stamp[0] <= ours.stamp[-1]:
-        return f"topics {ours.source} and {theirs.source}: {line}" if line else ""
+        return [f"topics {ours.source} and {theirs.source}: {line}"] if line else []
     if (ours.stamp[-1] < _SIMULATED) != (theirs.stamp[-1] < _SIMULATED):
         line = "different clocks, simulated and wall time"
     first, second = (f"{topic.stamp[0] / 1e9:.3f} to {topic.stamp[-1] / 1e9:.3f} s" for topic in (ours, theirs))

@@ -13,7 +13,7 @@ from scipy.interpolate import interp1d
 from scipy.spatial.transform import Rotation, Slerp
 
 from trackslip.bags.open import Bag, listed, stamp_of
-from trackslip.bags.stamps import seconds, stretches
+from trackslip.bags.stamps import ascending, seconds
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
@@ -80,8 +80,8 @@ def path_up(frame: str, parents: Mapping[str, str]) -> list[str]:
     return path
 
 
-def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> list[SpacePoses]:
-    """The poses of `child` in `parent`, for each stretch between restarts of the clock.
+def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> SpacePoses:
+    """The poses of `child` in `parent`.
 
     They are sampled when the link changes that changes least often, as map to odom does with each match of a scan;
     the others are interpolated. Raises LogError if the frames are unknown or not connected, or no transform between
@@ -91,12 +91,9 @@ def read_chain(bag: Bag, parent: str, child: str, notes: list[str]) -> list[Spac
     if not transforms:
         raise LogError(f"{bag.path}: no transforms: no topic of {TRANSFORMS[0]}")
     links = _links(bag, transforms, parent.strip("/"), child.strip("/"), notes)
-    counts = {len(parts) for parts, _ in links if not all(part.is_constant for part in parts)}
-    if not counts:
+    if all(link.is_constant for link, _ in links):
         raise LogError(f"{bag.path}: the transforms from {parent!r} to {child!r} never change")
-    if len(counts) > 1:
-        raise LogError(f"{bag.path}: time goes back in some transforms from {parent!r} to {child!r}, not in others")
-    return [_sampled([(parts[k % len(parts)], forwards) for parts, forwards in links]) for k in range(*counts)]
+    return _sampled(links)
 
 
 def read_fixed(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Rotation] | None:
@@ -110,9 +107,9 @@ def read_fixed(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Rota
     if outer == frame:
         return None
     links = _links(bag, transforms, outer, frame, notes)
-    if not all(part.is_constant for parts, _ in links for part in parts):
+    if not all(link.is_constant for link, _ in links):
         raise LogError(f"{bag.path}: frame {frame!r} moves in {outer!r}")
-    place, turn = _composed([(parts[0], forwards) for parts, forwards in links], np.zeros(1, np.int64))
+    place, turn = _composed(links, np.zeros(1, np.int64))
     return outer, place[0], turn[0]
 
 
@@ -137,10 +134,8 @@ def pose_numbers(place: Any, turn: Any) -> tuple[float, ...]:
     return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
 
 
-def _links(
-    bag: Bag, transforms: Mapping[Pair, Rows], parent: str, child: str, notes: list[str]
-) -> list[tuple[list[SpacePoses], bool]]:
-    """The links that lead from a frame to another, for each stretch of time, and whether they are followed forwards.
+def _links(bag: Bag, transforms: Mapping[Pair, Rows], parent: str, child: str, notes: list[str]) -> list[Link]:
+    """The links that lead from a frame to another.
 
     Raises LogError if there is no such frame, or the links don't connect them.
     """
@@ -161,8 +156,8 @@ def _links(
     return [(_link(pair, transforms[pair], notes), forwards) for pair, forwards in pairs]
 
 
-def _link(pair: Pair, rows: Rows, notes: list[str]) -> list[SpacePoses]:
-    """The transforms between two frames, for each stretch between restarts of the clock; one if it never changes."""
+def _link(pair: Pair, rows: Rows, notes: list[str]) -> SpacePoses:
+    """The transforms between two frames; the last one if they never change."""
     name = f"tf {pair[0]} -> {pair[1]}"
     stamp, arrival = np.array([row[:2] for row in rows], np.int64).T
     place, turn = np.split(np.array([row[2:] for row in rows]), [3], axis=1)
@@ -171,8 +166,8 @@ def _link(pair: Pair, rows: Rows, notes: list[str]) -> list[SpacePoses]:
         raise LogError(f"{name}: no transform is finite")
     poses = SpacePoses(stamp, arrival, place, turn).take(np.flatnonzero(good))
     if poses.is_constant:
-        return [poses.take(np.array([-1]))]
-    return [poses.take(part) for part in stretches(name, poses.stamp, poses.arrival, notes)]
+        return poses.take(np.array([-1]))
+    return poses.take(ascending(name, poses.stamp, poses.arrival, notes))
 
 
 def heading_and_tilt(turn: Rotation) -> tuple[Array, Array]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from typing import Generic, Protocol, TypeVar, runtime_checkable
+from dataclasses import dataclass, field, fields
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.errors import require_positive
+from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import Reference
 
@@ -48,6 +48,24 @@ class ControlLaw:
 
     def reset(self) -> None:
         """Nothing to reset."""
+
+
+@dataclass(frozen=True)
+class Remembering(ControlLaw):
+    """Base of the laws with a state, for as many robots as in the first call since `reset`."""
+
+    _kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def reset(self) -> None:
+        """Discard the state; the next call may be for another number of robots."""
+        self._kept.clear()
+
+    def _elapsed(self, time: float, robots: tuple[int, ...]) -> float | None:
+        """Time since the last call [s]; None for the first one. Raises InvalidValueError for other robots than then."""
+        before, last = self._kept.setdefault("robots", robots), self._kept.get("time")
+        require(robots == before, "pose", (*robots, 3), f"of shape {(*before, 3)} until reset")
+        self._kept["time"] = time
+        return None if last is None else max(time - last, 0.0)
 
 
 class OncePerReference(Generic[T]):

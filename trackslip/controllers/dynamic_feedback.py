@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.base import ControlLaw
+from trackslip.controllers.base import Remembering
 from trackslip.controllers.error_feedback import Samson
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
@@ -22,20 +21,8 @@ ACCELERATION_STEP = 0.01
 """Half of the time over which the acceleration of the reference is estimated [s]."""
 
 
-@dataclass
-class _State:
-    """The state between calls."""
-
-    time: float | None = None
-    """Time of the last call [s]; None before the first."""
-    speed: Array = field(default_factory=lambda: np.zeros(()))
-    """xi, driven since the last call [m/s] (...)."""
-    static_speed: Array = field(default_factory=lambda: np.zeros(()))
-    """Speed demanded by the static law in that call [m/s] (...)."""
-
-
 @dataclass(frozen=True)
-class DynamicFeedback(ControlLaw):
+class DynamicFeedback(Remembering):
     """Turns the position into two double integrators, with the speed xi as a state of the controller.
 
     With u = p_d'' + k_d (p_d' - p') + k_p (p_d - p), xi' = u_1 cos(phi) + u_2 sin(phi) and
@@ -57,11 +44,6 @@ class DynamicFeedback(ControlLaw):
     """Time constant of the transition to the static law [s]."""
     static: Samson = field(default_factory=Samson)
     """The law used near standstill."""
-    _state: _State = field(default_factory=_State, init=False, repr=False, compare=False)
-
-    def reset(self) -> None:
-        """Discard the speeds; the next call may be for another number of robots."""
-        self._state.time = None
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`."""
@@ -80,19 +62,18 @@ class DynamicFeedback(ControlLaw):
         share = np.minimum(share, self._share(v_d, v))
         w = share * across / np.where(share > 0, v, 1.0) + (1 - share) * static[..., 1]
 
-        self._state.time, self._state.speed, self._state.static_speed = time, v, static[..., 0]
+        self._kept.update(speed=v, static_speed=static[..., 0])
         return np.stack([v, w], axis=-1)
 
     def _since_last_call(self, time: float, static_speed: Array) -> tuple[float, Array, Array]:
         """Time since the last call [s], xi then, and its difference from the speed of the static law, (...)."""
-        last = self._state
-        if last.time is None:
+        elapsed = self._elapsed(time, static_speed.shape)
+        if elapsed is None:
             return 0.0, static_speed, np.zeros_like(static_speed)
-        if last.speed.shape != static_speed.shape:
-            raise InvalidValueError("pose", (*static_speed.shape, 3), f"of shape {(*last.speed.shape, 3)} until reset")
-        known = np.isfinite(last.speed)  # a robot whose pose was lost begins again
-        offset = np.where(known, last.speed - last.static_speed, 0.0)
-        return max(time - last.time, 0.0), np.where(known, last.speed, static_speed), offset
+        speed = self._kept["speed"]
+        known = np.isfinite(speed)  # a robot whose pose was lost begins again
+        offset = np.where(known, speed - self._kept["static_speed"], 0.0)
+        return elapsed, np.where(known, speed, static_speed), offset
 
     def _share(self, desired_speed: float, speed: Array) -> Array:
         """Share of the dynamic law (...): 0 up to `least_speed`, 1 from 1.5 times as much."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.base import ControlLaw
-from trackslip.errors import require, require_whole
+from trackslip.controllers.base import Remembering
+from trackslip.errors import require_whole
 from trackslip.kinematics import Array, track_speeds, twist_of_tracks
 from trackslip.trajectory.base import Reference
 
@@ -18,18 +18,8 @@ Improve = Callable[[Array, Array], Array]
 """Makes a better plan (K, 2) of a plan (K, 2) and the pose (3,) of a robot."""
 
 
-@dataclass
-class _State:
-    """The state between calls."""
-
-    time: float = 0.0
-    """Time of the last call [s]."""
-    plans: Array | None = None
-    """Track speeds (..., K, 2) [m/s] that each robot plans from that time on; None before the first call."""
-
-
 @dataclass(frozen=True)
-class Horizon(ControlLaw, ABC):
+class Horizon(Remembering, ABC):
     """Base of the laws that minimise predicted errors by track speeds within their limits, held for an interval each.
 
     Each call improves the plan of the previous one, shifted, and drives its first twist. A robot whose pose is not
@@ -50,7 +40,6 @@ class Horizon(ControlLaw, ABC):
     """Speed limit of each track, slightly below the 0.3 m/s of the sprockets [m/s]."""
     half_gauge: float = 0.213
     """b + D, the effective half gauge with slip compensation; half the gauge without it [m]."""
-    _state: _State = field(default_factory=_State, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -65,31 +54,26 @@ class Horizon(ControlLaw, ABC):
         weights[-1] *= self.final_weight
         return weights
 
-    def reset(self) -> None:
-        """Discard the plans; the next call may be for another number of robots."""
-        self._state.plans = None
-
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`.
 
         Raises TrackslipError if a library that the law needs is not installed.
         """
-        state, pose = self._state, np.asarray(pose, float)
+        pose = np.asarray(pose, float)
         nodes = time + self.interval * np.arange(self.intervals + 1)
         twists = reference.twist((nodes[1:] + nodes[:-1]) / 2)  # (K, 2), means
         wanted = track_speeds(twists, self.half_gauge)
         shape = (*pose.shape[:-1], self.intervals, 2)
-        if state.plans is None:
+        elapsed = self._elapsed(time, pose.shape[:-1])
+        if elapsed is None:
             plans = np.broadcast_to(np.clip(wanted, -self.track_speed, self.track_speed), shape)
         else:
-            allowed = f"of shape {(*state.plans.shape[:-2], 3)} until reset"
-            require(state.plans.shape == shape, "pose", pose.shape, allowed)
-            plans = self._shifted(state.plans, time - state.time)
+            plans = self._shifted(self._kept["plans"], elapsed)
         improve = self._improve(time, reference.pose(nodes), twists)
         robots = zip(plans.reshape(-1, *shape[-2:]), pose.reshape(-1, 3), strict=True)
-        improved = [improve(plan, one) if np.isfinite(one).all() else plan for plan, one in robots]
-        state.plans, state.time = np.reshape(improved, shape), time
-        return twist_of_tracks(state.plans[..., 0, :], self.half_gauge)
+        improved = [improve(plan, at) if np.isfinite(at).all() else plan for plan, at in robots]
+        self._kept["plans"] = np.reshape(improved, shape)
+        return twist_of_tracks(self._kept["plans"][..., 0, :], self.half_gauge)
 
     @abstractmethod
     def _improve(self, time: float, poses: Array, twists: Array) -> Improve:
@@ -98,7 +82,7 @@ class Horizon(ControlLaw, ABC):
     def _shifted(self, plans: Array, elapsed: float) -> Array:
         """Plans (..., K, 2), shifted by `elapsed` [s]; their last speeds are held."""
         last = self.intervals - 1
-        later = np.minimum(np.arange(last + 1) + max(elapsed, 0.0) / self.interval, last)
+        later = np.minimum(np.arange(last + 1) + elapsed / self.interval, last)
         k = np.minimum(later.astype(int), max(last - 1, 0))
         share = (later - k)[:, None]
         return (1 - share) * plans[..., k, :] + share * plans[..., np.minimum(k + 1, last), :]

@@ -7,32 +7,20 @@ path following: an application to the coordinated control of autonomous marine c
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.base import ControlLaw
+from trackslip.controllers.base import Remembering
 from trackslip.errors import require
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.se2 import between
 from trackslip.trajectory.base import Reference
 
 
-@dataclass
-class _State:
-    """The state between calls."""
-
-    time: float = 0.0
-    """Time of the last call [s]."""
-    target: Array | None = None
-    """tau (...), when the reference is at each robot's virtual target [s]; None before the first call."""
-    rate: Array = field(default_factory=lambda: np.zeros(()))
-    """tau' (...) since that call [-]."""
-
-
 @dataclass(frozen=True)
-class PathFollowing(ControlLaw):
+class PathFollowing(Remembering):
     """Steers onto the path beside the robot instead of towards the reference of the present time.
 
     The virtual target is the reference's pose at a time tau of each robot's own. In the target's frame the robot is s
@@ -62,21 +50,20 @@ class PathFollowing(ControlLaw):
     """Largest |rho - 1|, less than 1 [-]."""
     least_speed: float = 0.03
     """Speed of the reference at which the law for standstill has a share of one half [m/s]."""
-    _state: _State = field(default_factory=_State, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require(self.approach_angle < np.pi / 2, "approach_angle", self.approach_angle, "less than pi/2 rad")
         require(self.catch_up < 1, "catch_up", self.catch_up, "less than 1")
 
-    def reset(self) -> None:
-        """Discard the targets; the next call may be for another number of robots."""
-        self._state.target = None
-
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`."""
         pose = np.asarray(pose, float)
-        target = self._target(time, pose)
+        elapsed = self._elapsed(time, pose.shape[:-1])
+        if elapsed is None:
+            target = np.full(pose.shape[:-1], float(time))
+        else:
+            target = self._kept["target"] + elapsed * self._kept["rate"]
         s, y, theta = np.moveaxis(between(reference.pose(target), pose), -1, 0)
         theta = wrap_angle(theta)
         v_d, w_d = np.moveaxis(reference.twist(target), -1, 0)
@@ -85,7 +72,8 @@ class PathFollowing(ControlLaw):
         v = hurry * v_d - standing * self.timing * s
         moving = (v * np.cos(theta) + self.along * s) / np.where(v_d == 0, 1.0, v_d)
         rate = standing * hurry + (1 - standing) * moving
-        rate = self._state.rate = np.fmax(rate, 0.0)  # the target waits while the pose is lost
+        rate = np.fmax(rate, 0.0)  # the target waits while the pose is lost
+        self._kept.update(target=target, rate=rate)
         steepest = np.sign(v) * self.approach_angle
         delta = -steepest * np.tanh(self.approach * y)
         slope = -steepest * self.approach / np.cosh(self.approach * y) ** 2  # of delta by y
@@ -93,15 +81,3 @@ class PathFollowing(ControlLaw):
         steering = slope * (v * np.sin(theta) - w_d * rate * s)
         steering -= self.across * y * v * np.cos(middle) * np.sinc(off / (2 * np.pi))
         return np.stack([v, w_d * rate + steering - self.heading * np.abs(v) * off], axis=-1)
-
-    def _target(self, time: float, pose: Array) -> Array:
-        """tau (...) of robots at poses (..., 3) at `time` [s]."""
-        state = self._state
-        if state.target is None:
-            state.target = np.full(pose.shape[:-1], float(time))
-        else:
-            shape = state.target.shape
-            require(shape == pose.shape[:-1], "pose", pose.shape, f"of shape {(*shape, 3)} until reset")
-            state.target = state.target + max(time - state.time, 0.0) * state.rate
-        state.time = time
-        return state.target

@@ -55,21 +55,16 @@ def deploy_law(
 ) -> str:
     """The text of a file by which another program drives, and computes odometry, under a slip law.
 
-    Its comments state the law, its intervals, its origin, and the alarms that its identification raised.
-
     Args:
         source: a folder of results, a JSON file of laws, or an identification.
-        to: `ros2_control`: parameters of diff_drive_controller as YAML; `ros_control`: the same for ROS 1; `json`;
-            `c`: a header with functions from twist to sprocket speeds and back; `python`: the same as a module that
-            needs nothing but `math`.
+        to: `ros2_control` (parameters of diff_drive_controller as YAML), `ros_control` (the same for ROS 1), `json`,
+            `c` (a header) or `python` (a module).
         law: name of the law; by default the best one that the target can express.
         controller: name of the robot's controller, for ros2_control and ros_control.
         accept: whether to deploy a law although its identification raised an alarm.
 
-    Raises:
-        LogError: if the source holds no laws.
-        InvalidValueError: for an unknown target or law, or a controller that is no name.
-        TrackslipError: if the target can't express the law; the message names those that it can. Or for an alarm.
+    Raises TrackslipError if the source holds no laws, for an unknown target, law or controller, for a law that the
+    target can't express, and for an alarm.
     """
     return deployed(source, to, law, controller, accept).text
 

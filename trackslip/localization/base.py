@@ -1,9 +1,9 @@
-"""The protocol of locators, and what they return."""
+"""The protocol of locators, and what they return: arrays with a row per scan."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -12,7 +12,23 @@ from trackslip.localization.scan import Scan
 
 
 @dataclass(frozen=True)
-class PoseEstimate:
+class Rows:
+    """Base of dataclasses of arrays that share their first axis."""
+
+    def take(self, rows: np.ndarray) -> Self:
+        """The rows `rows`, in that order, possibly repeated."""
+        taken = object.__new__(type(self))  # not by way of __init__, which takes longer than the arrays of a few rows
+        vars(taken).update({name: values[rows] for name, values in vars(self).items()})
+        return taken
+
+    def put(self, rows: np.ndarray, other: Self) -> None:
+        """Overwrite the rows `rows` (R,) with the R rows of `other`."""
+        for mine, others in zip(vars(self).values(), vars(other).values(), strict=True):
+            mine[rows] = others
+
+
+@dataclass(frozen=True)
+class PoseEstimate(Rows):
     """Poses of the robot in the world."""
 
     pose: Array  # (S, 3) [m, m, rad]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.rows import Rows
-from trackslip.localization.scan import MIN_NOISE, Cluster, Scan
+from trackslip.localization.base import Rows
+from trackslip.localization.scan import MIN_NOISE, Cluster, Scan, places_of
 from trackslip.localization.view import Points
 
 _OUTWARDS = np.array([[-1.0], [1.0]])  # signs of bearings outwards from the middle, right and left
@@ -40,8 +40,7 @@ class PlateBeams:
     @classmethod
     def of(cls, scan: Scan, cluster: Cluster) -> PlateBeams:
         """The beams of each cluster of a scan; each has a return."""
-        step, count = scan.beam_step, cluster.count
-        bearing, distance = cluster.bearing[cluster.hit], cluster.range[cluster.hit]
+        step, count, bearing, distance = scan.beam_step, cluster.count, cluster.bearing, cluster.range
         first = count.cumsum() - count
         low, high = bearing[first], bearing[first + count - 1]
         middle = (low + high) / 2
@@ -63,16 +62,10 @@ class PlateBeams:
 
     def take(self, rows: np.ndarray) -> PlateBeams:
         """The beams of the scans `rows` (R,), in that order, possibly repeated."""
-        count, kept = self.count[rows], self.places(rows)
+        count, kept = self.count[rows], places_of(self.count, rows)
         first = count.cumsum() - count
         u, u_turned = (part.take(kept, axis=1) for part in (self.u, self.u_turned))
         return PlateBeams(u, u_turned, self.range[kept], count, first, self.edges.take(rows), self.noise)
-
-    def places(self, rows: np.ndarray) -> np.ndarray:
-        """Places of the returns of the scans `rows` (R,)."""
-        count = self.count[rows]
-        end = count.cumsum()
-        return np.repeat(self.first[rows] - end + count, count) + np.arange(end[-1] if end.size else 0)
 
     def thinned(self, most: int) -> PlateBeams:
         """Only every n-th return of each scan, so that at most about `most` are left; the edges are kept."""

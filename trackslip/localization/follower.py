@@ -68,7 +68,7 @@ def _locate(
     """Locate the scans `where` (N, T), near expected poses (N, T, 3) if there are any, and put them into `single`."""
     if where.any():
         part = replace(scan, ranges=scan.ranges[where])
-        _put(single, where, locator.locate(part, None if expected is None else expected[where]))
+        single.put(where, locator.locate(part, None if expected is None else expected[where]))
 
 
 def _track(
@@ -85,7 +85,7 @@ def _track(
         edge_on = viewing_angle(scan.from_world(expected)) < EDGE_ON
         doubted = np.flatnonzero(~tracker.believes(here) & ~edge_on)
         if doubted.size:
-            _put(here, doubted, locator.locate(replace(scan, ranges=scan.ranges[doubted, row]), expected[doubted]))
+            here.put(doubted, locator.locate(replace(scan, ranges=scan.ranges[doubted, row]), expected[doubted]))
         tracked.append(tracker.update(here))
     parts = zip(*(vars(one).values() for one in tracked), strict=True)
     return PoseEstimate(*(np.stack(part, axis=1) for part in parts))
@@ -98,10 +98,6 @@ def _at(estimate: PoseEstimate, rows: Sequence[int]) -> PoseEstimate:
 def _joined(first: PoseEstimate, second: PoseEstimate) -> PoseEstimate:
     parts = zip(vars(first).values(), vars(second).values(), strict=True)
     return PoseEstimate(*(np.concatenate(part, axis=1) for part in parts))
-
-
-def _put(estimate: PoseEstimate, where: np.ndarray, part: PoseEstimate) -> None:
-    estimate.pose[where], estimate.covariance[where], estimate.valid[where] = part.pose, part.covariance, part.valid
 
 
 def _between(known: PoseEstimate, keys: np.ndarray, rows: int) -> tuple[np.ndarray, Array]:

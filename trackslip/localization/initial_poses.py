@@ -1,8 +1,6 @@
-"""Starting poses, and the chunks of scans that are fitted together."""
+"""Starting poses, and the portions of scans that are fitted together."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -15,7 +13,7 @@ MAX_STARTS = 6
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
 _WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it
-_CHUNK = 120_000  # returns times starts processed at a time, which bounds the memory
+_CHUNK = 120_000  # returns times starts processed at a time, which stay in the cache
 
 
 def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:
@@ -43,46 +41,24 @@ def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None)
 
 def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Array:
     """Poses (S, 3) of plates with `heading` (S,) whose near faces touch the returns around `middle` (S, 2)."""
-    x = cluster.range * np.cos(cluster.bearing)
-    y = cluster.range * np.sin(cluster.bearing)
+    row = cluster.row
+    x, y = cluster.range * np.cos(cluster.bearing), cluster.range * np.sin(cluster.bearing)
     e = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     n = np.stack([-e[:, 1], e[:, 0]], axis=-1)
     centre = np.zeros((len(heading), 2))
     for axis, size in ((e, plate.length), (n, plate.thickness)):
-        coordinate = x * axis[:, :1] + y * axis[:, 1:]
-        low = np.min(coordinate, axis=1, where=cluster.hit, initial=np.inf)
-        high = np.max(coordinate, axis=1, where=cluster.hit, initial=-np.inf)
+        low, high = cluster.extremes(x * axis[row, 0] + y * axis[row, 1])
         away = np.sum(axis * middle, axis=1) > 0  # the LRF is on the low side
-        centre += centre_of_side(low, high, size, away)[:, None] * axis
+        near = np.where(away, low + size / 2, high - size / 2)  # unless almost all of a side is seen, its near end is
+        centre += np.where(high - low > _WHOLE * size, (low + high) / 2, near)[:, None] * axis
     return np.concatenate([centre, heading[:, None]], axis=-1)
 
 
-def centre_of_side(low: Array, high: Array, size: float, away: np.ndarray) -> Array:
-    """Coordinates (S,) of the centre along a side of length `size`, of which the part from `low` to `high` is seen.
-
-    Unless almost all of it is seen, its near end is: the lower one where the plate lies in the positive direction.
-    """
-    near = np.where(away, low + size / 2, high - size / 2)
-    return np.where(high - low > _WHOLE * size, (low + high) / 2, near)
-
-
-def chunks(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) -> Iterator[np.ndarray]:
-    """Rows of clusters with MIN_RETURNS or more returns, in chunks that are padded to the same width.
-
-    The width depends on the cluster alone, so that the rounding of sums over beams is independent of its neighbours.
-    """
-    wanted = cluster.count >= MIN_RETURNS if among is None else among & (cluster.count >= MIN_RETURNS)
-    padded = cluster.padded_width
-    for width in sorted(set(padded[wanted].tolist())):
-        rows = np.flatnonzero(wanted & (padded == width))
-        most = max(1, _CHUNK // (starts_each * width))
-        yield from np.split(rows, range(most, len(rows), most))
-
-
-def portions(cluster: Cluster) -> list[np.ndarray]:
-    """Rows of clusters with MIN_RETURNS or more returns, in portions that stay in the cache."""
-    (rows,) = (cluster.count >= MIN_RETURNS).nonzero()
-    total = cluster.count[rows].cumsum()
+def portions(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) -> list[np.ndarray]:
+    """Rows of clusters with MIN_RETURNS or more returns, in portions whose memory is bounded, of those in a mask."""
+    wanted = cluster.count >= MIN_RETURNS
+    rows = np.flatnonzero(wanted if among is None else wanted & among)
+    total = starts_each * cluster.count[rows].cumsum()
     if not rows.size or total[-1] <= _CHUNK:
         return [rows] if rows.size else []
     return np.split(rows, np.searchsorted(total, np.arange(_CHUNK, total[-1], _CHUNK)))

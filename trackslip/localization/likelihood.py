@@ -19,25 +19,61 @@ leaves nothing to hit costs as much as if it had been measured at the near or fa
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from trackslip import se2
 from trackslip.kinematics import Array
+from trackslip.localization.base import Rows
 from trackslip.localization.beams import Edges, PlateBeams
-from trackslip.localization.gauss_newton import Evaluation, newton
 from trackslip.localization.scan import Plate
-from trackslip.localization.view import View
+from trackslip.localization.view import View, in_axes
 
-_TINY = 1e-300  # keeps a beam that is parallel to a face, and a step without promise, from dividing by zero
-_DAMPING = 1e-3  # at first
-_FEW = 32  # rows: to leave some out takes longer than to evaluate them once more
+UNKNOWN = 1e6
+"""Variance of what a scan does not determine."""
+_TINY = 1e-300  # keeps a beam that is parallel to a face from dividing by zero
+_DAMPING, _REFUSED = 1e-3, 1.0  # of steps: at first, and at least after one that led upwards
 _CONVERGED = 1e-2  # a climb ends with a step that promises less; what is left promises about the square of that
-_SHORTEST, _LONGEST = 0.1, 0.5  # part of a refused step that is tried next
-# an edge's residual or derivative whose products are what it adds to the cost, the gradient, and the Hessian's elements
-_FIRST, _SECOND = np.array([0, 0, 0, 0, 1, 2, 3, 2, 1, 1]), np.array([0, 1, 2, 3, 1, 2, 3, 3, 3, 2])
+_ROW, _COLUMN = np.triu_indices(3)  # of a Hessian's six elements
+_SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # their places
+
+
+@dataclass(frozen=True)
+class Evaluation(Rows):
+    """The likelihood at M poses; derivatives with respect to the place along and across the plate and the heading."""
+
+    pose: Array  # (M, 3) in the LRF's frame
+    cost: Array  # (M,) negative log likelihoods
+    gradient: Array  # (M, 3)
+    hessian: Array  # (M, 3, 3)
+
+    def in_lrf_frame(self) -> Evaluation:
+        """A copy with derivatives with respect to x, y and phi."""
+        axes = in_axes(self.pose[:, 2])
+        back = axes.swapaxes(1, 2)
+        return Evaluation(self.pose, self.cost, (back @ self.gradient[..., None])[..., 0], back @ self.hessian @ axes)
+
+    def newton(self, damping: Array) -> tuple[Array, Array]:
+        """Poses (M, 3) after steps damped by (M,), and the decreases of the cost (M,) that they promise."""
+        step = np.linalg.solve(_regular(self.hessian, damping), -self.gradient[..., None])[..., 0]
+        moved = self.pose + step
+        moved[:, :2] = self.pose[:, :2] + se2.rotate(self.pose[:, 2], step[:, :2])
+        return moved, np.sum(step * self.gradient, axis=1) / -2
+
+    def covariances(self) -> Array:
+        """Inverses (M, 3, 3) of the Hessians; variances of what a scan does not determine are UNKNOWN."""
+        return np.linalg.inv(_regular(self.hessian, np.zeros(len(self.cost))))
+
+
+def _regular(hessian: Array, damping: Array) -> Array:
+    """The Hessians (M, 3, 3) with damping (M,) and a prior whose variances are UNKNOWN."""
+    regular = hessian.copy()
+    diagonal = np.einsum("mii->mi", regular)  # a view
+    diagonal *= 1 + damping[:, None]
+    diagonal += 1 / UNKNOWN
+    return regular
 
 
 @dataclass(frozen=True)
@@ -52,88 +88,45 @@ class PlateLikelihood:
         """Cost, gradient and Gauss-Newton Hessian at poses (M, 3)."""
         view = View.of(self.plate, pose)
         residual, on_long, slope, lever = self._ranges(beams, view)
-        terms, slopes = np.empty((9, len(residual))), np.empty((3, len(residual)))
-        weight, terms[0] = self.loss(residual)
-        turning = lever * slope
-        weighted = weight * slope
-        np.multiply(weighted, on_long, out=slopes[1])
-        np.subtract(weighted, slopes[1], out=slopes[0])  # a beam meets one face only: what is left is on the short one
-        np.multiply(weight, turning, out=slopes[2])
-        np.multiply(slopes, residual, out=terms[1:4])
-        np.multiply(slopes[:2], slope, out=terms[4:6])
-        np.multiply(slopes[::-1], turning, out=terms[6:])
-        sums = beams.sums(terms)  # (9, M): cost, gradient, and the Hessian's elements but the last
-
-        edges = self.edges(beams.edges, view)
-        products = edges.take(_FIRST, axis=0) * edges.take(_SECOND, axis=0)
-        total = products[:, 0] + products[:, 1]  # (10, M): the same, and the last element
-        total[0] /= 2
-        total[:9] += sums
-        return Evaluation(pose, total.T, view.axis)
+        weight, cost = self.loss(residual)
+        jacobian = np.stack([np.where(on_long, 0.0, slope), np.where(on_long, slope, 0.0), lever * slope])  # (3, H)
+        weighted = weight * jacobian
+        sums = beams.sums(np.concatenate([cost[None], weighted * residual, weighted[_ROW] * jacobian[_COLUMN]]))
+        missed, *edges = self.edges(beams.edges, view)  # (2, M) each
+        by_edges = np.stack(edges)
+        total = sums[0] + np.sum(missed**2, axis=0) / 2
+        gradient = sums[1:4] + np.sum(by_edges * missed, axis=1)
+        elements = sums[4:] + np.sum(by_edges[_ROW] * by_edges[_COLUMN], axis=1)
+        return Evaluation(pose, total, gradient.T, np.moveaxis(elements[_SYMMETRIC], -1, 0))
 
     def misfit(self, beams: PlateBeams, pose: Array) -> Array:
         """Root mean square residuals (M,) of the ranges at poses (M, 3) [standard deviations]."""
         residual = self._ranges(beams, View.of(self.plate, pose))[0]
         return np.sqrt(beams.sums(residual * residual) / beams.count)
 
-    def _moved(self, here: Evaluation, step: Array) -> Array:
-        """Poses (M, 3) after steps (M, 3) from `here` along and across the plates."""
-        moved, shift = here.pose.copy(), np.empty(len(step), complex)
-        shift.real, shift.imag = step[:, 0], step[:, 1]
-        shift = shift * here.axis  # in place, NumPy rounds one product otherwise than several
-        moved[:, 0] += shift.real
-        moved[:, 1] += shift.imag
-        moved[:, 2] += step[:, 2]
-        return moved
-
     def climb(self, beams: PlateBeams, pose: Array, iterations: int) -> Evaluation:
-        """The minima of the cost near poses (M, 3) in the LRF's frame, by damped Gauss-Newton steps.
+        """The minima of the cost near poses (M, 3) in the LRF's frame, by damped Gauss-Newton steps (Levenberg).
 
-        A step that leads upwards crosses a kink of the cost, where beams leave a face of the plate; a part of it is
-        tried next, up to the minimum of the parabola through what is known, unless that promises next to nothing. A row
-        whose next step promises next to nothing takes that step. It no longer changes then, so that rows are bitwise
-        independent.
+        A step that leads upwards crosses a kink of the cost, where beams leave a face of the plate: it is refused. A
+        row whose next step promises next to nothing takes that step and stays, whatever the others do.
         """
-        fit = here = self.evaluate(beams, pose.copy())
-        rows = np.arange(len(pose))  # those of `here`
-        climbing = np.ones(len(pose), bool)
-        part = np.ones(len(pose))  # of the step that is tried
-        for k in range(iterations):
-            step, fall = newton(here, _DAMPING / 10**k)
-            there = (fall < _CONVERGED) & climbing
-            target = self._moved(here, part[:, None] * step)
-            if there.any():
-                np.copyto(here.pose, target, where=there[:, None])
-                np.subtract(here.cost, fall, out=here.cost, where=there)
-                climbing &= ~there
-            left = np.count_nonzero(climbing)
-            if not left:
+        fit = self.evaluate(beams, pose.copy())
+        climbing, damping = np.arange(len(pose)), np.full(len(pose), _DAMPING)
+        for _ in range(iterations):
+            target, fall = fit.take(climbing).newton(damping[climbing])
+            going = fall >= _CONVERGED
+            last = ~going & (damping[climbing] < _REFUSED)
+            fit.pose[climbing[last]] = target[last]
+            fit.cost[climbing[last]] -= fall[last]
+            if not going.all():
+                climbing, beams, target = climbing[going], beams.take(np.flatnonzero(going)), target[going]
+            if not climbing.size:
                 break
-            if len(rows) > _FEW and left < len(rows):
-                if fit is not here:
-                    fit.put(rows[~climbing], here.take(~climbing))
-                (on,) = climbing.nonzero()
-                rows, beams, here, climbing = rows[on], beams.take(on), here.take(on), climbing[on]
-                part, target, fall = part[on], target[on], fall[on]
             trial = self.evaluate(beams, target)
-            rise = trial.cost - here.cost
-            better = (rise < 0) & climbing
-            if better.all():
-                here = trial
-            else:
-                np.copyto(here.pose, trial.pose, where=better[:, None])
-                np.copyto(here.terms, trial.terms, where=better[:, None])
-                np.copyto(here.axis, trial.axis, where=better)
-            np.copyto(part, 1.0, where=better)
-            refused = climbing & ~better
-            if refused.any():
-                promised = 2 * part * fall
-                shorter = promised / (2 * (rise + promised) + _TINY)
-                climbing &= better | (shorter * promised / 2 >= _CONVERGED)  # what the minimum of the parabola promises
-                part = np.where(refused, part * np.minimum(np.maximum(shorter, _SHORTEST), _LONGEST), part)
-        if here is fit or len(rows) == len(pose):
-            return here
-        fit.put(rows, here)
+            better = trial.cost < fit.cost[climbing]
+            fit.put(climbing[better], trial.take(better))
+            before = damping[climbing]
+            damping[climbing] = np.where(better, before / 10, np.maximum(10 * before, _REFUSED))
         return fit
 
     def loss(self, residual: Array) -> tuple[Array, Array]:
@@ -149,7 +142,7 @@ class PlateLikelihood:
         That is whether they are on the long face (H,), their derivatives (H,) with respect to the place of the face
         [standard deviations per m], and how far along it they are (H,) [m].
         """
-        half = _half_sides(self.plate)
+        half = np.array([[self.plate.length], [self.plate.thickness]]) / 2
         of_scans = np.empty((10, len(view.place)))
         of_scans[0], of_scans[1] = view.axis.real, view.axis.imag
         place = of_scans[2:4]  # along and across, as all pairs that follow
@@ -182,12 +175,6 @@ class PlateLikelihood:
         result[0], weight = _missed(edges, result[0])
         result *= weight
         return result
-
-
-@functools.lru_cache(maxsize=64)
-def _half_sides(plate: Plate) -> Array:
-    """Half the length and half the thickness (2, 1) [m]."""
-    return np.array([[plate.length / 2], [plate.thickness / 2]])
 
 
 def _missed(edges: Edges, bearing: Array) -> tuple[Array, Array]:

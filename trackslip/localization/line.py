@@ -49,22 +49,13 @@ class Line:
 
 def fit_line(cluster: Cluster) -> Line:
     """Total-least-squares line through the returns of each cluster; arbitrary for an empty one."""
-    x = cluster.range * np.cos(cluster.bearing)
-    y = cluster.range * np.sin(cluster.bearing)
-    n = np.maximum(cluster.count, 1)
-    mean_x = np.sum(x, axis=1, where=cluster.hit) / n
-    mean_y = np.sum(y, axis=1, where=cluster.hit) / n
-    dx, dy = x - mean_x[:, None], y - mean_y[:, None]
-    xx = np.sum(dx * dx, axis=1, where=cluster.hit)
-    yy = np.sum(dy * dy, axis=1, where=cluster.hit)
-    xy = np.sum(dx * dy, axis=1, where=cluster.hit)
-    heading = np.arctan2(2 * xy, xx - yy) / 2
+    row, n = cluster.row, np.maximum(cluster.count, 1)
+    x, y = cluster.range * np.cos(cluster.bearing), cluster.range * np.sin(cluster.bearing)
+    mean_x, mean_y = cluster.sums(x) / n, cluster.sums(y) / n
+    dx, dy = x - mean_x[row], y - mean_y[row]
+    heading = np.arctan2(2 * cluster.sums(dx * dy), cluster.sums(dx * dx) - cluster.sums(dy * dy)) / 2
     cos, sin = np.cos(heading), np.sin(heading)
-    along = dx * cos[:, None] + dy * sin[:, None]
-    low = np.min(along, axis=1, where=cluster.hit, initial=np.inf)
-    high = np.max(along, axis=1, where=cluster.hit, initial=-np.inf)
-    empty = cluster.count == 0
-    low, high = np.where(empty, 0.0, low), np.where(empty, 0.0, high)
+    low, high = cluster.extremes(dx * cos[row] + dy * sin[row])
     shift = (low + high) / 2
     return Line(heading, np.stack([mean_x + shift * cos, mean_y + shift * sin], axis=-1), high - low)
 

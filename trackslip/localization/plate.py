@@ -15,13 +15,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.base import PoseEstimate
+from trackslip.localization.base import PoseEstimate, Rows
 from trackslip.localization.beams import PlateBeams
-from trackslip.localization.gauss_newton import UNKNOWN, Evaluation, covariances
-from trackslip.localization.initial_poses import MAX_STARTS, chunks, portions, starts
-from trackslip.localization.likelihood import PlateLikelihood
+from trackslip.localization.initial_poses import MAX_STARTS, portions, starts
+from trackslip.localization.likelihood import UNKNOWN, Evaluation, PlateLikelihood
 from trackslip.localization.returns import best_of_each
-from trackslip.localization.rows import Rows
 from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
 from trackslip.localization.view import EDGE_ON, in_axes, viewing_angle
 
@@ -131,7 +129,7 @@ class PlateLocator:
 
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
         """The pose that explains each cluster best."""
-        parts = list(chunks(cluster, MAX_STARTS)) if near is None else portions(cluster)
+        parts = portions(cluster, MAX_STARTS if near is None else 1)
         if len(parts) == 1 and len(parts[0]) == len(cluster.count):
             return self._solved(scan, cluster, near)
         found = PlateSolution.none(len(cluster.count))
@@ -145,7 +143,7 @@ class PlateLocator:
         fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
         short = self.plate.thickness / scan.beam_step
-        covariance = axes.swapaxes(1, 2) @ _widened(covariances(fit), fit.pose, beams.edges.weight, short) @ axes
+        covariance = axes.swapaxes(1, 2) @ _widened(fit.covariances(), fit.pose, beams.edges.weight, short) @ axes
         strained = _strained(misfit, cluster.count)
         if strained.any():
             covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
@@ -168,7 +166,7 @@ class PlateLocator:
         unexplained = _strained(misfit, cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
         if not unexplained.any():
             return fit, misfit
-        for rows in chunks(cluster, MAX_STARTS, unexplained):
+        for rows in portions(cluster, MAX_STARTS, unexplained):
             first = starts(cluster.take(rows), self.plate, beam_step, near[rows])
             fit.put(rows, self._screened(beams.take(rows), first))
         return fit, _misfit(fit, cluster)

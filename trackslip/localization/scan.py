@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from trackslip import se2
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 from trackslip.localization.returns import Returns, best_of_each
-from trackslip.localization.rows import Rows
 
 MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different objects [m]. It exceeds the length of the plate,
@@ -29,7 +27,6 @@ _HOUSING = 0.05  # closer returns are from the LRF's own housing or whatever it 
 _STATIC = 5.0  # returns this close to the background belong to it [standard deviations]
 _IN_FRONT = 0.05  # a return this much closer than the plate is from something else [m]
 _CANDIDATES = 4  # per scan, at most
-_PADDING = 16  # cluster widths are multiples of this
 
 
 @dataclass(frozen=True)
@@ -96,50 +93,59 @@ class Scan:
 
 
 @dataclass(frozen=True)
-class Cluster(Rows):
-    """The returns of each scan that are attributed to the plate, in rows of equal width."""
+class Cluster:
+    """The H returns of S scans that are attributed to the plate, one scan after the other."""
 
-    bearing: Array  # (S, W) of the beams from the cluster's first to its last [rad]
-    range: Array  # (S, W) [m]; 1 where `hit` is false
-    hit: np.ndarray  # (S, W) bool: the beam gave a return from the plate
+    bearing: Array  # (H,) [rad]
+    range: Array  # (H,) [m]
     count: np.ndarray  # (S,) number of returns; 0 where no cluster was found
     lost: np.ndarray  # (S,) beams between the first and the last return that nothing in front explains
     hidden: Array  # (S, 2) angle hidden by closer objects beyond the first and last return; inf up to the edge [rad]
 
     @property
-    def width(self) -> np.ndarray:
-        """(S,) beams from the first to the last return."""
-        return np.where(self.count > 0, self.hit.shape[1] - np.argmax(self.hit[:, ::-1], axis=1), 0)
-
-    @property
-    def padded_width(self) -> np.ndarray:
-        """(S,) the width, rounded up so that few distinct values occur."""
-        return -(-self.width // _PADDING) * _PADDING
+    def row(self) -> np.ndarray:
+        """The scan (H,) of each return."""
+        return np.repeat(np.arange(len(self.count)), self.count)
 
     def take(self, rows: np.ndarray) -> Cluster:
-        """The clusters `rows`, padded to the widest of them."""
-        return Rows.take(self._narrowed(self.padded_width[rows]), rows)
+        """The clusters of the scans `rows`."""
+        kept = places_of(self.count, rows)
+        return Cluster(self.bearing[kept], self.range[kept], self.count[rows], self.lost[rows], self.hidden[rows])
 
-    def between(self, first: int, end: int) -> Cluster:
-        """The clusters from `first` up to, but not including, `end`, padded to the widest of them; no copies."""
-        part = Cluster(*(value[first:end] for value in vars(self).values()))
-        return part._narrowed(part.padded_width)
+    def among(self, where: np.ndarray) -> Cluster:
+        """The same as clusters of T scans, of which those in the mask `where` (T,) have one."""
 
-    def _narrowed(self, widths: np.ndarray) -> Cluster:
-        width = int(widths.max(initial=_PADDING))
-        return replace(self, **{name: getattr(self, name)[:, :width] for name in ("bearing", "range", "hit")})
+        def spread(values: np.ndarray) -> np.ndarray:
+            wider = np.zeros((len(where), *values.shape[1:]), values.dtype)
+            wider[where] = values
+            return wider
+
+        return Cluster(self.bearing, self.range, spread(self.count), spread(self.lost), spread(self.hidden))
 
     @classmethod
     def joined(cls, parts: Sequence[Cluster]) -> Cluster:
         """The clusters of all parts, in order."""
-        width = max(part.hit.shape[1] for part in parts)
+        return cls(*(np.concatenate(values) for values in zip(*(vars(part).values() for part in parts), strict=True)))
 
-        def padded(name: str, mode: Any) -> np.ndarray:
-            arrays = [(getattr(part, name), width - part.hit.shape[1]) for part in parts]
-            return np.concatenate([np.pad(a, ((0, 0), (0, more)), mode=mode) if more else a for a, more in arrays])
+    def sums(self, values: Array) -> Array:
+        """Sums (S,) of values (H,) of the returns."""
+        return np.asarray(np.bincount(self.row, values, len(self.count)), float)
 
-        rest = (np.concatenate([getattr(part, name) for part in parts]) for name in ("count", "lost", "hidden"))
-        return cls(padded("bearing", "edge"), padded("range", "edge"), padded("hit", "constant"), *rest)
+    def extremes(self, values: Array) -> tuple[Array, Array]:
+        """The least and the greatest (S,) of values (H,) of the returns; 0 where there are none."""
+        low, high = np.zeros(len(self.count)), np.zeros(len(self.count))
+        filled = self.count > 0
+        first = (self.count.cumsum() - self.count)[filled]
+        if first.size:
+            low[filled], high[filled] = np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
+        return low, high
+
+
+def places_of(count: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Places of the returns of the scans `rows`, if scans have `count` (S,) returns each."""
+    first, count = (count.cumsum() - count)[rows], count[rows]
+    end = count.cumsum()
+    return np.repeat(first - end + count, count) + np.arange(end[-1] if end.size else 0)
 
 
 def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluster:
@@ -195,33 +201,22 @@ def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
 
 def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) -> Cluster:
     """Clusters of the scans `rows` (C,) from returns, given by their cluster (H,), ascending, and beam (H,)."""
-    clusters, beams = len(rows), scan.ranges.shape[1]
-    count = np.bincount(cluster, minlength=clusters)
-    end = count.cumsum()
-    filled = count > 0
-    whole = filled.all()
-    if whole:
-        low, high = beam[end - count], beam[end - 1]
-    else:
-        low, high = np.zeros(clusters, int), np.full(clusters, -1)
-        low[filled], high[filled] = beam[(end - count)[filled]], beam[end[filled] - 1]
-    width = high - low + 1
-    widest = max(1, -(-int(width.max(initial=0)) // _PADDING)) * _PADDING
-    column = np.minimum(low[:, None] + np.arange(widest), beams - 1)
-    hit = np.zeros((clusters, widest), bool)
-    hit[cluster, beam - low[cluster]] = True
-    ranges = scan.ranges[rows[:, None], column]
-    distance = np.where(hit, ranges, 1.0)
-    lost = np.zeros(clusters, int)
-    (gaps,) = (width > count).nonzero()
+    count = np.bincount(cluster, minlength=len(rows))
+    found = Cluster(scan.bearings[beam], scan.ranges[rows[cluster], beam], count, 0 * count, np.zeros((len(rows), 2)))
+    filled = np.flatnonzero(count)
+    end = count.cumsum()[filled]
+    low, high = beam[end - count[filled]], beam[end - 1]
+    gaps = np.flatnonzero(high - low + 1 > count[filled])
     if gaps.size:
-        inside = np.arange(widest) < width[gaps, None] - 1
-        in_front = ranges[gaps] < np.max(distance[gaps], axis=1, where=hit[gaps], initial=0.0)[:, None]
-        lost[gaps] = np.sum(inside & ~hit[gaps] & ~in_front, axis=1)
-    hidden = _hidden(scan, rows, low, high)
-    if not whole:
-        hidden[~filled] = 0.0
-    return Cluster(scan.bearings[column], distance, hit, count, lost, hidden)
+        width = (high - low + 1)[gaps]
+        gap = np.repeat(np.arange(len(gaps)), width)
+        between = low[gaps][gap] + np.arange(len(gap)) - (width.cumsum() - width)[gap]
+        farthest = found.extremes(found.range)[1]
+        not_in_front = ~(scan.ranges[rows[filled[gaps]][gap], between] < farthest[filled[gaps]][gap])
+        own = found.sums(found.range >= farthest[cluster])  # these returns aren't in front either
+        found.lost[filled[gaps]] = np.bincount(gap, not_in_front) - own[filled[gaps]]
+    found.hidden[filled] = _hidden(scan, rows[filled], low, high)
+    return found
 
 
 def returns_of(scan: Scan) -> Returns:

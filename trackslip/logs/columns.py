@@ -51,15 +51,10 @@ class Columns:
         self._require_unit(name)
         column = self._table.column(name)
         if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
-            values, empty, damaged = _from_text(column)
-        elif pa.types.is_floating(column.type) or pa.types.is_integer(column.type):
-            values, empty = _as_floats(column), column.is_null().to_numpy()
-            damaged = np.zeros(len(values), bool)
-        else:
+            return _from_text(column)
+        if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
             raise LogError(f"{self._source}: column {name}: {column.type} is not a number")
-        damaged |= np.abs(values) > _HUGE
-        values[damaged] = np.nan
-        return Cells(values, empty, damaged)
+        return _cells(_as_floats(column), column.is_null().to_numpy())
 
     def optional(self, names: Sequence[str]) -> Array | None:
         """Values (T, len(names)) with NaN for what is no number, or None if a column is missing."""
@@ -87,8 +82,7 @@ class Columns:
             return self.cells(name)
         index, texts = self.categories(name)
         values = np.array([_BOOLEANS.get(text.lower(), np.inf) for text in texts], float)[index]
-        damaged = np.isinf(values)
-        return Cells(np.where(damaged, np.nan, values), np.isnan(values), damaged)
+        return _cells(values, np.isnan(values))
 
     def _require_unit(self, name: str) -> None:
         stated = (self._table.schema.field(name).metadata or {}).get(b"unit")
@@ -98,24 +92,33 @@ class Columns:
                 raise LogError(f"{self._source}: column {name}: in {unit!r}, must be in {expected or 'no unit'}")
 
 
-def _from_text(column: pa.ChunkedArray) -> tuple[Array, np.ndarray, np.ndarray]:
-    """Values (T,) of text, NaN where it is no number, and which texts are empty or not numbers."""
+def _cells(values: Array, empty: np.ndarray) -> Cells:
+    """Cells of values (T,), infinite or huge where damaged."""
+    damaged = np.abs(values) > _HUGE
+    return Cells(np.where(damaged, np.nan, values), empty, damaged)
+
+
+def _from_text(column: pa.ChunkedArray) -> Cells:
+    """Cells with numbers as Python reads them."""
     import pyarrow.compute as pc  # takes longer to import than pyarrow itself, and few logs have numbers as text
 
     text = pc.utf8_trim_whitespace(pc.fill_null(column, ""))
-    empty, damaged = pc.equal(text, ""), np.zeros(len(text), bool)
+    empty = pc.equal(text, "")
     try:
         values = _as_floats(pc.if_else(empty, None, text))
     except pa.ArrowInvalid:  # some text is not as Arrow writes numbers
-        values = np.full(len(text), np.nan)
-        for row, cell in enumerate(text.to_pylist()):
-            try:
-                values[row] = float(cell or "nan")
-            except ValueError:
-                damaged[row] = True
-    return values, empty.to_numpy(), damaged
+        values = np.array([_number(cell) for cell in text.to_pylist()])
+    return _cells(values, empty.to_numpy())
+
+
+def _number(text: str) -> float:
+    """The number in a text: NaN for nothing, infinity for anything else."""
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return np.inf
 
 
 def _as_floats(column: pa.ChunkedArray) -> Array:
-    """A writable copy (T,) of a column, NaN for nulls."""
-    return np.array(column.cast(pa.float64(), safe=False).to_numpy(), float)
+    """Values (T,) of a column, NaN for nulls."""
+    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(), float)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -15,14 +18,18 @@ import pyarrow.parquet
 
 from trackslip.errors import LogError, LogWarning, first_line
 from trackslip.files import regular_file
-from trackslip.logs.csv_file import read_csv
 from trackslip.logs.file_format import known_manifest
 from trackslip.logs.runlog import RunLog
+from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import file_metadata, stored_metadata, to_table
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 
 RUNS = "runs.parquet"
 """Name of the file of runs in a folder of results."""
+_LOOKED_AT = 50  # lines from which separator and decimal mark are told
+_DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*$")
+_TIMES = ("s", "sec", "ms", "us", "ns")  # in the column t of a row of units
+_NO_UNIT = ("", "-", "1")
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
@@ -61,7 +68,7 @@ def read_table(path: Path) -> pa.Table:
     try:
         regular_file(path)
         if kind == ".csv":
-            return read_csv(path)
+            return _read_csv(path)
         if kind == ".parquet":
             return pa.parquet.read_table(path, page_checksum_verification=True)
     except FileNotFoundError as error:
@@ -74,6 +81,48 @@ def read_table(path: Path) -> pa.Table:
             reason = f"damaged, cut short or no Parquet file ({reason})"
         raise LogError(f"{path}: {reason}") from error
     raise LogError(f"{path}: must end in .parquet or .csv")
+
+
+def _read_csv(path: Path) -> pa.Table:
+    """The table in a CSV file, every column as text so that errors name row and column.
+
+    Read as well: blanks around cells, lines before the header that begin with #, columns separated by semicolons or
+    tabs, decimal commas among these, and a row of units under the header, which become the units of the columns.
+    """
+    import pyarrow.compute as pc  # takes longer to import than pyarrow itself
+
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        lines = list(islice(file, _LOOKED_AT))
+    comments = len(list(takewhile(lambda line: line.lstrip().startswith("#"), lines)))
+    header = lines[comments] if comments < len(lines) else ""
+    separator = max(",;\t", key=header.count)
+    rows = list(csv.reader(lines[comments:], delimiter=separator))
+    table = pa.csv.read_csv(
+        path,
+        read_options=pa.csv.ReadOptions(skip_rows=comments),
+        parse_options=pa.csv.ParseOptions(delimiter=separator),
+        convert_options=pa.csv.ConvertOptions(column_types=dict.fromkeys(rows[0] if rows else (), pa.string())),
+    )
+    names = [name.strip() for name in table.column_names]
+    columns = [pc.utf8_trim_whitespace(column.cast(pa.string())) for column in table.columns]
+    if separator != "," and any(_DECIMAL_COMMA.match(cell) for row in rows for cell in row):
+        columns = [
+            column if name == "run" else pc.replace_substring(column, ",", ".")
+            for name, column in zip(names, columns, strict=True)
+        ]
+    return _with_units(pa.Table.from_arrays(columns, names))
+
+
+def _with_units(table: pa.Table) -> pa.Table:
+    """The table without a first row of units, which its columns get."""
+    first = [column[0].as_py().strip("[]()") for column in table.columns] if len(table) else []
+    if dict(zip(table.column_names, first, strict=False)).get("t") not in _TIMES:
+        return table
+    fields = [
+        field.with_metadata({"unit": unit}) if field.name in COLUMNS and unit not in _NO_UNIT else field
+        for field, unit in zip(table.schema, first, strict=True)
+    ]
+    return table.slice(1).cast(pa.schema(fields))
 
 
 def runs_file(path: Path) -> Path:
@@ -105,41 +154,21 @@ def read_log(path: Path) -> ReadRuns:
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     """Write runs, each given as (file, name, new name), from files by `write_parquet` to a single file, in order.
 
-    Raises LogError if a file cannot be read.
+    Their row groups are their runs, so that one is in memory at a time. Raises LogError if a file cannot be read.
     """
-    files = {file: StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
-    schema = pa.unify_schemas([stored.schema for stored in files.values()])
-    about = {new: files[file].metadata[name] for file, name, new in runs}
-    schema = schema.with_metadata(file_metadata(schema, about))
-    with pa.parquet.ParquetWriter(path, schema, **packing(schema)) as writer:
-        for file, name, new in runs:
-            table = pa.concat_tables([schema.empty_table(), files[file].table(name, new)], promote_options="default")
-            writer.write_table(table, row_group_size=len(table))
-
-
-class StoredRuns:
-    """Access to single runs of a file by `write_parquet`, whose row groups are its runs."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    with contextlib.ExitStack() as stack:
         try:
-            self._file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
+            files = {}
+            for file in {file for file, *_ in runs}:
+                files[file] = stack.enter_context(pa.parquet.ParquetFile(file, page_checksum_verification=True))
+            about = {file: stored_metadata(read.schema_arrow.metadata, str(file)) for file, read in files.items()}
+            schema = pa.unify_schemas([files[file].schema_arrow.remove_metadata() for file, *_ in runs])
+            schema = schema.with_metadata(file_metadata({new: about[file][name] for file, name, new in runs}))
+            with pa.parquet.ParquetWriter(path, schema, **packing(schema)) as writer:
+                for file, name, new in runs:
+                    table = files[file].read_row_group([*about[file]].index(name)).replace_schema_metadata(None)
+                    table = table.set_column(0, "run", pa.repeat(new, len(table)))
+                    table = pa.concat_tables([schema.empty_table(), table], promote_options="default")
+                    writer.write_table(table, row_group_size=len(table))
         except (pa.ArrowException, OSError) as error:
-            raise LogError(f"{path}: {first_line(error)}") from error
-        self.metadata = stored_metadata(self._file.schema_arrow.metadata, str(path))
-        """That of each run, by name."""
-        self.schema = self._file.schema_arrow.remove_metadata()
-
-    def log(self, name: str) -> RunLog:
-        """A run; raises LogError if it cannot be read."""
-        about = file_metadata(self.schema, {name: self.metadata[name]})
-        (log,) = runs_from_table(self.table(name, name).replace_schema_metadata(about), str(self._path)).runs
-        return log
-
-    def table(self, name: str, new: str) -> pa.Table:
-        """The rows of a run under a new name; raises LogError if they cannot be read."""
-        try:
-            table = self._file.read_row_group([*self.metadata].index(name)).replace_schema_metadata(None)
-        except (pa.ArrowException, OSError) as error:
-            raise LogError(f"{self._path}: run {name!r}: {first_line(error)}") from error
-        return table.set_column(0, "run", pa.repeat(new, len(table)))
+            raise LogError(f"{path}: its runs can't be joined ({first_line(error)})") from error

@@ -1,4 +1,4 @@
-"""RunLog: the record of one run, simulated or real, with a row for every scan."""
+"""RunLog: the record of one run, simulated or real, with a row for every scan, and the plate in these."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from trackslip.errors import LogError, TrackslipError, counted
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.logs.scanlog import ScanLog
+from trackslip.localization.scan import Cluster, Plate, Scan
 
 MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError, OverflowError)
 """Errors from metadata of runs that are not as trackslip writes them."""
@@ -38,6 +38,29 @@ class Truth:
     lean: Array | None = None  # (T,) offset of the scanned plate to the left of the robot [m]
     contact: Array | None = None  # (T, P, 3) force of the ground on each pad: forwards, to the left, up [N]
     shear: Array | None = None  # (T, P) how far the ground has given way under each pad, on ground that shears [m]
+
+
+@dataclass(frozen=True)
+class ScanLog:
+    """The returns of each scan that were attributed to the plate."""
+
+    scan: Scan
+    """The scanner, without ranges: (0, B)."""
+    plate: Plate
+    """The plate that was scanned."""
+    cluster: Cluster
+    """One cluster per row of the log, without returns where none was found."""
+    full: Array | None = None  # (T, B) all ranges of the scans, NaN for no return [m]
+
+    @property
+    def beam(self) -> np.ndarray:
+        """(H,) index of the beam of each return."""
+        return np.rint((self.cluster.bearing - self.scan.bearings[0]) / self.scan.beam_step).astype(int)
+
+    def between(self, first: int, end: int) -> ScanLog:
+        """The scans from row `first` up to, but not including, `end`."""
+        full = None if self.full is None else self.full[first:end]
+        return replace(self, cluster=self.cluster.take(np.arange(first, end)), full=full)
 
 
 @dataclass(frozen=True)

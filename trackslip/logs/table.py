@@ -14,10 +14,11 @@ import numpy as np
 import pyarrow as pa
 
 from trackslip.errors import LogError, first_line
+from trackslip.files import reason
 from trackslip.kinematics import Array
+from trackslip.localization.scan import Cluster, Plate, Scan
 from trackslip.logs.file_format import FORMAT, require_known_format
-from trackslip.logs.runlog import RunLog
-from trackslip.logs.scan_columns import SCANNED, list_column, scan_columns, scanner_metadata
+from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.logs.schema import with_units
 
 REQUIRED = ("t", "omega_l", "omega_r")
@@ -48,7 +49,11 @@ SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Places of the elements of a covariance among COVARIANCE."""
 CONTACT = "contact"
 SHEAR = "shear"
-_METADATA_KEY = b"trackslip"  # of the description of runs and columns in the metadata of a file
+SCANNED = "scanned"
+"""Key of the scanner in the metadata of a run."""
+_RANGES, _ALL_RANGES = "ranges", "all_ranges"
+_OF_SCANS = ("first_beam", "lost", "hidden_first", "hidden_last")
+_METADATA_KEY = b"trackslip"  # of the description of runs in the metadata of a file
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
@@ -61,18 +66,13 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
         name = max(names, key=names.count)
         raise LogError(f"run {name!r}: there are {names.count(name)} of it")
     table = with_units(pa.concat_tables(map(_table, logs), promote_options="default").combine_chunks())
-    runs = {log.run: log.metadata | ({SCANNED: scanner_metadata(log.scans)} if log.scans else {}) for log in logs}
-    return table.replace_schema_metadata(file_metadata(table.schema, runs))
+    runs = {log.run: log.metadata | ({SCANNED: _scanner_metadata(log.scans)} if log.scans else {}) for log in logs}
+    return table.replace_schema_metadata(file_metadata(runs))
 
 
-def file_metadata(fields: Sequence[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:
-    """Metadata of a file: its runs, and its columns again for readers that ignore the metadata of columns (polars)."""
-    columns = {
-        field.name: {key.decode(): value.decode() for key, value in field.metadata.items()}
-        for field in fields
-        if field.metadata
-    }
-    return {_METADATA_KEY: json.dumps({"format": FORMAT, "columns": columns, "runs": runs})}
+def file_metadata(runs: Mapping[str, Any]) -> dict[bytes, str]:
+    """Metadata of a file: the format and descriptions of its runs."""
+    return {_METADATA_KEY: json.dumps({"format": FORMAT, "runs": runs})}
 
 
 def stored_metadata(metadata: Mapping[bytes, bytes] | None, source: str) -> dict[str, dict[str, Any]]:
@@ -104,5 +104,86 @@ def _table(log: RunLog) -> pa.Table:
     for names, block in blocks.items():
         if block is not None:
             columns |= zip(names, map(pa.array, block.reshape(len(block), -1).T), strict=True)
-    columns |= {name: list_column(rows) for name, rows in lists.items() if rows is not None}
-    return pa.table(columns | (scan_columns(log.scans) if log.scans else {}))
+    columns |= {name: _list_column(rows) for name, rows in lists.items() if rows is not None}
+    return pa.table(columns | (_scan_columns(log.scans) if log.scans else {}))
+
+
+def _scan_columns(scans: ScanLog) -> dict[str, Any]:
+    """The columns of scans, with T rows each; ranges are NaN for beams between the returns of a cluster."""
+    cluster, beam = scans.cluster, scans.beam
+    first, last = (ends.astype(int) for ends in cluster.extremes(beam))
+    width = np.where(cluster.count > 0, last - first + 1, 0)
+    ranges = np.full(width.sum(), np.nan)
+    ranges[(width.cumsum() - width - first)[cluster.row] + beam] = cluster.range
+    numbers = (first, cluster.lost, *cluster.hidden.T)
+    columns = {name: pa.array(values) for name, values in zip(_OF_SCANS, numbers, strict=True)}
+    columns[_RANGES] = _lists(ranges, width)
+    return columns if scans.full is None else columns | {_ALL_RANGES: _list_column(scans.full)}
+
+
+def _list_column(rows: Array) -> pa.Array:
+    """Convert numbers (T, ...) to a column of T lists."""
+    return _lists(rows.ravel(), np.full(len(rows), rows[0].size))
+
+
+def _lists(values: Array, count: np.ndarray) -> pa.Array:
+    """Lists of `count` (T,) numbers each, of all values (n,) in order."""
+    ends = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+    return pa.ListArray.from_arrays(pa.array(ends), pa.array(values.astype(np.float32)))
+
+
+def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | None:
+    """Numbers (T, n) from lists of equal length, or None if a row is empty or the column is missing."""
+    if name not in table.column_names or not pa.types.is_list(table.schema.field(name).type):
+        return None
+    column = table.column(name).take(rows).combine_chunks()
+    if column.null_count or len(np.unique(column.value_lengths())) != 1:
+        return None
+    return np.asarray(column.flatten(), float).reshape(len(rows), -1)
+
+
+def _scanner_metadata(scans: ScanLog) -> dict[str, Any]:
+    """The scanner and its plate, JSON-compatible."""
+    scan = scans.scan
+    return {
+        "first_bearing": float(scan.bearings[0]),
+        "beam_step": scan.beam_step,
+        "beams": len(scan.bearings),
+        "noise": scan.noise,
+        "max_range": scan.max_range if np.isfinite(scan.max_range) else None,
+        "dropout": scan.dropout,
+        "mount": scan.mount.tolist(),
+        "plate": {"length": scans.plate.length, "thickness": scans.plate.thickness},
+    }
+
+
+def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, Any]) -> ScanLog | None:
+    """The scans of a run, or None if it has none; raises LogError if they are not as `to_table` writes them."""
+    if SCANNED not in metadata or not {*_OF_SCANS, _RANGES} <= set(table.column_names):
+        return None
+    try:
+        return _scans(table, rows, metadata[SCANNED])
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise LogError(f"its scans are not as trackslip writes them ({reason(error)})") from error
+
+
+def _scans(table: pa.Table, rows: np.ndarray, about: Mapping[str, Any]) -> ScanLog:
+    beams, reach = about["beams"], about["max_range"]
+    scan = Scan(
+        about["first_bearing"] + about["beam_step"] * np.arange(beams),
+        np.empty((0, beams)),
+        about["noise"],
+        np.array(about["mount"], float),
+        np.inf if reach is None else reach,
+        about["dropout"],
+    )
+    first, lost, *hidden = (table.column(name).take(rows).to_numpy() for name in _OF_SCANS)
+    lists = table.column(_RANGES).take(rows).combine_chunks()
+    width, ranges = np.asarray(lists.value_lengths()), np.asarray(lists.flatten(), float)
+    row = np.repeat(np.arange(len(width)), width)
+    bearing = scan.bearings[first[row].astype(int) + np.arange(len(row)) - (width.cumsum() - width)[row]]
+    hit = np.isfinite(ranges)
+    count = np.bincount(row[hit], minlength=len(width))
+    cluster = Cluster(bearing[hit], ranges[hit], count, lost.astype(int), np.stack(hidden, axis=-1))
+    full = from_list_column(table, _ALL_RANGES, rows)
+    return ScanLog(scan, Plate(**about["plate"]), cluster, full)

@@ -16,8 +16,19 @@ from trackslip.kinematics import Array
 from trackslip.logs.checks import in_order, plausible_gyro, restarts, unwrapped
 from trackslip.logs.columns import Columns
 from trackslip.logs.runlog import MAX_YAW_RATE, Refused, RunLog, Truth, none_usable
-from trackslip.logs.scan_columns import SCANNED, from_list_column, scans_from_table
-from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, SHEAR, SYMMETRIC, TRUTH, stored_metadata
+from trackslip.logs.table import (
+    BLOCKS,
+    CONTACT,
+    COVARIANCE,
+    REQUIRED,
+    SCANNED,
+    SHEAR,
+    SYMMETRIC,
+    TRUTH,
+    from_list_column,
+    scans_from_table,
+    stored_metadata,
+)
 
 _OPTIONAL = ("command", "twist_command", "icr", "load")
 _NAMES = ("t", *BLOCKS["omega"], *BLOCKS["pose"], *BLOCKS["gyro"], "valid")

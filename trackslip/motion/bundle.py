@@ -13,8 +13,7 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.localization.beams import PlateBeams
-from trackslip.localization.gauss_newton import Evaluation
-from trackslip.localization.likelihood import PlateLikelihood
+from trackslip.localization.likelihood import Evaluation, PlateLikelihood
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, fit_arc, poses_on_arc
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within

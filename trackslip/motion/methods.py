@@ -5,11 +5,11 @@ from __future__ import annotations
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import arc
 from trackslip.motion.bundle import bundle
-from trackslip.motion.filtered import mean_twist, paper_motion
+from trackslip.motion.filtered import paper
 from trackslip.motion.steady_twist import MotionMethod
 
 MOTION_METHODS: dict[str, MotionMethod] = {
-    "paper": lambda log, window: mean_twist(paper_motion(log), log, window),
+    "paper": paper,
     "arc": arc,
     "bundle": bundle,
 }

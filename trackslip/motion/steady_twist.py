@@ -23,18 +23,11 @@ class SteadyTwist:
     covariance: Array  # (2, 2) of its error, accounting for correlation in time
     lateral: float | None = None
     """Speed to the left in the frame of the measured heading [m/s]; None if the method does not measure it."""
-    lateral_stderr: float | None = None
-    """Its standard error, accounting for correlation in time [m/s]."""
 
     @classmethod
     def of_arc(cls, parameters: Array, covariance: Array) -> SteadyTwist:
         """From the parameters x, y, phi, v, u, w (6,) of an arc and their covariance (6, 6)."""
-        return cls(
-            parameters[_TWIST],
-            covariance[np.ix_(_TWIST, _TWIST)],
-            float(parameters[_LATERAL]),
-            float(np.sqrt(max(covariance[_LATERAL, _LATERAL], 0.0))),
-        )
+        return cls(parameters[_TWIST], covariance[np.ix_(_TWIST, _TWIST)], float(parameters[_LATERAL]))
 
 
 MotionMethod = Callable[[RunLog, tuple[float, float]], SteadyTwist]

@@ -63,21 +63,28 @@ class ProfiledReference(PiecewiseReference):
     """A path driven as fast as the limits allow, from rest to rest, at constant acceleration between its knots."""
 
     def __init__(
-        self, path: PlanarPath, limits: MotionLimits = LIMITS, speed_at: Callable[[Array], Array] | None = None
+        self,
+        path: PlanarPath,
+        limits: MotionLimits = LIMITS,
+        speed_at: Callable[[Array], Array] | None = None,
+        direction: int = 1,
     ) -> None:
         """`speed_at` gives largest speeds (...) at arc lengths (...), below MIN_SPEED taken as that [m/s].
 
-        Raises InvalidValueError for a path too tight to be driven at MIN_SPEED.
+        `direction` is 1 for forwards and -1 for reverse. Raises InvalidValueError for a path too tight to be driven at
+        MIN_SPEED.
         """
-        self._path = path
+        self._path, self._direction = path, direction
+        self._turn = np.array([0.0, 0.0, np.pi if direction < 0 else 0.0])  # from the path to the robot
         speeds = _speeds(path, limits, speed_at)  # (K,)
-        super().__init__(2 * np.diff(path.knots) / (speeds[:-1] + speeds[1:]), speeds[:-1], speeds[1:])
+        durations = 2 * np.diff(path.knots) / (speeds[:-1] + speeds[1:])
+        super().__init__(durations, direction * speeds[:-1], direction * speeds[1:])
 
     def _pose(self, k: NDArray[np.intp], way: Array) -> Array:
-        return self._path.pose(self._path.knots[k] + way)
+        return self._path.pose(self._path.knots[k] + self._direction * way) + self._turn
 
     def _curvature(self, k: NDArray[np.intp], way: Array) -> Array:
-        return self._path.curvature(self._path.knots[k] + way)
+        return self._direction * self._path.curvature(self._path.knots[k] + self._direction * way)
 
 
 def _speeds(path: PlanarPath, limits: MotionLimits, speed_at: Callable[[Array], Array] | None) -> Array:

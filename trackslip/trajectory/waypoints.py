@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -12,9 +10,10 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError, ReferenceFileError, first_line, require
-from trackslip.files import read_text
+from trackslip.errors import InvalidValueError, LogError, ReferenceFileError, require
 from trackslip.kinematics import Array
+from trackslip.logs.columns import Columns
+from trackslip.logs.logfile import read_table
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.path import MAX_LENGTH, ParametricPath
 from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
@@ -31,21 +30,15 @@ _ALONG = np.cos(np.radians(45))  # between a chord and the headings at its ends,
 
 
 class Stretches:
-    """References one after another, each driven forwards or in reverse."""
+    """References one after another; headings go on without whole turns."""
 
-    def __init__(self, references: Sequence[ProfiledReference], directions: Sequence[int]) -> None:
-        """`directions` are 1 for forwards and -1 for reverse."""
-        self._references, self._directions = references, directions
+    def __init__(self, references: Sequence[ProfiledReference]) -> None:
+        self._references = references
         self._starts = np.concatenate([[0.0], np.cumsum([reference.duration for reference in references])])
-        self._turns: list[float] = []  # what is added to the headings of each
-        heading = 0.0
-        for reference, direction in zip(references, directions, strict=True):
-            first, last = reference.pose([0.0, reference.duration])[:, 2]
-            turn = np.pi if direction < 0 else 0.0
-            if self._turns:
-                turn += 2 * np.pi * np.round((heading - first - turn) / (2 * np.pi))
-            self._turns.append(turn)
-            heading = last + turn
+        self._turns = [0.0]  # what is added to the headings of each
+        for before, after in pairwise(references):
+            jump = self._turns[-1] + before.pose(before.duration)[2] - after.pose(0.0)[2]
+            self._turns.append(2 * np.pi * float(np.round(jump / (2 * np.pi))))
 
     @property
     def duration(self) -> float:
@@ -72,13 +65,36 @@ class Stretches:
         time = np.asarray(time, float)
         twists = np.empty((*time.shape, 2))
         for k, at in self._split(time):
-            twists[at] = self._references[k].twist(time[at] - self._starts[k]) * [self._directions[k], 1.0]
+            twists[at] = self._references[k].twist(time[at] - self._starts[k])
         return twists
 
     def _split(self, time: Array) -> list[tuple[int, np.ndarray]]:
         """Index of each reference, and where (...) it is driven."""
         driven = np.searchsorted(self._starts[1:-1], time, side="right")
         return [(k, driven == k) for k in range(len(self._references))]
+
+
+def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
+    """The reference through the points in a CSV file of columns x, y and, optionally, yaw and v: see `waypoints`.
+
+    Raises:
+        ReferenceFileError: if the file cannot be read or driven; names the row, counted from 1 without the header, and
+            the column.
+    """
+    try:
+        table = read_table(path)
+        columns = Columns(table, str(path))
+        columns.require(COLUMNS[:2])
+        values = {name: columns.cells(name).values for name in COLUMNS if name in table.column_names}
+        for name, column in values.items():
+            if np.isnan(column).any():
+                raise LogError(f"{path}: {columns.complaint(name, int(np.argmax(np.isnan(column))))}")
+        points = np.column_stack([values["x"], values["y"]])
+        return waypoints(points, limits, values.get("yaw"), values.get("v"))
+    except LogError as error:
+        raise ReferenceFileError(str(error)) from error
+    except InvalidValueError as error:
+        raise ReferenceFileError(f"{path}: {error}") from error
 
 
 def waypoints(
@@ -106,99 +122,50 @@ def waypoints(
     points = np.asarray(points, float)
     planar = points.ndim == 2 and points.shape[1] == 2
     require(planar, "shape of the waypoints", points.shape, "(N, 2): columns x and y")
-    columns = [points, *(np.reshape(column, (-1, 1)) for column in (yaw, speed) if column is not None)]
-    names = [
-        *COLUMNS[:2],
-        *(name for name, column in zip(COLUMNS[2:], (yaw, speed), strict=True) if column is not None),
-    ]
-    return _through(np.hstack(columns), names, "point", limits)
-
-
-def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
-    """The reference through the points in a CSV file of columns x, y and, optionally, yaw and v: see `waypoints`.
-
-    The header may be left out if there are only x and y.
-
-    Raises:
-        ReferenceFileError: if the file cannot be read or driven; names the row, counted from 1 without the header, and
-            the column.
-    """
-    try:
-        lines = io.StringIO(read_text(path), newline="")
-        rows = [row for row in csv.reader(lines) if any(text.strip() for text in row)]
-        names = [text.strip().lower() for text in rows[0]] if rows else []
-        if names and not _is_number(names[0]):
-            known = set(COLUMNS[:2]) <= set(names) <= set(COLUMNS) and len(set(names)) == len(names)
-            require(known, "columns", ",".join(rows[0]), "x,y[,yaw][,v]")
-            rows = rows[1:]
-        else:
-            names = list(COLUMNS[:2])
-        table = np.array([_numbers(row, names, f"row {k}") for k, row in enumerate(rows, 1)], float)
-        order = sorted(range(len(names)), key=lambda k: COLUMNS.index(names[k]))
-        return _through(table.reshape(-1, len(names))[:, order], [names[k] for k in order], "row", limits)
-    except FileNotFoundError:
-        raise ReferenceFileError(f"{path}: no such file") from None
-    except OSError as error:
-        raise ReferenceFileError(f"{path}: {error.strerror}") from error
-    except (InvalidValueError, csv.Error, UnicodeError) as error:
-        raise ReferenceFileError(f"{path}: {first_line(error)}") from error
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _numbers(row: list[str], names: Sequence[str], label: str) -> list[float]:
-    require(len(row) == len(names), f"{label}, number of columns", len(row), f"{len(names)}: {', '.join(names)}")
-    for name, text in zip(names, row, strict=True):
-        require(_is_number(text), f"{label}, column {name}", text, "a number")
-    return [float(text) for text in row]
-
-
-def _through(table: Array, names: Sequence[str], label: str, limits: MotionLimits) -> Reference:
-    """The reference through the rows of a table (N, columns), called `label` in errors."""
-    count, points = len(table), table[:, :2]
-    require(MIN_POINTS <= count <= MAX_POINTS, "number of waypoints", count, f"from {MIN_POINTS} to {MAX_POINTS}")
-    far = np.argwhere(~(np.abs(table) <= MAX_COORDINATE))  # NaN is too
-    if far.size:
-        row, column = far[0]
-        allowed = f"from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g}" + (" m" if column < 2 else "")
-        raise InvalidValueError(f"{label} {row + 1}, column {names[column]}", float(table[row, column]), allowed)
-    chords = np.diff(points, axis=0)
-    lengths = np.hypot(*chords.T)
-    if lengths.min() < MIN_SPACING:
-        k = int(np.argmin(lengths))
-        raise InvalidValueError(
-            f"{label} {k + 2}", tuple(points[k + 1].tolist()), f"at least {MIN_SPACING:g} m from {label} {k + 1}"
-        )
-    if lengths.sum() > MAX_LENGTH:
-        raise InvalidValueError("way through all points", float(lengths.sum().round(3)), f"at most {MAX_LENGTH:g} m")
-    yaw, speed = (table[:, names.index(name)] if name in names else None for name in COLUMNS[2:])
-    directions = np.ones(count - 1, int)
-    if yaw is not None:
-        headings = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-        means = headings[:-1] + headings[1:]
-        along = np.sum(means * chords, axis=1) / (np.hypot(*means.T) * lengths + np.finfo(float).tiny)
-        if np.abs(along).min() < _ALONG:
-            row = int(np.argmin(np.abs(along))) + 1
-            allowed = f"within 45 deg of the way from {label} {row}, forwards or in reverse"
-            raise InvalidValueError(f"{label} {row + 1}, column yaw", float(yaw[row]), allowed)
-        directions = np.sign(along).astype(int)
-    elif speed is not None and speed.min() < 0:
-        row = int(np.argmin(speed))
-        raise InvalidValueError(f"{label} {row + 1}, column v", float(speed[row]), "at least 0 without a column yaw")
-    ends = [0, *(np.flatnonzero(np.diff(directions)) + 1).tolist(), count - 1]
+    yaw, speed = (None if column is None else np.asarray(column, float) for column in (yaw, speed))
+    _require_drivable(points, yaw, speed)
+    directions = np.ones(len(points) - 1, int) if yaw is None else _directions(points, yaw)
+    ends = [0, *(np.flatnonzero(np.diff(directions)) + 1).tolist(), len(points) - 1]
     stretches = [slice(first, last + 1) for first, last in pairwise(ends)]
-    signs = [int(directions[stretch.start]) for stretch in stretches]
     references = [
         _stretch(points[s], None if yaw is None else yaw[s], None if speed is None else speed[s], sign, limits)
-        for s, sign in zip(stretches, signs, strict=True)
+        for s, sign in zip(stretches, directions[ends[:-1]].tolist(), strict=True)
     ]
-    return references[0] if signs == [1] else Stretches(references, signs)
+    return references[0] if len(references) == 1 else Stretches(references)
+
+
+def _require_drivable(points: Array, yaw: Array | None, speed: Array | None) -> None:
+    """Raise InvalidValueError for too few or too many points, numbers out of range, and points too close or far."""
+    count = len(points)
+    require(MIN_POINTS <= count <= MAX_POINTS, "number of waypoints", count, f"from {MIN_POINTS} to {MAX_POINTS}")
+    for name, values in zip(COLUMNS, (*points.T, yaw, speed), strict=True):
+        if values is None:
+            continue
+        far = ~(np.abs(values) <= MAX_COORDINATE)  # NaN is too
+        row = int(np.argmax(far))
+        allowed = f"from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g}"
+        require(not far.any(), f"point {row + 1}, column {name}", float(values[row]), allowed)
+    if speed is not None and yaw is None:
+        row = int(np.argmin(speed))
+        require(speed[row] >= 0, f"point {row + 1}, column v", float(speed[row]), "at least 0 without a column yaw")
+    lengths = np.hypot(*np.diff(points, axis=0).T)
+    k = int(np.argmin(lengths))
+    allowed = f"at least {MIN_SPACING:g} m from point {k + 1}"
+    require(lengths[k] >= MIN_SPACING, f"point {k + 2}", tuple(points[k + 1].tolist()), allowed)
+    way = float(lengths.sum().round(3))
+    require(way <= MAX_LENGTH, "way through all points", way, f"at most {MAX_LENGTH:g} m")
+
+
+def _directions(points: Array, yaw: Array) -> np.ndarray:
+    """Directions (N - 1,) between points (N, 2) with headings (N,): 1 for forwards and -1 for reverse."""
+    chords = np.diff(points, axis=0)
+    headings = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
+    means = headings[:-1] + headings[1:]
+    along = np.sum(means * chords, axis=1) / (np.hypot(*means.T) * np.hypot(*chords.T) + np.finfo(float).tiny)
+    row = int(np.argmin(np.abs(along))) + 1
+    allowed = f"within 45 deg of the way from point {row}, forwards or in reverse"
+    require(np.abs(along).min() >= _ALONG, f"point {row + 1}, column yaw", float(yaw[row]), allowed)
+    return np.sign(along).astype(int)
 
 
 def _stretch(
@@ -209,5 +176,7 @@ def _stretch(
     ends = "natural" if yaw is None else tuple((1, direction * np.exp(1j * end)) for end in (yaw[0], yaw[-1]))
     path = ParametricPath(scipy.interpolate.CubicSpline(parameter, points @ [1, 1j], bc_type=ends), parameter)
     if speed is None:
-        return ProfiledReference(path, limits)
-    return ProfiledReference(path, limits, lambda s: np.sqrt(np.interp(path.parameter(s), parameter, speed**2)))
+        return ProfiledReference(path, limits, direction=direction)
+    return ProfiledReference(
+        path, limits, lambda s: np.sqrt(np.interp(path.parameter(s), parameter, speed**2)), direction
+    )

@@ -1,7 +1,5 @@
 """Logs of drives from bags: rows, clocks, what is taken, and what looks wrong, with the quirks of real robots."""
 
-import json
-import subprocess
 import sys
 
 import numpy as np
@@ -15,7 +13,6 @@ from bags import (
     joints_of,
     odometry,
     pose_stamped,
-    pose_with_covariance,
     poses_of,
     sprocket_angles,
     stamp,
@@ -28,11 +25,11 @@ import trackslip
 from trackslip import se2
 from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import read_bags
-from trackslip.errors import LogError, LogWarning, TrackslipError
+from trackslip.errors import LogError, TrackslipError
 from trackslip.kinematics import body_twist
 from trackslip.logs.logfile import RUNS, write_parquet
 
-LOG = wandered(duration=30.0)
+LOG = wandered(duration=20.0)
 TURNED = sprocket_angles(LOG)
 WHEELS = ("front_left_wheel_joint", "front_right_wheel_joint", "rear_left_wheel_joint", "rear_right_wheel_joint")
 FOUR = TURNED[:, [0, 1, 0, 1]]
@@ -111,14 +108,6 @@ def test_rows_are_those_of_readings_and_poses(tmp_path):
     assert np.isnan(log.pose[readings]).all()
 
 
-def test_a_bag_without_poses_is_left_out_of_a_folder(tmp_path):
-    write(tmp_path, joints_of(LOG), poses_of(LOG), name="good", kind="foxglove")
-    write(tmp_path, joints_of(LOG, start=START + 10**12), name="poor", kind="foxglove")
-    with pytest.warns(LogWarning, match=r"run 'poor' left out: .*poor\.mcap: no poses: no topic of"):
-        (log,) = trackslip.load(tmp_path)
-    assert log.run == "good"
-
-
 def test_a_folder_of_results_stays_one(tmp_path):
     write_parquet([LOG], tmp_path / RUNS)
     write(tmp_path, joints_of(LOG), poses_of(LOG), name="beside")
@@ -129,7 +118,7 @@ def test_a_folder_of_results_stays_one(tmp_path):
 
 
 REPEATED = "/odom: its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
-NO_FIX = "topic /fix: 20 of 300 messages left out: they have no fix"
+NO_FIX = "topic /fix: 20 of 200 messages left out: they have no fix"
 
 
 @pytest.mark.parametrize(
@@ -158,20 +147,6 @@ def test_sprockets_are_read_and_quirks_are_told(tmp_path, messages, choice, note
     assert all(note in line for note, line in zip(notes, read.warnings, strict=True))
 
 
-def test_messages_without_stamp_are_left_out(tmp_path):
-    notes = read_bags(write(tmp_path, states(unstamped=(0, 1, 200)), poses_of(LOG))).notes
-    assert any("3 of 600 messages left out: their header stamps are 0" in line for line in notes)
-
-
-@pytest.mark.parametrize(("apart", "said"), [(10.0, True), (-10.0, True), (0.4, False)])
-def test_clocks_that_differ_are_told_by_their_receive_stamps(tmp_path, apart, said):
-    late = round(apart * 1e9)
-    poses = poses_of(LOG, start=START - late, late=late + 200_000_000)
-    notes = read_bags(write(tmp_path, states(), poses)).notes
-    line = f"topics /joint_states and /slam/pose: clocks differ by {abs(abs(apart) + np.sign(apart) * 0.2):.1f} s by"
-    assert any(note.startswith(line) for note in notes) == said
-
-
 def test_readings_stamped_in_bursts_make_no_wild_speeds(tmp_path):
     """Every tenth reading waits and is stamped 4 µs before the next one."""
     time = LOG.time.copy()
@@ -198,7 +173,6 @@ PASSED_ON = [STILL, *stated(dead_reckoned(), lambda at, where: transform(at, "od
         ([states(FOUR * [1, 1, 1, -1]), poses_of(LOG)], "of one side turn against each other: choose with --left"),
         ([states(), poses_of(LOG, start=0, late=START)], "s: different clocks, simulated and wall time"),
         ([states(), poses_of(LOG, start=START - 10**11, late=10**11)], "s: clocks differ by 100.0 s by their receive"),
-        ([states(), poses_of(LOG), later(states())], r"time goes back 1 time in topic /joint_states and 0 time"),
     ],
 )
 def test_what_makes_no_log_is_refused(tmp_path, messages, line):
@@ -225,6 +199,12 @@ def test_a_simulation_that_was_reset_makes_two_drives(tmp_path):
     assert [log.run for log in read.runs] == ["run, part 1", "run, part 2"]
     for log in read.runs:
         assert_driven(log)
+    read = read_bags(write(tmp_path / "half", states(), poses_of(LOG), later(states())))
+    assert_driven(*read.runs)
+    assert read.warnings == (
+        "topic /joint_states: time goes back: read as 2 drives",
+        "run 'run, part 2' left out: topic /slam/pose: no messages",
+    )
 
 
 def test_without_rosbags_one_line_says_what_to_install(tmp_path, monkeypatch):
@@ -232,36 +212,3 @@ def test_without_rosbags_one_line_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     with pytest.raises(TrackslipError, match=r'bags need the package rosbags: pip install -e "\.\[ros\]"'):
         trackslip.load(path)
-
-
-_CODE = """
-import json, resource, sys, time
-from pathlib import Path
-from trackslip.bags.drives import read_bags
-(log,) = read_bags(Path(sys.argv[1])).runs
-print(json.dumps([len(log.time), time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6]))
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "compression"), [("ros1", "lz4"), ("sqlite3", None), ("mcap", "storage")])
-def test_ten_minutes_are_read_in_thirty_seconds_and_half_a_gigabyte(tmp_path, kind, compression):
-    rng, duration = np.random.default_rng(0), 600.0
-    log = wandered(duration=duration)
-    time = np.arange(0.0, duration, 0.02)
-    turned = np.column_stack([np.interp(time, log.time, side) for side in np.cumsum(log.omega * 0.05, axis=0).T])
-    joints = [joint_states(stamp(t), ["left", "right"], p, p) for t, p in zip(time, turned.tolist(), strict=True)]
-    poses = [pose_with_covariance(stamp(t), p) for t, p in zip(log.time, log.pose.tolist(), strict=True)]
-    scans = [_scan(stamp(t), rng) for t in log.time]
-    path = write_bag(tmp_path / "run", kind, in_order(joints, poses, scans), compression=compression)
-    done = subprocess.run([sys.executable, "-c", _CODE, str(path)], capture_output=True, text=True, check=True)
-    rows, seconds, memory = json.loads(done.stdout)
-    assert rows == len(np.union1d(np.round(time, 9), np.round(log.time, 9)))
-    assert seconds < 30.0
-    assert memory < 0.5
-
-
-def _scan(at, rng):
-    ranges, intensities = rng.uniform(1.0, 5.0, 721), rng.uniform(0.0, 255.0, 721)
-    fields = {"header": header(at, "laser"), "range_max": 30.0, "ranges": ranges, "intensities": intensities}
-    return "/scan", "sensor_msgs/msg/LaserScan", at + 1_000_000, fields

@@ -8,13 +8,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from wandered import wandered
 
-from sim.bags.writer import write_bag as write_run
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.bags.encoders import read_encoders, unwrapped
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.kinematics import RobotGeometry
 from trackslip.localization.scan import Plate
-from trackslip.logs.runlog import RunLog
 
 LOG = wandered(duration=8.0)
 TURNED = sprocket_angles(LOG)
@@ -22,8 +19,7 @@ TURNED = sprocket_angles(LOG)
 
 def read(tmp_path, messages, choice=AUTOMATIC, notes=None):
     notes = [] if notes is None else notes
-    (found,) = read_encoders(open_bag(write_bag(tmp_path / "run", "mcap", messages)), choice, notes)
-    return found
+    return read_encoders(open_bag(write_bag(tmp_path / "run", "mcap", messages)), choice, notes)
 
 
 def states(names, positions=None, velocities=None, topic="/joint_states", time=LOG.time):
@@ -58,17 +54,6 @@ def test_several_wheels_a_side_are_averaged(tmp_path):
     chosen = BagChoice(left=("front_left_wheel",), right=("rear_right_wheel",))
     found = read(tmp_path / "chosen", states(names, TURNED[:, [0, 1, 0, 1]] * scale), chosen)
     np.testing.assert_allclose(found.omega[1:], 0.9 * LOG.omega[1:], atol=1e-10)
-
-
-def test_joints_in_any_order_and_in_messages_of_their_own(tmp_path):
-    """Arms in between, and the order of the names changing."""
-    messages = []
-    for k, (time, (left, right)) in enumerate(zip(LOG.time, TURNED.tolist(), strict=True)):
-        names, angles = ["left_wheel", "arm_1", "right_wheel"], [left, 5.0, right]
-        order = slice(None, None, (-1) ** k)
-        messages.append(joint_states(stamp(time), names[order], angles[order]))
-        messages.append(joint_states(stamp(time) + 1000, ["arm_1"], [k]))
-    np.testing.assert_allclose(read(tmp_path, messages).omega[1:], LOG.omega[1:], atol=1e-9)
 
 
 @pytest.mark.parametrize("choice", [BagChoice(), BagChoice(encoders="/left,/right")])
@@ -157,18 +142,3 @@ def test_what_cannot_be_read_is_refused_in_a_line(tmp_path, messages, choice, li
 def test_choices_that_make_no_sense(choice, line):
     with pytest.raises(InvalidValueError, match=line):
         BagChoice(**choice)
-
-
-def test_odometry_from_the_wheels_stands_for_encoders(tmp_path):
-    rng, time = np.random.default_rng(0), np.arange(0, 20, 0.02)
-    omega = 3.0 + np.sin(time[:, None] * [0.5, 0.7])
-    geometry = RobotGeometry(0.2, 0.05)
-    pose = np.column_stack([0.1 * time, np.zeros_like(time), 0.3 * np.sin(time)]) + rng.normal(0, 1e-3, (len(time), 3))
-    write_run(RunLog("drive", time, omega, pose), tmp_path / "run", geometry)
-    bag = open_bag(tmp_path / "run")
-    (stated,) = read_encoders(bag, AUTOMATIC, [])
-    (reckoned,) = read_encoders(bag, BagChoice(encoders="/odom", wheels=geometry), [])
-    np.testing.assert_allclose(reckoned.omega[1:], stated.omega[1:], atol=0.02)  # means of velocities, of positions
-    assert reckoned.taken == "encoders: odometry /odom"
-    with pytest.raises(LogError, match="topic /odom: speeds of wheels need the geometry that it assumes"):
-        read_encoders(bag, BagChoice(encoders="/odom"), [])

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from bags import fix, imu, in_order, joints_of, odometry, poses_of, stamp, write_bag
-from drives import GEOMETRY, drive_log
+from bags import fix, imu, in_order, joints_of, poses_of, stamp, write_bag
+from drives import drive_log
 from pymap3d import enu2geodetic
 from scipy.spatial.transform import Rotation
 
@@ -15,10 +13,9 @@ from sim.bags.topics import FIELD
 from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import read_bags
 from trackslip.errors import LogError
-from trackslip.kinematics import body_twist
 
 LOG = drive_log(0, 20.0)
-TIME = np.arange(LOG.time[0], LOG.time[-1], 0.01)  # 100 Hz
+TIME = np.arange(LOG.time[0], LOG.time[-1], 0.02)  # 50 Hz
 YAW = np.unwrap(LOG.truth.pose[:, 2])
 RATE = np.gradient(np.interp(TIME, LOG.time, YAW), TIME)
 UPSIDE_DOWN = Rotation.from_euler("x", 180, degrees=True)
@@ -130,24 +127,3 @@ def test_an_orientation_without_positions_gives_headings_alone_and_without_one_t
     assert "; no poses; gyro: /imu/data" in found.taken[0]
     assert not log.is_valid.any()
     require_true(log)
-
-
-def test_odometry_and_an_imu_are_enough(tmp_path):
-    """The odometry stands for the encoders, so that only the IMU tells headings."""
-    reckoned = [
-        (topic, kind, at, {**fields, "twist": {"twist": {"linear": {"x": v}, "angular": {"z": w}}}})
-        for (topic, kind, at, fields), (v, w) in zip(
-            poses_of(replace(LOG, valid=None, pose=np.nan_to_num(LOG.pose)), odometry),
-            body_twist(LOG.omega, 0.0, GEOMETRY).tolist(),
-            strict=True,
-        )
-    ]
-    headings = [imu(stamp(t), (0.0, 0.0, 0.1), heading=h) for t, h in zip(LOG.time, YAW, strict=True)]
-    bag = write_bag(tmp_path / "a", "mcap", in_order(reckoned, headings))
-    found = read_bags(bag, BagChoice(encoders="/odom", wheels=GEOMETRY, imu="none", poses="/imu/data"))
-    (log,) = found.runs
-    assert found.taken == ("encoders: odometry /odom; poses: /imu/data (as asked for)",)
-    assert log.has_heading.all()
-    np.testing.assert_allclose(log.omega[1:], (LOG.omega[1:] + LOG.omega[:-1]) / 2, atol=1e-9)
-    found = read_bags(bag, BagChoice(encoders="/odom", wheels=GEOMETRY))
-    assert "poses: /imu/data (headings of an IMU)" in found.taken[0]

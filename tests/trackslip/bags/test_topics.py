@@ -5,9 +5,7 @@ from bags import (
     START,
     chain_of,
     fix,
-    imu,
     in_order,
-    joints_of,
     odometry,
     open_bag,
     pose_with_covariance,
@@ -20,7 +18,7 @@ from wandered import wandered
 
 from trackslip.bags.choice import AUTOMATIC
 from trackslip.bags.poses import read_poses
-from trackslip.bags.topics import encoder_topics, pose_source, pose_sources, sides, uses
+from trackslip.bags.topics import encoder_topics, pose_source, pose_sources, sides
 from trackslip.errors import LogError
 
 LOG = wandered(duration=8.0)
@@ -63,22 +61,6 @@ def test_sources_by_how_independent_of_the_wheels_they_are(tmp_path):
     topics = "/vrpn/robot/pose /slam/pose tf:map:base_link /fix /ground_truth /odometry/filtered /odom"
     assert names == topics.split()
     assert pose_source(bag, AUTOMATIC).name == "/vrpn/robot/pose"
-
-
-def test_odometry_in_a_fixed_frame_is_no_wheel_odometry(tmp_path):
-    bag, names = sources(
-        tmp_path, poses_of(LOG, odometry), poses_of(LOG, odometry, topic="/odometry/filtered/global", frame="map")
-    )
-    assert names == ["/odometry/filtered/global", "/odom"]
-    assert pose_source(bag, AUTOMATIC).name == names[0]
-
-
-def test_transforms_that_repeat_a_topic_are_no_doubt(tmp_path):
-    bag, names = sources(
-        tmp_path, poses_of(LOG, odometry), poses_of(LOG, lambda at, p: transform(at, "odom", "base", p))
-    )
-    assert names == ["/odom", "tf:odom:base"]
-    assert pose_source(bag, AUTOMATIC).name == "/odom"
 
 
 ROBOTS = [
@@ -126,13 +108,6 @@ def test_common_names(names, left, right):
     assert list(found[1]) == (right or [name.replace("left", "right") for name in left])
 
 
-@pytest.mark.parametrize(
-    "names", [[], ["a", "b"], ["wheel1", "wheel2"], ["left_wheel"], ["fl_wheel", "rl_wheel", "fr_wheel"]]
-)
-def test_names_that_leave_a_doubt(names):
-    assert sides(names) is None
-
-
 def test_ticks_are_named_with_what_to_do_with_them(tmp_path):
     counts = [
         (topic, f"std_msgs/msg/{kind}", START, {"data": data})
@@ -146,14 +121,3 @@ def test_ticks_are_named_with_what_to_do_with_them(tmp_path):
     named = r"/encoders \(std_msgs/Int64MultiArray\), /left_ticks \(std_msgs/Int32\), /right_ticks \(std_msgs/Int32\)"
     with pytest.raises(LogError, match=f"{named} may count ticks: publish 2π ticks / .*or write a table"):
         encoder_topics(bag, AUTOMATIC)
-
-
-def test_uses_are_listed_and_those_taken_have_a_star(tmp_path):
-    gyro = [imu(stamp(t), (0.0, 0.0, 0.1)) for t in LOG.time]
-    bag, _ = sources(tmp_path, joints_of(LOG), poses_of(LOG), poses_of(LOG, odometry), gyro)
-    assert uses(bag, AUTOMATIC) == {
-        "/joint_states": "* encoders",
-        "/slam/pose": "* poses: measured poses",
-        "/odom": "poses: odometry, perhaps from the wheels",
-        "/imu/data": "* gyro",
-    }

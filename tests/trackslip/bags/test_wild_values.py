@@ -16,7 +16,7 @@ TIMES = st.sampled_from([0, 1, -(2**31) * 10**9, 2**31 * 10**9 - 1, stamp(1.0), 
 
 
 @settings(
-    max_examples=6, deadline=None, phases=[Phase.generate], suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=5, deadline=None, phases=[Phase.generate], suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
 def test_values_that_no_sensor_states_end_in_a_line_or_a_log_of_finite_numbers(tmp_path_factory, data):
@@ -36,12 +36,13 @@ def test_values_that_no_sensor_states_end_in_a_line_or_a_log_of_finite_numbers(t
             messages.append(transform(seen, "map", "base_link", (x, y, phi), late=late - seen))
             messages.append(fix(seen, 47 + 1e-5 * x, 8 + 1e-5 * y, variance, variance=variance, late=late - seen))
     path = write_bag(tmp_path_factory.mktemp("wild") / "run", "mcap", in_order(messages))
-    for source in ("/odom", "/fix", "tf:map:base_link"):
-        said = ""
-        try:
-            (log, *_) = read_bags(path, BagChoice(poses=source)).runs
-            assert np.isfinite(log.omega).all()
-            assert np.isfinite(log.pose[log.is_valid][:, :2]).all()
-        except TrackslipError as error:
-            said = str(error)
-        assert "\n" not in said
+    said = ""
+    try:
+        (log, *_) = read_bags(
+            path, BagChoice(poses=data.draw(st.sampled_from(("/odom", "/fix", "tf:map:base_link"))))
+        ).runs
+        assert np.isfinite(log.omega).all()
+        assert np.isfinite(log.pose[log.is_valid][:, :2]).all()
+    except TrackslipError as error:
+        said = str(error)
+    assert "\n" not in said

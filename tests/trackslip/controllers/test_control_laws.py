@@ -8,13 +8,12 @@ from linearised import closed_loop, error_gains, pose_with_error
 
 from trackslip.controllers.error_feedback import Kanayama, LinearTimeVarying, OffsetPoint, Samson
 from trackslip.controllers.steering import PathAhead, PurePursuit, Stanley
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
 from trackslip.metrics import body_errors
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle
 
 SPEEDS = pytest.mark.parametrize("speed", [0.15, -0.15])
-RADII = pytest.mark.parametrize("radius", [1.25, -0.7, 1e6])
+RADII = pytest.mark.parametrize("radius", [1.25, -0.7])
 
 
 @given(st.floats(0.02, 0.5), st.floats(-0.5, 0.5), st.floats(0.2, 1.5), st.floats(1.0, 40.0))
@@ -119,31 +118,6 @@ def test_stanley_to_first_order(speed, radius):
     wanted = [[k1, 0, 0], [along, across, turn * (1 + pull * 0.3 * np.cos(delta))]]
     np.testing.assert_allclose(gains, wanted, atol=1e-6)
     assert np.linalg.eigvals(closed_loop(gains, np.array([v, w]))).real.max() < -0.1
-
-
-def test_stanley_steers_within_its_limit():
-    controller = Stanley(steering_limit=0.5)
-    reference = circle(1.0, 0.15, 40.0)
-    pose = pose_with_error(reference.pose(5.0), np.random.default_rng(2).uniform(-1, 1, (100, 3)))
-    v, w = np.moveaxis(controller.twist(5.0, pose, reference), -1, 0)
-    assert (np.abs(w) <= np.abs(v) * np.tan(0.5) / controller.wheelbase + 1e-12).all()
-    with pytest.raises(InvalidValueError, match="steering_limit"):
-        Stanley(steering_limit=1.6)
-
-
-@SPEEDS
-@pytest.mark.parametrize("controller", [PurePursuit(), Stanley()])
-def test_steering_laws_wait_rather_than_drive_against_the_reference(controller, speed):
-    reference = circle(1.0, speed, 40.0)
-    ahead = pose_with_error(reference.pose(5.0), np.array([-np.sign(speed) * 0.5, 0.0, 0.0]))
-    np.testing.assert_array_equal(controller.twist(5.0, ahead, reference), [0.0, 0.0])
-
-
-def test_the_point_lies_on_the_arc_whatever_the_speed():
-    ramp = SegmentedReference((0.0, 0.0, 0.5), [Segment(5.0, 0.0, 0.2, 1.0), Segment(5.0, 0.2, 0.1, 1.0)])
-    for time in (0.5, 3.0, 4.999, 6.0):
-        wanted = advance(ramp.pose(time), [0.2, 0.2], 1.0)
-        np.testing.assert_allclose(PathAhead(ramp).point(time, 0.2)[0], wanted, atol=1e-5)
 
 
 def test_beyond_a_cusp_and_the_end_the_path_goes_on_straight():

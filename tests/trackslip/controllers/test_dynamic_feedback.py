@@ -3,9 +3,8 @@ import pytest
 from linearised import pose_with_error
 
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
-from trackslip.controllers.error_feedback import Samson
 from trackslip.kinematics import advance
-from trackslip.trajectory.segmented import Segment, SegmentedReference, circle
+from trackslip.trajectory.segmented import Segment, SegmentedReference
 
 
 @pytest.mark.parametrize(("speed", "stiffness", "damping"), [(0.15, 1.0, 1.4), (-0.15, 0.5, 2.0)])
@@ -14,7 +13,7 @@ def test_each_axis_is_a_damped_spring(speed, stiffness, damping):
     reference = SegmentedReference((1.0, 2.0, 0.7), [Segment(10.0, speed, 1.5 * speed, 0.8)])
     controller = DynamicFeedback(stiffness, damping)
     pose = pose_with_error(reference.pose(0.0), np.array([0.03, 0.04, 0.1]))
-    step, steps = 1e-3, 3000
+    step, steps = 1e-3, 1500
     error, twist = np.zeros((steps, 2)), np.zeros((steps, 2))
     for k in range(steps):
         error[k] = (reference.pose(k * step) - pose)[:2]
@@ -30,15 +29,6 @@ def test_each_axis_is_a_damped_spring(speed, stiffness, damping):
     np.testing.assert_allclose(error, wanted, atol=1e-4)
 
 
-def test_near_standstill_the_static_law_drives():
-    controller = DynamicFeedback(static=Samson(stiffness=7.0))
-    reference = circle(1.0, 0.9 * controller.least_speed, 40.0)
-    pose = pose_with_error(reference.pose(5.0), np.array([[0.02, 0.1, 0.2], [-0.02, -0.1, 0.3]]))
-    for time in (5.0, 5.05):
-        wanted = Samson(stiffness=7.0).twist(time, pose, reference)
-        np.testing.assert_allclose(controller.twist(time, pose, reference), wanted, atol=1e-12)
-
-
 def test_the_speed_never_jumps():
     """Through stop, cusp and end, with an error that makes both laws disagree."""
     forwards = [Segment(3.0, 0.0, 0.15, 0.5), Segment(3.0, 0.15, 0.0, 0.5)]
@@ -46,9 +36,9 @@ def test_the_speed_never_jumps():
     reference = SegmentedReference((0.0, 0.0, 0.0), [*forwards, *backwards])
     controller = DynamicFeedback(stiffness=0.5)
     pose = pose_with_error(reference.pose(0.0), np.array([[0.08, 0.1, 0.3], [-0.08, 0.05, 0.0], [0.0, 0.0, 0.0]]))
-    step = 0.01
+    step = 0.02
     twists = []
-    for k in range(1400):
+    for k in range(700):
         twists.append(controller.twist(k * step, pose, reference))
         pose = advance(pose, twists[-1], step)
     jumps = np.abs(np.diff(twists, axis=0))

@@ -78,38 +78,3 @@ class TestWithCasadi:
         cost = solve_discrete_are(a, b, q, r)
         wanted = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
         np.testing.assert_allclose(error_gains(controller, 5.0, reference, h=1e-4), -wanted, rtol=2e-3, atol=2e-3)
-
-    def test_no_track_exceeds_its_limit(self):
-        controller = ModelPredictive()
-        reference = circle(0.7, 0.2, 40.0)
-        rng = np.random.default_rng(0)
-        largest = 0.0
-        for time in np.arange(5.0, 6.0, 0.05):
-            pose = pose_with_error(reference.pose(time), rng.uniform(-1, 1, (5, 3)))
-            tracks = np.abs(track_speeds(controller.twist(time, pose, reference), controller.half_gauge))
-            assert (tracks <= controller.track_speed + 1e-12).all()
-            largest = max(largest, tracks.max())
-        assert largest == pytest.approx(controller.track_speed)
-
-    def test_a_robot_whose_problem_fails_goes_on_with_its_plan(self):
-        controller = ModelPredictive()
-        reference = circle(1.0, 0.15, 40.0)
-        pose = pose_with_error(reference.pose(5.0), np.array([[0.2, 0.1, 0.3], [0.1, 0.1, -0.3]]))
-        first = controller.twist(5.0, pose, reference)
-        pose[0, 1] = np.nan
-        later = controller.twist(5.0 + controller.interval, pose, reference)
-        assert np.isfinite(later).all()
-        assert not np.allclose(later[0], first[0])  # the next twist of its plan, which is not the reference's either
-        assert not np.allclose(later[0], reference.twist(5.0 + controller.interval), atol=1e-3)
-
-    def test_a_pose_that_is_unknown_from_the_start_leaves_the_references_twist(self):
-        controller, reference = ModelPredictive(), circle(1.0, 0.15, 40.0)
-        np.testing.assert_allclose(controller.twist(5.0, np.full(3, np.nan), reference), [0.15, 0.15], atol=1e-12)
-
-    def test_it_says_nothing(self, capfd):
-        controller = ModelPredictive()
-        reference = paper_reference()
-        rng = np.random.default_rng(1)
-        for time in (0.0, 10.0, 60.0):
-            controller.twist(time, rng.uniform(-100, 100, (20, 3)), reference)
-        assert capfd.readouterr() == ("", "")

@@ -7,9 +7,7 @@ from linearised import error_gains, pose_with_error
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.path_following import PathFollowing
 from trackslip.controllers.steering import PurePursuit, RegulatedPurePursuit
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
-from trackslip.trajectory.named import named_reference
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle
 
 SPEEDS = pytest.mark.parametrize("speed", [0.15, -0.15])
@@ -50,23 +48,6 @@ def test_a_late_robot_stays_on_its_path_and_hurries_by_a_limited_share(speed):
     assert away(LinearTimeVarying())[0] > 0.02
 
 
-def test_a_robot_that_was_left_behind_does_not_skip_a_cusp():
-    """stop_and_go drives a stretch in reverse: a robot held for 2 s turns back where the path does."""
-    reference = named_reference("stop_and_go")
-    poses, twists = drive(PathFollowing(), reference, reference.pose(0.0), reference.duration + 10.0, held=2.0)
-    assert np.hypot(*(poses[-1] - reference.pose(reference.duration))[:2]) < 5e-3
-    path = reference.pose(np.linspace(0.0, reference.duration, 2000))[:, :2]
-    beside = np.linalg.norm(poses[:, None, :2] - path, axis=-1).min(axis=1)
-    assert beside.max() < 5e-3
-    assert twists[:, 0].min() < -0.05
-
-
-@pytest.mark.parametrize(("field", "value"), [("approach_angle", 1.6), ("catch_up", 1.0)])
-def test_refused_shapes(field, value):
-    with pytest.raises(InvalidValueError, match=field):
-        PathFollowing(**{field: value})
-
-
 @SPEEDS
 def test_regulated_pure_pursuit_is_pure_pursuit_where_nothing_is_regulated(speed):
     reference = circle(1.0, speed, 40.0)
@@ -74,16 +55,6 @@ def test_regulated_pure_pursuit_is_pure_pursuit_where_nothing_is_regulated(speed
     np.testing.assert_allclose(error_gains(RegulatedPurePursuit(lookahead_time=2.0), 5.0, reference), plain, atol=1e-9)
     near = RegulatedPurePursuit(min_lookahead_dist=0.3, max_lookahead_dist=0.3)
     np.testing.assert_allclose(error_gains(near, 5.0, reference), plain, atol=1e-9)
-
-
-@SPEEDS
-def test_speed_falls_with_the_radius_of_the_arc_which_stays(speed):
-    reference = circle(0.2, speed, 40.0)
-    law = RegulatedPurePursuit(regulated_linear_scaling_min_radius=0.3)
-    twist = law.twist(5.0, reference.pose(5.0), reference)
-    np.testing.assert_allclose(twist, reference.twist(5.0) * 0.2 / 0.3, rtol=1e-3)
-    slowest = RegulatedPurePursuit(regulated_linear_scaling_min_radius=30.0, regulated_linear_scaling_min_speed=0.07)
-    np.testing.assert_allclose(slowest.twist(5.0, reference.pose(5.0), reference)[0], np.sign(speed) * 0.07)
 
 
 def test_speed_falls_before_a_cusp_where_the_robot_is():
@@ -100,17 +71,3 @@ def test_speed_falls_before_a_cusp_where_the_robot_is():
         pose = pose_with_error(reference.pose(time), np.array([behind, 0.0, 0.0]))
         v, w = law.twist(time, pose, reference)
         np.testing.assert_allclose([abs(v), w], [wanted, 0.0], atol=1e-5)
-
-
-def test_a_bend_before_a_stop_slows_down_twice():
-    """As in Nav2, the approach scales the speed that the radius of the arc leaves."""
-    reference = circle(0.2, 0.2, 10.0)
-    laws = [RegulatedPurePursuit(approach_velocity_scaling_dist=distance) for distance in (0.01, 0.2)]
-    far, near = (law.twist(9.25, reference.pose(9.25), reference) for law in laws)  # 0.15 m before the end
-    assert far[0] < 0.15
-    np.testing.assert_allclose(near, 0.75 * far, rtol=1e-3)
-
-
-def test_the_goals_range_must_be_one():
-    with pytest.raises(InvalidValueError, match=r"min_lookahead_dist = 0\.9: must be at most 0\.6 m"):
-        RegulatedPurePursuit(min_lookahead_dist=0.9)

@@ -42,11 +42,13 @@ def test_the_plan_is_the_optimum_of_the_quadratic_program(error, speed):
     assert (np.abs(found.x) == controller.track_speed).any() == (np.hypot(*error[:2]) > 0.1)
 
 
-@pytest.mark.parametrize("make", [LinearPredictive, PathIntegral])
+@pytest.mark.parametrize("make", [LinearPredictive, ModelPredictive, PathIntegral])
 def test_no_track_exceeds_its_limit(make):
+    if make is ModelPredictive:
+        pytest.importorskip("casadi")
     controller, reference = make(), circle(0.7, 0.2, 40.0)
     rng = np.random.default_rng(0)
-    for time in np.arange(5.0, 6.0, 0.05):
+    for time in np.arange(5.0, 5.5, 0.05):
         pose = pose_with_error(reference.pose(time), rng.uniform(-1, 1, (5, 3)))
         tracks = track_speeds(controller.twist(time, pose, reference), controller.half_gauge)
         assert (np.abs(tracks) <= controller.track_speed + 1e-12).all()
@@ -61,14 +63,14 @@ def test_linearised_and_nonlinear_prediction_drive_alike():
     for controller in (LinearPredictive(), ModelPredictive()):
         pose = pose_with_error(reference.pose(0.0), offsets)
         path = []
-        for time in np.arange(0.0, 15.0, 0.05):
-            pose = advance(pose, controller.twist(time, pose, reference), 0.05)
+        for time in np.arange(0.0, 15.0, 0.1):
+            pose = advance(pose, controller.twist(time, pose, reference), 0.1)
             path.append(pose)
         paths.append(path)
     apart = np.linalg.norm(np.subtract(*paths)[..., :2], axis=-1)
     assert apart[:, 0].max() < 5e-4
     assert apart[:, 1].max() < 0.05
-    assert apart[-100:].max() < 1e-3
+    assert apart[-50:].max() < 1e-3
 
 
 def test_many_samples_tend_to_the_linear_quadratic_optimum():
@@ -81,11 +83,3 @@ def test_many_samples_tend_to_the_linear_quadratic_optimum():
     found = np.mean([sampling.twist(5.0 + 1e-6 * k, pose, reference) for k in range(100)][20:], axis=0)
     change = wanted - reference.twist(5.0)
     np.testing.assert_allclose(found - reference.twist(5.0), change, atol=0.05 * np.abs(change).max())
-
-
-def test_random_numbers_follow_from_the_seed():
-    reference = circle(1.0, 0.15, 20.0)
-    pose = pose_with_error(reference.pose(1.0), np.array([0.1, 0.1, 0.2]))
-    first, again, other = (PathIntegral(seed=seed).twist(1.0, pose, reference) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first, again)
-    assert 1e-5 < np.abs(first - other).max() < 0.2

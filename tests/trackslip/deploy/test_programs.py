@@ -12,7 +12,7 @@ from trackslip.deploy.deploy import deploy_law
 from trackslip.deploy.programs import c_text, python_text
 from trackslip.errors import TrackslipError
 from trackslip.laws.families import FAMILIES
-from trackslip.laws.file import load_laws, save_laws
+from trackslip.laws.file import save_laws
 from trackslip.laws.icr_load import IcrLoad
 
 LAWS = stored()
@@ -108,12 +108,6 @@ def test_the_python_file_is_the_law(laws, name):
         return lambda given: np.array([names[function](*pair) for pair in given.tolist()])
 
     compare(laws, name, each("sprocket_speeds"), each("body_twist"))
-
-
-def test_laws_come_back_from_files_as_they_were(tmp_path):
-    laws = {name: law for name, law in LAWS.laws.items() if name != "none"}
-    save_laws(tmp_path / "laws.json", laws, GEOMETRY)
-    assert load_laws(tmp_path / "laws.json", GEOMETRY) == laws
 
 
 @pytest.mark.parametrize(

@@ -85,21 +85,3 @@ def test_the_law_that_identification_named_stands_in_for_a_best_one_that_cannot_
     assert "Slip law turn_loss" in deploy_law(file, "c")
     with pytest.raises(TrackslipError, match=r"ros2_control can only express constant ICRs; those in laws.json: icr, "):
         deploy_law(file, law="turn_loss")
-
-
-def test_the_five_numbers_say_what_they_mean():
-    about = dict(
-        line.strip().split(":", 1) for line in deploy_law(SHIPPED).splitlines() if "wheel" in line and "  # " in line
-    )
-    assert {name: text.split("# ")[1][:11] for name, text in about.items()} == {
-        "wheel_separation": "2 b, distan",
-        "wheel_radius": "r, radius o",
-        "wheel_separation_multiplier": "(b + D) / b",
-        "left_wheel_radius_multiplier": "1 + epsilon",
-        "right_wheel_radius_multiplier": "1 + epsilon",
-    }
-
-
-def test_a_controller_keeps_its_name():
-    ours, theirs = deploy_law(SHIPPED), deploy_law(SHIPPED, controller="platform_velocity_controller")
-    assert theirs == ours.replace("diff_drive_controller:", "platform_velocity_controller:")

@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 
 from trackslip.localization.beams import PlateBeams
-from trackslip.localization.gauss_newton import UNKNOWN, Evaluation, covariances
-from trackslip.localization.likelihood import PlateLikelihood
+from trackslip.localization.likelihood import UNKNOWN, Evaluation, PlateLikelihood
 from trackslip.localization.scan import Plate, extract_plate
 
 PLATE = Plate()
@@ -50,7 +49,6 @@ def test_what_a_scan_does_not_determine_has_an_unknown_variance():
     half = rng.normal(size=(50, 3, 3))
     hessian = half @ half.swapaxes(1, 2) + 0.1 * np.eye(3)
     hessian[0] = np.diag([2.0, 0.0, 0.5])
-    elements = [hessian[:, i, k] for i, k in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))]
-    found = covariances(Evaluation(np.zeros((50, 3)), np.column_stack([np.zeros((50, 4)), *elements]), np.ones(50)))
+    found = Evaluation(np.zeros((50, 3)), np.zeros(50), np.zeros((50, 3)), hessian).covariances()
     np.testing.assert_allclose(found[1:] @ hessian[1:], np.tile(np.eye(3), (49, 1, 1)), atol=1e-3)
     np.testing.assert_allclose(found[0], np.diag([0.5, UNKNOWN, 2.0]), rtol=1e-5)

@@ -89,12 +89,3 @@ def test_headings_that_come_late_or_not_at_all_leave_no_doubt(log, tmp_path):
         read = read_log(tmp_path / "a.parquet")
         np.testing.assert_array_equal(read.runs[0].gyro, log.gyro)
         assert not read.warnings
-
-
-def test_turns_are_sums_of_readings(log):
-    gap = np.where((TIME > 10) & (TIME <= 12), np.nan, RATE)
-    turned, measured = replace(log, gyro=gap).gyro_sums.T
-    assert measured[-1] == pytest.approx(TIME[-1] - 2)
-    before = TIME <= 10
-    np.testing.assert_allclose(turned[before], HEADING[before], atol=1e-12)
-    assert replace(log, gyro=None).gyro_sums is None

@@ -8,16 +8,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 import trackslip
 from trackslip.errors import LogError
 from trackslip.localization.scan import Plate, extract_plate
-from trackslip.logs.logfile import RUNS, StoredRuns, join_parquet, read_runs, write_csv, write_parquet
-from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.scanlog import ScanLog
+from trackslip.logs.logfile import RUNS, join_parquet, read_runs, write_csv, write_parquet
+from trackslip.logs.runlog import RunLog, ScanLog, Truth
 from trackslip.logs.schema import COLUMNS, NO_UNIT, PURE, markdown
 from trackslip.logs.table import to_table
 from trackslip.logs.table_reader import runs_from_table
@@ -94,15 +90,6 @@ def test_round_trip_is_exact_whatever_the_runs_have(tmp_path, full, name, write)
         assert back[2].scans is None
 
 
-@settings(max_examples=25)
-@given(arrays(float, (2, 2), elements=st.floats(-1e21, 1e21)), st.floats(-1, 1))
-def test_csv_keeps_every_bit(tmp_path_factory, position, heading):
-    pose = np.column_stack([position, [heading, -heading]])
-    path = tmp_path_factory.mktemp("csv") / "run.csv"
-    write_csv([RunLog("r", np.array([0.0, 1.0]), np.ones((2, 2)), pose)], path)
-    np.testing.assert_array_equal(read_runs(path)[0].pose, pose)
-
-
 def test_columns_have_units_and_descriptions(stored):
     schema = pyarrow.parquet.read_schema(stored)
     assert set(schema.names) == set(COLUMNS) - OF_SAMPLES
@@ -121,52 +108,12 @@ def test_runs_of_several_files_are_joined_under_new_names(stored, tmp_path, full
     join_parquet([(stored, "a", "r"), (tmp_path / "other.parquet", "s", "t")], joined)
     schema = pyarrow.parquet.read_schema(joined)
     about = json.loads(schema.metadata[b"trackslip"])
-    assert about["columns"]["true_w"]["unit"] == "rad/s"
-    assert set(about["columns"]) == set(schema.names)
+    assert [*about["runs"]] == ["r", "t"]
     assert schema.field("ranges").metadata[b"unit"] == b"m"
     first, second = trackslip.load(joined)
     assert (first.run, second.run) == ("r", "t")
     assert (first.scans is None, second.scans is None) == (False, True)
-    alone = StoredRuns(joined).log("t")
-    assert_same(alone, second)
-    assert alone.metadata == full.metadata
-
-
-def test_loading_takes_folders_and_files(stored, tmp_path, full):
-    write_csv([full], tmp_path / "runs.csv")
-    for path in (tmp_path, str(tmp_path), stored, tmp_path / "runs.csv"):
-        (log,) = trackslip.load(path)
-        np.testing.assert_array_equal(log.pose, full.pose)
-    assert_same(runs_from_table(to_table([full]), "memory").runs[0], full)
-
-
-def test_pandas_and_polars_read_it(stored, full):
-    pandas, polars = pytest.importorskip("pandas"), pytest.importorskip("polars")
-    np.testing.assert_array_equal(pandas.read_parquet(stored)[["x", "y", "phi"]].to_numpy(), full.pose)
-    np.testing.assert_array_equal(polars.read_parquet(stored).select("x", "y", "phi").to_numpy(), full.pose)
-    about = json.loads(polars.read_parquet_metadata(stored)["trackslip"])
-    assert about["columns"]["x"]["unit"] == "m"
-
-
-def test_a_real_robots_log_needs_seven_columns(tmp_path):
-    path = tmp_path / "real.csv"
-    path.write_text(HEADER + "".join(LINES) + "b,5,1,1,0,0,0\nb,6,1,1,1,0,0\n")
-    first, second = read_runs(path)
-    assert (first.run, second.run) == ("a", "b")
-    np.testing.assert_allclose(first.pose[:, 0], [0, 0.1, 0.2])
-    assert first.truth is None
-    assert first.is_valid.all()
-
-
-def test_wrapped_headings_are_unwrapped(tmp_path):
-    heading = 0.2 * np.arange(60) + 1.0
-    pose = np.column_stack([np.zeros((60, 2)), heading])
-    pose[20:25] = np.nan
-    wrapped = pose.copy()
-    wrapped[:, 2] = (wrapped[:, 2] + np.pi) % (2 * np.pi) - np.pi
-    valid = np.isfinite(pose[:, 2])
-    write_csv([RunLog("r", np.arange(60) * 0.1, np.ones((60, 2)), wrapped, valid=valid)], tmp_path / "wrapped.csv")
-    np.testing.assert_allclose(read_runs(tmp_path / "wrapped.csv")[0].pose[:, 2], pose[:, 2])
+    assert second.metadata == full.metadata
 
 
 @pytest.mark.parametrize(("duration", "count"), [(65.0, 10), (68.0, 10), (9.9, 2), (9.7, 1), (2.0, 1)])
@@ -209,35 +156,10 @@ def test_malformed_logs_are_named_by_row_and_column(tmp_path, text, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("column", "values"),
-    [
-        ("t", pa.array([0, 1, 2], pa.timestamp("ns"))),
-        ("x", pa.array([[0.0], [1.0], [2.0]])),
-        ("x", pa.array([True, False, True])),
-        ("run", pa.array([[1], [1], [1]])),
-        ("valid", pa.array([[1], [1], [1]])),
-    ],
-)
-def test_odd_columns_are_named(column, values):
-    columns = {"run": ["a"] * 3, "t": [0.0, 1.0, 2.0]} | {name: [0.0] * 3 for name in HEADER.strip().split(",")[2:]}
-    with pytest.raises(LogError, match=f"column {column}"):
-        runs_from_table(pa.table(columns | {column: values}), "odd")
-
-
 @pytest.mark.parametrize("damage", [b"{", b"[]", b'{"runs": [1]}', b'{"runs": {"a": 1}}'])
 def test_damaged_metadata_is_named(full, damage):
     with pytest.raises(LogError, match="odd: its metadata is damaged"):
         runs_from_table(to_table([full]).replace_schema_metadata({b"trackslip": damage}), "odd")
-
-
-@pytest.mark.parametrize(("name", "value"), [("beams", "many"), ("mount", "there")])
-def test_descriptions_of_scanners_that_are_none_are_refused(full, name, value):
-    table = to_table([full])
-    about = json.loads(table.schema.metadata[b"trackslip"])
-    about["runs"]["a"]["scanned"] |= {name: value}
-    with pytest.raises(LogError, match="run 'a': its scans are not as trackslip writes them"):
-        runs_from_table(table.replace_schema_metadata({b"trackslip": json.dumps(about)}), "memory")
 
 
 def damaged(good):

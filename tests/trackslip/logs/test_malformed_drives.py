@@ -18,7 +18,7 @@ from trackslip.identification.result import identification_to_json
 @pytest.fixture(autouse=True)
 def few_laws(monkeypatch):
     """Fit few laws, as others have the same data."""
-    monkeypatch.setattr("trackslip.identification.comparison.drive_laws", lambda: ("none", "icr_radius"))
+    monkeypatch.setattr("trackslip.identification.drive_comparison.drive_laws", lambda: ("none", "icr_radius"))
 
 
 MISTAKES = {
@@ -82,10 +82,4 @@ def malformed(count):
 
 @malformed(20)
 def test_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
-    check(mistakes, seed)
-
-
-@pytest.mark.slow
-@malformed(300)
-def test_many_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
     check(mistakes, seed)

@@ -9,8 +9,7 @@ from trackslip.kinematics import advance
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Plate, extract_plate
 from trackslip.logs.logfile import read_runs, write_parquet
-from trackslip.logs.runlog import RunLog
-from trackslip.logs.scanlog import ScanLog
+from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.motion.arc import arc, poses_on_arc
 from trackslip.motion.bundle import bundle
 from trackslip.motion.methods import best_method
@@ -23,7 +22,7 @@ PLATE = Plate()
 @pytest.fixture(scope="module")
 def logs(scan_rectangle):
     """The same run scanned thirty times with other noise, on circles shifted a little; and its true poses."""
-    time = np.arange(0, 30, 0.1)
+    time = np.arange(0, 30, 0.2)
     found = []
     for seed in range(30):
         rng = np.random.default_rng(seed)
@@ -34,7 +33,7 @@ def logs(scan_rectangle):
         cluster = extract_plate(scan, PLATE, scan.from_world(pose))
         scans = ScanLog(replace(scan, ranges=np.empty((0, len(scan.bearings)))), PLATE, cluster)
         located = np.column_stack([estimate.pose[:, :2], heading])
-        log = RunLog("circle", time, np.ones((300, 2)), located, valid=estimate.valid, scans=scans)
+        log = RunLog("circle", time, np.ones((150, 2)), located, valid=estimate.valid, scans=scans)
         found.append((log, pose))
     return found
 
@@ -48,7 +47,7 @@ def test_bundle_is_at_the_bound_and_its_errors_are_its_scatter(logs):
     rows = (log.time > WINDOW[0]) & (log.time < WINDOW[1])
     covariance = pose_bound(pose[rows], PLATE, log.scans.scan.bearings, log.scans.scan.noise)
     held = np.isfinite(covariance).all(axis=(1, 2))
-    _, jacobian = poses_on_arc(np.array([*pose[150], TWIST[0], 0.0, TWIST[1]]), log.time[rows] - log.time[150])
+    _, jacobian = poses_on_arc(np.array([*pose[75], TWIST[0], 0.0, TWIST[1]]), log.time[rows] - log.time[75])
     information = np.einsum("tki,tkl,tlj->ij", jacobian[held], np.linalg.inv(covariance[held]), jacobian[held])
     bound = np.sqrt(np.diag(np.linalg.inv(information)))[[3, 5]]
     assert np.all(rms < 1.1 * bound * (1 + 3 / np.sqrt(2 * len(logs))))
@@ -62,17 +61,11 @@ def test_bundle_is_better_than_the_arc(logs):
     assert np.all(errors[bundle].std(axis=0) < errors[arc].std(axis=0))
 
 
-def test_where_it_starts_does_not_matter(logs):
-    log, pose = logs[0]
-    from_truth = bundle(replace(log, pose=pose, valid=None), WINDOW)
-    np.testing.assert_allclose(from_truth.twist, bundle(log, WINDOW).twist, rtol=2e-6)
-
-
 def test_scans_of_something_else_are_left_out(logs):
     log, _ = logs[0]
     cluster = log.scans.cluster
     nearer = cluster.range.copy()
-    nearer[100:130] -= 0.4
+    nearer[(cluster.row >= 50) & (cluster.row < 65)] -= 0.4
     spoilt = replace(log, scans=replace(log.scans, cluster=replace(cluster, range=nearer)))
     change = bundle(spoilt, WINDOW).twist - bundle(log, WINDOW).twist
     assert np.all(np.abs(change) < np.sqrt(np.diag(bundle(log, WINDOW).covariance)))
@@ -100,8 +93,8 @@ def test_ranges_survive_their_file_and_a_cut(logs, tmp_path):
     np.testing.assert_array_equal(theirs.cluster.count, ours.cluster.count)
     np.testing.assert_array_equal(theirs.cluster.lost, ours.cluster.lost)
     np.testing.assert_array_equal(theirs.cluster.hidden, hidden)
-    for theirs_, ours_ in zip(theirs.ranges(), ours.ranges(), strict=True):
-        np.testing.assert_allclose(theirs_, ours_, rtol=1e-7)
+    np.testing.assert_allclose(theirs.cluster.range, ours.cluster.range, rtol=1e-7)
+    np.testing.assert_allclose(theirs.cluster.bearing, ours.cluster.bearing, atol=1e-12)
     np.testing.assert_allclose(bundle(back, WINDOW).twist, bundle(log, WINDOW).twist, rtol=1e-6)
     inner = (6.0, 24.0)
-    np.testing.assert_allclose(bundle(log.between(50, 250), inner).twist, bundle(log, inner).twist, rtol=1e-9)
+    np.testing.assert_allclose(bundle(log.between(25, 125), inner).twist, bundle(log, inner).twist, rtol=1e-9)

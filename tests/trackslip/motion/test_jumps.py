@@ -41,22 +41,20 @@ def errors_of(samples, twist):
     return (samples.twist[0] - twist) / np.sqrt(np.diag(samples.covariance[0]))
 
 
-@pytest.mark.parametrize("noise", NOISE.values(), ids=NOISE)
-@pytest.mark.parametrize("rate", [2.0, 10.0, 50.0])
+@pytest.mark.parametrize(("rate", "noise"), [(2.0, NOISE["fine"]), (50.0, NOISE["coarse"])])
 def test_poses_without_jumps_are_all_kept(rate, noise):
     rng = np.random.default_rng(0)
     for duration in (9.0, 30.0):
-        for _ in range(10):
+        for _ in range(4):
             time, pose, twist = circle(rng, noise, rate, duration)
             assert np.abs(errors_of(samples_of(time, pose, twist), twist)).max() < 6.0
 
 
-@pytest.mark.parametrize("noise", NOISE.values(), ids=NOISE)
-@pytest.mark.parametrize("rate", [5.0, 20.0])
+@pytest.mark.parametrize(("rate", "noise"), [(5.0, NOISE["fine"]), (20.0, NOISE["coarse"])])
 @pytest.mark.parametrize(("way", "turn"), [(0.2, 0.0), (0.0, 10.0), (0.3, 15.0)])
 def test_a_lasting_jump_is_refused_where_it_is(way, turn, rate, noise):
     rng = np.random.default_rng([1, int(1000 * way), int(turn), int(rate)])
-    for _ in range(10):
+    for _ in range(3):
         time, pose, twist = circle(rng, noise, rate)
         row = int(rng.integers(len(time) // 4, 3 * len(time) // 4))
         pose[row:] = displaced(pose[row:], way, rng.uniform(-3, 3), np.radians(turn))
@@ -85,27 +83,17 @@ def test_jumps_at_random_times_do_not_bias_the_motion(noise):
 @pytest.mark.parametrize("successive", [1, 3])
 def test_wild_poses_hardly_matter(successive):
     rng = np.random.default_rng(3)
-    for _ in range(20):
+    for _ in range(5):
         time, pose, twist = circle(rng, NOISE["coarse"])
         rows = np.sort(rng.choice(len(time) // 10, 5, replace=False))[:, None] * 10 + np.arange(successive)
         pose[rows, :2] += rng.uniform(0.5, 5, (5, 1, 2)) * rng.choice([-1, 1], (5, 1, 2))
         assert np.abs(errors_of(samples_of(time, pose, twist), twist)).max() < 4.0
 
 
-def test_a_wild_heading_may_unwrap_to_another_turn():
-    rng = np.random.default_rng(4)
-    time, pose, twist = circle(rng, NOISE["fine"], twist=[0.2, 0.3])
-    pose[100, 2] += np.pi - 0.01
-    pose[:, 2] = np.unwrap(pose[:, 2])
-    turned = pose[120, 2] - pose[80, 2] - 0.3 * (time[120] - time[80])
-    assert abs(turned) == pytest.approx(2 * np.pi, abs=0.1)  # the wild heading takes a turn for good
-    np.testing.assert_allclose(samples_of(time, pose, twist).twist[0], twist, atol=1e-3)
-
-
 def test_poses_that_are_held_do_not_count_as_jumps():
     """Poses at 5 Hz beside encoders at 50 Hz, each repeated until the next."""
     rng = np.random.default_rng(5)
-    for _ in range(10):
+    for _ in range(2):
         time, pose, twist = circle(rng, NOISE["fine"], rate=50.0)
         held = pose[np.arange(len(time)) // 10 * 10]
         np.testing.assert_allclose(samples_of(time, held, twist).twist[0], twist, atol=3e-3)

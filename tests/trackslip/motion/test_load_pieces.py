@@ -8,7 +8,6 @@ from trackslip.identification.samples import usable_samples
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.icr_load import IcrLoad
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.steady import load_pieces, steady_part
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAW = IcrLoad(0.04, 0.168, 0.01, 0.1, 0.2)
@@ -34,23 +33,6 @@ def driven(slope: float, known: bool = True) -> RunLog:
             cos, sin = np.cos(heading), np.sin(heading)
             pose = pose + dt * np.array([cos * v - sin * u, sin * v + cos * u, w])
     return RunLog("run", time, np.tile(OMEGA, (len(time), 1)), np.array(poses), load=np.array(loads) if known else None)
-
-
-def test_pieces_under_nearly_one_load_make_up_the_stretch():
-    part = steady_part(driven(0.17))
-    pieces = load_pieces(part)
-    assert len(pieces) > 3
-    assert pieces[0].window[0] == part.window[0]
-    assert pieces[-1].window[1] == pytest.approx(part.window[1])
-    for piece in pieces:
-        assert np.ptp(piece.log.load[piece.rows], axis=0).max() <= 0.17
-        assert piece.window[1] - piece.window[0] >= 1.5
-
-
-@pytest.mark.parametrize(("slope", "known"), [(0.0, True), (0.17, False)])
-def test_a_stretch_without_load_stays_whole(slope, known):
-    part = steady_part(driven(slope, known))
-    assert load_pieces(part) == (part,)
 
 
 def test_pieces_follow_the_law_where_the_whole_circle_is_not_steady():

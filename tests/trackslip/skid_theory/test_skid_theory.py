@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
-from scipy.optimize import brentq, fsolve
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from trackslip.errors import InvalidValueError
-from trackslip.skid_theory import Load, coulomb_tractions, line_contact, steady_twist, wheel_contact
+from trackslip.skid_theory import Load, line_contact, steady_twist, wheel_contact
 from trackslip.skid_theory.forces import displacement, ground_wrench
 
 B, L = 0.168, 0.17
@@ -38,27 +38,15 @@ def closed_form_offset(ratio):
     return brentq(balance, 1e-6, 2.0, xtol=1e-14)
 
 
-@pytest.mark.parametrize("ratio", [0.7, 1.0, 1.107, 1.4, 2.0])
+@pytest.mark.parametrize("ratio", [0.7, 1.107, 2.0])
 def test_icr_of_a_uniform_track_is_the_closed_form(ratio):
     speeds = np.array([[0.1, 0.14], [0.0, 0.1], [-0.1, 0.1], [0.2, 0.21]])
     found = offset(speeds, line_contact(B, L, 0.7, 0.7 * ratio, points=2000))
     np.testing.assert_allclose(B + found, B + closed_form_offset(ratio), rtol=1e-5)
 
 
-def test_inertia_matters_little_at_these_speeds_and_much_at_great_ones():
-    slow = np.array([0.1, 0.15])
-    quasi_static, with_inertia = B + offset(slow, HIGH), [B + offset(k * slow, HIGH, gravity=9.81) for k in (1, 20)]
-    assert with_inertia[0] == pytest.approx(quasi_static, rel=1e-3)
-    assert abs(with_inertia[1] / quasi_static - 1) > 0.05
-
-
-def test_straight_is_straight():
-    np.testing.assert_allclose(steady_twist([0.2, 0.2], LEVEL), [0.2, 0, 0], atol=1e-9)
-    np.testing.assert_allclose(steady_twist([0.0, 0.0], LEVEL), 0)
-
-
-@pytest.mark.parametrize("shear", [1e-4, 0.002, 0.01, 0.025])
-@pytest.mark.parametrize("pull", [-0.3, 0.05, 0.3, 0.6])
+@pytest.mark.parametrize("shear", [1e-4, 0.01])
+@pytest.mark.parametrize("pull", [-0.3, 0.05, 0.6])
 def test_straight_ahead_is_the_closed_form(shear, pull):
     """Of Janosi and Hanamoto: the mean of the shares of all elements of a track."""
     v, u, w = steady_twist([0.2, 0.2], line_contact(B, L, 0.7, 0.778, points=400), shear=shear, load=Load(pull=pull))
@@ -68,18 +56,6 @@ def test_straight_ahead_is_the_closed_form(shear, pull):
     closed = 0.7 * (1 - (1 - np.exp(-ratio)) / ratio)
     assert closed == pytest.approx(abs(pull), rel=2e-3 if shear < 1e-3 else 2e-5)  # the points must resolve the entry
     np.testing.assert_allclose([u, w], 0, atol=1e-9)
-
-
-def test_offsets_and_slips_of_the_shipped_robot():
-    """The values that the work on this ground began with: of another implementation of the same theory."""
-    found = offset(commanded([0.5, 1.0, 1.5, 2.0, 2.5]), shear=0.01)
-    np.testing.assert_allclose(found, [0.0371, 0.0333, 0.0314, 0.0303, 0.0296], atol=6e-5)
-    assert offset([-1.0, 1.0], shear=0.01) == pytest.approx(0.0389, abs=6e-5)
-    assert offset([-1.0, 1.0], shear=0.025) == pytest.approx(0.0330, abs=6e-5)
-    slips = {0.002: [0.0015, 0.0032, 0.0074], 0.01: [0.0075, 0.0158, 0.0369], 0.025: [0.0189, 0.0395, 0.0923]}
-    for shear, expected in slips.items():
-        uphill = [steady_twist([1.0, 1.0], HIGH, shear=shear, load=Load(np.radians(s)))[0] for s in (5, 10, 20)]
-        np.testing.assert_allclose(1 - np.array(uphill), expected, atol=6e-5)
 
 
 def test_firm_ground_is_coulomb_ground():
@@ -143,44 +119,6 @@ def test_turns_mirror_left_and_right_and_front_and_back():
     np.testing.assert_allclose(back, ahead * [-1, 1, -1], atol=1e-9)
 
 
-def test_slip_depends_on_neither_speed_nor_size_of_friction_but_on_the_load():
-    speeds = np.array([0.1, 0.15])
-    weak = line_contact(B, L, 0.35, 0.389)
-    for shear in (0.0, 0.01):
-        twist = steady_twist(speeds, LEVEL, shear=shear)
-        np.testing.assert_allclose(steady_twist(3 * speeds, LEVEL, shear=shear), 3 * twist, rtol=1e-7, atol=1e-9)
-        np.testing.assert_allclose(steady_twist(speeds, weak, shear=shear), twist, rtol=1e-6, atol=1e-9)
-    slips = [1 - steady_twist([1, 1], LEVEL, shear=0.01, load=Load(pull=p))[0] for p in (0.0, 0.1, 0.2, 0.4, 0.6)]
-    assert np.all(np.diff(slips) > 0)
-
-
-def test_the_offset_falls_with_the_radius_to_the_same_limit_on_all_grounds():
-    found = [offset(commanded([0.3, 0.5, 1.0, 2.0, 10.0, 1000.0]), shear=shear) for shear in (0.002, 0.01, 0.025)]
-    assert np.all(np.diff(found, axis=1) < 0)
-    assert np.all(np.diff(found, axis=0)[:, 1:] < 0)
-    np.testing.assert_allclose(np.array(found)[:, -1], limit_of_gentle_turns(), rtol=2e-3)
-
-
-def limit_of_gentle_turns():
-    """D in turns so gentle that shares are proportional to the displacement and the arc is short: by quadrature."""
-
-    def balance(unknown):
-        slide, c = unknown  # sliding velocity (D, x + u / w) over w; c = u / w
-
-        def force(x, direction):
-            moved = (L - x) * np.hypot(slide, (L + x) / 2 + c)
-            sliding = np.array([0.7**2 * slide, 0.778**2 * (x + c)])
-            return moved * sliding[direction] / np.hypot(0.7 * slide, 0.778 * (x + c))
-
-        along, across, moment = (
-            quad(integrand, -L, L)[0]
-            for integrand in (lambda x: force(x, 0), lambda x: force(x, 1), lambda x: x * force(x, 1))
-        )
-        return [B * along - moment, across * L]
-
-    return fsolve(balance, [0.03, 0.05], xtol=1e-12)[0]
-
-
 @pytest.mark.parametrize(
     ("make", "field"),
     [
@@ -200,32 +138,10 @@ def test_impossible_contacts_grounds_and_loads_are_refused(make, field):
         make()
 
 
-@pytest.mark.parametrize("ratio", [0.7, 1.0, 1.5])
-@pytest.mark.parametrize("half_wheelbase", [0.05, 0.2, 0.4])
+@pytest.mark.parametrize("ratio", [0.7, 1.5])
+@pytest.mark.parametrize("half_wheelbase", [0.05, 0.4])
 def test_the_yaw_ratio_of_four_wheels_on_points(half_wheelbase, ratio):
     """Moments of four alike points balance where D = (ratio a)^2 / b, at half the wheelbase a."""
     contact = wheel_contact(B, (-half_wheelbase, half_wheelbase), 1e-6, 0.7, 0.7 * ratio, points=2)
     yaw_rate = steady_twist([[-0.1, 0.1], [0.1, 0.3]], contact)[:, 2]
     np.testing.assert_allclose(yaw_rate * B / 0.1, 1 / (1 + (ratio * half_wheelbase / B) ** 2), rtol=1e-4)
-
-
-@pytest.mark.parametrize("shear", [0.0, 0.01])
-def test_wheels_whose_patches_join_are_a_track_unless_the_ground_shears(shear):
-    axles = tuple((np.arange(4) - 1.5) * L / 2)
-    wheels = wheel_contact(B, axles, L / 2, 0.7, 0.8, (0.01, 0.0, 0.1), points=50)
-    track = line_contact(B, L, 0.7, 0.8, (0.01, 0.0, 0.1), points=200)
-    on_wheels, on_tracks = (steady_twist([0.05, 0.2], one, 9.81, shear) for one in (wheels, track))
-    assert np.allclose(on_wheels, on_tracks, rtol=1e-9) == (shear == 0)
-
-
-@pytest.mark.parametrize("radius", [0.0, 0.3, 1.0, 5.0])
-def test_the_power_of_the_belts_is_what_sliding_loses(radius):
-    contact = line_contact(B, L, 0.7, 0.7)
-    belts = np.array([radius - B, radius + B])
-    twist = steady_twist(belts, contact)
-    tractions = coulomb_tractions(twist, belts, contact)
-    v, u, w = twist
-    belt = np.where(contact.y > 0, belts[0], belts[1])
-    sliding = np.hypot(v - w * contact.y - belt, u + w * contact.x)
-    assert tractions @ belts == pytest.approx(0.7 * sliding.mean(), rel=1e-6)
-    assert tractions.sum() == pytest.approx(0.0, abs=1e-6)

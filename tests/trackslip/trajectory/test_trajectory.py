@@ -73,17 +73,6 @@ def test_it_starts_and_ends_at_rest_and_within_its_limits(name):
     np.testing.assert_allclose(reference.twist([1e-9, reference.duration - 1e-9]), 0, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", EVERY)
-def test_any_leading_shape(name):
-    reference = EVERY[name]
-    time = np.linspace(-1, reference.duration + 1, 6).reshape(2, 3)
-    pose, twist = reference.pose(time), reference.twist(time)
-    assert pose.shape == (2, 3, 3)
-    assert twist.shape == (2, 3, 2)
-    np.testing.assert_allclose(reference.pose(float(time[1, 0])), pose[1, 0], atol=1e-13)
-    np.testing.assert_allclose(reference.twist(float(time[1, 0])), twist[1, 0], atol=1e-13)
-
-
 @pytest.mark.parametrize("name", REFERENCES)
 def test_a_reference_moves_with_its_start(name):
     """Seen from its first pose, a reference is the same from anywhere."""

@@ -1,18 +1,6 @@
 import numpy as np
 import pytest
-
-from trackslip.climbing_theory import (
-    PITCHES,
-    SideView,
-    climbs,
-    friction_angle,
-    highest_step,
-    push_on_step,
-    tip_over_step,
-    tips_backwards,
-    tips_sideways,
-)
-from trackslip.errors import InvalidValueError
+from climbing_theory import PITCHES, SideView, highest_step, push_on_step
 
 A, C, R, LENGTH = 0.25, 0.12, 0.07, 0.5
 """Centre of mass ahead of the rear wheel and above the ground, the wheels' radius, and their distance [m]."""
@@ -28,17 +16,10 @@ def rising(x=0.0, z=0.13):
     return SideView(RISING, (x, z))
 
 
-@pytest.mark.parametrize(("ahead", "height", "radius"), [(A, C, R), (0.2, 0.2, 0.05), (0.3, 0.1, 0.3), (0.1, 0.4, 0.1)])
-def test_the_step_that_tips_over_is_the_maximum_of_the_formula(ahead, height, radius):
-    theta = np.linspace(0, 1.57, 400_001)
-    formula = radius * (1 - np.cos(theta)) + (ahead - height * np.tan(theta)) * np.sin(theta)
-    found = tip_over_step([[ahead], [ahead / 2]], [height, 2 * height], radius)
-    assert found.shape == (2, 2)
-    assert found[0, 0] == pytest.approx(formula.max(), abs=1e-9)
-
-
 def test_with_much_friction_tipping_over_limits_the_step():
-    assert highest_step(two_wheels(), 5.0) == pytest.approx(float(tip_over_step(A, C, R)), abs=1e-5)
+    theta = np.linspace(0, 1.57, 400_001)
+    tips_over = R * (1 - np.cos(theta)) + (A - C * np.tan(theta)) * np.sin(theta)
+    assert highest_step(two_wheels(), 5.0) == pytest.approx(tips_over.max(), abs=1e-5)
 
 
 def test_the_robots_frame_does_not_matter():
@@ -90,43 +71,11 @@ def brute_force(view, mu, height, pitch):
     return push if rear_load > 0 else front_load * force[0], centre[0] >= edge
 
 
-@pytest.mark.parametrize("view", [two_wheels(), rising(), rising(0.05, 0.2)])
-@pytest.mark.parametrize("height", [0.04, 0.1])
-def test_push_on_a_step_is_that_of_a_track_drawn_point_by_point(view, height):
-    push, over = push_on_step(view, 0.8, np.array([height]))
+@pytest.mark.parametrize("view", [two_wheels(), rising(0.05, 0.2)])
+def test_push_on_a_step_is_that_of_a_track_drawn_point_by_point(view):
+    push, over = push_on_step(view, 0.8, np.array([0.1]))
     for k in range(5, 200, 45):
-        expected, tips = brute_force(view, 0.8, height, PITCHES[k])
+        expected, tips = brute_force(view, 0.8, 0.1, PITCHES[k])
         assert over[0, k] == tips
         if not tips:
             assert push[0, k] == pytest.approx(expected, abs=0.01)
-
-
-def test_climbs_up_to_the_highest_step_and_no_further():
-    for mu in (0.3, 0.7, 1.2):
-        heights = highest_step(rising(), mu) * np.array([0.2, 0.5, 0.9, 0.999, 1.001, 1.1])
-        assert climbs(rising(), mu, heights).tolist() == [True, True, True, True, False, False]
-
-
-def test_angles():
-    assert friction_angle(1.0) == pytest.approx(np.pi / 4)
-    np.testing.assert_allclose(np.tan(friction_angle([0.2, 0.7])), [0.2, 0.7])
-    assert np.tan(tips_backwards(two_wheels())) == pytest.approx(A / C)
-    assert np.tan(tips_backwards(rising(0.1, 0.13))) == pytest.approx(0.35 / 0.13)
-    np.testing.assert_allclose(np.tan(tips_sideways(0.2, [0.1, 0.4])), [2.0, 0.5])
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: SideView(np.zeros((1, 3)), (0, 0)), "two or more"),
-        (lambda: SideView(np.array([(0, 0, 0.1), (1, 0, 0.0)]), (0.5, 0.1)), "radius of a wheel"),
-        (lambda: SideView(np.array([(0, 0, 0.1), (1, np.nan, 0.1)]), (0.5, 0.1)), "finite"),
-        (lambda: two_wheels(ahead=0.6), "x from 0 to 0.5 m"),
-        (lambda: two_wheels(height=-0.1), "centre_of_mass"),
-        (lambda: highest_step(two_wheels(), 0.0), "friction"),
-        (lambda: tips_sideways(0.0, 0.1), "half_gauge"),
-    ],
-)
-def test_mistakes_are_named(make, message):
-    with pytest.raises(InvalidValueError, match=message):
-        make()

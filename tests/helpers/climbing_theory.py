@@ -19,12 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 
-_NEWTON = 60
 PITCHES = np.radians(np.arange(0.0, 85.0, 0.2))
 """Pitches of a robot on a step that are examined, (P,) [rad]."""
 _HEIGHTS, _ROUNDS = 16, 5  # of the search for the highest step: each round divides the interval by the former
@@ -38,18 +35,6 @@ class SideView:
     wheels: Array  # (W, 3) x, z and radius of the wheels in the robot's frame [m]
     centre_of_mass: tuple[float, float]
     """Its x and z in the same frame [m]."""
-
-    def __post_init__(self) -> None:
-        wheels = np.asarray(self.wheels, float)
-        if not (wheels.ndim == 2 and wheels.shape[1:] == (3,) and len(wheels) >= 2 and np.isfinite(wheels).all()):
-            raise InvalidValueError("wheels", np.shape(self.wheels), "two or more finite (x, z, radius)")
-        require_positive("radius of a wheel", float(wheels[:, 2].min()))
-        object.__setattr__(self, "wheels", wheels)
-        low, high = self.touching
-        x, z = self.centre_of_mass
-        if not (low < x < high and z > self.ground):
-            allowed = f"above the track's contact with level ground, x from {low:g} to {high:g} m"
-            raise InvalidValueError("centre_of_mass", self.centre_of_mass, allowed)
 
     @property
     def ground(self) -> float:
@@ -78,50 +63,11 @@ class SideView:
         return float(self.standing[0, 0]), float(self.standing[-1, 0])
 
 
-def friction_angle(friction: ArrayLike) -> Array:
-    """Steepest slopes (...) [rad] that belts climb and hold on, at friction coefficients (...) [-]."""
-    return np.arctan(np.asarray(friction, float))
-
-
-def tips_backwards(view: SideView) -> float:
-    """The slope on which a robot that points uphill tips over [rad]."""
-    return float(np.arctan2(view.ahead, view.height))
-
-
-def tips_sideways(half_gauge: float, height: ArrayLike) -> Array:
-    """The slopes (...) [rad] on which a robot across them tips over.
-
-    `half_gauge` is half the distance between the tracks, `height` (...) that of the centre of mass [m].
-    """
-    require_positive("half_gauge", half_gauge)
-    return np.arctan2(half_gauge, np.asarray(height, float))
-
-
-def tip_over_step(ahead: ArrayLike, height: ArrayLike, radius: ArrayLike) -> Array:
-    """The highest steps (...) over which the robot tips, if friction suffices [m]; see the module's formula.
-
-    Args:
-        ahead: distance a of the centre of mass ahead of the rear wheel's axis, (...) [m].
-        height: c of the centre of mass above level ground, (...) [m].
-        radius: R of the rear wheel, (...) [m].
-
-    The formula is stationary where t = tan(theta) solves the cubic c t^3 + (2 c - R) t = a, with one positive root.
-    """
-    a, c, r = (np.asarray(value, float) for value in (ahead, height, radius))
-    slope = 2 - r / c
-    t = np.cbrt(a / c) + np.sqrt(np.maximum(-slope, 0))  # not below the root, from where Newton's steps only descend
-    for _ in range(_NEWTON):
-        t = t - (t**3 + slope * t - a / c) / (3 * t**2 + slope)
-    theta = np.arctan(t)
-    return r * (1 - np.cos(theta)) + (a - c * t) * np.sin(theta)
-
-
 def highest_step(view: SideView, friction: float) -> float:
     """The highest single step that the robot climbs slowly, limited by tipping over its edge or by friction [m].
 
     `friction` is the coefficient between belt and ground, and belt and step [-].
     """
-    require_positive("friction", friction)
     low, high = 0.0, float((view.wheels[:, 1] + view.wheels[:, 2]).max() - view.ground + view.ahead)
     for _ in range(_ROUNDS):
         heights = np.linspace(low, high, _HEIGHTS + 1)[1:]
@@ -131,9 +77,9 @@ def highest_step(view: SideView, friction: float) -> float:
     return float((low + high) / 2)
 
 
-def climbs(view: SideView, friction: float, height: ArrayLike) -> np.ndarray:
+def climbs(view: SideView, friction: float, height: Array) -> np.ndarray:
     """Mask (H,) of the heights [m] of single steps that the robot climbs slowly."""
-    push, over = push_on_step(view, friction, np.asarray(height, float))
+    push, over = push_on_step(view, friction, height)
     on_the_way = np.cumsum(over, axis=1) == 0
     return over.any(axis=1) & ((push >= 0) | ~on_the_way).all(axis=1)
 
