@@ -68,7 +68,7 @@ class Fleet(World):
         valid = start.ndim == 2 and start.shape[1] == 3 and np.isfinite(start).all()
         require(valid, "start", start.tolist(), "N finite poses (x, y, phi)")
         grounds = one_each(ground or Ground(), len(start))
-        shears = shears or any(one.largest_shear > 0 for one in grounds)
+        shears = shears or any(each.largest_shear > 0 for each in grounds)
         robot = robot.with_single_contacts() if shears else robot
         super().__init__(robot.model, len(start), threads)
         self.robot = robot

@@ -41,14 +41,14 @@ class PadFriction:
         self._base = np.zeros((n, changes + 1, 3))  # along, across, shear
         self._corners = np.full((n, patches, 2, 2), np.nan)  # minimum, maximum; x, y [m]
         self._patch = np.zeros((n, patches, 3))
-        laid = {key: _laid(ground) for key, ground in {id(g): g for g in grounds}.items()}  # each ground once
+        patched = {key: _patches(ground) for key, ground in {id(g): g for g in grounds}.items()}  # each ground once
         for i, ground in enumerate(grounds):
             self._base[i] = ground.along, ground.across, ground.shear
             for j, change in enumerate(ground.changes):
                 self._time[i, j] = change.time
                 shear = self._base[i, j, 2] if change.shear is None else change.shear
                 self._base[i, j + 1 :] = change.along, change.across, shear
-            self._corners[i, : len(ground.patches)], self._patch[i, : len(ground.patches)] = laid[id(ground)]
+            self._corners[i, : len(ground.patches)], self._patch[i, : len(ground.patches)] = patched[id(ground)]
 
     def surface(self, time: ArrayLike, position: Array, heading: Array) -> Array:
         """Friction along and across the tracks [-] and shear modulus [m], (N, P, 3).
@@ -70,7 +70,7 @@ class PadFriction:
         return np.where(inside.any(axis=-1)[..., None], on_patch, friction)
 
 
-def _laid(ground: Ground) -> tuple[Array, Array]:
+def _patches(ground: Ground) -> tuple[Array, Array]:
     """Corners (K, 2, 2) [m] and surface (K, 3) of a ground's patches; shear is NaN where it is the ground's."""
     corners = np.array([(patch.x, patch.y) for patch in ground.patches]).reshape(-1, 2, 2)
     surface = [(p.along, p.across, np.nan if p.shear is None else p.shear) for p in ground.patches]

@@ -140,8 +140,8 @@ class World(Restorable):
 
     def get_state(self) -> dict[str, Any]:
         """See Restorable; with the engine's state, and the fields of its model that differ between simulations."""
-        found = {name: self.batch.expanded(name) for name in batch.MODEL_FIELDS}
-        model = {name: values.copy() for name, values in found.items() if values is not None}
+        expanded = {name: self.batch.expanded(name) for name in batch.MODEL_FIELDS}
+        model = {name: values.copy() for name, values in expanded.items() if values is not None}
         engine = {"state": self.batch.state.copy(), "warning": self.batch.warning.copy(), "model": model}
         return super().get_state() | {"engine": engine}
 

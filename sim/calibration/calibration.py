@@ -316,12 +316,12 @@ class _Problem:
         reach = float(scipy.stats.t.ppf(0.975, max(count - free, 1)))
         estimates = {}
         for k, name in enumerate(self.names):
-            one, sd = PARAMETERS[name], spread[k]
-            value = one.read(self.candidate(end.scaled))
-            width = one.spread * (value if one.relative else one.size(base)) * sd
+            parameter, sd = PARAMETERS[name], spread[k]
+            value = parameter.read(self.candidate(end.scaled))
+            width = parameter.spread * (value if parameter.relative else parameter.size(base)) * sd
             ends_z = np.clip(end.scaled[k] + np.array([-reach, reach]) * sd, self.low[k], self.high[k])
-            low, high = (one.unscaled(base, float(z)) for z in ends_z)
-            estimates[name] = Estimate(value, one.unit, float(width), low, high, held.get(name, ""))
+            low, high = (parameter.unscaled(base, float(z)) for z in ends_z)
+            estimates[name] = Estimate(value, parameter.unit, float(width), low, high, held.get(name, ""))
         known = [k for k, name in enumerate(self.names) if name not in held]
         correlation = {
             self.names[a]: {self.names[b]: float(covariance[a, b] / (spread[a] * spread[b])) for b in known if b != a}

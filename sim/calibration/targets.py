@@ -185,10 +185,10 @@ class SteadyRows:
         parts[np.isfinite(self._measured)] = errors
         rows = np.isfinite(parts[:2]).all(axis=0)
         names = ("v_rms", "w_rms", "lateral_rms")
-        found = {name: rms(part[np.isfinite(part)]) for name, part in zip(names, parts, strict=False)}
+        metrics = {name: rms(part[np.isfinite(part)]) for name, part in zip(names, parts, strict=False)}
         slip = track_slip(self.samples.omega[rows], (self._measured[:2] + parts[:2]).T[rows], self.geometry)
         slip -= self.samples.slip[rows]
-        return found | {"slip_rms": rms(slip[np.isfinite(slip)])}
+        return metrics | {"slip_rms": rms(slip[np.isfinite(slip)])}
 
 
 def steady_turns(
@@ -267,14 +267,14 @@ class Drives:
     def metrics(self, errors: Array) -> dict[str, float]:
         """Median, 90 % quantile and root mean square of the errors of position [m] and heading [rad], by horizon."""
         known = np.isfinite(errors[::3])
-        each, found = errors.reshape(-1, 3)[known], dict[str, float]()
+        each, metrics = errors.reshape(-1, 3)[known], dict[str, float]()
         for horizon in np.unique(self.horizon[known]):
             rows = each[self.horizon[known] == horizon]
             for name, size in (("position", np.hypot(rows[:, 0], rows[:, 1])), ("heading", np.abs(rows[:, 2]))):
                 values = np.median(size), np.quantile(size, 0.9), rms(size)
                 statistics = zip(("median", "p90", "rms"), map(float, values), strict=True)
-                found |= {f"{name}_{horizon:g}s_{statistic}": value for statistic, value in statistics}
-        return found
+                metrics |= {f"{name}_{horizon:g}s_{statistic}": value for statistic, value in statistics}
+        return metrics
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ class ScannerFeed(Restorable):
         self._scanner, self._fleet = scanner, fleet
         self._random = [g.spawn(1)[0] for g in generators]
         every = np.broadcast_to(scanner.noise if noise is None else noise, (fleet.size,))
-        self._scanners = [dataclasses.replace(scanner, noise=float(one)) for one in every]
+        self._scanners = [dataclasses.replace(scanner, noise=float(deviation)) for deviation in every]
         robot = fleet.robot
         x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])

@@ -74,7 +74,7 @@ class Slots:
 
         Raises InvalidValueError for a course that has too many boxes, or height fields that there is no room for.
         """
-        listed = next((k for k, one in enumerate(self._listed) if one is course), None)
+        listed = next((k for k, each in enumerate(self._listed) if each is course), None)
         model = course.model
         boxes, fields = _count(model, _BOX), _count(model, _FIELD)
         require(boxes <= self._boxes, "course", f"{boxes} boxes", f"of at most {self._boxes}")
@@ -96,11 +96,11 @@ class Slots:
 
     def _slots_of(self, course: mujoco.MjModel) -> NDArray[np.int_]:
         """Numbers of the slots that the geoms of a course take."""
-        taken = np.full(course.ngeom, -1)
+        slots = np.full(course.ngeom, -1)
         for kind, first in ((_BOX, 0), (_FIELD, self._boxes), (_PLANE, self._boxes + self._fields)):
             own = np.flatnonzero(course.geom_type == kind)
-            taken[own] = first + np.arange(len(own))
-        return taken
+            slots[own] = first + np.arange(len(own))
+        return slots
 
 
 def _count(model: mujoco.MjModel, kind: int) -> int:

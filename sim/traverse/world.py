@@ -26,7 +26,9 @@ from trackslip import se2
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 
-_BROKEN = [int(one) for one in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)]
+_BROKEN = [
+    int(warning) for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
+]
 _GAP = 0.002  # above the ground at which robots are put down [m]
 
 
@@ -169,7 +171,7 @@ class Traverse(World):
         """See Restorable."""
         super().set_state(state)
         self._belts.set_state(state["belts"])
-        self.course = [self._courses[one] if isinstance(one, int) else one for one in state["courses"]]
+        self.course = [self._courses[course] if isinstance(course, int) else course for course in state["courses"]]
 
     def step(self, command: Command) -> None:
         """Simulate one control period of the robots whose runs have not ended.
@@ -269,7 +271,7 @@ class Traverse(World):
         """Determine the outcomes of the robots `rows` (R,) that drove in this period."""
         state = self.state
         belts = self.servo.speed
-        found = (
+        conditions = (
             (Outcome.TIME, self.time > self.limits.time - self.period / 2),
             (Outcome.STUCK, self._stuck.observe(state.position, belts)),
             (Outcome.REACHED, self.way <= 0),
@@ -277,7 +279,7 @@ class Traverse(World):
             (Outcome.TIPPED, state.upright < np.cos(self.limits.lean)),
             (Outcome.EXPLODED, broken),
         )
-        for outcome, where in found:
+        for outcome, where in conditions:
             self.outcome[rows[where[rows]]] = outcome
 
 
