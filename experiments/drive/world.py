@@ -10,7 +10,7 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
-from sim.drive.belt_motors import BeltMotors
+from sim.robot.belt_motors import BeltMotors
 from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.task import from_options
@@ -22,7 +22,7 @@ from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import CrossingPolicy
 from sim.traverse.reflex import Reflex
-from sim.traverse.states import Servos
+from sim.traverse.servos import Servos
 from sim.traverse.task import Actions
 from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit

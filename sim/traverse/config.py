@@ -16,7 +16,7 @@ from sim.traverse.ftr_courses import FTR_COURSES
 from sim.traverse.observation import SensorNoise
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import Scripted
-from sim.traverse.states import MAX_SPEED, Servos
+from sim.traverse.servos import MAX_SPEED, Servos
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_range
 
 PERIOD = 0.1

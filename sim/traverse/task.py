@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim import terms
-from sim.drive.belt_motors import BeltMotors
 from sim.restorable import Restorable
+from sim.robot.belt_motors import BeltMotors
 from sim.task import Element, checked, clipped_actions
 from sim.terrain import Course, load_course
 from sim.traverse.config import DRAWN, RANDOM, SAMPLE, CrossingReward, TraverseConfig

@@ -16,7 +16,7 @@ from sim.path_tracking.config import EnvConfig, TrackingReward
 from sim.task import from_options
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.traverse.config import CrossingReward
-from sim.traverse.states import Servos
+from sim.traverse.servos import Servos
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.icr_load import IcrLoad
