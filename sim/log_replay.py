@@ -18,7 +18,7 @@ from sim.robot.robot import compiled
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.first_look import first_look
-from trackslip.identification.preparation import counts_few_ticks, drives_of, interval_means
+from trackslip.identification.preparation import drives_of, interval_means
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import RunLog, Truth
 from trackslip.se2 import Mounting
@@ -133,14 +133,11 @@ def without_jumps(logs: Sequence[RunLog], geometry: RobotGeometry) -> list[list[
 
     Raises LogError for logs that identification refuses.
     """
-    drives, _ = drives_of(logs)
-    look, parts = first_look(drives, geometry), {log.run: list[RunLog]() for log in logs}
-    named = {log.run: log for log in logs}
-    for drive in drives:
-        log = named[drive.name]
-        for part in look.without_jumps([drive], geometry)[0]:
-            parts[log.run].append(replace(log, valid=np.isin(log.time, part.time)))
-    return [parts[log.run] for log in logs]
+    look = first_look(drives_of(logs)[0], geometry)
+    return [
+        [replace(log, valid=np.isin(log.time, part.time)) for part in look.drives if part.name == log.run]
+        for log in logs
+    ]
 
 
 def _placed(log: RunLog, geometry: RobotGeometry) -> RunLog:
@@ -215,7 +212,7 @@ class Replayer:
 
 def _angle(log: RunLog) -> PchipInterpolator:
     """Angles of the sprockets over time, which turn on at their first and last speeds before and after the log."""
-    means = interval_means(log.time, log.omega, counts_few_ticks(log.time, log.omega))
+    means = interval_means(log.time, log.omega)
     ends = log.time[0] - 2 * RUN_UP, log.time[-1] + _BEYOND
     time = np.concatenate([[ends[0]], log.time, [ends[1]]])
     speeds = np.concatenate([log.omega[:1], means, means[-1:]])

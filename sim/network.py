@@ -36,6 +36,11 @@ class Network:
                 x = np.tanh(x)
         return x
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of inputs and outputs."""
+        return len(self.weights[0]), len(self.biases[-1])
+
     def save(self, path: Path, about: dict[str, Any]) -> None:
         """Write a .npz file with the network and `about`, whose `format` says what it is."""
         arrays: dict[str, Any] = {f"weight_{k}": weight for k, weight in enumerate(self.weights)}

@@ -70,11 +70,8 @@ class Pictures:
 class Window:
     """MuJoCo's viewer, which renders in its own threads."""
 
-    def __init__(self, data: Any, on_key: Callable[[int], None] | None = None, panels: bool = True) -> None:
-        """Open the viewer on data and its model, with or without MuJoCo's panels.
-
-        `on_key` gets the codes of pressed keys, as GLFW numbers them. Raises TrackslipError without a display.
-        """
+    def __init__(self, data: Any) -> None:
+        """Open the viewer on data and its model; raises TrackslipError without a display."""
         if not has_display():
             raise TrackslipError("rendering: a window needs a display, and there is none; pictures need none")
         try:
@@ -85,9 +82,7 @@ class Window:
                 warnings.simplefilter("error")
                 glfw.init()  # a failure raises here; in the viewer's thread it would end the process
             others = threading.enumerate()
-            self.viewer = viewer.launch_passive(
-                data.model, data, key_callback=on_key, show_left_ui=panels, show_right_ui=panels
-            )
+            self.viewer = viewer.launch_passive(data.model, data)
         except Exception as error:  # whatever a broken display raises
             raise TrackslipError(f"rendering: no window opens here: {' '.join(str(error).split())}") from error
         self._threads = [thread for thread in threading.enumerate() if thread not in others]

@@ -79,9 +79,8 @@ class PolicyController:
         config = from_options(EnvConfig, policy.options)
         require(not config.loads, "loads of the policy", config.loads, "false: controllers sense no loads")
         self._policy, self._layout = policy, TrackingLayout(config, top_speed)
-        inputs, outputs = len(policy.network.weights[0]), len(policy.network.biases[-1])
-        seen = len(self._layout.elements)
-        require((inputs, outputs) == (seen, 2), "network of the policy", (inputs, outputs), f"from {seen} inputs to 2")
+        shape, seen = policy.network.shape, len(self._layout.elements)
+        require(shape == (seen, 2), "network of the policy", shape, f"from {seen} inputs to 2")
         self._scale = np.array(config.twist_scale)
         self.reset()
 

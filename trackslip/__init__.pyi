@@ -22,9 +22,8 @@ from .errors import TrackslipError as TrackslipError
 from .identification.identify import identify as identify
 from .identification.result import Identification as Identification
 from .kinematics import RobotGeometry as RobotGeometry
+from .laws.base import NoSlip as NoSlip
 from .laws.base import SlipLaw as SlipLaw
-from .laws.constant import Constant as Constant
-from .laws.constant import NoSlip as NoSlip
 from .laws.exponential import PUBLISHED as PUBLISHED
 from .laws.exponential import Exponential as Exponential
 from .laws.exponential import ExponentialSpeed as ExponentialSpeed

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from experiments.common.colours import BLACK, BLUE, GREY
+from experiments.common.colours import BLACK, BLUE
 from experiments.common.table import Cell, number
-from trackslip.identification.comparison import TODAY
+from trackslip.identification.drive_comparison import TODAY
 from trackslip.identification.path import EXTRAS
 from trackslip.laws.families import FAMILIES, GAINS
 
@@ -27,7 +27,6 @@ class Look:
 
 _LOOKS: dict[str, tuple[Any, ...]] = {
     "none": ("#C1272D", (0, (12, 1.5)), ("i = 0",)),
-    "constant": (GREY, (0, (6, 2)), ("i the same at every radius",)),
     "exponential": ("#CC79A7", "-.", ("i = α exp(β R)",)),
     "exponential_speed": ("#C98200", (0, (6, 1.5, 1, 1.5, 1, 1.5)), ("i = (α + γ v) exp(β R)",)),
     "icr": ("#3A93C9", (0, (2, 1)), ("outer: D / (R + b + D)", "inner: −D / (R − b − D)")),

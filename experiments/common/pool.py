@@ -39,8 +39,8 @@ class Workers:
                     yield future.result()
                     pending |= {self.executor.submit(do, task) for task in islice(queue, 1)}
         except Exception as error:
-            by_executor = isinstance(error, futures.BrokenExecutor | futures.CancelledError)
-            if by_executor or type(error).__module__.startswith("distributed"):
+            lost = isinstance(error, futures.BrokenExecutor | futures.CancelledError)
+            if lost or type(error).__module__.startswith("distributed"):
                 raise WorkersFailedError(f"a worker died ({type(error).__name__})") from error
             raise
 
@@ -63,14 +63,12 @@ def _processes(count: int) -> Iterator[Workers]:
     pool = futures.ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin)
     try:
         yield Workers(pool, count)
-    except KeyboardInterrupt:  # nobody waits: a worker that is killed while it sends is waited for for ever
+    except KeyboardInterrupt:  # without waiting: a worker that is killed while it sends would never end
         for child in multiprocessing.active_children():
             child.kill()
         raise
-    except BaseException:
-        pool.shutdown(cancel_futures=True)
-        raise
-    pool.shutdown()
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _begin() -> None:
@@ -80,9 +78,8 @@ def _begin() -> None:
 
 
 def _end_with_parent() -> None:
-    if (parent := multiprocessing.parent_process()) is not None:
-        parent.join()
-        os._exit(1)
+    multiprocessing.parent_process().join()  # type: ignore[union-attr]
+    os._exit(1)
 
 
 @contextlib.contextmanager

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -11,11 +11,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 _PAUSE = 60.0  # between lines in a log [s]
 
 Advance = Callable[[float], None]  # call it with what has been done since the last call
-
-
-def busy(stage: str) -> AbstractContextManager[Advance]:
-    """Show that a stage of unknown progress is under way."""
-    return progress(stage, None, "")
 
 
 @contextmanager

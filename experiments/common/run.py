@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.common.manifest import make_manifest
 from experiments.common.plain_json import plain, write_json
-from experiments.common.progress import Advance, busy, progress
+from experiments.common.progress import Advance, progress
 from experiments.common.results import MANIFEST_FILE, SUMMARY_FILE, results_folder, write_runs
 from sim.stopwatch import Stopwatch
 from trackslip.errors import RunFailedError, TrackslipError
@@ -39,7 +39,7 @@ class Run:
 
     def busy(self, stage: str) -> AbstractContextManager[Advance]:
         """Show that a stage of unknown progress is under way, for a block."""
-        return busy(stage)
+        return progress(stage, None, "")
 
     def progress(self, stage: str, total: float, unit: str = "s", done: float = 0.0) -> AbstractContextManager[Advance]:
         """Show the progress of a stage, for a block that calls what it gets with what has been done since."""

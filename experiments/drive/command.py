@@ -31,19 +31,15 @@ def run(config: Config) -> None:
     from experiments.drive.pictures import write_pictures
     from experiments.drive.recording import record_course_drive
     from experiments.drive.results import drive_summary, write_course_run
-    from experiments.drive.teleop import teleoperate
-    from experiments.drive.world import about_world, driver, flippers, make_world
+    from experiments.drive.world import about_world, driver, make_world
     from sim.robot.tracked_model import build_tracked
 
     world = make_world(config)
     robot, course, about = world.tracked.robot, world.course[0], about_world(world)
     looks = build_tracked(robot, course, preset=config.preset, looks=True)
     with Run(config) as run:
-        if config.teleop:
-            drive = teleoperate(world, looks, flippers(config, world))
-        else:
-            with run.progress(f"{robot.name} on {config.course}", config.duration) as advance:
-                drive = drive_course(world, driver(config, world), advance)
+        with run.progress(f"{robot.name} on {config.course}", config.duration) as advance:
+            drive = drive_course(world, driver(config, world), advance)
         result, manifest = drive_summary(drive), run.manifest(**about)
         run.write({"drive": result}, simulated=result["duration"], manifest=manifest)
         write_course_run(drive, about, run.folder / RUNS_FILE)

@@ -17,7 +17,7 @@ EXAMPLES = (
     ("slowly over a step, with pictures", "trackslip drive --course step10 --speed 0.1 --pictures 8"),
     ("your own robot and course", "trackslip drive --robot r.toml --course c.toml"),
     ("over a rail as in FTR-Bench, scaled to the robot", "trackslip drive --course rails --difficulty 0.8"),
-    ("by the keyboard", "trackslip drive --course arena --teleop"),
+    ("by a trained policy", "trackslip drive --course steps_up --policy out/train"),
 )
 
 FLIPPERS = {"up": (1.2, 1.2), "down": (0.0, 0.0), "reflex": None}
@@ -50,8 +50,8 @@ class Config(ResultsOptions):
     """Longest run [s]."""
     seed: Annotated[int | None, Whole(), default_is("the course's", "INT")] = None
     """Seed of the course's random parts."""
-    teleop: bool = False
-    """Drive it yourself, in MuJoCo's viewer with the arrow keys; needs a display."""
+    policy: Annotated[Path | None, default_is("none", "FILE")] = None
+    """Policy that drives, as trained by train --env traverse: its .npz, or the folder with it."""
     pictures: Annotated[int, Whole(0, 1000)] = 0
     """Number of pictures to write to OUT/pictures, evenly over the run."""
     check: bool = False
@@ -59,7 +59,10 @@ class Config(ResultsOptions):
     out: Path = Path("out/drive")
     """Folder for the results."""
 
-    exclusions: ClassVar[tuple[Exclusion, ...]] = (Excludes(("turn",), "path"), Excludes(("path", "turn"), "teleop"))
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Excludes(("turn",), "path"),
+        Excludes(("path", "turn", "speed", "flippers"), "policy"),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -17,7 +17,7 @@ from trackslip.kinematics import Array
 Driver = Callable[[Traverse], Command | None]
 """Gives the set points of a world of one robot; None ends the run."""
 PERIOD = 0.02  # time between set points, and between rows of a run [s]
-STOPPED = "stopped"  # outcome of a run that its driver ended, at the end of a path or by closing the window
+STOPPED = "stopped"  # outcome of a run that its driver ended, at the end of a path
 _SIDE_POINTS = 11  # along each track, that the slope of the ground is taken from
 
 

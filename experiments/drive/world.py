@@ -11,23 +11,28 @@ from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
 from sim.drive.belt_motors import BeltMotors
-from sim.drive.drive import Drive
 from sim.robot.named import load_tracked
 from sim.seeds import generator
+from sim.task import from_options
 from sim.terrain import load_course
+from sim.traverse.config import TraverseConfig
 from sim.traverse.footprint import Footprint
 from sim.traverse.ftr_courses import FTR_COURSES, draw_ftr_course
+from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Limits
+from sim.traverse.policy import CrossingPolicy
 from sim.traverse.reflex import Reflex
 from sim.traverse.states import Servos
+from sim.traverse.task import Actions
 from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit
+from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.trajectory.profile import MotionLimits
 from trackslip.trajectory.waypoints import read_waypoints
 
 SAMPLE = 0.004  # time between changes of the belts' speeds [s]
-TOP_SPEED = 0.6  # largest speed of the belts by hand [m/s]
+TOP_SPEED = 0.6  # of the belts, unless more is asked for [m/s]
 ACCELERATION = 2.0  # at both ends of a path [m/s^2]
 _SEARCH = 200  # periods of a path ahead among which the robot is looked for
 
@@ -50,7 +55,7 @@ def make_world(config: Config) -> Traverse:
         [course],
         preset=config.preset,
         servos=Servos(top_speed=max(TOP_SPEED, fastest)),
-        motors=None if robot.drive == Drive() else BeltMotors(robot.drive, robot.sprocket_radius),
+        motors=BeltMotors.of(robot),
         limits=Limits(time=config.duration),
         period=PERIOD,
         sample=SAMPLE,
@@ -58,22 +63,41 @@ def make_world(config: Config) -> Traverse:
     )
 
 
-def flippers(config: Config, world: Traverse) -> Callable[[Traverse], Array]:
-    """Gives the angles (1, F) of the flippers, by reflex or those asked for [rad]."""
-    asked = config.flipper_angles()
-    if asked is None:
-        return lambda world: world.reflex(Reflex())
-    angles = np.where(world.tracked.flipper_front, *asked)[None]
-    return lambda world: angles
-
-
 def driver(config: Config, world: Traverse) -> Driver:
-    """The driver without a keyboard: along the path, or at constant speeds."""
-    angles, half_gauge = flippers(config, world), world.tracked.robot.half_gauge
+    """The driver: a policy, along the path, or at constant speeds; flippers by reflex or at the angles asked for."""
+    if config.policy is not None:
+        return PolicyDriver(CrossingPolicy.load(config.policy), world)
+    asked, half_gauge = config.flipper_angles(), world.tracked.robot.half_gauge
+    fixed = np.where(world.tracked.flipper_front, *(asked or (0.0, 0.0)))[None]
+
+    def angles(world: Traverse) -> Array:
+        return world.reflex(Reflex()) if asked is None else fixed
+
     if config.path is not None:
         return PathDriver(config.path, config.speed, half_gauge, angles)
     speeds = track_speeds([[config.speed, config.turn]], half_gauge)
     return lambda world: Command(speeds, angles(world))
+
+
+class PolicyDriver:
+    """A policy that crosses courses, as in the environment that it was trained in."""
+
+    def __init__(self, policy: CrossingPolicy, world: Traverse) -> None:
+        """Raises InvalidValueError for a policy of another robot."""
+        options = from_options(TraverseConfig, policy.options)
+        self._policy, self._actions = policy, Actions(options, world)
+        self._layout, self._every = CrossingLayout(world, options.noise), round(options.period / PERIOD)
+        fits = len(self._layout.elements), len(self._actions.elements)
+        require(policy.network.shape == fits, "policy", policy.network.shape, f"from {fits[0]} inputs to {fits[1]}")
+        self._rows, self._command = 0, Command(np.zeros((1, 2)), world.servo.angle)
+
+    def __call__(self, world: Traverse) -> Command:
+        """See `Driver`."""
+        if self._rows % self._every == 0:
+            action = self._policy.action(self._layout.observation(world, [0]))
+            self._command = self._actions.command(action)
+        self._rows += 1
+        return self._command
 
 
 class PathDriver:

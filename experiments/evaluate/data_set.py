@@ -16,7 +16,7 @@ from experiments.evaluate.prediction import Prediction
 from experiments.simulate.options import GroundOptions
 from sim.toml_file import build, read_toml
 from trackslip.errors import require, require_positive
-from trackslip.identification.comparison import TODAY
+from trackslip.identification.drive_comparison import TODAY
 from trackslip.laws.families import GAINS
 
 _AHEAD = 1.0  # [s]

@@ -11,7 +11,7 @@ from experiments.calibrate.calibration import read_log_of
 from experiments.evaluate.config import Config
 from trackslip import se2
 from trackslip.errors import LogError, counted
-from trackslip.identification.preparation import counts_few_ticks, drives_of, interval_means
+from trackslip.identification.preparation import drives_of, interval_means
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.source import ReadOptions, Source
 from trackslip.kinematics import RobotGeometry
@@ -49,7 +49,7 @@ def _windows(samples: SlipSamples) -> list[RunLog]:
 
 def _read_once(log: RunLog) -> RunLog:
     """A log in which readings of encoders that were logged several times count once, as in fits and replays."""
-    means = interval_means(log.time, log.omega, counts_few_ticks(log.time, log.omega))
+    means = interval_means(log.time, log.omega)
     return replace(log, omega=np.concatenate([log.omega[:1], means]))
 
 

@@ -17,10 +17,10 @@ from sim.calibration.targets import Drives
 from sim.log_replay import Replayer
 from sim.robot.named import load_parameters
 from trackslip.errors import InvalidValueError
-from trackslip.identification.comparison import TODAY
+from trackslip.identification.drive_comparison import TODAY
 from trackslip.identification.first_look import Look, first_look
 from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
-from trackslip.identification.preparation import PreparedDrive, drives_of
+from trackslip.identification.preparation import drives_of
 from trackslip.identification.source import Source
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
@@ -100,14 +100,12 @@ def models_of(
     sensor, clock = Mounting(*(config.sensor or (0.0, 0.0, 0.0))), config.clock_offset or 0.0
     others = [drive for drive, label in zip(source.logs, part, strict=True) if label != k]
     geometry, models = source.geometry, list[Model]()
-    look, drives = None, list[PreparedDrive]()
+    look = None
     if config.folds:
-        drives, _ = drives_of(others)
-        look = first_look(drives, geometry)
-        drives, _ = look.without_jumps(drives, geometry)
+        look = first_look(drives_of(others)[0], geometry)
         baselines = replace(no_slip(geometry), name=TODAY), _gains(look, geometry)
         models = [_law_model(law.name, law, sensor, clock) for law in baselines]
-    laws = _law_models(config, drives, look, geometry, any(drive.gyro is not None for drive in source.logs))
+    laws = _law_models(config, look, geometry, any(drive.gyro is not None for drive in source.logs))
     models += laws
     for label, candidates in robots.items():
         robot = candidates[k]
@@ -117,9 +115,7 @@ def models_of(
     return models
 
 
-def _law_models(
-    config: Config, others: Sequence[PreparedDrive], look: Look | None, geometry: RobotGeometry, gyro: bool
-) -> list[Model]:
+def _law_models(config: Config, look: Look | None, geometry: RobotGeometry, gyro: bool) -> list[Model]:
     """The laws that --law names, or those by default; without folds, the first one once more with a `gyro`.
 
     Unless given, sensor and clock are as identified with each law, for laws shift and turn them differently; laws that
@@ -127,9 +123,10 @@ def _law_models(
     """
     texts = config.law or (_FITTED if config.folds else (NO_SLIP,))
     fitted = config.folds and any(text in drive_laws() for text in texts)
-    start = look.gains.start(geometry, look.clock) if look else None
-    reference = fit_drives(REFERENCE, others, geometry, start=start) if fitted else None
-    laws = [_law(text, config, others, geometry, reference) for text in texts]
+    reference = None
+    if look is not None and fitted:
+        reference = fit_drives(REFERENCE, look.drives, geometry, start=look.gains.start(geometry, look.clock))
+    laws = [_law(text, config, geometry, reference) for text in texts]
     known = next((law for law in laws if law.mounting is not None), laws[0])
     names, models = [law.name for law in laws], list[Model]()
     for text, law in zip(texts, laws, strict=True):
@@ -147,14 +144,13 @@ def _law_models(
     return models
 
 
-def _law(
-    text: str, config: Config, others: Sequence[PreparedDrive], geometry: RobotGeometry, reference: DriveFit | None
-) -> LawInUse:
+def _law(text: str, config: Config, geometry: RobotGeometry, reference: DriveFit | None) -> LawInUse:
     """A law of a file, none, or one fitted to the other parts of the log, from the fit of the reference on."""
     law = stored_law(text, config, geometry)
     if law is not None or text == NO_SLIP:
         return law or no_slip(geometry)
-    fit = fit_drives(text, others, geometry, reference=reference)
+    assert reference is not None
+    fit = fit_drives(text, reference.fit.drives.drives, geometry, reference=reference)
     sensor = Mounting(*(fit.extras[key] for key in ("sensor_x", "sensor_y", "sensor_yaw")))
     clock = fit.extras["clock_offset"] - fit.extras["lag"]
     return LawInUse(text, fit.law, geometry, drift=fit.extras["drift"], mounting=sensor, clock_offset=clock)

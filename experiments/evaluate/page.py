@@ -18,7 +18,7 @@ from experiments.common.table import Cell, Table, number, percent, significant
 from experiments.evaluate.prediction import AHEAD, Prediction, winner
 from sim.calibration.calibration import Calibration
 from trackslip.errors import counted
-from trackslip.identification.comparison import TODAY
+from trackslip.identification.drive_comparison import TODAY
 from trackslip.laws.file import NO_SLIP
 from trackslip.odometry.evaluation import RelativeErrors
 

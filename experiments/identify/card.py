@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from experiments.common.laws import symbol, with_interval
 from experiments.common.page import Answer
 from experiments.identify import tables
-from trackslip.identification.comparison import TODAY
+from trackslip.identification.drive_comparison import TODAY
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.law_fit import REFERENCE
 from trackslip.identification.result import Identification
@@ -21,17 +21,17 @@ _MOST_ALARMS, _MOST_NOTES = 4, 2
 
 def card(result: Identification, out: str | None = None, taken: Sequence[str] = ()) -> Answer:
     """The answer, with `taken` from bags, and what to do with it if it is in a folder `out`."""
-    fits = result.fits()
+    fits = result.main.laws
     name = result.expressible
     current = "current × " if any(alarm.kind == "multiplier" for alarm in result.alarms) else ""
     answer = result.answer.items()
-    facts = [(key, with_interval(gain.value, gain.ends)) for key, gain in answer if key.endswith("multiplier")]
+    facts = [(key, with_interval(gain.value, gain[1:])) for key, gain in answer if key.endswith("multiplier")]
     facts[:1] = [(key, current + value) for key, value in facts[:1]]
     shown = dict.fromkeys(law for law in (name, result.best) if law is not None)
     for law in shown:
         prefix = f"{law}: " if len(shown) > 1 else ""
         facts += [(f"{prefix}{letter}", value) for letter, value in _parameters(fits[law])]
-    facts.append(("best law", f"{result.best}, {FAMILIES[result.best].title}: {result.reason}"))
+    facts.append(("best law", f"{result.best}, {FAMILIES[result.best].title}: {result.main.reason}"))
     if name not in (None, result.best):
         facts.append(("deployed", f"{name}, the best law that diff_drive_controller can express; the values are its"))
     facts += [("error today -> now", error)] if (error := error_today_and_now(result)) else []
@@ -61,10 +61,10 @@ def error_today_and_now(result: Identification) -> str:
     """Errors of prediction without identification and by the best law; empty if they aren't known."""
     if result.method == "steady" or result.drive is None:
         cv = result.comparison.validation
-        before, after = (cv[name].yaw_rate if name in cv else None for name in ("none", result.best))
+        before, after = (cv.get(name) for name in ("none", result.best))
         if before is None or after is None:
             return ""
-        return f"yaw rate at radii not fitted to {1e3 * before:.3g} -> {1e3 * after:.3g} mrad/s (rms)"
+        return f"yaw rate at radii not fitted to {1e3 * before.yaw_rate:.3g} -> {1e3 * after.yaw_rate:.3g} mrad/s (rms)"
     today, now = (result.drive.errors.get(name, {}) for name in (TODAY, result.best))
     if not now:
         return ""
@@ -84,8 +84,10 @@ def _look(result: Identification) -> list[str]:
     if result.drive is None or result.method == "steady":
         return []
     look = result.drive.look
-    gains = [(what, gain) for what, gain in (("speed", look.speed), ("turn", look.turn)) if gain is not None]
-    told = [f"{what} gain {with_interval(gain.value, gain.ends)}" for what, gain in gains]
+    gains = [
+        (what, gain) for what, gain in (("speed", look.gains.speed), ("turn", look.gains.turn)) if gain is not None
+    ]
+    told = [f"{what} gain {with_interval(gain.value, gain[1:])}" for what, gain in gains]
     told += [f"clocks {look.clock:+.2g} s apart"] if look.clock else []
     return [f"first look: {', '.join(told)}"] if told else []
 

@@ -48,7 +48,7 @@ def slip_against_speed(turns: Turns) -> style.Panels:
 @style.styled
 def fitted_laws(turns: Turns, comparison: SteadyComparison) -> style.Panels:
     """Slip against observed radius with every fitted law and the published one (the paper's Fig. 6)."""
-    laws = {name: comparison.laws[name].law for name in comparison.ranking} | {"published": PUBLISHED}
+    laws = {name: comparison.laws[name].law for name in comparison.laws} | {"published": PUBLISHED}
     looks = _law_lines(laws, comparison.best)
     radius, panels = curve_radii(turns), []
     for track, side in enumerate(TRACKS):
@@ -111,7 +111,7 @@ def predicted_paths(result: Identification) -> style.Panels | None:
     None without logs that have more than a few positions.
     """
     assert result.drive is not None
-    names = {drive.name for drive in result.drive.drives}
+    names = {drive.name for drive in result.drive.look.drives}
     logs = [log for log in result.logs if log.run in names and log.has_place.sum() > _FEWEST]
     log = max(logs, key=lambda log: np.ptp(log.time), default=None)
     if log is None:

@@ -123,8 +123,8 @@ def whole_drives(result: Identification) -> Section | None:
     if drive is None:
         return None
     fit = drive.laws[drive.best]
-    duration = sum(float(each.time[-1] - each.time[0]) for each in drive.drives)
-    driven = f"{counted(len(drive.drives), 'drive')}, {duration:.0f} s, {counted(fit.poses, 'pose')}."
+    duration = sum(float(each.time[-1] - each.time[0]) for each in drive.look.drives)
+    driven = f"{counted(len(drive.look.drives), 'drive')}, {duration:.0f} s, {counted(fit.poses, 'pose')}."
     if result.method == "steady":
         driven += " Most of the driving was steady, so its laws are the result; these are for comparison."
     path = Plot(

@@ -5,10 +5,11 @@ from math import degrees
 from experiments.common.laws import law_cell, symbol, unit_of, with_interval
 from experiments.common.table import MISSING, Cell, Table, number, pair
 from trackslip.errors import counted
-from trackslip.identification.comparison import TODAY, Comparison, DriveComparison
+from trackslip.identification.comparison import Comparison
+from trackslip.identification.drive_comparison import TODAY, DriveComparison
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.path import EXTRAS
-from trackslip.identification.steady_comparison import SteadyComparison
+from trackslip.identification.steady_comparison import CrossValidation, SteadyComparison
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.families import GAINS
@@ -17,8 +18,8 @@ from trackslip.metrics import rms
 _STEADY_NOTE = "Intervals: Student's, of errors of measurement and of one scatter between the runs."
 _DRIVE_NOTE = "Intervals: Student's, from fits without one block of driving each."
 _CRITERIA_NOTE = (
-    "free: fitted parameters. rms: residual of the fit. AICc: above the least. cv: rms error of predicting left-out "
-    "radii, speeds or runs; v and w: of speed and yaw rate at left-out radii. The published law is not fitted."
+    "free: fitted parameters. rms: residual of the fit. AICc: above the least. cv: rms error at left-out radii, of "
+    "slip, speed v and yaw rate w. The published law is not fitted."
 )
 _PREDICTION_NOTE = (
     "Of all pairs of poses between which the robot moves. today: dead reckoning without slip, delay, or sensor's place "
@@ -30,7 +31,7 @@ _UNITS = {"position": (1.0, 3), "heading": (degrees(1.0), 1)}  # m and degrees f
 def parameters_table(comparison: Comparison) -> Table:
     """The parameters of the laws, the best first; of drives, also sensor and clock by the best one."""
     rows: list[tuple[str | Cell, ...]] = []
-    for fit in (comparison.laws[name] for name in comparison.ranking):
+    for fit in comparison.laws.values():
         law: str | Cell = law_cell(fit.name, fit.name == comparison.best)
         for key in fit.values:
             rows.append((law, symbol(fit.name, key), value_text(fit, key)))
@@ -42,7 +43,9 @@ def parameters_table(comparison: Comparison) -> Table:
     assert isinstance(comparison, DriveComparison)
     fit = comparison.laws[comparison.best]
     rows += [(EXTRAS[key].title, symbol(fit.name, key), value_text(fit, key)) for key in fit.extras]
-    title = f"Slip laws from {counted(len(comparison.drives), 'whole drive')}, sensor and clock by {comparison.best}"
+    title = (
+        f"Slip laws from {counted(len(comparison.look.drives), 'whole drive')}, sensor and clock by {comparison.best}"
+    )
     return Table(title, header, rows, "llr", _DRIVE_NOTE)
 
 
@@ -57,28 +60,32 @@ def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Tab
     """The fitted laws by AICc, the smallest first; the published one last."""
     least = min((law.aicc for law in comparison.laws.values() if law.aicc is not None), default=0.0)
     rows: list[tuple[str | Cell, ...]] = []
-    for name in comparison.ranking:
+    for name in comparison.laws:
         fit, errors = comparison.laws[name], comparison.validation[name]
         cells = (
             str(len(fit.values)),
             number(fit.rms, 5),
             number(None if fit.aicc is None else fit.aicc - least, 1),
-            *(number(error, 5) for error in (errors.radius, errors.speed, errors.run)),
-            *(number(None if error is None else 1e3 * error, 2) for error in (errors.linear_speed, errors.yaw_rate)),
+            *([MISSING] * 3 if errors is None else _validation_cells(errors)),
         )
         rows.append((law_cell(name, name == comparison.best, formula=False), *cells))
     samples = comparison.samples
     residual = rms(samples.relative_errors(PUBLISHED.twist(samples.omega, geometry), geometry))
-    rows.append((law_cell("published", formula=False), "0", number(residual, 5), *[MISSING] * 6))
-    header = ("law", "free", "rms", "AICc", "cv radius", "cv speed", "cv run", "cv v [mm/s]", "cv w [mrad/s]")
+    rows.append((law_cell("published", formula=False), "0", number(residual, 5), *[MISSING] * 4))
+    header = ("law", "free", "rms", "AICc", "cv slip", "cv v [mm/s]", "cv w [mrad/s]")
     return Table("Laws compared, by AICc", header, rows, note=_CRITERIA_NOTE)
+
+
+def _validation_cells(errors: CrossValidation) -> list[str]:
+    """Errors of slip, speed and yaw rate."""
+    return [number(errors.slip, 5), number(1e3 * errors.linear_speed, 2), number(1e3 * errors.yaw_rate, 2)]
 
 
 def prediction_table(drive: DriveComparison) -> Table:
     """Median errors of held-out prediction: without identification, then the best law first."""
     ahead, rows = tuple(drive.errors[drive.best]), list[tuple[str | Cell, ...]]()
     today = [name for name in (TODAY, GAINS) if name in drive.errors and name != drive.best]
-    for name in [*today, *drive.ranking]:
+    for name in [*today, *drive.laws]:
         cells = []
         for errors in map(drive.errors[name].get, ahead):
             sizes = [(getattr(errors, f"{key}_median", None), *unit) for key, unit in _UNITS.items()]

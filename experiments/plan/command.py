@@ -14,6 +14,7 @@ from sim.bags.writer import write_commands
 from sim.wander.pose_source import SOURCES
 from trackslip.bags.open import has_rosbags
 from trackslip.identification.law_fit import REFERENCE
+from trackslip.laws.families import FAMILIES
 from trackslip.planning.information import Expectation, PoseQuality
 from trackslip.planning.limits import first_knowledge
 from trackslip.planning.plan import DrivePlan, evaluations, expected_of_paper, plan_drive
@@ -54,9 +55,9 @@ def _plan(config: Config, run: Run) -> DrivePlan:
         geometry = config.geometry()
         knowledge, values, known = first_knowledge(geometry), None, None
     else:
-        before = read_identification(config.after, config.law)
-        geometry, knowledge, values, known = before.geometry, before.knowledge, before.values, before.known
-        law = before.law
+        before, knowledge = read_identification(config.after, config.law)
+        geometry, law, known = before.geometry, before.name, before.errors
+        values = [getattr(before.law, name) for name in FAMILIES[law].names]
     stated: dict[str, Any] = {"offset": config.offset, "reach_doubt": config.doubt}
     knowledge = replace(knowledge, **{name: value for name, value in stated.items() if value is not None})
     source, limits = SOURCES[config.poses], config.limits(geometry)
@@ -79,6 +80,6 @@ def _to_json(plan: DrivePlan, paper: Expectation | None) -> dict[str, Any]:
         "held": plan.expectation.held,
         "paper_stderr": None if paper is None else paper.stderr,
         "start": plan.start,
-        "places": {"low": plan.places.low, "high": plan.places.high},
+        "places": {"low": plan.places[0], "high": plan.places[1]},
         "strokes": {"way": plan.maneuvers.way, "duration": plan.maneuvers.duration},
     }

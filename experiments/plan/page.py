@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -62,7 +63,7 @@ def _errors_text(plan: DrivePlan, expectation: Expectation) -> str:
 
 def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
     """Where the robot starts and stays, what the drive leaves open, and what the paper's runs tell."""
-    (x, y, heading), (across, up), knowledge = plan.start, plan.places.size, plan.knowledge
+    (x, y, heading), (across, up), knowledge = plan.start, np.ptp(plan.places, axis=0), plan.knowledge
     where = f"x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading {math.degrees(heading):.0f}°"
     reach = f"while half_gauge + D is {knowledge.reach:.3f} m within {knowledge.reach_doubt:.0%}"
     facts = [("start", where), ("the robot's middle stays within", f"{across:.2f} x {up:.2f} m, {reach}")]
@@ -78,7 +79,7 @@ def _facts(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, str]]:
 def _draw_plan(plan: DrivePlan) -> tuple[Figure, Figure]:
     figures = [Figure(figsize=(4.5, 4.2), layout="constrained") for _ in range(2)]
     place, belts = (figure.subplots() for figure in figures)
-    area, reached, low = plan.limits.area, plan.places.size, tuple(plan.places.low)
+    area, reached, low = plan.limits.area, np.ptp(plan.places, axis=0), tuple(plan.places[0])
     place.add_patch(Rectangle((-area[0] / 2, -area[1] / 2), *area, fill=False, ec=GREY, lw=1.2, label="area"))
     place.add_patch(Rectangle(low, *reached, color=BAND, lw=0, label="where it may get to"))
     place.plot(*plan.path.T, color=BLUE, label="expected path")

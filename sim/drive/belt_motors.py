@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sim.drive.drive import Drive
+from sim.robot.tracked import TrackedRobot
 from trackslip.kinematics import Array
 
 _ROUNDING = 1 + 1e-6
@@ -21,6 +22,11 @@ class BeltMotors:
     """Motors, gears and current limits."""
     radius: float
     """Radius of the sprockets [m]."""
+
+    @classmethod
+    def of(cls, robot: TrackedRobot) -> BeltMotors | None:
+        """The motors of a robot; None if its file states none: its belts have the speeds of their servos at once."""
+        return None if robot.drive == Drive() else cls(robot.drive, robot.sprocket_radius)
 
     def at(self, speeds: Array, goal: Array) -> dict[str, Any]:
         """Limits (..., T) of belts that have speeds (..., T) and shall have those of `goal` (..., T) [m/s].

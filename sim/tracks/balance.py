@@ -56,7 +56,8 @@ class Balance:
             traction[going] = attempt(going, tried[going])
             force[going], excess = self._force(going, tried[going], traction[going])
             going_on = (np.abs(excess) > self.tolerance[going]).any(axis=1)
-            self._next(going, tried[going], traction[going], force[going], excess, base)
+            with np.errstate(all="ignore"):  # a simulation that diverges
+                self._next(going, tried[going], traction[going], force[going], excess, base)
             going = going[going_on]
             if not going.size:
                 break

@@ -46,9 +46,10 @@ class _Map:
         sensors = [model.sensor(model.body(body).name).id for body in self.bodies]
         self.first, self.slots = model.sensor_adr[sensors], model.sensor_dim[sensors] // SENSED_WIDTH  # (T,) each
 
-    def motors(self, size: int) -> Motors:
-        """Motors of these tracks in `size` simulations."""
-        return Motors(size, self.radius, self.weight, self.slope)
+    def motors(self, size: int, motor: NDArray[np.int_]) -> Motors:
+        """Motors in `size` simulations, by the number of that of each track (T,)."""
+        radius = np.array([self.radius[motor == each].max() for each in range(motor.max() + 1)])
+        return Motors(size, radius, self.weight, self.slope)
 
     def surface(self, speeds: Floats) -> Floats:
         """Surface velocities (..., G, 6) of the geoms for belt speeds (..., T)."""
@@ -87,7 +88,8 @@ class Belts:
         Raises InvalidValueError for a model without tracks, and for contacts that can't follow their recipe.
         """
         self._model, self._map = model, _Map(model, names)
-        self.names, self._motors = self._map.names, self._map.motors(1)
+        self.names = self._map.names
+        self._motors = self._map.motors(1, np.arange(len(self.names)))
         self.hulls = self._map.hulls
         """Hull of each track."""
         self.bodies = self._map.bodies
@@ -144,9 +146,13 @@ class Belts:
         axes = data.xmat.reshape(-1, 3, 3)[self._map.bodies, :, 1]
         return self._map.read(data.sensordata, axes, self.speeds()).complete(self.names)
 
-    def bind_batch(self, batch: Any) -> BatchBelts:
-        """Return the belts of a `mujoco.batch.Batch` of the model."""
-        return BatchBelts(self._map, batch)
+    def bind_batch(self, batch: Any, motor: ArrayLike | None = None) -> BatchBelts:
+        """Return the belts of a `mujoco.batch.Batch` of the model.
+
+        `motor` numbers the motor of each belt (T,), from 0; by default each has its own. Belts of one motor, as those
+        of a robot's side with flippers, have one speed, and share its torque.
+        """
+        return BatchBelts(self._map, batch, np.arange(len(self.names)) if motor is None else np.asarray(motor, int))
 
 
 Record = tuple[Floats, Floats, Floats]
@@ -159,10 +165,10 @@ class BatchBelts:
     names: tuple[str, ...]
     """Name of each track (T,)."""
 
-    def __init__(self, where: _Map, batch: Any) -> None:
+    def __init__(self, where: _Map, batch: Any, motor: NDArray[np.int_]) -> None:
         """See `Belts.bind_batch`."""
-        self._map, self.names, self._batch = where, where.names, batch
-        self._motors = where.motors(batch.nsim)
+        self._map, self.names, self._batch, self._motor = where, where.names, batch, motor
+        self._motors = where.motors(batch.nsim, motor)
         self._surface: NDArray[np.float64] = batch.expand("geom_surfacevel")  # (N, ngeom, 6), live
         self._sensordata: NDArray[np.float64] = batch.bind("sensordata")  # (N, S), live
         self._xmat: NDArray[np.float64] = batch.bind("xmat")  # (N, nbody, 9), live
@@ -174,9 +180,15 @@ class BatchBelts:
         torque_limit: ArrayLike | None = None,
         inertia: ArrayLike = 0.0,
     ) -> None:
-        """Set the belts' speeds (R, T) [m/s] of the simulations `rows`; motors, (T,) or (R, T), as in `Belts.set`."""
+        """Set the speeds (R, M) [m/s] of the belts of M motors; motors, (M,) or (R, M), as in `Belts.set`."""
         where = np.arange(len(self._surface))[rows]
-        self._motors.set(where, _speeds(speeds, len(self.names)), torque_limit, inertia)
+        self._motors.set(where, _speeds(speeds, self._motors.speed.shape[1]), torque_limit, inertia)
+        self._put(where, self._motors.speed[where])
+
+    def begin(self, rows: Any = slice(None)) -> None:
+        """Put the belts of the simulations `rows` to rest, without motors, for a new run."""
+        where = np.arange(len(self._surface))[rows]
+        self._motors.begin(where)
         self._put(where, self._motors.speed[where])
 
     def step(self, rows: Any = slice(None)) -> None:
@@ -188,16 +200,22 @@ class BatchBelts:
             self._batch.state[tried] = state[tried]
             self._put(tried, speeds)
             self._batch.step(ids=tried)
-            return self._map.read(self._sensordata[tried], self._axes(self._xmat[tried]), speeds).traction
+            reading = self._map.read(self._sensordata[tried], self._axes(self._xmat[tried]), speeds[:, self._motor])
+            return self._by_motor(reading.traction)
 
         self._motors.advance(where, float(self._batch.model.opt.timestep), attempt)
 
     def motors(self) -> MotorReading:
-        """Torque, speed, power and energy (N, T) of the motors after the last `step`."""
+        """Torque, speed, power and energy (N, M) of the motors after the last `step`."""
         return self._motors.read()
 
     def _put(self, rows: NDArray[np.int_], speeds: Floats) -> None:
-        self._surface[rows[:, None], self._map.geoms] = self._map.surface(speeds)
+        """Give simulations (R,) the speeds (R, M)."""
+        self._surface[rows[:, None], self._map.geoms] = self._map.surface(speeds[:, self._motor])
+
+    def _by_motor(self, traction: Floats) -> Floats:
+        """Sums (..., M) of the belts' tractions (..., T)."""
+        return np.stack([traction[..., self._motor == each].sum(axis=-1) for each in range(self._motor.max() + 1)], -1)
 
     def speeds(self) -> Floats:
         """Speeds (N, T) of the belts [m/s]."""
@@ -213,18 +231,27 @@ class BatchBelts:
         Returns what `read_all` reads. A simulation that diverges stops; its last step repeats.
         """
         where = np.arange(len(self._surface))[rows]
-        if self._motors.limited(where):
-            return self._run_motors(steps, where)
+        before, goal = self._batch.state.copy(), self._motors.goal(where)
+        self._put(where, goal)
         recorded = self._batch.rollout(steps, record=("sensordata", "xmat"), ids=where)
-        speeds = np.repeat(self._motors.speed[where][:, None], steps, axis=1)
-        return recorded["sensordata"], self._axes(recorded["xmat"]), speeds
+        speeds = np.repeat(goal[:, None, self._motor], steps, axis=1)
+        record = recorded["sensordata"], self._axes(recorded["xmat"]), speeds
+        if self._motors.limited(where):
+            traction = self._by_motor(self._map.read(*record).traction)
+            weak = ~self._motors.hold(where, float(self._batch.model.opt.timestep), traction)
+            if weak.any():
+                self._batch.state[where[weak]] = before[where[weak]]
+                for whole, own in zip(record, self._run_weak(steps, where[weak]), strict=True):
+                    whole[weak] = own
+        return record
 
-    def _run_motors(self, steps: int, where: NDArray[np.int_]) -> Record:
+    def _run_weak(self, steps: int, where: NDArray[np.int_]) -> Record:
+        """Advance simulations whose motors can't hold their set points, step by step."""
         records = []
         for _ in range(steps):
             self.step(where)
-            axes = self._axes(self._xmat[where])
-            records.append((self._sensordata[where], axes, self._motors.speed[where]))
+            speeds = self._motors.speed[where][:, self._motor]
+            records.append((self._sensordata[where], self._axes(self._xmat[where]), speeds))
         sensordata, axes, speeds = (np.stack(each, axis=1) for each in zip(*records, strict=True))
         return sensordata, axes, speeds
 

@@ -48,10 +48,17 @@ class Motors:
         """
         shape = size, len(radius)
         self._radius, self._noise = radius, _ROUGHNESS * weight / len(radius)
-        self._slope = np.tile(np.eye(len(radius)) * slope / len(radius), (size, 1, 1))  # (N, T, T) of the traction
-        self._goal, self._change, self._late, self._inertia = np.zeros((4, *shape))
-        self._limit = np.full(shape, np.inf)
+        self._least = np.eye(len(radius)) * slope / len(radius)  # (T, T)
+        self._slope = np.zeros((*shape, len(radius)))  # (N, T, T) of the traction
+        self._goal, self._change, self._late, self._inertia, self._limit = np.zeros((5, *shape))
         self.speed, self._torque, self._power, self._energy = np.zeros((4, *shape))
+        self.begin(np.arange(size))
+
+    def begin(self, rows: NDArray[np.int_]) -> None:
+        """Put some simulations to rest, without limits."""
+        for state in (self._goal, self._change, self._late, self.speed, self._torque, self._power, self._energy):
+            state[rows] = 0.0
+        self._inertia[rows], self._limit[rows], self._slope[rows] = 0.0, np.inf, self._least
 
     def set(self, rows: NDArray[np.int_], speeds: Floats, torque_limit: ArrayLike | None, inertia: ArrayLike) -> None:
         """Set the set points (R, T) of some simulations; belts without a limit have these speeds at once."""
@@ -66,9 +73,30 @@ class Motors:
         for state in (self._change, self._late):
             state[rows] = np.where(free, 0.0, state[rows])
 
+    def goal(self, rows: NDArray[np.int_]) -> Floats:
+        """Set points (R, T) of some simulations [m/s]."""
+        return self._goal[rows]
+
     def limited(self, rows: NDArray[np.int_]) -> bool:
         """True if a motor of these simulations has a limit."""
         return bool(np.isfinite(self._limit[rows]).any())
+
+    def hold(self, rows: NDArray[np.int_], step: float, traction: Floats) -> NDArray[np.bool_]:
+        """Mask (R,) of the simulations whose motors are strong enough for their set points; these have advanced.
+
+        `traction` (R, S, T) is that of S physics steps at the set points [N].
+        """
+        goal, start, limit = self._goal[rows], self.speed[rows], self._limit[rows] / self._radius
+        force = traction.copy()
+        force[:, 0] += (self._inertia[rows] / self._radius**2 * (goal - start) - self._late[rows]) / step
+        held = (np.abs(force) <= limit[:, None]).all(axis=(1, 2))
+        power = force * goal[:, None]
+        power[:, 0] = force[:, 0] * (start + goal) / 2
+        kept = rows[held]
+        self.speed[kept], self._late[kept], self._change[kept] = goal[held], 0.0, 0.0
+        self._torque[kept], self._power[kept] = (force[:, -1] * self._radius)[held], power[held, -1]
+        self._energy[kept] += power[held].sum(axis=1) * step
+        return held
 
     def read(self, rows: int | slice = slice(None)) -> MotorReading:
         """Readings (N, T), or those of one simulation (T,)."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 
+from sim.drive.drive import Drive
 from sim.robot.named import RobotSource, load_tracked
 from sim.robot.tracked import TrackedRobot
 from sim.task import MAX_WEIGHT
@@ -37,24 +38,25 @@ class Reward:
     energy              -weight_energy times the work of the belts against the ground [J]
     time                -weight_time times the control period
     change              -weight_change times the mean square of the change of the actions
-    end                 weight_reached for a crossed course; -weight_failed for tipping over, falling, exploding, being
-                        stuck or running out of time
+    end                 weight_reached for a crossed course; -weight_failed for tipping over, falling, exploding or
+                        being stuck; nothing where time runs out, which truncates the episode
 
-    A robot that stands still earns less than one that tries and fails.
+    The cost of failing is less than that of standing still from then on, discounted by up to 0.97 per step: who tries
+    and fails earns more than who waits.
     """
 
     weight_progress: float = 2.0
     """Reward per way [1/m]."""
     weight_energy: float = 0.001
     """Cost of work [1/J]."""
-    weight_time: float = 0.25
+    weight_time: float = 0.5
     """Cost of time [1/s]."""
     weight_change: float = 0.005
     """Cost of changes of the actions [-]."""
     weight_reached: float = 5.0
     """Reward, once, for crossing the course [-]."""
-    weight_failed: float = 5.0
-    """Penalty, once, for any other end [-]."""
+    weight_failed: float = 1.0
+    """Penalty, once, for failing [-]."""
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -102,8 +104,8 @@ class TraverseConfig:
     """Noise of the observations."""
     limits: Limits = field(default_factory=Limits)
     """Limits that end an episode."""
-    servos: Servos = field(default_factory=Servos)
-    """Servos of belts and flippers."""
+    servos: Servos | None = None
+    """Servos of belts and flippers; by default with the lag and the top speed of the motors in the robot's file."""
 
     def __post_init__(self) -> None:
         for name, value, choices in (("action", self.action, _ACTIONS), ("flippers", self.flippers, _FLIPPERS)):
@@ -130,6 +132,12 @@ class TraverseConfig:
     def courses(self) -> tuple[str | Course, ...]:
         """Courses from which episodes draw."""
         return (self.course,) if isinstance(self.course, str | Course) else tuple(self.course)
+
+    def servos_of(self, robot: TrackedRobot) -> Servos:
+        """The servos of belts and flippers."""
+        if self.servos is None and robot.drive != Drive():
+            return Servos(robot.drive.lag, robot.drive.top_speed)
+        return self.servos or Servos()
 
     def load_robot(self) -> TrackedRobot:
         """The robot."""

@@ -17,6 +17,7 @@ OBSTACLES = ("ramp", "step up", "step down", "stairs up", "stairs down", "beams"
 _WIDTH = 2.0  # [m]
 _APART = 0.7  # length of level ground between two obstacles [m]
 _START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind them [m]
+_GRIP = 1.15  # friction coefficient over the tangent of the steepest slope, at least: so that robots can climb it [-]
 _SEEDS = 2**31
 
 
@@ -35,9 +36,16 @@ def draw_course(
         kind = kinds[int(rng.integers(len(kinds)))]
         pieces += [Flat(_APART)] * (k > 0)
         pieces += _obstacle(kind, difficulty, rng)
-    friction = float(rng.uniform(0.6, 0.9))
+    friction = max(float(rng.uniform(0.6, 0.9)), least_friction(pieces))
     seed = int(rng.integers(_SEEDS))
     return Course(tuple(pieces), _WIDTH, friction, seed, start_length=_START, goal_length=_GOAL)
+
+
+def least_friction(pieces: Sequence[Piece]) -> float:
+    """Friction coefficient with which robots don't slide down the steepest ramp or flight of stairs [-]."""
+    slopes = [abs(math.tan(piece.angle)) for piece in pieces if isinstance(piece, Ramp)]
+    slopes += [abs(piece.rise / piece.run) for piece in pieces if isinstance(piece, Stairs)]
+    return _GRIP * max(slopes, default=0.0)
 
 
 def require_kinds(kinds: Sequence[str]) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.terrain import Blocks, Course, Flat, Piece, Ramp, Stairs, Step
+from sim.traverse.courses import least_friction
 from trackslip.errors import require, require_within
 
 KINDS = (
@@ -52,7 +53,8 @@ def draw_ftr_course(name: str, difficulty: float, rng: np.random.Generator, hull
     pieces: list[Piece] = []
     for one in kinds:
         pieces += [Flat(_APART)] * bool(pieces) + _obstacle(one, difficulty, scale, rng)
-    return Course(tuple(pieces), _WIDTH, float(rng.uniform(0.6, 0.9)), start_length=_START, goal_length=_GOAL)
+    friction = max(float(rng.uniform(0.6, 0.9)), least_friction(pieces))
+    return Course(tuple(pieces), _WIDTH, friction, start_length=_START, goal_length=_GOAL)
 
 
 def _obstacle(kind: str, difficulty: float, scale: float, rng: np.random.Generator) -> list[Piece]:

@@ -53,13 +53,18 @@ class Reflex:
     """Rules that turn ground and attitude into set points of the flippers.
 
     Front flippers rise as far as what is ahead demands. Rear flippers stay in line with the chassis, which keeps it
-    from tipping backwards, and reach down for the ground behind it when the robot comes over an edge.
+    from tipping backwards, and reach down for the ground behind it when the robot comes over an edge. Where the chassis
+    points upwards more than the ground rises from the rear to the front, as on a step, they push it level.
     """
 
-    highest: float = 0.5
+    highest: float = 1.3
     """Largest lift of front flippers above the chassis' plane [rad]."""
-    lowest: float = -0.5
+    lowest: float = -1.3
     """Lowest reach of rear flippers [rad]."""
+    push: float = 2.0
+    """Angle by which rear flippers push down, per pitch beyond the ground's and `tolerated` [-]."""
+    tolerated: float = 0.12
+    """Pitch beyond the ground's at which they begin to push [rad]."""
 
     def __post_init__(self) -> None:
         for name, angle in vars(self).items():
@@ -83,4 +88,16 @@ class Reflex:
         slope = (np.arctan2(rise, away) + above).max(axis=-1)
         lift = slope - np.where(geometry.front, 1.0, -1.0) * pitch[:, None]
         low, high = np.where(geometry.front, 0.0, self.lowest), np.where(geometry.front, self.highest, 0.0)
-        return np.clip(lift, low, high) - geometry.rest
+        steep = np.maximum(pitch - _grade(ground, geometry) - self.tolerated, 0.0)
+        push = np.where(geometry.front, 0.0, self.push * steep[:, None])
+        return np.maximum(np.clip(lift, low, high) - push, low) - geometry.rest
+
+
+def _grade(ground: Array, geometry: FlipperGeometry) -> Array:
+    """Slopes (N,) of the ground (N, F, S) from beyond the rear flippers to beyond the front ones [rad]."""
+    front, height = geometry.front, ground.mean(axis=-1)
+    if front.all() or not front.any():
+        return np.zeros(len(ground))
+    place = geometry.hinge[:, 0] + np.where(front, 1.0, -1.0) * SAMPLES.mean() * geometry.length
+    rise = height[:, front].mean(axis=1) - height[:, ~front].mean(axis=1)
+    return np.asarray(np.arctan2(rise, place[front].mean() - place[~front].mean()))

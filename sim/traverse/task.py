@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim.drive.belt_motors import BeltMotors
 from sim.restorable import Restorable
 from sim.task import Element, checked, clipped_actions
 from sim.terrain import Course, load_course
@@ -42,6 +43,36 @@ class CourseRun:
     """Of its sensors' noise."""
 
 
+class Actions:
+    """What actions mean in a world."""
+
+    def __init__(self, config: TraverseConfig, world: Traverse) -> None:
+        self._config, self._world = config, world
+        names = each = [flipper.body for flipper in world.tracked.robot.flippers]
+        if config.flippers == "pairs":
+            names = [f"{end} flippers" for end in np.where(world.flippers.front, "front", "rear")]
+            each = sorted(set(names))
+        self._member = np.array([each.index(name) for name in names], int)  # which action moves a flipper
+        self._scale, kind = (world.servos.top_speed, _QUARTER), "set point"
+        if config.action == "correction":
+            self._scale, kind = (config.speed_authority, config.flipper_authority), "correction"
+        speed, angle = self._scale
+        self.elements = (
+            *(Element(f"{side} belt speed, {kind}", "m/s", speed) for side in ("left", "right")),
+            *(Element(f"{name}, {kind}", "rad", angle) for name in each),
+        )
+        """Names, units and scales of the elements (A)."""
+
+    def command(self, action: Array) -> Command:
+        """Set points for actions (N, A) in [-1, 1]."""
+        speed, angle = self._scale
+        belts, flippers = speed * action[:, :2], angle * action[:, 2:][:, self._member]
+        if self._config.action == "correction":
+            scripted = self._config.scripted.command(self._world)
+            return Command(scripted.speed + belts, scripted.flippers + flippers)
+        return Command(belts, flippers)
+
+
 class Crossing(Restorable):
     """The task, independent of the interface that offers it. Rows are bitwise independent.
 
@@ -71,7 +102,8 @@ class Crossing(Restorable):
             size,
             boxes=max((MAX_BOXES if one == RANDOM else FTR_BOXES for one in self._drawn), default=0),
             preset=config.preset,
-            servos=config.servos,
+            servos=config.servos_of(robot),
+            motors=BeltMotors.of(robot),
             limits=config.limits,
             period=config.period,
             sample=SAMPLE,
@@ -84,13 +116,8 @@ class Crossing(Restorable):
         """Elements (n) of an observation."""
         self.difficulty = config.difficulty
         """Range from which the difficulty of the next courses is drawn [-]."""
-        names = [flipper.body for flipper in self.world.tracked.robot.flippers]
-        each = names
-        if config.flippers == "pairs":
-            names = [f"{end} flippers" for end in np.where(self.world.flippers.front, "front", "rear")]
-            each = sorted(set(names))
-        self._member = np.array([each.index(name) for name in names], int)  # which action moves a flipper
-        self.commanded = _commanded(config, each)
+        self.actions = Actions(config, self.world)
+        self.commanded = self.actions.elements
         """Elements (A) of an action."""
         self._action: Array = np.zeros((size, len(self.commanded)))
         self._difficulty: Array = np.full(size, np.nan)
@@ -174,7 +201,7 @@ class Crossing(Restorable):
         action = clipped_actions(actions, self.size, len(self.commanded))
         running = self.outcome == Outcome.DRIVING
         before = self.world.way
-        self.world.step(self._command(action))
+        self.world.step(self.actions.command(action))
         change, self._action = action - self._action, action
         contact = self.world.contact
         work = np.where(running, _sum(contact.work), 0.0)
@@ -212,25 +239,6 @@ class Crossing(Restorable):
             **{f"reward_{name}": self._terms[name].copy() for name in TERMS},
         }
 
-    def _command(self, action: Array) -> Command:
-        """Set points for actions (N, A)."""
-        world, config = self.world, self.config
-        belts, flippers = action[:, :2], action[:, 2:][:, self._member]
-        if config.action == "correction":
-            scripted = config.scripted.command(world)
-            speed = scripted.speed + config.speed_authority * belts
-            return Command(speed, scripted.flippers + config.flipper_authority * flippers)
-        return Command(config.servos.top_speed * belts, _QUARTER * flippers)
-
-
-def _commanded(config: TraverseConfig, flippers: Sequence[str]) -> tuple[Element, ...]:
-    """Elements of an action that moves belts and `flippers`."""
-    speed, angle, kind = config.servos.top_speed, _QUARTER, "set point"
-    if config.action == "correction":
-        speed, angle, kind = config.speed_authority, config.flipper_authority, "correction"
-    belts = (Element(f"{side} belt speed, {kind}", "m/s", speed) for side in ("left", "right"))
-    return *belts, *(Element(f"{name}, {kind}", "rad", angle) for name in flippers)
-
 
 def reward_terms(
     reward: Reward, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes
@@ -246,7 +254,7 @@ def reward_terms(
         "time": -reward.weight_time * took,
         "change": -reward.weight_change * _sum(change**2) / change.shape[1],
         "end": np.select(
-            [outcome == Outcome.REACHED, outcome != Outcome.DRIVING],
+            [outcome == Outcome.REACHED, (outcome != Outcome.DRIVING) & (outcome != Outcome.TIME)],
             [reward.weight_reached, -reward.weight_failed],
             0.0,
         ),

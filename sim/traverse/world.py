@@ -95,7 +95,7 @@ class Traverse(BatchedWorld):
         self._samples = _multiple("period", period, "sample", sample)
         self.track_names = belts.names
         """Names of the tracks (T,)."""
-        self._belts, self._motors = belts.bind_batch(self.batch), motors
+        self._belts, self._motors = belts.bind_batch(self.batch, self.tracked.track_side), motors
         self._friction = None if shared else self.batch.expand("pair_friction")  # (N, npair, 5), live
         if self._slots is not None:
             self._slots.bind_batch(self.batch)
@@ -157,6 +157,7 @@ class Traverse(BatchedWorld):
         angles = np.broadcast_to(asked, self.servo.angle.shape[1:])
         self.servo.begin(where, np.clip(angles, *self.tracked.flipper_range.T))
         self._place(where, poses)
+        self._belts.begin(where)
         self._stuck.begin(where)
         self.contact.clear(where)
         self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
@@ -190,8 +191,9 @@ class Traverse(BatchedWorld):
         self.servo.command(command.speed, command.flippers)
         records = []
         for _ in range(self._samples):
-            speed = self.servo.advance(self.sample)[:, self.tracked.track_side]
-            self._belts.set(speed, **({} if self._motors is None else self._motors.at(self._belts.speeds(), speed)))
+            speed = self.servo.advance(self.sample)
+            limits = {} if self._motors is None else self._motors.at(self._belts.speeds()[:, :2], speed)
+            self._belts.set(speed, **limits)
             self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
             with quietly():  # a run that breaks down ends by name
                 records.append(self._belts.run(self._substeps, rows))

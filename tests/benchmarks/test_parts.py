@@ -7,12 +7,10 @@ from wandered import GEOMETRY, LAW, wandered
 
 from experiments.common.lookup import controller
 from experiments.simulate.grid_runs import before_scanner
-from sim.fleet import Fleet
-from sim.ground.named import load_ground
-from sim.scanner.feed import ScannerFeed
-from sim.scanner.scanner import LaserScanner
+from sim import Fleet, LaserScanner, ScannerFeed, load_ground
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.identification.law_fit import fit_drives, prepared
+from trackslip.identification.law_fit import fit_drives
+from trackslip.identification.preparation import drives_of
 from trackslip.identification.steady_comparison import compare_laws
 from trackslip.localization.plate import PlateLocator
 from trackslip.logs.runlog import RunLog
@@ -65,7 +63,7 @@ def test_laws_of_25_steady_runs(benchmark):
 
 
 def test_a_law_of_a_drive_of_a_minute(benchmark):
-    benchmark(fit_drives, "icr_radius", prepared([wandered(duration=60.0)]), GEOMETRY)
+    benchmark(fit_drives, "icr_radius", drives_of([wandered(duration=60.0)])[0], GEOMETRY)
 
 
 def test_steady_stretches_of_a_log_of_100_000_rows(benchmark):

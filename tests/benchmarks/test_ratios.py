@@ -18,13 +18,10 @@ from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.grid_runs import before_scanner, cells_of, drive_grid
 from experiments.simulate.options import IDENTIFIED
 from experiments.simulate.world import World
+from sim import LaserScanner, Pilot, ScannerFeed, closed_loop
 from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.fleet import SETTLING, Fleet
-from sim.loop import closed_loop
 from sim.path_tracking.config import PERIOD
-from sim.pilot import Pilot
-from sim.scanner.feed import ScannerFeed
-from sim.scanner.scanner import LaserScanner
 from sim.stopwatch import Stopwatch
 from sim.terrain import Course, Flat
 from trackslip.controllers.named import CONTROLLERS

@@ -6,7 +6,7 @@ from time import perf_counter
 
 from mujoco import batch
 
-from sim.fleet import Fleet
+from sim import Fleet
 from trackslip.kinematics import Array
 
 

@@ -24,7 +24,6 @@ VALUES = {
         "turn_loss": 0.3,
     },
     "centrifugal": {"offset": 0.045, "radius_error": 0.0067, "turn_loss": 0.3, "centrifugal_slip": 0.3},
-    "constant": {"slip_outer": 0.0203, "slip_inner": -0.0384},
     "exponential": {"alpha_outer": 0.0814, "beta_outer": -0.892, "alpha_inner": -0.184, "beta_inner": -0.854},
     "exponential_speed": {
         **{"alpha_outer": 0.0815, "beta_outer": -0.892, "alpha_inner": -0.183, "beta_inner": -0.854},

@@ -10,8 +10,9 @@ from sim.wander.commands import Driver, track_commands
 from sim.wander.log import encoder_log, joined_log
 from sim.wander.motion import WHITE, LawMotion, SlipVariation
 from sim.wander.pose_source import PoseSource
-from trackslip.identification.law_fit import REFERENCE
+from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
 from trackslip.identification.path import DriveModel
+from trackslip.identification.preparation import drives_of
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES
@@ -65,3 +66,8 @@ def without_poses(log: RunLog, rows: np.ndarray) -> RunLog:
 def model(name: str = REFERENCE) -> DriveModel:
     """The model of a family of laws for the robot of these tests."""
     return DriveModel(FAMILIES[name], GEOMETRY)
+
+
+def fitted(name: str, *logs: RunLog, **options) -> DriveFit:
+    """A law fitted to logs; options as of `fit_drives`."""
+    return fit_drives(name, drives_of(logs)[0], GEOMETRY, **options)

@@ -16,7 +16,7 @@ from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import Refused
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
-LAWS = ("none", "constant", "exponential", "icr", "icr_radius")
+LAWS = ("none", "exponential", "icr", "icr_radius")
 _NOISE = 2e-3  # relative, of the twists
 
 
@@ -40,14 +40,12 @@ def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determine
     laws = {name: fit_law(name, samples, GEOMETRY) for name in names}
     if not determined:
         laws = {name: replace(law, aicc=None) for name, law in laws.items()}
-    unknown = CrossValidation(None, None, None, None, None)
+    predicted = {name: left_out(law) if determined else None for name, law in laws.items()}
     comparison = SteadyComparison(
         samples=samples,
         laws=laws,
-        validation={
-            name: CrossValidation.of(left_out(law), samples, GEOMETRY) if determined else unknown
-            for name, law in laws.items()
-        },
+        validation={name: CrossValidation.of(twist, samples, GEOMETRY) for name, twist in predicted.items()},
+        score={},
         best=best,
         reason="it predicts best",
         expressible=best,

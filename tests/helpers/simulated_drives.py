@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from sim import Fleet
 from sim.calibration.candidate import PARAMETERS, Candidate
-from sim.fleet import Fleet
 from sim.robot.robot import compiled
 from trackslip import se2
 from trackslip.kinematics import Array

@@ -10,8 +10,7 @@ import numpy as np
 from climbing_theory import SideView
 from mujoco import batch
 
-from sim.robot.named import load_tracked
-from sim.robot.tracked_model import build_tracked
+from sim import build_tracked, load_tracked
 from sim.tracks import Belts, Track, add_tracks
 from trackslip.skid_theory import line_contact
 

@@ -8,20 +8,6 @@ HULL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
 HALF_LENGTH = 0.25
 HALF_GAUGE = 0.2
 
-URDF = """<robot name="courier">
-  <link name="base">
-    <inertial><mass value="20"/><origin xyz="0 0 0.1"/>
-      <inertia ixx="0.4" iyy="0.5" izz="0.8" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><origin xyz="0 0 0.15"/><geometry><box size="0.3 0.2 0.1"/></geometry></collision>
-  </link>
-  <link name="deck"/>
-  <joint name="deck" type="fixed"><parent link="base"/><child link="deck"/><origin rpy="0 0 1.57079632679" xyz="0 0 0.1"/></joint>
-  <link name="arm"><inertial><mass value="2"/><origin xyz="0.1 0 0"/>
-    <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="deck"/><child link="arm"/><axis xyz="0 1 0"/>
-    <limit lower="-1" upper="1" effort="10" velocity="1"/></joint>
-</robot>"""  # noqa: E501
-
 
 def plane():
     spec = mujoco.MjSpec()

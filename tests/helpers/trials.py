@@ -15,6 +15,7 @@ from scipy.stats import binom, binomtest
 
 from trackslip.errors import TrackslipError
 from trackslip.identification.law_fit import fit_drives
+from trackslip.identification.preparation import drives_of
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 
@@ -48,7 +49,7 @@ class Estimate(NamedTuple):
 def identified(logs: Sequence[RunLog], geometry: RobotGeometry) -> dict[str, Estimate]:
     """LAW from whole drives: the estimates of its parameters and of others; empty if the drives don't determine it."""
     try:
-        fit = fit_drives(LAW, logs, geometry)
+        fit = fit_drives(LAW, drives_of(logs)[0], geometry)
     except TrackslipError:
         return {}
     values = fit.values | fit.extras

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip import se2
-from trackslip.identification.comparison import DriveComparison, compare_drives
+from trackslip.identification.drive_comparison import DriveComparison, compare_drives
 from trackslip.identification.first_look import first_look
-from trackslip.identification.law_fit import prepared
+from trackslip.identification.preparation import drives_of
 from trackslip.identification.result import Identification
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.icr import ConstantIcr
@@ -37,10 +37,7 @@ def wandered(*, name="drive", duration=30.0, noise=0.005, headings=True, outlier
 
 def compared(*logs, names=LAWS) -> DriveComparison:
     """Laws fitted to drives."""
-    drives = prepared(logs)
-    look = first_look(drives, GEOMETRY)
-    drives, _ = look.without_jumps(drives, GEOMETRY)
-    return compare_drives(drives, GEOMETRY, look, names=names)
+    return compare_drives(first_look(drives_of(logs)[0], GEOMETRY), GEOMETRY, names=names)
 
 
 def identified_from(*logs, names=LAWS) -> Identification:

@@ -11,30 +11,18 @@ from full_log import BEAMS, MOUNT, ROWS, full_log
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import QosDurability
-from rosbags.rosbag2 import Reader, Writer
+from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from sim.bags.writer import START, write_bag
 from trackslip.errors import InvalidValueError, OutputError
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.runlog import RunLog
 
 GEOMETRY = RobotGeometry(0.2, 0.05)
-PLANAR = [0, 1, 5, 6, 7, 11, 30, 31, 35]  # of 36 covariances
-TYPES = {
-    "/joint_states": "sensor_msgs/msg/JointState",
-    "/odom": "nav_msgs/msg/Odometry",
-    "/tf": "tf2_msgs/msg/TFMessage",
-    "/tf_static": "tf2_msgs/msg/TFMessage",
-    "/cmd_vel": "geometry_msgs/msg/TwistStamped",
-    "/pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
-    "/ground_truth": "nav_msgs/msg/Odometry",
-    "/scan": "sensor_msgs/msg/LaserScan",
-}
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def log():
     return full_log()
 
@@ -78,7 +66,9 @@ def assert_poses(rows, prefix, pose):
 def test_every_topic_is_read_back_bit_for_bit(log, tmp_path):
     write_bag(log, tmp_path / "bag", GEOMETRY)
     bag, valid = read(tmp_path / "bag"), log.valid
-    assert {topic: rows[0][1].__msgtype__ for topic, rows in bag.items()} == TYPES
+    names = "/joint_states", "/odom", "/tf", "/pose", "/scan"
+    types = [bag[name][0][1].__msgtype__.split("/")[-1] for name in names]
+    assert types == ["JointState", "Odometry", "TFMessage", "PoseWithCovarianceStamped", "LaserScan"]
     for topic, time in (
         *((topic, log.time) for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth", "/scan")),
         ("/pose", log.time[valid]),
@@ -94,8 +84,8 @@ def test_every_topic_is_read_back_bit_for_bit(log, tmp_path):
 
     assert_poses(bag["/pose"], "pose.pose", log.pose[valid])
     covariance = numbers(bag["/pose"], "pose.covariance")[:, 0]
-    np.testing.assert_array_equal(covariance[:, PLANAR].reshape(-1, 3, 3), log.covariance[valid])
-    assert not np.delete(covariance, PLANAR, axis=1).any()
+    planar = np.ix_([0, 1, 5], [0, 1, 5])
+    np.testing.assert_array_equal([matrix.reshape(6, 6)[planar] for matrix in covariance], log.covariance[valid])
 
     assert_poses(bag["/ground_truth"], "pose.pose", log.truth.pose)
     moved = ("twist.twist.linear.x", "twist.twist.linear.y", "twist.twist.angular.z")
@@ -108,19 +98,6 @@ def test_every_topic_is_read_back_bit_for_bit(log, tmp_path):
     bearings = scans[0].angle_min + scans[0].angle_increment * np.arange(BEAMS)
     np.testing.assert_allclose(bearings, log.scans.scan.bearings, atol=1e-6)
     assert (scans[0].header.frame_id, scans[0].range_max, scans[0].time_increment) == ("laser", 20.0, 0.0)
-
-
-def test_commands_are_twists_without_slip_or_a_controllers(log, tmp_path):
-    write_bag(log, tmp_path / "bag", GEOMETRY)
-    twist = numbers(read(tmp_path / "bag")["/cmd_vel"], "twist.linear.x", "twist.angular.z")
-    left, right = 0.05 * log.command.T
-    np.testing.assert_allclose(twist, np.stack([(left + right) / 2, (right - left) / 0.4], axis=-1), rtol=1e-14)
-
-    own = np.random.default_rng(1).normal(0, 1, (ROWS, 2))
-    own[3] = np.nan
-    write_bag(replace(log, twist_command=own), tmp_path / "other")
-    rows = read(tmp_path / "other")["/cmd_vel"]
-    np.testing.assert_array_equal(numbers(rows, "twist.linear.x", "twist.angular.z"), np.delete(own, 3, axis=0))
 
 
 def test_transforms_lead_from_the_map_to_the_robot(log, tmp_path):
@@ -146,41 +123,21 @@ def test_transforms_lead_from_the_map_to_the_robot(log, tmp_path):
     assert static.ext.offered_qos_profiles[0].durability is QosDurability.TRANSIENT_LOCAL
 
 
-def test_wheel_odometry_integrates_the_wheels(log, tmp_path):
-    """In many small steps instead of the writer's arcs."""
-    write_bag(log, tmp_path / "bag", GEOMETRY)
-    x = y = heading = 0.0
-    for omega, duration in zip(log.omega[1:], np.diff(log.time), strict=True):
-        left, right = 0.05 * omega
-        turned = heading + (np.arange(1000) + 0.5) / 1000 * duration * (right - left) / 0.4
-        x += np.mean(np.cos(turned)) * duration * (left + right) / 2
-        y += np.mean(np.sin(turned)) * duration * (left + right) / 2
-        heading += duration * (right - left) / 0.4
-    rows = read(tmp_path / "bag")["/odom"]
-    np.testing.assert_allclose(numbers(rows[-1:], "pose.pose.position.x", "pose.pose.position.y")[0], [x, y], atol=1e-6)
-    assert (numbers(rows, "pose.covariance")[:, 0][:, [0, 7, 35]] > 0).all()
-    assert all((message.header.frame_id, message.child_frame_id) == ("odom", "base_link") for _, message in rows)
-
-
 def test_foxgloves_reader_decodes_every_topic(log, tmp_path):
-    write_bag(log, tmp_path / "bag", GEOMETRY)
-    write_bag(replace(log, pose=log.pose * [1, 1, np.nan]), tmp_path / "gnss", GEOMETRY)
-    for name, other in (("bag", set()), ("gnss", {"/fix"})):
-        bag, count = read(tmp_path / name), {}
-        with (tmp_path / name / f"{name}.mcap").open("rb") as file:
-            for _, channel, message, decoded in make_reader(file, True, [DecoderFactory()]).iter_decoded_messages():
-                topic = channel.topic
-                stamp, own = bag[topic][count.setdefault(topic, 0)]
-                count[topic] += 1
-                assert message.log_time == message.publish_time == stamp
-                if topic == "/joint_states":
-                    assert decoded.velocity == own.velocity.tolist()
-                elif topic == "/fix":
-                    assert (decoded.latitude, decoded.longitude) == (own.latitude, own.longitude)
-                elif topic == "/scan":
-                    assert decoded.ranges == own.ranges.tolist()
-        assert count == {topic: len(rows) for topic, rows in bag.items()}
-        assert other <= set(count)
+    write_bag(log, tmp_path / "bag", GEOMETRY, scan_duration=0.02)
+    bag, count = read(tmp_path / "bag"), {}
+    with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
+        for _, channel, message, decoded in make_reader(file, True, [DecoderFactory()]).iter_decoded_messages():
+            stamp, own = bag[channel.topic][count.setdefault(channel.topic, 0)]
+            count[channel.topic] += 1
+            assert message.log_time == message.publish_time == stamp
+            if channel.topic == "/joint_states":
+                assert decoded.velocity == own.velocity.tolist()
+            elif channel.topic == "/scan":
+                assert decoded.ranges == own.ranges.tolist()
+    assert count == {topic: len(rows) for topic, rows in bag.items()}
+    assert_stamps(bag["/scan"], log.time - 0.01)  # of the first beam
+    assert bag["/scan"][0][1].time_increment == np.float32(0.02 / (BEAMS - 1))
 
 
 def test_poses_without_headings_are_fixes(log, tmp_path):
@@ -199,56 +156,6 @@ def test_poses_without_headings_are_fixes(log, tmp_path):
     assert {message.status.status for _, message in bag["/fix"]} == {2}
 
 
-@pytest.mark.parametrize(
-    ("kind", "topic", "prefix"), [("PoseStamped", "/pose", "pose"), ("Odometry", "/visual_odometry", "pose.pose")]
-)
-def test_other_messages_of_poses(log, tmp_path, kind, topic, prefix):
-    write_bag(log, tmp_path / "bag", poses=kind)
-    rows = read(tmp_path / "bag")[topic]
-    assert {message.__msgtype__.split("/")[-1] for _, message in rows} == {kind}
-    assert_poses(rows, prefix, log.pose[log.valid])
-
-
-def test_only_readings_of_the_encoders_are_in_joint_states(log, tmp_path):
-    readings = np.arange(ROWS) % 3 == 0
-    omega = log.omega.copy()
-    for k in range(ROWS):
-        omega[k] = log.omega[-(-k // 3) * 3 % ROWS]  # that of the next reading
-    write_bag(replace(log, omega=omega), tmp_path / "bag", GEOMETRY, readings=readings)
-    bag = read(tmp_path / "bag")
-    for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth"):
-        assert_stamps(bag[topic], log.time[readings])
-    assert_stamps(bag["/pose"], log.time[log.valid])
-    position = np.array([message.position for _, message in bag["/joint_states"]])
-    speed = np.diff(position, axis=0) / np.diff(log.time[readings])[:, None]
-    np.testing.assert_allclose(speed, omega[readings][1:], atol=1e-12)
-
-
-def test_scans_are_stamped_at_their_first_beam(log, tmp_path):
-    write_bag(log, tmp_path / "bag", scan_duration=0.02)
-    rows = read(tmp_path / "bag")["/scan"]
-    assert_stamps(rows, log.time - 0.01)
-    assert rows[0][1].time_increment == np.float32(0.02 / (BEAMS - 1))
-
-
-def test_what_a_plain_log_has_not_is_left_out(log, tmp_path):
-    plain = RunLog("plain", 1.7e9 + np.arange(10.0), log.omega[:10], log.pose[:10])
-    write_bag(plain, tmp_path / "bag")
-    bag = read(tmp_path / "bag")
-    assert set(bag) == {"/joint_states", "/pose"}
-    assert bag["/pose"][0][0] == 1_700_000_000 * 10**9  # its own times
-
-
-def test_an_interrupted_bag_leaves_nothing(log, tmp_path, monkeypatch):
-    def stopped(*message):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Writer, "write", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        write_bag(log, tmp_path / "bag")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_refusals(log, tmp_path):
     (tmp_path / "there").mkdir()
     with pytest.raises(OutputError, match=r"there: exists already$"):
@@ -259,9 +166,7 @@ def test_refusals(log, tmp_path):
         write_bag(log, tmp_path / "file" / "bag")
     for given, message in (
         ({"poses": "Pose"}, "poses = 'Pose': must be one of PoseWithCovarianceStamped, PoseStamped, Odometry"),
-        ({"readings": np.ones(3, bool)}, "readings = (3,): must be of shape (40,)"),
         ({"readings": np.zeros(ROWS, bool)}, "readings = 'false everywhere': must be true in at least one row"),
-        ({"covariance": np.ones(3)}, "covariance = (3,): must be of shape (3, 3)"),
         ({"scans": (log.time[:3], seen)}, "scans = '3 times': must be 40, one per scan"),
         ({"scans": (-log.time, seen)}, 'scans = "times that don\'t ascend": must be in order of time'),
         ({"start": -(10**9)}, "start = -1000000000: must be such that all stamps are from 0 to 2147483647 s"),

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 from pages import ROOT
-from tracked_files import ROBOT, write_robot
+from tracked_files import ROBOT
 
-from sim.drive.drive import Drive
+from sim import Drive, Ground
 from sim.drive.motor import Motor
-from sim.ground.ground import Ground
 from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import RobotParameters, robot_file_text
@@ -20,39 +19,15 @@ from trackslip.errors import InvalidValueError, SettingsFileError
 
 PAGE = ROOT / "docs" / "grounds_and_robots.md"
 MODELS = ROOT / "models"
-OBSTACLES = """
-[[posts]]
-x = 1
-y = 2.0
-
-[[walls]]
-x0 = 0.0
-y0 = 0.0
-x1 = 1.0
-y1 = 0.0
-
-[[walkers]]
-x = 0.0
-y = 5.0
-vx = 1.2
-vy = 0.0
-turns_after = 3.0
+OBSTACLES = """posts = [{x = 1, y = 2.0}]
+walls = [{x0 = 0.0, y0 = 0.0, x1 = 1.0, y1 = 0.0}]
+walkers = [{x = 0.0, y = 5.0, vx = 1.2, vy = 0.0, turns_after = 3.0}]
 """
-COURSE = """
-width = 2
+COURSE = """width = 2
 friction = 0.5
 seed = 7
 start_length = 3.0
-
-[[pieces]]
-kind = "stairs"
-rise = -0.1
-number = 3
-width = inf
-
-[[pieces]]
-kind = "rough"
-amplitude = 0.05
+pieces = [{kind = "stairs", rise = -0.1, number = 3, width = inf}, {kind = "rough", amplitude = 0.05}]
 """
 
 
@@ -65,14 +40,11 @@ def test_files_hold_all_fields(tmp_path):
     assert load_course(str(path)) == Course((Stairs(-0.1, number=3), Rough(amplitude=0.05)), 2.0, 0.5, 7, 3.0)
     assert load_course(str(path), seed=8) == dataclasses.replace(load_course(str(path)), seed=8)
     parameters, ground = RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, mass=9.0), Ground(0.5, 0.6)
-    path.write_text(robot_file_text(parameters, ground, "made by hand"))
-    assert load_parameters(path) == (parameters, ground)
     parameters = dataclasses.replace(parameters, drive=Drive(delay=0.05, droop=0.002, motor=Motor(friction=0.2)))
     path.write_text(robot_file_text(parameters, ground, "made by hand"))
     assert load_parameters(path) == (parameters, ground)
-    path.write_text(
-        (MODELS / "box_robot.toml").read_text().replace('"box_', f'"{MODELS}/box_') + "[drive]\nlag = 0.2\n"
-    )
+    box = (MODELS / "box_robot.toml").read_text().replace('"box_', f'"{MODELS}/box_')
+    path.write_text(box + "[drive]\nlag = 0.2\n")
     assert load_parameters(path)[0].drive == load_tracked(path).drive == Drive(lag=0.2)
 
 
@@ -103,7 +75,6 @@ MISTAKES = [
     # what any file can have
     (load_ground, "along = ", "not TOML"),
     (load_ground, "a = " + "[" * 5000, "not TOML (nested too deeply)"),
-    (load_ground, "a." * 33 + "a = 0,2", "nested more than 32 deep"),
     (load_ground, "x = {" + "a." * 33 + "a = 1}", "nested more than 32 deep"),
     (load_ground, "# nothing" + 40 * ".", "no settings in it"),
     (load_ground, "along = true", "along = True: must be a number"),
@@ -122,15 +93,15 @@ MISTAKES = [
     # robots
     (load_robot, "ground = 3", "ground: 3 is not a table"),
     (load_robot, "[ground]\nalong = -1", "ground: along = -1.0: must be a finite number > 0"),
-    (load_robot, "drive = 3", "drive: 3 is not a table"),
     (load_robot, "[drive]\nlag = 2", "drive: lag = 2.0: must be at most 1 s"),
-    (load_robot, "[drive]\ngears = 2", "drive: gears is unknown; known are lag, delay, droop"),
     (load_robot, "[drive.motor]\ngear = 0", "drive: motor: gear = 0.0: must be a finite number > 0"),
+    (load_tracked, ROBOT.replace("= 0.2", "= -1", 1), "half_gauge = -1.0: must be a finite number > 0"),
+    (load_tracked, ROBOT.replace("[-0.2, 0.1, 0.1], ", ""), "from 2 to 100 wheels"),
+    (load_tracked, ROBOT.replace("[-0.2", '["a"'), "hull[0] = 'a': must be a number"),
     # obstacles
     (load_obstacles, "[[trees]]\nx = 1.0", "trees is unknown; known are posts, walls, walkers"),
     # courses
     (load_course, "pieces = 3", "pieces = 3: must be a list of tables"),
-    (load_course, "pieces = [3]", "pieces[0]: 3 is not a table"),
     (load_course, "[[pieces]]\nangle = 1", "pieces[0]: kind = None: must be one of flat, ramp, step, stairs"),
     (load_course, STAIRS + "number = 3.0", "pieces[0]: number = 3.0: must be a whole number"),
     (load_course, BLOCKS + "blocks = [[0.5, 0, 0.1, 0.1, 0.1, 0]]", "pieces[0]: length is missing"),
@@ -151,19 +122,6 @@ def test_a_mistake_is_one_line_with_file_and_field(tmp_path, load, text, message
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("half_gauge = 0.2", "half_gauge = -1", r"mine.toml: half_gauge = -1.0: must be a finite number > 0"),
-        ("[[-0.2, 0.1, 0.1], [0.2", "[[0.2", "mine.toml: hull = .*from 2 to 100 wheels"),
-        ("[[-0.2, 0.1, 0.1]", '[["a", 0.1, 0.1]', r"mine.toml: hull\[0\] = 'a': must be a number"),
-    ],
-)
-def test_files_of_tracked_robots_with_mistakes(tmp_path, old, new, said):
-    with pytest.raises(SettingsFileError, match=said):
-        load_tracked(write_robot(tmp_path, ROBOT.replace(old, new)))
-
-
-@pytest.mark.parametrize(
     ("load", "known"),
     [
         (load_ground, "ground = .*: must be one of stone, concrete"),
@@ -172,13 +130,10 @@ def test_files_of_tracked_robots_with_mistakes(tmp_path, old, new, said):
         (load_tracked, r"robot = .*one of shipped, rescue, box, husky, warthog, maxxii, or a \.toml file"),
     ],
 )
-def test_names_that_are_neither_known_nor_files(load, known):
+def test_names_that_are_neither_known_nor_files_and_files_that_cannot_be_read(tmp_path, load, known):
     for name in ("", "mud", "x" * 5000, "/dev/null/below"):
         with pytest.raises(InvalidValueError, match=known):
             load(name)
-
-
-def test_files_that_cannot_be_read(tmp_path):
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "folder.toml").mkdir()
     for name, message in (
@@ -187,8 +142,5 @@ def test_files_that_cannot_be_read(tmp_path):
         ("folder.toml", "Is a directory"),
         ("x" * 5000 + ".toml", "File name too long"),
     ):
-        for load in (load_ground, load_course, load_tracked):
-            with pytest.raises(SettingsFileError, match=message):
-                load(str(tmp_path / name))
-    with pytest.raises(SettingsFileError, match="Is a directory"):
-        load_parameters(tmp_path)
+        with pytest.raises(SettingsFileError, match=message):
+            load(str(tmp_path / name))

@@ -8,10 +8,7 @@ import pytest
 from sim.env import PathTrackingEnv
 from sim.network import Network
 from sim.policy import Policy, PolicyController
-from sim.task import from_options
-from sim.traverse.config import TraverseConfig
 from sim.traverse.policy import CrossingPolicy
-from sim.traverse.task import Crossing
 from trackslip.controllers.base import SensesSprockets
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.trajectory.segmented import paper_reference
@@ -26,11 +23,19 @@ def network(rng, sizes=(19, 8, 2)):
     return Network(weights, tuple(rng.normal(0, 0.1, size) for _, size in pairs))
 
 
-def test_network_is_layers_of_tanh():
+def test_a_network_is_layers_of_tanh_and_many_rows_have_the_bits_of_one():
     rng = np.random.default_rng(0)
-    layers, x = network(rng, (19, 8, 5, 2)), rng.normal(size=(4, 19))
+    layers, x = network(rng, (50, 64, 64, 2)), rng.normal(size=(2000, 50))
     (a, b, c), (d, e, f) = layers.weights, layers.biases
-    np.testing.assert_allclose(layers(x), np.tanh(np.tanh(x @ a + d) @ b + e) @ c + f, atol=1e-12)
+    tracemalloc.start()
+    every = layers(x)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 5 * x.nbytes  # a row of a layer has 64 x 64 products
+    np.testing.assert_allclose(every, np.tanh(np.tanh(x @ a + d) @ b + e) @ c + f, atol=1e-12)
+    for k in (0, 1, 24, 1999):
+        np.testing.assert_array_equal(every[k], layers(x[k : k + 1])[0])
+    assert layers(x[:0]).shape == (0, 2)
 
 
 @pytest.mark.parametrize(("bias", "expected"), [(0.0, [0.15, 0.12]), (9.0, [0.15 + 0.1 * 0.3, 0.12 + 0.5])])
@@ -42,58 +47,43 @@ def test_corrections_of_the_references_twist_are_as_large_as_the_authority(bias,
     np.testing.assert_allclose(twist, [expected], atol=1e-7)
 
 
-def test_what_is_no_policy_is_refused(tmp_path):
-    np.savez(tmp_path / "other.npz", a=np.zeros(2))
-    (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 and so on")
-    np.savez(tmp_path / "newer.npz", about=np.array(json.dumps({"format": "trackslip policy 2"})))
-    np.savez(tmp_path / "deep.npz", about=np.array("[" * 100_000))
-    (tmp_path / "text.npz").write_text("no zip")
-    for name, message in (
-        ("nowhere.npz", "No such file"),
-        ("other.npz", "not a policy"),
-        ("newer.npz", "its format is 'trackslip policy 2'"),
-        ("text.npz", "not a policy"),
-        ("cut.npz", "not a policy"),
-        ("deep.npz", "not a policy"),
-    ):
-        with pytest.raises(LogError, match=message):
-            Policy.load(tmp_path / name)
+DEEP = "[" * 100_000
+SHORT = {"format": "trackslip policy 1", "authority": [0.1], "options": OPTIONS}
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "message"),
     [
-        {"weight_0": np.zeros((19, 3))},
-        {"weight_0": np.zeros(19)},
-        {"weight_0": np.full((19, 8), np.nan)},
-        {"weight_0": np.full((19, 8), "x")},
-        {"bias_1": np.zeros(3)},
-        {"bias_1": np.full(2, np.inf, np.float16)},
+        ({"weight_0": np.zeros((19, 3))}, "its layers must hold finite numbers and fit"),
+        ({"weight_0": np.full((19, 8), np.nan)}, "its layers must hold finite numbers and fit"),
+        ({"weight_0": np.full((19, 8), "x")}, "its layers must hold finite numbers and fit"),
+        ({"bias_1": np.full(2, np.inf, np.float16)}, "its layers must hold finite numbers and fit"),
+        ({"about": np.array(json.dumps({"format": "trackslip policy 2"}))}, "its format is 'trackslip policy 2'"),
+        ({"about": np.array(json.dumps(SHORT))}, "authority = .*: must be two finite numbers"),
+        ({"about": np.array(DEEP)}, "not a policy"),
+        ({"about": np.zeros(2)}, "not a policy"),
     ],
 )
-def test_layers_that_do_not_fit_or_hold_no_finite_numbers_are_refused(tmp_path, change):
+def test_files_of_policies_that_make_no_sense_are_refused(tmp_path, change, message):
     path = tmp_path / "policy.npz"
     Policy(network(np.random.default_rng(0), (19, 8, 2)), AUTHORITY, OPTIONS).save(path)
     np.savez(path, **{**np.load(path), **change})
-    with pytest.raises(LogError, match=r"its layers must hold finite numbers and fit"):
+    with pytest.raises(LogError, match=message):
         Policy.load(path)
-
-
-@pytest.mark.parametrize("authority", [0.1, [0.1], [0.1, np.nan], [0.1, 10**400], ["a", "b"], None])
-def test_another_authority_than_two_numbers_is_refused(tmp_path, authority):
-    path, layers = tmp_path / "policy.npz", network(np.random.default_rng(0))
-    layers.save(path, {"format": "trackslip policy 1", "authority": authority, "options": OPTIONS})
-    with pytest.raises(LogError, match=r"authority = .*: must be two finite numbers"):
-        Policy.load(path)
+    for content in (b"PK\x03\x04 and so on", b"no zip"):
+        path.write_bytes(content)
+        with pytest.raises(LogError, match="not a policy"):
+            Policy.load(path)
 
 
 def test_a_policy_of_another_environment_is_refused():
-    other = Policy(network(np.random.default_rng(0), (7, 2)), AUTHORITY, OPTIONS)
-    with pytest.raises(InvalidValueError, match=r"network of the policy = \(7, 2\): must be from 19 inputs to 2"):
-        PolicyController(other, 5.0)
-    loaded = Policy(network(np.random.default_rng(0), (21, 2)), AUTHORITY, OPTIONS | {"loads": True})
-    with pytest.raises(InvalidValueError, match="loads of the policy = True: must be false"):
-        PolicyController(loaded, 5.0)
+    for inputs, loads, message in (
+        (7, False, r"= \(7, 2\): must be from 19 inputs to 2"),
+        (21, True, "loads of the policy"),
+    ):
+        policy = Policy(network(np.random.default_rng(0), (inputs, 2)), AUTHORITY, OPTIONS | {"loads": loads})
+        with pytest.raises(InvalidValueError, match=message):
+            PolicyController(policy, 5.0)
 
 
 def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():
@@ -112,18 +102,6 @@ def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():
         observation, *_, info = env.step(action.astype(np.float32))
 
 
-def test_corrections_of_zero_are_the_scripted_controller():
-    still = CrossingPolicy(Network((np.zeros((63, 4)),), (np.zeros(4),)), {"action": "correction", "flippers": "pairs"})
-    task = Crossing(from_options(TraverseConfig, still.options), 1, threads=1)
-    other = Crossing(task.config, 1, threads=1)
-    for one in (task, other):
-        one.begin([0], [one.draw(np.random.default_rng(0), {"difficulty": 0.5})])
-    for _ in range(5):
-        task.step(still.action(task.observation()))
-        other.world.step(other.config.scripted.command(other.world))
-        np.testing.assert_array_equal(task.world.state.qpos, other.world.state.qpos)
-
-
 def test_a_stored_policy_is_the_same(tmp_path):
     rng = np.random.default_rng(0)
     for policy in (Policy(network(rng), AUTHORITY, OPTIONS), CrossingPolicy(network(rng), {"robot": "box"})):
@@ -134,18 +112,3 @@ def test_a_stored_policy_is_the_same(tmp_path):
             np.testing.assert_array_equal(stored.action(seen), policy.action(seen))
             assert stored.options == policy.options
             assert getattr(stored, "authority", None) == getattr(policy, "authority", None)
-
-
-def test_many_rows_take_little_memory_and_have_the_bits_of_one():
-    rng = np.random.default_rng(0)
-    layers = ((50, 64), (64, 64), (64, 2))
-    made = Network(tuple(rng.normal(size=shape) for shape in layers), tuple(rng.normal(size=n) for _, n in layers))
-    x = rng.normal(size=(5000, 50))
-    tracemalloc.start()
-    every = made(x)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 5 * x.nbytes  # a row of a layer has 64 x 64 products
-    for k in (0, 1, 24, 2500, 4999):
-        np.testing.assert_array_equal(every[k], made(x[k : k + 1])[0])
-    assert made(x[:0]).shape == (0, 2)

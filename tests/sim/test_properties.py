@@ -6,11 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
+from sim import Fleet, RobotParameters, load_robot
 from sim.drive.drive import tireless
-from sim.fleet import Fleet
 from sim.ground.ground import Ground, Patch
-from sim.robot.parameters import RobotParameters
-from sim.robot.robot import load_robot
 from trackslip.kinematics import track_slip
 
 FAST = tireless(0.6)
@@ -23,24 +21,7 @@ def steady_twist(robot, omega, ground, seconds=2.5, **options):
     return fleet.twist()
 
 
-@settings(max_examples=8, deadline=None)
-@given(
-    along=st.floats(0.2, 0.9),
-    ratio=st.floats(0.7, 1.4),
-    size=st.floats(0.5, 2.0),
-    left=st.floats(1.0, 3.0),
-    spread=st.floats(0.2, 1.5),
-)
-def test_slip_does_not_depend_on_the_size_of_friction(robot, along, ratio, size, left, spread):
-    omega = np.tile([left, left + spread], (2, 1))
-    grounds = [Ground(along, ratio * along), Ground(size * along, size * ratio * along)]
-    twist = steady_twist(robot, omega, grounds)
-    one, other = track_slip(omega, twist[:, [0, 2]], robot.geometry)
-    # inertia sees the size of friction: v w / (mu g) of the force goes into the turn
-    np.testing.assert_allclose(one, other, atol=2e-3)
-
-
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(scale=st.floats(0.6, 2.0), left=st.floats(0.5, 2.0), spread=st.floats(0.2, 1.0))
 def test_slip_depends_on_the_shape_not_on_the_scale(scale, left, spread):
     """A robot of another size, at speeds that grow with the square root of it: same centripetal over weight."""
@@ -60,7 +41,7 @@ def test_slip_depends_on_the_shape_not_on_the_scale(scale, left, spread):
     np.testing.assert_allclose(*slips, atol=1e-3)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(left=st.floats(-3.0, 3.0), right=st.floats(-3.0, 3.0), along=st.floats(0.2, 0.9), ratio=st.floats(0.7, 1.4))
 def test_turns_mirror_on_even_ground(robot, left, right, along, ratio):
     twist = steady_twist(robot, np.array([[left, right], [right, left]]), Ground(along, ratio * along))

@@ -3,16 +3,10 @@
 import numpy as np
 import pytest
 
-from sim.drive.drive import Drive
+from sim import Description, Drive, Fleet, LaserScanner, ScannerFeed, load_robot, open_loop
 from sim.drive.motor import Motor
-from sim.fleet import Fleet
 from sim.ground.ground import Ground, Patch
-from sim.loop import open_loop
 from sim.robot.parameters import SINK, RobotParameters
-from sim.robot.robot import load_robot
-from sim.run_recorder import Description
-from sim.scanner.feed import ScannerFeed
-from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.localization.plate import PlateLocator
 from trackslip.skid_theory import line_contact, steady_twist
@@ -98,15 +92,3 @@ def test_a_run_in_which_a_robot_tips_over_ends_with_its_name_and_keeps_its_rows(
         assert len(log.scans.cluster.count) == len(log.time)
     assert level.is_valid.all()
     np.testing.assert_allclose(level.pose[:, :2], level.truth.pose[:, :2], atol=0.02)
-
-
-def test_weights_within_the_limits_load_every_point():
-    """The limits are those of theory for a centre of mass that leans; just inside, no pad lifts."""
-    for parameters in (RobotParameters(com_x=0.055), RobotParameters(com_x=0.0276, com_y=0.083)):
-        robot = load_robot(parameters=parameters)
-        x, y = weight_offset(parameters)
-        contact = line_contact(parameters.half_gauge, parameters.contact_length / 2, 1.0, 1.0, (x, y, 0.12))
-        assert 0 < contact.loads(np.zeros(2)).min() < 1e-4
-        fleet = Fleet(robot, np.zeros((1, 3)))
-        left = fleet.load()[0, 0] / fleet.load()[0].sum()
-        assert left == pytest.approx((1 + y / parameters.half_gauge) / 2, abs=2e-3)

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 from results import assert_same
 
-from sim.drive.drive import Drive
-from sim.drive.pull import Pull
+from sim import Drive, LaserScanner, Limits, Pull
 from sim.ground.ground import Change, Ground
-from sim.scanner.scanner import LaserScanner
-from sim.traverse.outcome import Limits
 from trackslip.errors import InvalidValueError
 from trackslip.laws.icr_load import IcrLoad
 
@@ -22,15 +19,14 @@ CHANGING = Ground(0.7, 0.8, slope=0.1, changes=(Change(0.5, 0.5, 0.6),))
 DRAWN = {"reference": ("paper", "slalom"), "ground": ("stone", "clay"), "randomization": "typical", "off_path": 0.22}
 TWIST = DRAWN | {"action": "twist"}
 COARSE = {"pose_source": "scanner", "scanner": LaserScanner(resolution=0.01, dropout=0.05)}
-LEARNING = {"loads": True, "pull": Pull(10.0, since=1.0), "pose_source": "noisy"}
+LEARNING = {"loads": True, "pull": Pull(10.0, since=1.0), "pose_source": "noisy", "compensation": "online_cold"}
+ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=3, threads=2, max_episode_steps=15)
 STATES = [
-    (TRACKING, DRAWN | {"pose_source": "noisy"}, {"reference": "circle"}),
-    (TRACKING, TWIST | {"compensation": UNDER_LOAD, "pose_source": "scanner"}, {"ground": CHANGING}),
-    (TRACKING, DRAWN | {"drive": Drive(delay=0.127, droop=0.05)}, {}),
-    (TRACKING, TWIST | COARSE | {"compensation": "online"}, {}),
-    (TRACKING, TWIST | LEARNING | {"compensation": "online_cold"}, {"ground": CHANGING}),
-    (TRAVERSE, {"course": ("random", "rough"), "limits": Limits(time=1.2, stuck_time=0.4), "period": 0.2}, {}),
-    (TRAVERSE, {"course": "step10", "limits": Limits(stuck_time=0.8, stuck_share=2.0)}, {}),
+    (BATCH, TRACKING, DRAWN | {"drive": Drive(delay=0.127, droop=0.05)}, {"reference": "circle"}),
+    (ALONE, TRACKING, TWIST | COARSE | {"compensation": UNDER_LOAD}, {"ground": CHANGING}),
+    (BATCH, TRACKING, TWIST | LEARNING, {"ground": CHANGING}),
+    (BATCH, TRAVERSE, {"course": ("random", "rough"), "limits": Limits(time=1.2, stuck_time=0.4), "period": 0.2}, {}),
+    (ALONE, TRAVERSE, {"course": "step10", "limits": Limits(stuck_time=0.8, stuck_share=2.0)}, {}),
 ]
 
 
@@ -46,30 +42,22 @@ def continued(env, steps):
     return results
 
 
-@pytest.mark.parametrize("whose", ["its own", "another's"])
-@pytest.mark.parametrize(("name", "options", "given"), STATES)
-@pytest.mark.parametrize("make", [gym.make, partial(gym.make_vec, num_envs=3, threads=2, max_episode_steps=15)])
-def test_an_environment_continues_from_a_state_to_the_bit(make, name, options, given, whose):
-    def driven(seed, given, steps):
-        env = make(name, **options)
-        env.reset(seed=seed, options=given)
-        continued(env, steps)
-        return env
-
-    env = driven(1, given, 7)
+@pytest.mark.parametrize(("make", "name", "options", "given"), STATES)
+def test_an_environment_continues_from_its_state_and_from_anothers_to_the_bit(make, name, options, given):
+    env, other = (make(name, **options) for _ in range(2))
+    env.reset(seed=1, options=given)
+    continued(env, 7)
     state = env.unwrapped.get_state()
-    expected = continued(env, 12)
-    if whose == "another's":
-        env, state = driven(2, {}, 10), pickle.loads(pickle.dumps(state))
-    env.unwrapped.set_state(state)
-    results = continued(env, 12)
-    assert len(results) == len(expected)
-    for one, two in zip(expected, results, strict=True):
-        assert_same(one, two)
+    expected = continued(env, 10)
+    other.reset(seed=2)
+    continued(other, 5)
+    for each, stored in ((env, state), (other, pickle.loads(pickle.dumps(state)))):
+        each.unwrapped.set_state(stored)
+        for before, after in zip(expected, continued(each, 10), strict=True):
+            assert_same(before, after)
 
 
 def test_states_of_other_environments_are_refused():
-    state = gym.make_vec(TRACKING, num_envs=2).unwrapped.get_state()
-    for wrong in (state, {}, None):
+    for wrong in (gym.make_vec(TRACKING, num_envs=2).unwrapped.get_state(), {}, None):
         with pytest.raises(InvalidValueError, match="state = 'that of"):
             gym.make(TRACKING).unwrapped.set_state(wrong)

@@ -6,9 +6,7 @@ import pytest
 
 from experiments.common.table import Table, significant
 from experiments.validate.measurements import Setup
-from sim.drive.drive import Drive
-from sim.ground.ground import Ground
-from sim.robot.parameters import RobotParameters
+from sim import Drive, Ground, RobotParameters
 from sim.seeds import generator
 
 DURATION, ROBOTS = 30, 8

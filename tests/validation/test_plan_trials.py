@@ -19,8 +19,7 @@ from experiments.common.table import Table, significant
 from experiments.simulate.drives import KnownDrive, driven_by_law, driven_in_mujoco
 from experiments.simulate.options import Simulation
 from experiments.simulate.world import World
-from sim.drive.drive import Drive
-from sim.run_recorder import Description
+from sim import Description, Drive
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LawMotion, SlipVariation

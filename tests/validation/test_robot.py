@@ -15,8 +15,7 @@ from default_contact import use_default_contact
 from experiments.common.check import Check
 from experiments.common.table import Table, pair, significant
 from experiments.validate.measurements import Setup, drive_steadily, measure_loads, paper_turns
-from sim.ground.ground import Ground
-from sim.robot.parameters import RobotParameters
+from sim import Ground, RobotParameters
 from trackslip.errors import InvalidValueError, RobotWarning
 
 ROBOTS = {"shipped": RobotParameters(), "larger": RobotParameters(half_gauge=0.25, contact_length=0.5)}

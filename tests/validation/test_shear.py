@@ -9,8 +9,7 @@ from checked import report
 
 from experiments.common.check import Check
 from experiments.validate.measurements import Setup, drive_steadily, paper_turns
-from sim.ground.ground import Ground
-from sim.robot.parameters import RobotParameters
+from sim import Ground, RobotParameters
 from trackslip.skid_theory import Load, steady_twist
 
 pytestmark = pytest.mark.slow

@@ -5,7 +5,7 @@ Neither gains nor the signs of turns matter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,12 +30,7 @@ class Clock:
     distinct: bool = False  # true if no other offset leaves less than twice the variance
 
 
-def clock_of(drives: Sequence[PreparedDrive]) -> float:
-    """The median of the drives' offsets, where motion shows them [s]; 0 if it is more than a fit would find."""
-    return median_offset(list(map(clock_of_drive, drives)), NEAR)
-
-
-def median_offset(clocks: Sequence[Clock], most: float = np.inf) -> float:
+def median_offset(clocks: Iterable[Clock], most: float = np.inf) -> float:
     """The median of the offsets that motion shows [s]; 0 if there are none, or it is larger than `most`."""
     offset = float(np.median([clock.offset for clock in clocks if clock.share > 0] or [0.0]))
     return offset if abs(offset) <= most else 0.0

@@ -25,11 +25,6 @@ class Gain(NamedTuple):
     high: float
 
     @property
-    def ends(self) -> tuple[float, float]:
-        """Of the interval."""
-        return self.low, self.high
-
-    @property
     def error(self) -> float:
         """Half the width of the interval."""
         return (self.high - self.low) / 2
@@ -49,17 +44,7 @@ class FittedLaw:
     stderr: dict[str, float]  # standard errors of the fitted parameters
     interval95: dict[str, tuple[float, float]]  # 95 % intervals of the fitted parameters
     correlation: Array  # of the fitted parameters, in the order of stderr
-
-    @property
-    def determined(self) -> bool:
-        """True if the data determine the law."""
-        return True
-
-    @property
-    def stored(self) -> dict[str, Any]:
-        """The entry of the law in the `slip_laws` of a file."""
-        errors = {name: self.stderr.get(name) for name in self.values}  # None for a value that was held
-        return {"values": self.values, "stderr": errors, "interval95": self.interval95}
+    notes: tuple[str, ...] = ()  # why the data don't determine the law, whose values then mean nothing
 
 
 def uncertainty(
@@ -67,14 +52,12 @@ def uncertainty(
 ) -> dict[str, Any]:
     """The fields stderr, interval95 and correlation of a FittedLaw, of fitted parameters (f,) with limits (2, f)."""
     error = np.sqrt(np.diag(covariance))
-    ends = np.stack(
-        [np.maximum(values - quantile * error, limits[0]), np.minimum(values + quantile * error, limits[1])]
-    )
+    low, high = np.maximum(values - quantile * error, limits[0]), np.minimum(values + quantile * error, limits[1])
     with np.errstate(invalid="ignore"):
         correlation = covariance / np.outer(error, error)
     return {
         "stderr": dict(zip(names, error.tolist(), strict=True)),
-        "interval95": dict(zip(names, map(tuple, ends.T.tolist()), strict=True)),
+        "interval95": dict(zip(names, zip(low.tolist(), high.tolist(), strict=True), strict=True)),
         "correlation": correlation,
     }
 

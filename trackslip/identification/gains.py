@@ -7,21 +7,21 @@ wheels. Without headings, the turn is that between successive chords of the path
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from trackslip.identification.fitted import Gain, cr3, student
 from trackslip.identification.preparation import PreparedDrive
-from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
+from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 WINDOW = 2.0
 """Duration of windows [s]: noise of 2 cm is 5 % of the distance of a slow robot then, and steady arcs stay below half a
 turn."""
 _OFF = 0.1  # error of the clock that is allowed for [s]: the step of its grid
+_FARTHEST = 2.0  # turn by the wheels of which a chord tells the whole one [rad]
 _HUBER = 1.345  # standard deviations: 95 % efficient for normal errors (P. J. Huber, *Robust Statistics*)
-_TURNS = np.concatenate([-np.geomspace(0.05, 3.0, 25), np.geomspace(0.05, 3.0, 25)])  # gains tried to start from
 
 
 @dataclass(frozen=True)
@@ -54,23 +54,23 @@ class Window(NamedTuple):
     """Motion in windows of drives, n in all."""
 
     distance: Array  # (n,) by the wheels [m]
-    turn: Array  # (n,) by the wheels [rad]
+    turn: Array  # (n,) by the wheels [rad]; without headings, from the mean direction of this window to the next one's
     moved: np.ndarray  # (n,) measured in the frame of the sensor, complex; without headings, the chord's size [m]
     turned: Array  # (n,) measured [rad]; without headings, from this chord to the next one; NaN where not known
     block: np.ndarray  # (n,) index of the block of driving
-    duration: Array  # (n,) [s]
 
 
 @dataclass(frozen=True)
 class Steps:
     """The poses of a drive that encoders cover, and what the wheels have driven until each."""
 
+    rows: np.ndarray  # (K,) indices of the poses in the drive
     time: Array  # (K,) of the poses, pose clock [s]
     place: np.ndarray | None  # (K,) complex [m]
     heading: Array | None  # (K,) [rad], interpolated to positions where both exist
     distance: Array  # (K,) by the wheels [m]
     turn: Array  # (K,) by the wheels [rad]
-    rows: np.ndarray  # (K,) indices of the poses in the drive
+    moment: Array  # (K,) integral of the turn over the distance [rad m]
 
     @classmethod
     def of(
@@ -78,17 +78,20 @@ class Steps:
     ) -> Steps:
         """The steps by wheels `shift` [s] later than by this clock; wheels go on at both ends for `margin` [s]."""
         placed, headed = np.isfinite(drive.pose[:, 0]), np.isfinite(drive.pose[:, 2])
-        rows = placed if placed.sum() > 1 else headed
-        at, ends = drive.time + clock, drive.edges[[0, -1]] + [-margin - 1e-9, margin + 1e-9]
-        rows = np.flatnonzero(rows & (at >= ends[0]) & (at <= ends[1]))
-        left, right = geometry.sprocket_radius * _going_on(drive, margin).angles(at[rows] + shift)
+        edges = drive.edges.copy()
+        edges[[0, -1]] += -margin - 1e-9, margin + 1e-9
+        at, rows = drive.time + clock, placed if placed.sum() > 1 else headed
+        rows = np.flatnonzero(rows & (at >= edges[0]) & (at <= edges[-1]))
+        way, turn = np.diff(edges) * body_twist(drive.omega, 0.0, geometry).T
+        turned = np.append(0.0, np.cumsum(turn))
+        moment = np.append(0.0, np.cumsum(way * (turned[1:] + turned[:-1]) / 2))
+        sums = (np.append(0.0, np.cumsum(way)), turned, moment)
         return cls(
+            rows,
             drive.time[rows],
             drive.pose[rows, 0] + 1j * drive.pose[rows, 1] if placed.sum() > 1 else None,
             np.interp(drive.time[rows], drive.time[headed], drive.pose[headed, 2]) if headed.sum() > 1 else None,
-            (left + right) / 2,
-            (right - left) / (2 * geometry.half_gauge),
-            rows,
+            *(np.interp(at[rows] + shift, edges, values) for values in sums),
         )
 
     @property
@@ -109,121 +112,75 @@ class Steps:
         return np.unique(np.searchsorted(self.time, cuts - 1e-9).clip(max=len(self.time) - 1))
 
 
-def _going_on(drive: PreparedDrive, margin: float) -> PreparedDrive:
-    """The drive, whose wheels go on at their first and last speeds for a while [s]."""
-    edges = drive.edges.copy()
-    edges[[0, -1]] += -margin - 1e-9, margin + 1e-9
-    return replace(drive, edges=edges)
-
-
-def reckoned(drive: PreparedDrive, geometry: RobotGeometry, ratio: float, time: Array) -> np.ndarray:
-    """Complex places (n,) at encoder times by the wheels alone, with their turns scaled [m]."""
-    v, w = body_twist(drive.omega, 0.0, geometry).T
-    step = np.diff(drive.edges)
-    heading = np.append(0.0, np.cumsum(ratio * w * step))
-    place = np.append(0.0, np.cumsum(v * step * np.exp(0.5j * (heading[1:] + heading[:-1]))))
-    return np.interp(time, drive.edges, place)
-
-
 def windows_of(
-    drives: Sequence[PreparedDrive],
-    geometry: RobotGeometry,
-    clock: float,
-    turn_gain: float = 1.0,
-    shift: float = 0.0,
-    length: float = WINDOW,
+    drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float, shift: float = 0.0, turn_gain: float = 1.0
 ) -> Window:
-    """Motion of drives in windows, by wheels with this gain of turns, `shift` [s] later than by this clock.
+    """Motion of drives in windows, by wheels `shift` [s] later than by this clock.
 
-    Without headings, distances and turns are those of chords. `length` is the duration of the windows, at least [s].
+    Without headings, distances are those of chords, which are shorter than arcs by turns with this gain.
     """
     parts, first = [], 0
     for drive in drives:
-        part = _windows(drive, geometry, clock, turn_gain, shift, length)
+        part = _windows(drive, geometry, clock, shift, turn_gain)
         parts.append(part._replace(block=part.block + first))
         first += int(part.block.max(initial=-1)) + 1
     return Window(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _windows(
-    drive: PreparedDrive, geometry: RobotGeometry, clock: float, turn_gain: float, shift: float, length: float
-) -> Window:
-    steps, length = Steps.of(drive, geometry, clock, shift), max(length, 2 * drive.interval)
+def _windows(drive: PreparedDrive, geometry: RobotGeometry, clock: float, shift: float, turn_gain: float) -> Window:
+    steps, length = Steps.of(drive, geometry, clock, shift), max(WINDOW, 2 * drive.interval)
     ends = steps.ends(length)
     if len(ends) < 2:
         none = np.zeros(0)
-        return Window(none, none, none + 0j, none, none.astype(int), none)
+        return Window(none, none, none + 0j, none, none.astype(int))
     lost = (np.diff(steps.time) > 10.0) | (np.abs(np.diff(steps.turn)) > np.pi)
-    duration = np.diff(steps.time[ends])
-    good = (np.diff(np.append(0, np.cumsum(lost))[ends]) == 0) & (duration > 0.49 * length)
+    good = np.diff(np.append(0, np.cumsum(lost))[ends]) == 0
+    good &= np.diff(steps.time[ends]) > 0.49 * length
     block = drive.blocks((steps.time[ends[1:]] + steps.time[ends[:-1]]) / 2)
-    distance, turn = np.diff(steps.distance[ends]), turn_gain * np.diff(steps.turn[ends])
+    distance, turn = np.diff(steps.distance[ends]), np.diff(steps.turn[ends])
     if steps.heading is not None:
         turned, moved = np.diff(steps.heading[ends]), np.diff(np.append(0.0, np.cumsum(steps.moved))[ends])
     else:
         assert steps.place is not None
         chord = np.diff(steps.place[ends])
-        by_wheels = np.diff(reckoned(drive, geometry, turn_gain, steps.time[ends] + clock))
-        distance, moved = np.abs(by_wheels), np.abs(chord) + 0j
-        turned, turn = (np.append(np.angle(way[1:] * np.conj(way[:-1])), np.nan) for way in (chord, by_wheels))
-        moving = (np.abs(chord) > 0.3 * rms(chord)) & (distance > 0.3 * rms(distance)) & good
+        moving = good & (np.abs(chord) > 0.3 * rms(chord)) & (np.abs(distance) > 0.3 * rms(distance))
+        along = np.where(distance < 0, -chord, chord)  # a robot that reverses moves against its heading
+        turned = np.append(np.angle(along[1:] * np.conj(along[:-1])), np.nan)
         turned[~(moving & np.append(moving[1:], False))] = np.nan
-    return Window(distance, turn, np.where(good, moved, np.nan), np.where(good, turned, np.nan), block, duration)
+        direction = np.diff(steps.moment[ends]) / np.where(moving, distance, 1.0)
+        distance, moved = np.abs(distance * np.sinc(turn_gain * turn / (2 * np.pi))), np.abs(chord) + 0j
+        turn = np.append(np.diff(direction), 0.0)
+        turned[np.abs(turn) > _FARTHEST] = np.nan
+    return Window(distance, turn, np.where(good, moved, np.nan), np.where(good, turned, np.nan), block)
 
 
 def gains_of(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> Gains:
-    """Gains of drives with poses all of one kind."""
+    """Gains of drives: of those with headings, or of all if there are none."""
     headed = [drive for drive in drives if drive.has_heading]
-    if not headed:
-        return _of_positions(drives, geometry, clock)
-    before, window, after = (windows_of(headed, geometry, clock, shift=shift) for shift in (-_OFF, 0.0, _OFF))
+    before, window, after = (windows_of(headed or drives, geometry, clock, shift) for shift in (-_OFF, 0.0, _OFF))
     late = np.column_stack([after.distance - before.distance, after.turn - before.turn]) / (2 * _OFF)
     turn = speed = None
     heading, arm = 0.0, 0j
-    known = np.isfinite(window.turned)
+    known = np.isfinite(window.turned) & np.isfinite(late[:, 1])
     if _tells(window.turn[known], 0.1):
         fit = _regression(np.column_stack([window.turn, late[:, 1]]), window.turned, window, known, (0.0, _OFF**-2))
         turn = _gain(fit.values[0], fit.without[:, 0], fit.quantile)
-    known &= np.isfinite(window.moved)
+    if not headed:
+        window = windows_of(drives, geometry, clock, turn_gain=turn.value if turn else 1.0)
+    known = np.isfinite(window.moved) & (np.isfinite(window.turned) if headed else True)
     if _tells(window.distance[known], 0.2 * geometry.half_gauge):
         aside = (2 * geometry.half_gauge) ** -2  # of the sensor
-        if _collinear(window.distance[known], window.turned[known]):
+        if not headed or _collinear(window.distance[known], window.turned[known]):
             aside = 1e12  # an offset to the side looks like a gain
-        columns = np.column_stack([window.distance, window.turned, late[:, 0]])
-        fit = _regression(columns, window.moved, window, known, (0.0, aside, _OFF**-2))
+        across = window.turned if headed else np.zeros(len(known))
+        columns = np.column_stack([window.distance, across, late[:, 0]])
+        moved = window.moved if headed else window.moved.real
+        fit = _regression(columns, moved, window, known, (0.0, aside, _OFF**-2))
         along, across, _ = fit.values
         ahead = along / abs(along) * (-1.0 if along.real < 0 else 1.0)
         speed = _gain((along / ahead).real, (fit.without[:, 0] / ahead).real, fit.quantile)
         heading, arm = float(-np.angle(ahead)), complex(across / 1j / ahead)
     return Gains(speed, turn, heading, arm)
-
-
-def _of_positions(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> Gains:
-    """Gains of drives whose poses have no headings: chords don't depend linearly on the gain of turns."""
-
-    def missed(turn_gain: float) -> tuple[Array, Window]:
-        window = windows_of(drives, geometry, clock, turn_gain)
-        return np.nan_to_num(wrap_angle(window.turned - window.turn)), window
-
-    sizes = [float(np.minimum(np.abs(missed(gain)[0]), 1.0).sum()) for gain in _TURNS]
-    value, turn = float(_TURNS[int(np.argmin(sizes))]), None
-    for _ in range(6 if np.ptp(sizes) > 1e-9 else 0):
-        change = 1e-3
-        off, window = missed(value)
-        slope = -wrap_angle(missed(value + change)[0] - off) / change
-        used = (np.abs(slope) > 0) & np.isfinite(window.turned)
-        if not used.any():
-            break
-        fit = _regression(slope[:, None], off, window, used, (0.0,))
-        step = float(np.clip(fit.values[0], -0.3, 0.3))
-        turn = _gain(value + step, value + fit.without[:, 0], fit.quantile)
-        value += step
-    window, speed = windows_of(drives, geometry, clock, value), None
-    known = np.isfinite(window.moved)
-    if _tells(window.distance[known], 0.2 * geometry.half_gauge):
-        fit = _regression(window.distance[:, None], window.moved.real, window, known, (0.0,))
-        speed = _gain(fit.values[0], fit.without[:, 0], fit.quantile)
-    return Gains(speed, turn)
 
 
 def _collinear(first: Array, second: Array) -> bool:

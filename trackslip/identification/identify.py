@@ -8,7 +8,7 @@ from pathlib import Path
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.comparison import DriveComparison, compare_drives
+from trackslip.identification.drive_comparison import DriveComparison, compare_drives
 from trackslip.identification.first_look import first_look
 from trackslip.identification.preparation import drives_of
 from trackslip.identification.result import Identification, Method
@@ -46,13 +46,8 @@ def identify(
         method: steady: from stretches of constant sprocket speeds; drive: from whole drives. By default steady where
             most of the driving is, else drive.
         sensor: place and yaw on the robot of the sensor that measured the poses, if known.
-        gear: turns of the encoder per turn of the sprocket, if omega is the speed of the encoder [-].
-        settle: time after the sprockets have become steady that is left out of each run [s].
-        motion: how a steady run becomes a twist: paper, arc or bundle; by default the most accurate method
-            that each run allows.
-        bag: which topics of a bag are encoders and poses; needed if the bag leaves a doubt.
-        multiplier: wheel_separation_multiplier by which odometry taken as encoders was computed [-].
         lag: whether to estimate how far the motion lags behind the belts, of whole drives.
+        gear, settle, motion, bag, multiplier: see `ReadOptions`.
 
     Raises:
         LogError: if the log cannot be read, or its runs determine no law.
@@ -85,9 +80,7 @@ def identify_source(
     def of_drives(names: Sequence[str] | None = None) -> tuple[DriveComparison, list[Refused]]:
         drives, refused = drives_of(source.logs)
         look = first_look(drives, source.geometry)
-        drives, notes = look.without_jumps(drives, source.geometry)
-        look = replace(look, notes=(*look.notes, *notes))
-        return compare_drives(drives, source.geometry, look, sensor, names, step, lag), refused
+        return compare_drives(look, source.geometry, sensor, names, step, lag), refused
 
     if method == "drive" or not _steady_runs(source):
         drive, refused = of_drives()

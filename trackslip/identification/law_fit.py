@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackslip.identification.clocks import clock_of
+from trackslip.identification.clocks import NEAR, clock_of_drive, median_offset
 from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, uncertainty
 from trackslip.identification.gains import gains_of
 from trackslip.identification.path import DriveModel
-from trackslip.identification.prediction import Pairs, held_out, sizes, slip_noise
-from trackslip.identification.preparation import PreparedDrive, drives_of
-from trackslip.identification.windows import Data, WindowFit, fit_windows
+from trackslip.identification.prediction import Pairs, sizes, slip_noise
+from trackslip.identification.preparation import Drives, PreparedDrive
+from trackslip.identification.windows import WindowFit, fit_windows
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, family
-from trackslip.logs.runlog import RunLog
 from trackslip.se2 import Mounting
 
 REFERENCE = "icr_radius"
@@ -53,10 +52,9 @@ class DriveFit(FittedLaw):
 
 def fit_drives(
     name: str,
-    drives: Sequence[RunLog] | Sequence[PreparedDrive],
+    drives: Sequence[PreparedDrive],
     geometry: RobotGeometry,
     sensor: Mounting | None = None,
-    held: Mapping[str, float] | None = None,
     reference: DriveFit | None = None,
     start: Mapping[str, float] | None = None,
     lag: bool = False,
@@ -65,64 +63,48 @@ def fit_drives(
 
     Args:
         name: of the law.
-        drives: logs of drives, or prepared ones.
+        drives: as `drives_of` prepares them.
         geometry: nominal geometry of the robot.
         sensor: place and yaw of the sensor on the robot, if known; else estimated.
-        held: extras to hold at a value, by name.
         reference: a fit of REFERENCE to the same drives, which saves fitting it again.
         start: values of REFERENCE and extras to start from, by name; by default gains and clock by regression. Without
             radius_error among them, the driving doesn't tell it, and it is taken to be small.
         lag: whether to estimate how far the motion lags behind the belts.
 
     Raises:
-        LogError: if no drive can be used.
         InvalidValueError: for an unknown law.
     """
-    held = held or {}
     if reference is None:
-        reference = _reference(prepared(drives), geometry, sensor, held, start, lag)
+        reference = _reference(Drives.of(drives), geometry, sensor, start, lag)
     if name == REFERENCE:
         return reference
     first = reference.fit
     model = replace(first.model, family=family(name))
     values = np.concatenate([_law_start(name, geometry, reference.values), [*reference.extras.values()]])
-    fixed, mean = _held(model, first.data, sensor, held, lag), _means(model, sensor)
+    held, mean = held_parameters(model, first.drives, sensor, lag), _means(model, sensor)
     if "offset_left" in model.names:
-        values[model.index("sensor_y")] = held.get("sensor_y", mean[model.index("sensor_y")])
-    fit = fit_windows(model, first.data, first.length, values, _free(model, fixed), mean)
-    return _described(fit, fixed, reference.pairs)
-
-
-def prepared(drives: Sequence[RunLog] | Sequence[PreparedDrive]) -> list[PreparedDrive]:
-    """Drives ready to be fitted; raises LogError if there is none."""
-    ready = [drive for drive in drives if isinstance(drive, PreparedDrive)]
-    return ready or drives_of([log for log in drives if isinstance(log, RunLog)])[0]
+        values[model.index("sensor_y")] = mean[model.index("sensor_y")]
+    return _described(fit_windows(model, first.drives, first.length, values, held, mean), held, reference.pairs)
 
 
 def _reference(
-    drives: Sequence[PreparedDrive],
-    geometry: RobotGeometry,
-    sensor: Mounting | None,
-    held: Mapping[str, float],
-    start: Mapping[str, float] | None,
-    lag: bool,
+    drives: Drives, geometry: RobotGeometry, sensor: Mounting | None, start: Mapping[str, float] | None, lag: bool
 ) -> DriveFit:
     """The fit of REFERENCE with the longest windows that predict no worse and leave enough blocks for intervals."""
     if start is None:
-        clock = clock_of(drives)
-        start = gains_of(drives, geometry, clock).start(geometry, clock)
-    data = Data.of(drives)
+        clock = median_offset(map(clock_of_drive, drives.drives), NEAR)
+        start = gains_of(drives.drives, geometry, clock).start(geometry, clock)
     prior = DriveModel.radius_prior if "radius_error" in start else _MACHINED
-    model = DriveModel(FAMILIES[REFERENCE], geometry, data.line.gyro is not None, prior)
-    fixed, mean = _held(model, data, sensor, held, lag), _means(model, sensor)
+    model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
+    held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
     values = mean.copy()
-    for name, value in {**start, **held}.items():
-        if name in held or not (name in fixed or (sensor is not None and name.startswith("sensor"))):
+    for name, value in start.items():
+        if not (name in held or (sensor is not None and name.startswith("sensor"))):
             values[model.index(name)] = value
-    pairs = Pairs.of(data, geometry)
+    pairs = Pairs.of(drives, geometry)
     best: DriveFit | None = None
-    for length in _lengths(data):
-        fit = _described(fit_windows(model, data, length, values, _free(model, fixed), mean), fixed, pairs)
+    for length in _lengths(drives):
+        fit = _described(fit_windows(model, drives, length, values, held, mean), held, pairs)
         if best is not None and _size(best) <= _NO_WORSE * _size(fit):
             break
         best = fit
@@ -130,10 +112,10 @@ def _reference(
     return best
 
 
-def _lengths(data: Data) -> list[float]:
+def _lengths(drives: Drives) -> list[float]:
     """Lengths of windows [s] that drives and intervals allow, the longest first."""
-    longest = max(float(drive.time[-1] - drive.time[0]) for drive in data.drives)
-    blocks = [int(data.blocks(2 * length)[-1]) + 1 for length in _LENGTHS]
+    longest = max(float(drive.time[-1] - drive.time[0]) for drive in drives.drives)
+    blocks = [int(drives.blocks(2 * length)[-1]) + 1 for length in _LENGTHS]
     least = min(FEWEST_BLOCKS, blocks[-1])
     lengths = [length for length, count in zip(_LENGTHS, blocks, strict=True) if length <= longest and count >= least]
     return lengths or [_LENGTHS[-1]]
@@ -147,30 +129,27 @@ def _size(fit: DriveFit) -> float:
     return float(np.exp(np.mean([np.log(column.mean() + 1e-12) for column in columns if len(column)] or [-np.inf])))
 
 
-def _held(
-    model: DriveModel, data: Data, sensor: Mounting | None, held: Mapping[str, float], lag: bool
+def held_parameters(
+    model: DriveModel, drives: Drives, sensor: Mounting | None = None, lag: bool = False
 ) -> dict[str, str]:
-    """Parameters that are not fitted, and why."""
-    fixed = dict.fromkeys(held, "given")
-    if sensor is not None:
-        fixed |= dict.fromkeys(("sensor_y", "sensor_yaw"), "given")  # x is ahead of the turning centre, not the middle
-    if not data.known[1].any():
-        fixed.setdefault("sensor_yaw", "no headings were measured")
-    if not data.known[0].any():
+    """Parameters that are not fitted to drives, and why."""
+    held = dict[str, str]()
+    if not drives.known[1].any():
+        held["sensor_yaw"] = "no headings were measured"
+    if not drives.known[0].any():
         lengths = [name for name in model.family.names if name.startswith(("radius_error", "turn_loss"))]
-        fixed |= dict.fromkeys(("sensor_x", "sensor_y", "drift", *lengths), "no positions were measured")
+        held |= dict.fromkeys(("sensor_x", "sensor_y", "drift", *lengths), "no positions were measured")
     if not lag:
-        fixed.setdefault("lag", "not asked for")
+        held["lag"] = "not asked for"
     if "offset_left" in model.names:
-        fixed.setdefault("sensor_y", "an offset of the sensor and unequal ICRs can't be told apart")
-    return fixed
-
-
-def _free(model: DriveModel, fixed: Mapping[str, str]) -> np.ndarray:
-    return np.array([k for k, name in enumerate(model.names) if name not in fixed], int)
+        held["sensor_y"] = "an offset of the sensor and unequal ICRs can't be told apart"
+    if sensor is not None:
+        held |= dict.fromkeys(("sensor_y", "sensor_yaw"), "given")  # x is ahead of the turning centre, not the middle
+    return held
 
 
 def _means(model: DriveModel, sensor: Mounting | None) -> Array:
+    """Means (p,) of the priors."""
     mean = np.zeros(len(model.names))
     if sensor is not None:
         mean[[model.index(f"sensor_{key}") for key in ("x", "y", "yaw")]] = sensor.x, sensor.y, sensor.yaw
@@ -184,29 +163,28 @@ def _law_start(name: str, geometry: RobotGeometry, reference: Mapping[str, float
     return [reference.get(key.removesuffix("_left").removesuffix("_right"), by_name[key]) for key in by_name]
 
 
-def _described(fit: WindowFit, fixed: Mapping[str, str], pairs: Pairs) -> DriveFit:
-    model, law = fit.model, len(fit.model.family.names)
-    names, covariance = [model.names[k] for k in fit.free], fit.covariance
-    known = uncertainty(names, fit.values[fit.free], covariance, fit.quantile, model.limits[:2, fit.free])
+def _described(fit: WindowFit, held: Mapping[str, str], pairs: Pairs) -> DriveFit:
+    """A fit with all that is told of it."""
+    model, covariance = fit.model, fit.covariance
+    names = [model.names[k] for k in fit.free]
     vague = np.sqrt(np.diag(covariance)) > 0.5 / np.sqrt(fit.prior)  # half of what is known without driving
-    held = dict(fixed) | {
-        name: "the driving doesn't tell it" for name, unknown in zip(names, vague, strict=True) if unknown
-    }
-    parameters = dict(zip(model.family.names, fit.values[:law].tolist(), strict=True))
-    missed = held_out(fit, pairs)
+    unknown = [name for name, is_vague in zip(names, vague, strict=True) if is_vague]
+    values = dict(zip(model.names, fit.values.tolist(), strict=True))
+    parameters = {name: values.pop(name) for name in model.family.names}
+    missed = pairs.held_out_errors(fit)
     position, heading, turn = fit.spread.tolist()
     noise = {"position": position, "heading": heading, **slip_noise(missed, pairs, fit.spread, _COMPARED)}
     return DriveFit(
         name=next(name for name, family in FAMILIES.items() if family is model.family),
         law=model.family.build(parameters, model.geometry),
         values=parameters,
-        extras=dict(zip(model.extras, fit.values[law:].tolist(), strict=True)),
-        held=held,
-        noise=noise | ({"gyro": turn / np.sqrt(fit.data.drives[0].interval)} if model.gyro else {}),
-        poses=int(fit.data.known.any(axis=0).sum()),
+        extras=values,
+        held={**held, **dict.fromkeys(unknown, "the driving doesn't tell it")},
+        noise=noise | ({"gyro": turn / np.sqrt(fit.drives.drives[0].interval)} if model.gyro else {}),
+        poses=int(fit.drives.known.any(axis=0).sum()),
         blocks=len(fit.score),
         fit=fit,
         missed=missed,
         pairs=pairs,
-        **known,
+        **uncertainty(names, fit.values[fit.free], covariance, fit.quantile, model.limits[:2, fit.free]),
     )

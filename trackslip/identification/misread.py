@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -27,20 +26,7 @@ _SPEED_UNITS = {
     1e-6: "t looks like µs: divide it by 1e6",
     1e-9: "t looks like ns: divide it by 1e9",
 }
-_BACKWARDS = "the {0} encoder counts backwards: change the sign of omega_{1}, for a bag by --reversed {0}"
-_BOTH_WRONG = "the tracks are swapped and one encoder counts backwards: change the sign of omega_{}, then exchange both"
-_SIDES = {
-    (False, -1, -1): "both encoders count backwards: change the signs of omega_l and omega_r, for a bag by --reversed "
-    "both",
-    (False, -1, 1): _BACKWARDS.format("left", "l"),
-    (False, 1, -1): _BACKWARDS.format("right", "r"),
-    (True, 1, 1): "the turns are mirrored: are the tracks swapped? Exchange omega_l and omega_r",
-    (True, -1, -1): "the robot moves backwards where its wheels drive forwards: turn phi by pi, or exchange omega_l "
-    "and omega_r and change their signs",
-    (True, -1, 1): _BOTH_WRONG.format("l"),
-    (True, 1, -1): _BOTH_WRONG.format("r"),
-}
-"""What to do if wheels match poses when the columns are swapped, and then have these signs."""
+_SIGNS = {(-1, 1): ("omega_l", "left"), (1, -1): ("omega_r", "right"), (-1, -1): ("omega_l and omega_r", "both")}
 _DEGREE = 111_320.0  # of latitude, mean [m]
 
 
@@ -53,7 +39,7 @@ def refuse_cells(drive: PreparedDrive) -> None:
         ("omega_l and omega_r", wheels, "encoder was read"),
     ):
         alone = int(((still[1:-1] != still[:-2]) & (still[1:-1] != still[2:])).sum())
-        if alone > max(_FEWEST, 0.1 * len(still)) and not (still is wheels and drive.coarse):
+        if alone > max(_FEWEST, 0.1 * len(still)):
             raise LogError(
                 f"run {drive.name!r}: columns {names} go to 0 and back {alone:,} times: leave cells empty where no "
                 f"{measured}"
@@ -73,13 +59,13 @@ def refuse_cells(drive: PreparedDrive) -> None:
 
 def refuse_angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> None:
     """Refuse angles of wheels where speeds belong: the motion follows their differences."""
-
-    def differences(drive: PreparedDrive) -> Array:
+    by_differences = list[PreparedDrive]()
+    for drive in drives:
         change = np.diff(drive.omega, axis=0, prepend=drive.omega[:1])
         wraps = np.ptp(drive.omega) <= 2 * np.pi * (1 + _EXACTLY)
-        return np.asarray((wrap_angle(change) if wraps else change) / np.diff(drive.edges)[:, None])
-
-    by_speeds, by_angles = _matches(drives, geometry, 0.0, None), _matches(drives, geometry, 0.0, differences)
+        speeds = (wrap_angle(change) if wraps else change) / np.diff(drive.edges)[:, None]
+        by_differences.append(replace(drive, omega=speeds))
+    by_speeds, by_angles = (matches_of(windows_of(each, geometry, 0.0)) for each in (drives, by_differences))
     if len(by_angles) and by_angles.mean() > max(_CLEARLY, by_speeds.mean() + _BETTER if len(by_speeds) else 0.0):
         most = max(float(np.abs(drive.omega).max()) for drive in drives)
         raise LogError(
@@ -90,50 +76,46 @@ def refuse_angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> N
 
 def refuse_sides(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> None:
     """Refuse swapped and reversed sides: those with which the wheels would match the poses much better."""
-    now = _matches(drives, geometry, clock, None)
+
+    def matches(swapped: bool, signs: tuple[int, int]) -> Array:
+        others = [replace(drive, omega=(drive.omega * signs)[:, :: -1 if swapped else 1]) for drive in drives]
+        return matches_of(windows_of(others, geometry, clock))
+
+    now = matches(False, (1, 1))
     if now.min(initial=1.0) > _CLEARLY:
         return
-    matches = {side: _matches(drives, geometry, clock, partial(_turned_over, side)) for side in _SIDES}
-    best = max(matches, key=lambda side: matches[side].sum())
-    match = matches[best]
+    ways = [(swapped, signs) for swapped in (False, True) for signs in ((1, 1), *_SIGNS)][1:]
+    swapped, signs = best = max(ways, key=lambda way: float(matches(*way).sum()))
+    match = matches(*best)
     if match.sum() < now.sum() + _BETTER or match.mean() < _CLEARLY:
         return
+    steps = []
+    if signs in _SIGNS:
+        steps.append("change the sign of {}, for a bag by --reversed {}".format(*_SIGNS[signs]))
+    if swapped:
+        steps.append("exchange omega_l and omega_r")
+    advice = ", then ".join(steps)
     placed, headed = (any(np.isfinite(drive.pose[:, k]).any() for drive in drives) for k in (0, 2))
-    what = _SIDES[best]
-    if best[1] == best[2] and not (placed and headed):  # positions or headings alone don't tell these apart
-        what = (
-            "the turns are mirrored: exchange omega_l and omega_r, or change the signs of both if they count backwards"
-        )
-    raise LogError(f"{what} (correlation with the poses {match.mean():.2f} then, {now.mean():.2f} as it is)")
+    if signs[0] == signs[1] and not (placed and headed):  # positions or headings alone don't tell these apart
+        advice = "exchange omega_l and omega_r, or change the signs of both if they count backwards"
+    elif swapped and signs == (-1, -1):
+        advice += ", or turn phi by pi"
+    raise LogError(
+        f"tracks are swapped or encoders count backwards (correlation with the poses {now.mean():.2f}, "
+        f"{match.mean():.2f} otherwise): {advice}"
+    )
 
 
-def _turned_over(side: tuple[bool, int, int], drive: PreparedDrive) -> Array:
-    """Sprocket speeds (M, 2) with other signs of the columns, which may then be swapped."""
-    swapped, *signs = side
-    return np.asarray((drive.omega * signs)[:, :: -1 if swapped else 1])
-
-
-def _matches(
-    drives: Sequence[PreparedDrive],
-    geometry: RobotGeometry,
-    clock: float,
-    omega: Callable[[PreparedDrive], Array] | None,
-) -> Array:
-    """The `matches_of` windows of drives with other sprocket speeds."""
-    others = [drive if omega is None else replace(drive, omega=omega(drive)) for drive in drives]
-    return np.array(matches_of(windows_of(others, geometry, clock)))
-
-
-def matches_of(window: Window) -> list[float]:
+def matches_of(window: Window) -> Array:
     """Correlations of wheels and poses: of sizes of distances, of distances, of turns, as far as wheels have them."""
-    matches, least = [], 0.05  # [m or rad] in a window
+    matches, least = list[float](), 0.05  # [m or rad] in a window
     if np.isfinite(window.moved).sum() >= _FEWEST and rms(window.distance) > least:
         matches.append(_alike(np.abs(window.moved), np.abs(window.distance)))
         if (window.moved.imag != 0).any():  # with headings
             matches.append(_alike(window.moved, window.distance))
     if np.isfinite(window.turned).sum() >= _FEWEST and rms(window.turn) > least:
         matches.append(_alike(window.turned, window.turn))
-    return matches
+    return np.array(matches)
 
 
 def _alike(first: np.ndarray, second: np.ndarray) -> float:
@@ -166,12 +148,9 @@ def refuse_headings(drive: PreparedDrive, geometry: RobotGeometry, clock: float)
     if agreement(np.radians(phi)) > clearly:
         raise LogError(f"{where} is in degrees by the course of x and y: multiply it by pi/180")
     if agreement(-phi) > clearly:
-        window = windows_of([drive], geometry, clock)
-        if _alike(window.turned, window.turn) < 0:
-            raise LogError(f"{where} runs clockwise by the course of x and y: change its sign")
         raise LogError(
-            f"run {drive.name!r}: the course of x and y runs clockwise by phi and the wheels: exchange x and y, or "
-            "mirror one of them"
+            f"{where} runs clockwise by the course of x and y: change its sign, or exchange x and y if the wheels turn "
+            "as it does"
         )
     if np.abs(phi).max() <= 1.01:
         cosine = 1 - 2 * np.clip(phi, -1, 1) ** 2  # of the heading, whatever the sign of w
@@ -179,25 +158,18 @@ def refuse_headings(drive: PreparedDrive, geometry: RobotGeometry, clock: float)
             raise LogError(f"{where} looks like the z of a quaternion: give phi = 2 atan2(z, w)")
 
 
-def refuse_degrees(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> None:
-    """Refuse longitude and latitude, in any order; degrees of longitude are shorter, by the cosine of the latitude."""
-    window, place = windows_of(drives, geometry, clock), np.concatenate([drive.pose[:, :2] for drive in drives])
-    if not np.isfinite(place).any():
+def refuse_units(drives: Sequence[PreparedDrive], gains: Gains, geometry: RobotGeometry) -> None:
+    """Refuse a gain that is that of a unit; degrees of longitude are shorter, by the cosine of the latitude."""
+    if gains.speed is None:
         return
-    gain, (x, y) = rms(window.moved) / max(rms(window.distance), 1e-9), np.nanmean(place, axis=0)
+    value, place = abs(gains.speed.value), np.concatenate([drive.pose[:, :2] for drive in drives])
+    x, y = np.nanmean(place, axis=0)
     latitude = min(max(abs(x), abs(y)), 80.0)  # at most, whichever it is
-    if 0.8 <= gain * _DEGREE <= 1.2 / np.cos(np.radians(latitude)):
+    if 0.8 <= value * _DEGREE <= 1.2 / np.cos(np.radians(latitude)):
         raise LogError(
             f"x and y (about {x:.6g}, {y:.6g}) look like degrees of longitude and latitude: give metres in a plane, "
             "x = 111320 cos(lat) (lon - lon0) and y = 111320 (lat - lat0)"
         )
-
-
-def refuse_units(gains: Gains, geometry: RobotGeometry) -> None:
-    """Refuse a gain that is that of a unit."""
-    if gains.speed is None:
-        return
-    value = abs(gains.speed.value)
     units = _SPEED_UNITS | {
         1 / geometry.sprocket_radius: "omega_l and omega_r look like m/s: divide them by sprocket_radius = "
         f"{geometry.sprocket_radius:g} m"

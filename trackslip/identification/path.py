@@ -1,15 +1,8 @@
 """The model of a drive: a law, and the effects of the sensor's mounting, its clock and the robot's lag on the poses.
 
-Its parameters are the law's, followed by EXTRAS:
-
-- sensor_x: how far ahead of the turning centre the sensor sits [m]. The centre may lie ahead of or behind the middle of
-  the tracks; the two can't be told apart.
-- sensor_y: how far to the left of the middle the sensor sits [m].
-- drift: c, outward drift in turns, a lateral speed of -c v w [s].
-- clock_offset: tau, encoder clock minus pose clock [s]: encoders show at stamp t + tau what poses show at stamp t.
-- sensor_yaw: heading of the sensor minus heading of the robot [rad].
-- lag: time constant with which the motion follows the belts [s].
-- gyro_bias, gyro_scale: a gyro reads (1 + scale) yaw rate + bias [rad/s, -].
+Its parameters are the law's, followed by EXTRAS. The centre of turns may lie ahead of the middle of the tracks, and
+sensor_x is the distance from it. With a drift c, the lateral speed is -c v w. Encoders show at stamp t + clock_offset
+what poses show at stamp t. A gyro reads (1 + gyro_scale) yaw rate + gyro_bias.
 """
 
 from __future__ import annotations
@@ -20,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from trackslip.identification.preparation import Timeline
+from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.derivatives import twist_derivatives
 from trackslip.laws.families import LawFamily
@@ -89,14 +82,14 @@ class DriveModel:
         radii = np.array([name.startswith("radius_error") for name in self.family.names], bool)
         return np.concatenate([np.where(radii, self.radius_prior, 10 * scale), extras])
 
-    def path(self, values: Array, line: Timeline, free: np.ndarray) -> Path:
+    def path(self, values: Array, drives: Drives, free: np.ndarray) -> Path:
         """The path of the sensor at the poses' times by parameters (p,), with derivatives by those `free` (f,)."""
         law = len(self.family.names)
         extra = dict(zip(self.extras, values[law:], strict=True))
         moving = (free < law) | np.isin(free, [self.index("drift"), self.index("lag")])
-        motion, slope = self._motion(values[:law], extra, line, free[moving])
-        time = line.time + extra["clock_offset"]
-        path = path_at(line.edges, motion, slope, time, line.intervals(time))
+        motion, slope = self._motion(values[:law], extra, drives, free[moving])
+        time = drives.time + extra["clock_offset"]
+        path = path_at(drives.edges, motion, slope, time, drives.intervals(time))
         ahead = np.exp(1j * path.heading)
         arm = (extra["sensor_x"] + 1j * extra["sensor_y"]) * ahead
         place_slope, heading_slope = np.zeros((len(free), len(time)), complex), np.zeros((len(free), len(time)))
@@ -110,40 +103,39 @@ class DriveModel:
         place, heading = path.place + arm, path.heading + extra["sensor_yaw"]
         return Path(place, heading, place_slope, heading_slope, path.velocity, path.yaw_rate)
 
-    def gyro_turns(self, values: Array, line: Timeline, free: np.ndarray) -> tuple[Array, Array, Array]:
+    def gyro_turns(self, values: Array, drives: Drives, free: np.ndarray) -> tuple[Array, Array, Array]:
         """Sums (K,) of the gyro's readings until each pose, less bias [rad]; derivatives (f, K); time measured [s]."""
-        assert line.gyro is not None
-        time = line.time + values[self.index("clock_offset")]
-        turned, measured = (np.interp(time, line.gyro[:, 0], sums) for sums in line.gyro.T[1:])
-        bias = values[self.index("gyro_bias")]
-        slope = np.zeros((len(free), len(time)))
-        slope[free == self.index("gyro_bias")] = -line.time
-        return turned - bias * line.time, slope, measured
+        assert drives.gyro is not None
+        time = drives.time + values[self.index("clock_offset")]
+        turned, measured = (np.interp(time, drives.gyro[:, 0], sums) for sums in drives.gyro.T[1:])
+        at_bias = self.index("gyro_bias")
+        slope = np.where((free == at_bias)[:, None], -drives.time, 0.0)
+        return turned - values[at_bias] * drives.time, slope, measured
 
     def _motion(
-        self, values: Array, extra: Mapping[str, float], line: Timeline, free: np.ndarray
+        self, values: Array, extra: Mapping[str, float], drives: Drives, free: np.ndarray
     ) -> tuple[Array, Array]:
         """Motion (3, M) in the encoder intervals, and its derivatives (3, f, M) by the parameters `free` (f,)."""
         lag, drift, of_law = extra["lag"], extra["drift"], free[free < len(values)]
-        belts = np.moveaxis(self.family.law(values, self.geometry).twist(line.omega, self.geometry), -1, 0)
-        v, w = motion = _lagging(belts, line, lag)
-        slope = np.zeros((3, len(free), len(line.omega)))
+        belts = np.moveaxis(self.family.law(values, self.geometry).twist(drives.omega, self.geometry), -1, 0)
+        v, w = motion = _lagging(belts, drives, lag)
+        slope = np.zeros((3, len(free), len(drives.omega)))
         if len(of_law):
-            by_law = twist_derivatives(self.family, values[None], line.omega, self.geometry)[0]
-            slope[::2, free < len(values)] = _lagging(np.moveaxis(by_law[..., of_law], 0, -1), line, lag)
+            by_law = twist_derivatives(self.family, values[None], drives.omega, self.geometry)[0]
+            slope[::2, free < len(values)] = _lagging(np.moveaxis(by_law[..., of_law], 0, -1), drives, lag)
         if (at_lag := free == self.index("lag")).any():
             change = 1e-3  # [s], small beside any lag that shows
-            slope[::2, at_lag] = ((_lagging(belts, line, lag + change) - motion) / change)[:, None]
+            slope[::2, at_lag] = ((_lagging(belts, drives, lag + change) - motion) / change)[:, None]
         slope[1] = -drift * (v * slope[2] + w * slope[0])
         slope[1, free == self.index("drift")] = -v * w
         return np.stack([v, -drift * v * w, w]), slope
 
 
-def _lagging(values: Array, line: Timeline, lag: float) -> Array:
+def _lagging(values: Array, drives: Drives, lag: float) -> Array:
     """Means (..., M) in the intervals of a first-order lag [s] behind values (..., M); each drive starts settled."""
     if lag <= 0:
         return values
-    step, begins = np.diff(line.edges), line.begins
+    step, begins = np.diff(drives.edges), drives.begins
     kept = np.exp(-step / lag)
     driven = (1 - kept) * values
     driven[..., begins] += kept[begins] * values[..., begins]

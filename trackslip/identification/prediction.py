@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import counted
+from trackslip.identification.comparison import Criterion
 from trackslip.identification.path import DriveModel, Path
-from trackslip.identification.windows import Data, WindowFit
+from trackslip.identification.preparation import Drives
+from trackslip.identification.windows import WindowFit
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.metrics import rms
 
@@ -40,37 +41,34 @@ class PredictionErrors:
 class Pairs:
     """Pairs of measured poses between which the robot moves: every law predicts the second one from the first."""
 
-    data: Data
+    drives: Drives
     start: np.ndarray  # (n,) index of the pose
     end: np.ndarray  # (n,)
     horizon: Array  # (n,) [s]
     way: Array  # (n,) mean way of the belts in between [m]
 
     @classmethod
-    def of(cls, data: Data, geometry: RobotGeometry, horizons: Sequence[float] = HORIZONS) -> Pairs:
+    def of(cls, drives: Drives, geometry: RobotGeometry, horizons: Sequence[float] = HORIZONS) -> Pairs:
         """All pairs that are a horizon apart, within half the interval between poses.
 
         Where poses are rarer than all horizons, pairs are neighbours.
         """
-        shortest = min(drive.interval for drive in data.drives)
+        shortest = min(drive.interval for drive in drives.drives)
         if shortest > max(horizons):
             horizons = (shortest,)
-        line = data.line
-        turned = np.concatenate([[0.0], np.cumsum(np.abs(line.omega).mean(axis=1) * np.diff(line.edges))])
-        way = geometry.sprocket_radius * np.interp(line.time, line.edges, turned)
-        found = [np.zeros((3, 0))]
-        for drive, begin in zip(data.drives, data.first, strict=False):
+        way, pairs = drives.way(geometry.sprocket_radius), [np.zeros((3, 0))]
+        for drive, begin in zip(drives.drives, drives.first, strict=False):
             usable = np.flatnonzero(np.isfinite(drive.pose).any(axis=1))
             time, half = drive.time[usable], drive.interval / 2
             for horizon in horizons:
                 end = np.clip(np.searchsorted(time, time + horizon - half), 0, len(time) - 1)
                 hit = np.flatnonzero(np.abs(time[end] - time - horizon) <= half + 1e-9)
-                found.append(np.stack([begin + usable[hit], begin + usable[end[hit]], np.full(len(hit), horizon)]))
-        *rows, ahead = np.concatenate(found, axis=1)
+                pairs.append(np.stack([begin + usable[hit], begin + usable[end[hit]], np.full(len(hit), horizon)]))
+        *rows, ahead = np.concatenate(pairs, axis=1)
         start, end = np.array(rows, int)
-        kept = way[end] - way[start] > 0.1 * geometry.half_gauge  # it moves
-        kept &= np.isin(ahead, [h for h in horizons if (ahead[kept] == h).sum() >= 5])
-        return cls(data, start[kept], end[kept], ahead[kept], (way[end] - way[start])[kept])
+        moving = way[end] - way[start] > 0.1 * geometry.half_gauge
+        moving &= np.isin(ahead, [h for h in horizons if (ahead[moving] == h).sum() >= 5])
+        return cls(drives, start[moving], end[moving], ahead[moving], (way[end] - way[start])[moving])
 
     def errors(self, model: DriveModel, values: Array, part: np.ndarray | None = None) -> Array:
         """Errors (n, 3) forwards, to the left and of the heading by parameters (F, p) [m, m, rad]; NaN if unknown.
@@ -78,19 +76,26 @@ class Pairs:
         `part` (n,) says which of the F predicts each pair.
         """
         part = np.zeros(len(self.start), int) if part is None else part
-        data, error = self.data, np.full((len(part), 3), np.nan)
+        drives, error = self.drives, np.full((len(part), 3), np.nan)
         for k, parameters in enumerate(values):
             start, end = self.start[part == k], self.end[part == k]
-            path = model.path(parameters, data.line, np.zeros(0, int))
-            heading = _headings(data, path)
+            path = model.path(parameters, drives, np.zeros(0, int))
+            heading = _headings(drives, path)
             turn = heading[start] - path.heading[start]
             moved = (path.place[end] - path.place[start]) * np.exp(1j * turn)
-            missed = (moved - (data.place[end] - data.place[start])) * np.exp(-1j * heading[start])
-            off = wrap_angle(path.heading[end] - path.heading[start] - (data.heading[end] - data.heading[start]))
-            placed, headed = data.known[:, start] & data.known[:, end]
+            missed = (moved - (drives.place[end] - drives.place[start])) * np.exp(-1j * heading[start])
+            off = wrap_angle(path.heading[end] - path.heading[start] - (drives.heading[end] - drives.heading[start]))
+            placed, headed = drives.known[:, start] & drives.known[:, end]
             missed[~placed] = off[~headed] = np.nan
             error[part == k] = np.column_stack([missed.real, missed.imag, off])
         return error
+
+    def held_out_errors(self, fit: WindowFit) -> Array:
+        """Errors (n, 3) of pairs that are predicted without every fifth block of driving, their own among them."""
+        count = len(fit.score)
+        number, fold = np.unique(np.arange(count) % FOLDS, return_inverse=True)
+        values = fit.without(fold == np.arange(len(number))[:, None])
+        return self.errors(fit.model, values, fold[np.minimum(fit.block[self.start], count - 1)])
 
     def summaries(self, error: Array) -> dict[float, PredictionErrors]:
         """PredictionErrors by horizon [s] of errors (n, 3)."""
@@ -103,18 +108,26 @@ class Pairs:
             summaries[horizon] = PredictionErrors(count, *_summary(position), *_summary(heading), way)
         return summaries
 
+    def criteria(self, errors: Mapping[str, Array]) -> list[Criterion]:
+        """Errors (n, 3) by law as a criterion for each horizon.
 
-def folds(fit: WindowFit, pairs: Pairs) -> tuple[Array, np.ndarray]:
-    """Parameters (F, p) without every fifth block, one step from the fit, and which of them predict the pairs (n,)."""
-    count = len(fit.score)
-    number, fold = np.unique(np.arange(count) % FOLDS, return_inverse=True)
-    return fit.without(fold == np.arange(len(number))[:, None]), fold[np.minimum(fit.block[pairs.start], count - 1)]
-
-
-def held_out(fit: WindowFit, pairs: Pairs) -> Array:
-    """Errors (n, 3) of pairs that are predicted by what the other blocks tell."""
-    values, part = folds(fit, pairs)
-    return pairs.errors(fit.model, values, part)
+        An error is the distance of the predicted position plus that of the heading, in units of the smallest means of
+        any law: a mean of distances, because a pose that is wrong adds no more to it than laws differ, where squares
+        would let it decide.
+        """
+        criteria, every = [], np.stack([sizes(error) for error in errors.values()])  # (laws, n, 2)
+        for horizon in np.unique(self.horizon):
+            rows = self.horizon == horizon
+            size = every[:, rows]
+            known = np.isfinite(size).all(axis=0)  # by every law
+            if not known.any():
+                continue
+            size = np.where(known, size, 0.0)
+            least = (size.sum(axis=1) / np.maximum(known.sum(axis=0), 1)).min(axis=0)
+            relative = (size / np.maximum(least, LEAST_ERROR)).sum(axis=2)
+            block = self.drives.blocks(horizon)[self.start[rows]]
+            criteria.append(Criterion(dict(zip(errors, relative, strict=True)), block, 2 * LEAST_ERROR))
+        return criteria
 
 
 def sizes(error: Array) -> Array:
@@ -129,96 +142,31 @@ def _summary(size: Array) -> tuple[float | None, float | None, float | None]:
     return rms(size), float(np.median(size)), float(np.quantile(size, 0.9))
 
 
-def _headings(data: Data, path: Path) -> Array:
+def _headings(drives: Drives, path: Path) -> Array:
     """Headings (K,) of the sensor as measured, else those at which its path fits the positions so far."""
-    heading = np.where(data.known[1], data.heading, np.nan)
-    for drive, begin, end in zip(data.drives, data.first[:-1], data.first[1:], strict=True):
+    heading = np.where(drives.known[1], drives.heading, np.nan)
+    for drive, begin, end in zip(drives.drives, drives.first[:-1], drives.first[1:], strict=True):
         if not drive.has_heading:
-            rows = begin + np.flatnonzero(data.known[0][begin:end])
+            rows = begin + np.flatnonzero(drives.known[0][begin:end])
             here = path.place[rows], path.heading[rows]
-            heading[rows] = _trailing_heading(drive.time[rows - begin], data.place[rows], *here)
+            heading[rows] = trailing_heading(drive.time[rows - begin], drives.place[rows], *here)
     return heading
 
 
-def trailing_heading(time: Array, position: Array, path: Array) -> Array:
-    """Headings (n,) at which dead reckoning fits the positions measured in the last seconds; NaN where these are few.
+def trailing_heading(time: Array, measured: np.ndarray, place: np.ndarray, heading: Array) -> Array:
+    """Headings (n,) at which dead reckoning fits the positions of the last 10 s; NaN where these are few.
 
-    `position` (n, 2) is measured at `time` (n,), where dead reckoning from anywhere gives `path` (n, 3).
+    Positions are `measured` (n,) at `time` (n,), where dead reckoning from anywhere gives `place` (n,), complex as
+    x + i y, and `heading` (n,).
     """
-    return _trailing_heading(time, position @ [1, 1j], path[:, :2] @ [1, 1j], path[:, 2])
-
-
-def _trailing_heading(time: Array, z: np.ndarray, c: np.ndarray, heading: Array) -> Array:
-    """Headings (n,) from 10 s of positions z and places c of the path (n,), complex, and headings on the path."""
-    c = c - c[:1]
-    sums = np.cumsum([np.ones(len(z)), z, c, z * c.conj(), np.abs(c) ** 2], axis=1)
-    sums = np.concatenate([np.zeros((5, 1)), sums], axis=1)
+    place = place - place[:1]
+    values = [np.ones(len(place)), measured, place, measured * place.conj(), np.abs(place) ** 2]
+    sums = np.concatenate([np.zeros((5, 1)), np.cumsum(values, axis=1)], axis=1)
     begin = np.searchsorted(time, time - 10.0)
-    number, a, b, product, square = sums[:, 1:] - sums[:, begin]
-    size = (square / number).real - np.abs(b / number) ** 2
-    told = (number.real >= 5) & (size > 0.15**2)  # positions on 0.5 m, which noise of 2 cm turns by few degrees
-    return np.where(told, np.angle(product - a * b.conj() / number) + heading, np.nan)
-
-
-@dataclass(frozen=True)
-class Ranking:
-    """Laws compared by their errors, pair by pair."""
-
-    best: str  # the simplest of those that predict as well as any other
-    reason: str  # why, in a sentence
-    score: dict[str, float]  # mean over the horizons of each law's mean error, relative to the smallest [-]
-
-
-def ranked(errors: Mapping[str, Array], terms: Mapping[str, float], pairs: Pairs) -> Ranking | None:
-    """The best of laws with errors (n, 3) of the same pairs, the simpler the fewer their `terms`; None without pairs.
-
-    The leader has the smallest errors at most horizons. Laws that predict as well at most of them, within a standard
-    error of the mean difference over blocks, count as equal, and of these the simplest is best. An error is the
-    distance of the predicted position plus that of the heading, in units of the smallest means of any law: a mean of
-    distances, because a pose that is wrong adds no more to it than laws differ, where squares would let it decide.
-    """
-    names, means, equal = list(errors), [], []
-    every = np.stack([sizes(error) for error in errors.values()])  # (laws, n, 2)
-    for horizon in np.unique(pairs.horizon):
-        rows = pairs.horizon == horizon
-        size = every[:, rows]
-        known = np.isfinite(size).all(axis=0)  # by every law
-        if not known.any():
-            continue
-        size = np.where(known, size, 0.0)
-        least = (size.sum(axis=1) / np.maximum(known.sum(axis=0), 1)).min(axis=0)
-        error = (size / np.maximum(least, LEAST_ERROR)).sum(axis=2)
-        block = pairs.data.blocks(horizon)[pairs.start[rows]]
-        means.append(error.mean(axis=1))
-        equal.append([as_good_as(error, leader, block, 2 * LEAST_ERROR) for leader in range(len(names))])
-    if not means:
-        return None
-    score = np.mean([(mean + 1e-9) / (mean.min() + 1e-9) for mean in means], axis=0)
-    wins = np.bincount([int(mean.argmin()) for mean in means], minlength=len(names))
-    leader = min(range(len(names)), key=lambda k: (-wins[k], score[k]))
-    as_good = np.sum(equal, axis=0)[leader]
-    good = np.flatnonzero(2 * as_good > len(means)).tolist()
-    best = min(good, key=lambda k: (terms[names[k]], k != leader, score[k]))
-    why = f"{names[leader]} has the smallest errors at {wins[leader]} of {counted(len(means), 'time')} ahead"
-    if best != leader:
-        why += f"; {names[best]} is as good at {as_good[best]}, within one standard error, and simpler to use"
-    return Ranking(names[best], why, dict(zip(names, score.tolist(), strict=True)))
-
-
-def as_good_as(errors: Array, leader: int, block: np.ndarray, unnoticed: float) -> np.ndarray:
-    """Laws (L,) bool whose mean errors, of (L, n), exceed the leader's by no more than chance or than matters.
-
-    Chance is a standard error, from the scatter of the sums over the independent blocks (n,). Of fewer than five, which
-    tell no scatter, it is a quarter of the leader's errors.
-    """
-    worse = errors - errors[leader]
-    mean, (number, block) = worse.mean(axis=1), np.unique(block, return_inverse=True)
-    count = len(number)
-    if count < 5:
-        return np.asarray(mean <= 0.25 * errors[leader].mean())
-    sums = np.array([np.bincount(block, each) for each in worse - mean[:, None]])
-    chance = np.sqrt(np.sum(sums**2, axis=1) * count / (count - 1)) / len(block)
-    return np.asarray(mean <= np.maximum(chance, unnoticed))
+    number, there, here, product, square = sums[:, 1:] - sums[:, begin]
+    size = (square / number).real - np.abs(here / number) ** 2
+    known = (number.real >= 5) & (size > 0.15**2)  # positions on 0.5 m, which noise of 2 cm turns by few degrees
+    return np.where(known, np.angle(product - there * here.conj() / number) + heading, np.nan)
 
 
 def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float] = HORIZONS) -> dict[str, float]:
@@ -232,7 +180,7 @@ def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float]
     if not len(horizons):
         return dict.fromkeys(_SLIP, 0.0)
     rows = [pairs.horizon == horizon for horizon in horizons[[0, -1]]]
-    moved = np.abs(pairs.data.place[pairs.end] - pairs.data.place[pairs.start]) ** 2
+    moved = np.abs(pairs.drives.place[pairs.end] - pairs.drives.place[pairs.start]) ** 2
     way, reach = (np.array([np.median(values[row]) for row in rows]) for values in (pairs.way, moved))
     variance = np.array([[_robust_variance(part) for part in error[row].T] for row in rows])  # (2, 3)
     if way[1] - way[0] < 1e-6:

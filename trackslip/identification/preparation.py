@@ -13,10 +13,9 @@ from trackslip.logs.checks import unwrapped
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.motion.steady import STANDING
 
-MAX_ROWS = 200_000
-"""Encoder intervals that are used in all; more are merged."""
 BLOCK = 10.0
 """Duration of the blocks of driving whose slip is taken to be independent, at least [s]."""
+_MAX_ROWS = 200_000  # encoder intervals that are used in all: memory for more is short; more are merged
 
 
 @dataclass(frozen=True)
@@ -29,13 +28,11 @@ class PreparedDrive:
     time: Array  # (K,) of the poses, pose clock [s]
     pose: Array  # (K, 3) measured [m, m, rad]; NaN where not measured, heading unwrapped
     interval: float  # usual time between poses [s]
-    coarse: bool = False  # encoders with few ticks
     gyro: Array | None = None  # (T, 3) encoder clock [s], and sums as in RunLog
     command: tuple[float, ...] | None = None  # constant one that it was driven by [rad/s]
     beyond: Array | None = None  # (B, 4) time and pose, measured where no encoder was read: tells how clocks differ
-    logged: int = 0  # poses in the log, of which these are left out:
-    repeated: int = 0
-    interpolated: int = 0
+    repeated: int = 0  # poses in the log that are left out as they repeat the one before,
+    interpolated: int = 0  # or lie on the line between others
     held: bool = False  # encoders are read less often than logged
 
     @property
@@ -54,13 +51,17 @@ class PreparedDrive:
         count = max(1, round((end - begin) / least))
         return np.minimum(((time - begin) / max(end - begin, 1e-9) * count).astype(int), count - 1)
 
+    def span(self, length: float) -> float:
+        """Duration of windows of the drive [s]: `length`, or as many poses as are in it at 2 Hz."""
+        return length * max(1.0, 2 * self.interval)
+
 
 def drives_of(logs: Sequence[RunLog]) -> tuple[list[PreparedDrive], list[Refused]]:
     """The drives that can be used, and those that cannot be; raises LogError if there is none."""
     drives, refused = [], list[Refused]()
     for log in logs:
         try:
-            drives.append(drive_of(log, MAX_ROWS // len(logs)))
+            drives.append(drive_of(log, _MAX_ROWS // len(logs)))
         except LogError as error:
             refused.append(Refused.of(log.run, error))
     if not drives:
@@ -68,7 +69,7 @@ def drives_of(logs: Sequence[RunLog]) -> tuple[list[PreparedDrive], list[Refused
     return drives, refused
 
 
-def drive_of(log: RunLog, max_rows: int = MAX_ROWS) -> PreparedDrive:
+def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
     """A drive prepared; raises LogError if it stands still, has too few poses, or times that can't be seconds."""
     step = float(np.median(np.diff(log.time)))
     if step > 10.0:  # more than of any log of a robot that drives
@@ -86,8 +87,7 @@ def drive_of(log: RunLog, max_rows: int = MAX_ROWS) -> PreparedDrive:
     time, pose = time[every], pose[every].copy()
     headed = np.isfinite(pose[:, 2])
     pose[headed, 2] = unwrapped(pose[headed, 2])
-    coarse = counts_few_ticks(log.time, log.omega)
-    means = interval_means(log.time, log.omega, coarse)
+    means = interval_means(log.time, log.omega)
     edges, omega = merged(log.time, means, max_rows)
     steady = log.command is not None and len(log.command) > 0 and not np.ptp(log.command, axis=0).any()
     return PreparedDrive(
@@ -97,14 +97,12 @@ def drive_of(log: RunLog, max_rows: int = MAX_ROWS) -> PreparedDrive:
         time,
         pose,
         float(np.median(np.diff(time))) if len(time) > 1 else usual,
-        coarse,
         gyro=None if log.gyro_sums is None else np.column_stack([log.time, log.gyro_sums]),
         command=tuple(log.command[0].tolist()) if steady and log.command is not None else None,
         beyond=log.beyond,
-        logged=len(valid),
         repeated=len(valid) - len(rows),
         interpolated=len(rows) - measured,
-        held=not coarse and bool((means != log.omega[1:]).any()),
+        held=not counts_few_ticks(log.time, log.omega) and bool((means != log.omega[1:]).any()),
     )
 
 
@@ -131,14 +129,15 @@ def measured_poses(time: Array, pose: Array) -> tuple[Array, Array]:
     return time[knots], pose[knots]
 
 
-def interval_means(time: Array, omega: Array, coarse: bool = False) -> Array:
+def interval_means(time: Array, omega: Array) -> Array:
     """Mean sprocket speeds (T - 1, 2) between rows at `time` (T,), from the speeds logged there (T, 2).
 
     A row has the mean since the row before. But many robots log each reading of an encoder several times: such a
-    reading counts once, in the middle of the time that has it, and speeds change linearly between readings. With
-    `coarse`, of encoders with few ticks, the angle changes linearly from tick to tick.
+    reading counts once, in the middle of the time that has it, and speeds change linearly between readings. Of encoders
+    with few ticks, the angle changes linearly from tick to tick.
     """
-    return np.column_stack([(_between_ticks if coarse else _of_side)(time, side) for side in omega.T])
+    means_of_side = _between_ticks if counts_few_ticks(time, omega) else _between_readings
+    return np.column_stack([means_of_side(time, side) for side in omega.T])
 
 
 def _between_ticks(time: Array, omega: Array) -> Array:
@@ -151,8 +150,8 @@ def _between_ticks(time: Array, omega: Array) -> Array:
     return np.diff(np.interp(time, *ends)) / step
 
 
-def _of_side(time: Array, omega: Array) -> Array:
-    """Mean speeds (T - 1,) of one sprocket."""
+def _between_readings(time: Array, omega: Array) -> Array:
+    """Mean speeds (T - 1,) of one sprocket whose readings may have been logged several times."""
     read = np.flatnonzero(np.diff(omega, prepend=np.nan) != 0)  # first rows of readings
     turning = np.abs(omega[read[:-1]]) > STANDING
     if turning.sum() < 4:
@@ -196,38 +195,64 @@ def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class Timeline:
-    """Encoder intervals and times of nodes of several drives in a row, with a pause between them."""
+class Drives:
+    """Several drives in a row: encoder intervals with a pause between drives, and poses."""
 
+    drives: tuple[PreparedDrive, ...]
     edges: Array  # (M + 1,) ends of the encoder intervals, pauses included [s]
     omega: Array  # (M, 2) mean sprocket speeds in the intervals [rad/s], 0 in pauses
     begins: np.ndarray  # (D,) first interval of each drive
-    time: Array  # (K,) of the nodes [s]
-    first: np.ndarray  # (K,) first interval of the drive that each node belongs to
-    last: np.ndarray  # (K,) and its last one
     gyro: Array | None  # (G, 3) of the drives that have one, as theirs, sums going on
+    time: Array  # (K,) of the poses [s]
+    place: np.ndarray  # (K,) measured, x + i y [m]; 0 where not
+    heading: Array  # (K,) measured [rad]; 0 where not
+    known: np.ndarray  # (2, K) bool: whether positions and headings were measured
+    first: np.ndarray  # (D + 1,) first pose of each drive
 
     @classmethod
-    def of(cls, drives: Sequence[PreparedDrive]) -> Timeline:
+    def of(cls, drives: Sequence[PreparedDrive]) -> Drives:
         """The drives in a row."""
         length = np.array([drive.edges[-1] - drive.edges[0] + 1.0 for drive in drives])  # and a pause
         shift = np.cumsum(length) - length - [drive.edges[0] for drive in drives]
-        count = np.array([len(drive.edges) for drive in drives])  # intervals, with the pause after
-        begins, nodes = np.cumsum(count) - count, [len(drive.time) for drive in drives]
         gyros: list[Array] = []
         for drive, later in zip(drives, shift, strict=True):
             if drive.gyro is not None:
                 gyros.append(drive.gyro + np.append(later, gyros[-1][-1, 1:] if gyros else (0.0, 0.0)))
+        pose = np.concatenate([drive.pose for drive in drives])
         return cls(
-            np.concatenate([drive.edges + later for drive, later in zip(drives, shift, strict=True)]),
-            np.concatenate([np.append(drive.omega, np.zeros((1, 2)), axis=0) for drive in drives])[:-1],
-            begins,
-            np.concatenate([drive.time + later for drive, later in zip(drives, shift, strict=True)]),
-            np.repeat(begins, nodes),
-            np.repeat(begins + count - 2, nodes),
-            np.concatenate(gyros) if gyros else None,
+            tuple(drives),
+            edges=np.concatenate([drive.edges + later for drive, later in zip(drives, shift, strict=True)]),
+            omega=np.concatenate([np.append(drive.omega, np.zeros((1, 2)), axis=0) for drive in drives])[:-1],
+            begins=np.cumsum([0, *(len(drive.edges) for drive in drives[:-1])]),
+            gyro=np.concatenate(gyros) if gyros else None,
+            time=np.concatenate([drive.time + later for drive, later in zip(drives, shift, strict=True)]),
+            place=np.nan_to_num(pose[:, 0]) + 1j * np.nan_to_num(pose[:, 1]),
+            heading=np.nan_to_num(pose[:, 2]),
+            known=np.isfinite(pose[:, [0, 2]]).T,
+            first=np.cumsum([0, *(len(drive.time) for drive in drives)]),
         )
 
     def intervals(self, time: Array) -> np.ndarray:
-        """The interval (K,) that each node is in at other times (K,); beyond the ends of its drive, the nearest one."""
-        return np.clip(np.searchsorted(self.edges, time, side="right") - 1, self.first, self.last)
+        """The interval (K,) that each pose is in at other times (K,); beyond the ends of its drive, the nearest one."""
+        poses, last = np.diff(self.first), np.append(self.begins[1:] - 2, len(self.omega) - 1)
+        row = np.searchsorted(self.edges, time, side="right") - 1
+        return np.clip(row, np.repeat(self.begins, poses), np.repeat(last, poses))
+
+    def way(self, radius: float) -> Array:
+        """Mean way (K,) that the belts of sprockets with this radius have moved until each pose [m]."""
+        turned = np.append(0.0, np.cumsum(np.abs(self.omega).mean(axis=1) * np.diff(self.edges)))
+        return radius * np.interp(self.time, self.edges, turned)
+
+    def blocks(self, length: float) -> np.ndarray:
+        """Index (K,) of the block of driving that each pose is in: no shorter than windows of this length [s].
+
+        Neighbouring drives under the same command are one block.
+        """
+        blocks, count, before = [], 0, None
+        for drive in self.drives:
+            block = drive.blocks(drive.time, max(BLOCK, drive.span(length)))
+            if block[-1] == 0 and drive.command is not None and drive.command == before:
+                count -= 1
+            blocks.append(count + block)
+            count, before = int(blocks[-1][-1]) + 1, drive.command
+        return np.concatenate(blocks)

@@ -1,10 +1,9 @@
-"""The result of an identification: laws, intervals and the best law, as tables and for a summary.json."""
+"""The result of an identification: laws, intervals and the best law, for a summary.json and a report."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from html import escape
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +11,8 @@ from typing import Any, Literal
 import numpy as np
 
 from trackslip.errors import OutputError, TrackslipError, counted
-from trackslip.identification.comparison import Comparison, DriveComparison
+from trackslip.identification.comparison import Comparison
+from trackslip.identification.drive_comparison import DriveComparison
 from trackslip.identification.first_look import Alarm
 from trackslip.identification.fitted import FittedLaw, Gain
 from trackslip.identification.law_fit import REFERENCE
@@ -27,16 +27,12 @@ from trackslip.logs.runlog import Refused, RunLog
 Method = Literal["steady", "drive"]
 """Ways to identify laws: from stretches of constant sprocket speeds, or from whole drives."""
 _REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
-_UNSTORED = ("name", "law", "fit", "missed", "pairs")  # fields of fits
-_HEADER = ("law", "parameter", "value", "95 % interval")
+_UNSTORED = ("name", "law", "fit", "missed", "pairs", "notes")  # fields of fits
 
 
 @dataclass(frozen=True)
 class Identification:
-    """Laws identified from logs, and what was left out on the way.
-
-    `repr` shows the best laws as a table, a notebook all of them.
-    """
+    """Laws identified from logs, and what was left out on the way; `print` shows the answer."""
 
     geometry: RobotGeometry
     """Nominal geometry of the robot."""
@@ -57,29 +53,29 @@ class Identification:
     def alarms(self) -> tuple[Alarm, ...]:
         """Reasons not to trust the best law as it is."""
         drive = self.drive.alarms if self.drive is not None and self.method == "drive" else ()
-        lines = {"multiplier": self._unstated_multiplier(), "contradiction": self._contradiction()}
-        first, last = (tuple(Alarm(kind, line) for line in [lines[kind]] if line) for kind in lines)
-        return (*first, *drive, *last)
+        return (*self._unstated_multiplier(), *drive, *self._contradiction())
 
-    def _unstated_multiplier(self) -> str:
-        """A line on odometry taken as encoders, whose multiplier nobody stated; empty if there is none."""
+    def _unstated_multiplier(self) -> list[Alarm]:
+        """An alarm if odometry was taken as encoders, whose multiplier nobody stated."""
         for log in self.logs:
             bag = log.metadata.get("bag")
             if isinstance(bag, Mapping) and bag.get("odometry") and "multiplier" not in log.metadata:
                 times = self.answer.get("wheel_separation_multiplier")
                 then = f"; the answer is then current × {times.value:.2f}" if times else ""
-                return (
+                line = (
                     f"odometry {bag.get('encoders')} was computed with a wheel_separation_multiplier that the log does "
                     f"not state: give --multiplier (1 if it had none){then}"
                 )
-        return ""
+                return [Alarm("multiplier", line)]
+        return []
 
-    def _contradiction(self) -> str:
-        """A line on steady stretches and whole drives whose values of a law exclude each other and differ much."""
-        fits = [by.laws.get(REFERENCE) for by in (self.steady, self.drive) if by is not None]
-        steady, drive = fits if len(fits) == 2 else (None, None)
+    def _contradiction(self) -> list[Alarm]:
+        """An alarm if steady stretches and whole drives have values of a law that exclude each other, far apart."""
+        if self.steady is None or self.drive is None:
+            return []
+        steady, drive = (by.laws.get(REFERENCE) for by in (self.steady, self.drive))
         if steady is None or drive is None:
-            return ""
+            return []
         apart = []
         for name, change in zip(drive.values, FAMILIES[REFERENCE].limits(self.geometry.half_gauge)[2], strict=True):
             lows, highs = zip(*(fit.interval95.get(name, (-np.inf, np.inf)) for fit in (steady, drive)), strict=True)
@@ -88,7 +84,7 @@ class Identification:
         line = (
             f"steady stretches and whole drives contradict each other ({', '.join(apart)}): look at both in the report"
         )
-        return line if apart else ""
+        return [Alarm("contradiction", line)] if apart else []
 
     @property
     def answer(self) -> dict[str, Gain]:
@@ -100,7 +96,7 @@ class Identification:
         """
         if self.expressible is None:
             return {}
-        fit, b = self.fits()[self.expressible], self.geometry.half_gauge
+        fit, b = self.main.laws[self.expressible], self.geometry.half_gauge
         offset = _mean(fit, "offset")
         radii = {side: _mean(fit, "radius_error", side) for side in ("left", "right")}
         return {
@@ -111,14 +107,9 @@ class Identification:
         }
 
     @property
-    def expressible(self) -> str | None:
-        """The best of the laws that a differential drive's odometry can express; None if there is none."""
-        return self._main.expressible
-
-    @property
-    def samples(self) -> SlipSamples:
-        """The steady samples; raises TrackslipError if there are none."""
-        return self.comparison.samples
+    def main(self) -> Comparison:
+        """The comparison that `best` is of."""
+        return self.drive if self.method == "drive" and self.drive is not None else self.comparison
 
     @property
     def comparison(self) -> SteadyComparison:
@@ -128,32 +119,29 @@ class Identification:
         return self.steady
 
     @property
-    def best(self) -> str:
-        """Name of the law that predicts motion best; of laws that predict it equally well, the simplest."""
-        return self._main.best
+    def samples(self) -> SlipSamples:
+        """The steady samples; raises TrackslipError if there are none."""
+        return self.comparison.samples
 
     @property
-    def reason(self) -> str:
-        """Why `best` is the best, in one sentence."""
-        return self._main.reason
+    def best(self) -> str:
+        """Name of the law that predicts motion best; of laws that predict it equally well, the simplest."""
+        return self.main.best
+
+    @property
+    def expressible(self) -> str | None:
+        """The best of the laws that a differential drive's odometry can express; None if there is none."""
+        return self.main.expressible
 
     @property
     def laws(self) -> dict[str, SlipLaw]:
         """The identified laws by name, the best predictions first."""
-        return {name: self.fits()[name].law for name in self._main.ranking}
+        return {name: fit.law for name, fit in self.main.laws.items()}
 
     @property
     def intervals(self) -> dict[str, Mapping[str, tuple[float, float]]]:
         """95 % interval of every fitted parameter by law and parameter, in the parameter's unit."""
-        return {name: self.fits()[name].interval95 for name in self._main.ranking}
-
-    @property
-    def _main(self) -> Comparison:
-        return self.drive if self.method == "drive" and self.drive is not None else self.comparison
-
-    def fits(self) -> Mapping[str, FittedLaw]:
-        """The fits by law, of the method that identified."""
-        return self._main.laws
+        return {name: fit.interval95 for name, fit in self.main.laws.items()}
 
     def report(self, path: str | Path) -> Path:
         """Write the report, one self-contained HTML page, to a file, or as `report.html` to a folder; returns its path.
@@ -175,44 +163,19 @@ class Identification:
         return file
 
     def __repr__(self) -> str:
-        names = self._ranking()
-        rows = [_HEADER, *(row for name in names[:3] for row in self._rows(name))]
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-        more = [f"and {len(names) - 3} more, see .laws"] if len(names) > 3 else []
-        return "\n".join([*self._title(), *lines, *more])
-
-    def _repr_html_(self) -> str:
-        """The table of all laws, for notebooks."""
-        rows = [row for name in self._ranking() for row in self._rows(name)]
-        cells = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in (_HEADER, *rows)]
-        title, table = "<br>".join(map(escape, self._title())), "".join(f"<tr>{row}</tr>" for row in cells)
-        return f"<p>{title}</p><table>{table}</table>"
-
-    def _ranking(self) -> list[str]:
-        """Names of the laws with parameters, the best first."""
-        fits = self.fits()
-        return sorted((name for name in self._main.ranking if fits[name].values), key=lambda name: name != self.best)
-
-    def _rows(self, name: str) -> list[tuple[str, ...]]:
-        """A row per parameter of a law."""
-        fit, rows = self.fits()[name], list[tuple[str, ...]]()
-        for key, value in fit.values.items():
-            ends = fit.interval95.get(key)
-            unit = FAMILIES[name].parameters[key].unit or "-"
-            label = "" if rows else f"{name} (best)" if name == self.best else name
-            interval = "held" if ends is None else f"{ends[0]:+.5f} .. {ends[1]:+.5f}".replace("+nan .. +nan", "none")
-            rows.append((label, f"{key} [{unit}]", f"{value:+.5f}", interval))
-        return rows
-
-    def _title(self) -> list[str]:
-        """Where the laws are from, and what was left out."""
+        if self.method == "drive" and self.drive is not None:
+            source = counted(len(self.drive.look.drives), "drive")
+        else:
+            source = counted(len(self.samples), "steady sample")
         size = f"b = {self.geometry.half_gauge:g} m, r = {self.geometry.sprocket_radius:g} m"
-        drives = self.drive.drives if self.method == "drive" and self.drive else None
-        source = counted(len(self.samples), "steady sample") if drives is None else counted(len(drives), "drive")
-        title = f"Slip laws from {source} ({size}); best: {self.best}"
-        out = f"{counted(len(self.outliers), 'run')} left out, " if self.outliers else ""
-        return [title, f"{out}{counted(len(self.warnings), 'warning')}, see .warnings"] if self.warnings else [title]
+        lines = [f"Slip laws from {source} ({size}); best: {self.best}"]
+        lines += [f"ALARM: {alarm.line}" for alarm in self.alarms]
+        lines += [
+            f"{name:<28}  {gain.value:.5f} ({gain.low:.5f} to {gain.high:.5f})" for name, gain in self.answer.items()
+        ]
+        if self.warnings:
+            lines.append(f"{counted(len(self.warnings), 'warning')}, see .warnings")
+        return "\n".join(lines)
 
 
 def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
@@ -235,31 +198,26 @@ def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
     return Gain(value, value - wide * error, value + wide * error)
 
 
-def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict[str, Any]:
-    """`slip_laws` and `geometry`, as `load_laws` reads them."""
-    return laws_content({name: fit.stored for name, fit in laws.items() if fit.values and fit.determined}, geometry)
-
-
-def identification_to_json(found: Identification) -> dict[str, Any]:
-    """`laws_to_json`, `laws` with everything known of each law, `prediction` of drives, and what was left out."""
-    steady, drive = found.steady, found.drive
-    content: dict[str, Any] = laws_to_json(found.fits(), found.geometry) | {
-        "method": found.method,
-        "best": found.best,
-        "expressible": found.expressible,
-        "answer": {name: gain.to_json() for name, gain in found.answer.items()},
+def identification_to_json(result: Identification) -> dict[str, Any]:
+    """The laws as `load_laws` reads them, everything known of each, `prediction` of drives, and what was left out."""
+    steady, drive = result.steady, result.drive
+    stored = {name: _stored(fit) for name, fit in result.main.laws.items() if fit.values and not fit.notes}
+    content: dict[str, Any] = laws_content(stored, result.geometry) | {
+        "method": result.method,
+        "best": result.best,
+        "expressible": result.expressible,
+        "answer": {name: gain.to_json() for name, gain in result.answer.items()},
     }
     if steady is not None:
         content["samples"] = len(steady.samples)
-        content["laws"] = {
-            name: _content(law) | {f"cv_{key}": error for key, error in asdict(steady.validation[name]).items()}
-            for name, law in steady.laws.items()
-        }
+        content["laws"] = {name: _content(law) for name, law in steady.laws.items()}
+        for name, errors in steady.validation.items():
+            content["laws"][name] |= {f"cv_{key}": error for key, error in vars(errors).items()} if errors else {}
     if drive is not None:
         content["drive"] = {
             "best": drive.best,
             "reason": drive.reason,
-            "drives": [part.name for part in drive.drives],
+            "drives": [part.name for part in drive.look.drives],
             "score": dict(drive.score),
             "laws": {name: _content(law) for name, law in drive.laws.items()},
         }
@@ -269,10 +227,16 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
             for name, by_horizon in drive.errors.items()
         }
     return content | {
-        "outliers": [asdict(outlier) for outlier in found.outliers],
-        "alarms": [asdict(alarm) for alarm in found.alarms],
-        "warnings": list(found.warnings),
+        "outliers": [asdict(outlier) for outlier in result.outliers],
+        "alarms": [asdict(alarm) for alarm in result.alarms],
+        "warnings": list(result.warnings),
     }
+
+
+def _stored(law: FittedLaw) -> dict[str, Any]:
+    """A law as programs read it; standard errors are None for values that were held."""
+    errors = {name: law.stderr.get(name) for name in law.values}
+    return {"values": law.values, "stderr": errors, "interval95": law.interval95}
 
 
 def _content(law: FittedLaw) -> dict[str, Any]:

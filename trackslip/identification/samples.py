@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from trackslip.motion.steady import (
     steady_parts,
 )
 
-_REPEATED = 0.01  # difference of repeats (test_steady): of commands' angles [rad], of speeds over the fastest [-]
+_REPEATED = 0.01  # difference of the angles of a command and its repeats (test_steady) [rad]
 _KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and most share of speed, yaw rate (test_steady)
 
 
@@ -76,8 +76,7 @@ class SlipSamples:
 
     def arrays(self) -> dict[str, Array]:
         """What is known, by name."""
-        arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "run"}
-        return {name: values for name, values in arrays.items() if values is not None}
+        return {name: values for name, values in vars(self).items() if name != "run" and values is not None}
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
@@ -98,24 +97,15 @@ class SlipSamples:
         return missed / (geometry.sprocket_radius * np.abs(self.omega).max(axis=1, keepdims=True))
 
     def by_command(self, geometry: RobotGeometry) -> np.ndarray:
-        """Labels (n,), in order, of runs with the same ratio of sprocket speeds and thus the same radius."""
+        """Labels (n,), in order, of runs with nearly the same ratio of sprocket speeds, and so the same radius."""
         commanded = body_twist(self.omega, 0.0, geometry)
-        return _labels(np.arctan2(geometry.half_gauge * commanded[:, 1], commanded[:, 0]))
-
-    def by_speed(self) -> np.ndarray:
-        """Labels (n,), in order, of runs with the same speed of the faster sprocket."""
-        speed = np.abs(self.omega).max(axis=1)
-        return _labels(speed / speed.max())
-
-
-def _labels(values: Array) -> np.ndarray:
-    """Labels (n,) of values (n,) that exceed the smallest of their group by less than repeats do."""
-    labels, label, first = np.zeros(len(values), int), -1, -np.inf
-    for k in np.argsort(values):
-        if values[k] > first + _REPEATED:
-            label, first = label + 1, values[k]
-        labels[k] = label
-    return labels
+        angle = np.arctan2(geometry.half_gauge * commanded[:, 1], commanded[:, 0])
+        labels, label, first = np.zeros(len(angle), int), -1, -np.inf
+        for k in np.argsort(angle):
+            if angle[k] > first + _REPEATED:
+                label, first = label + 1, angle[k]
+            labels[k] = label
+        return labels
 
 
 def _require_plausible(samples: SlipSamples, geometry: RobotGeometry) -> None:
@@ -204,25 +194,18 @@ def usable_samples(
     return Sampling.of(usable, left_out, notes, min(1.0, steady / moving) if moving > 0 else 1.0)
 
 
-def true_samples(
-    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, of_plate: bool = False
-) -> SlipSamples:
+def true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE) -> SlipSamples:
     """Samples of the longest steady stretches from the true motion of simulated runs.
 
-    `of_plate` takes the motion of the scanned plate, which leans outwards with the robot: it moves along a wider
-    circle, faster by the yaw rate times the lean. Raises LogError if a run has no truth or no steady stretch.
+    Raises LogError if a run has no truth or no steady stretch.
     """
     samples = []
     for log in logs:
-        truth = log.truth
-        if truth is None or (of_plate and truth.lean is None):
+        if log.truth is None:
             raise LogError(f"run {log.run!r}: has no truth")
         part = steady_part(log, settle)
-        twist = truth.twist[part.rows][:, [0, 2]]
-        if of_plate and truth.lean is not None:
-            twist = np.column_stack([twist[:, 0] - twist[:, 1] * truth.lean[part.rows], twist[:, 1]])
         load = None if part.load is None else part.load[None]
-        mean = twist.mean(axis=0)[None]
+        mean = log.truth.twist[part.rows][:, [0, 2]].mean(axis=0)[None]
         samples.append(SlipSamples.of(part.omega[None], mean, geometry, [part.name], load=load))
     return SlipSamples.joined(samples)
 

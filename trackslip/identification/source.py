@@ -31,18 +31,12 @@ _LOADING = ("slope", "uphill")  # of the ground: may differ between runs that te
 class ReadOptions:
     """Options for reading a log."""
 
-    half_gauge: float | None = None
-    """Half the distance between the tracks [m]; None for the log's."""
-    sprocket_radius: float | None = None
-    """Radius of the sprockets [m]; None for the log's."""
-    gear: float = 1.0
-    """Turns of the encoder per turn of the sprocket, if omega is the speed of the encoder [-]."""
-    settle: float = SETTLE
-    """Time after the sprockets have become steady that is left out of each run [s]."""
-    motion: str | None = None
-    """Name of a motion method; None for the most accurate that each run allows."""
-    bag: BagChoice = AUTOMATIC
-    """Topics to read from bags."""
+    half_gauge: float | None = None  # half the distance between the tracks [m]; None for the log's
+    sprocket_radius: float | None = None  # radius of the sprockets [m]; None for the log's
+    gear: float = 1.0  # turns of the encoder per turn of the sprocket, if omega is the speed of the encoder [-]
+    settle: float = SETTLE  # time after the sprockets have become steady that is left out of each run [s]
+    motion: str | None = None  # name of a motion method; None for the most accurate that each run allows
+    bag: BagChoice = AUTOMATIC  # topics to read from bags
     multiplier: float | None = None
     """wheel_separation_multiplier by which odometry taken as encoders was computed [-]; None if there is none to undo,
     or it isn't known."""
@@ -81,10 +75,10 @@ class Source:
             number = counted(len(self.logs), "run")
             raise LogError(f"{self.name}: {number} in closed loop; slip is identified from steady runs")
         try:
-            found = usable_samples(steady, self.geometry, self.reading.settle, self.reading.motion, self.refused)
+            sampling = usable_samples(steady, self.geometry, self.reading.settle, self.reading.motion, self.refused)
         except LogError as error:
             raise _of(self.name, error) from error
-        return replace(found, notes=(*self.notes, *found.notes))
+        return replace(sampling, notes=(*self.notes, *sampling.notes))
 
 
 def read_source(
@@ -95,16 +89,26 @@ def read_source(
     Given the folder, `chosen` returns the names of the runs to use; None for all of them. Raises LogError if nothing in
     the log can be read or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
     """
-    from trackslip.bags.drives import holds_bags, refuse_choice  # late: runs in memory need no bags
+    from trackslip.bags.drives import holds_bags, read_bags, refuse_choice  # late: runs in memory need no bags
 
-    if holds_bags(path):
-        return _of_bags(path, reading, chosen)
-    refuse_choice(path, reading.bag)
-    file = runs_file(path)
+    is_bag = holds_bags(path)
+    file = path if is_bag else runs_file(path)
     try:
-        return _read(file, reading, chosen)
+        if is_bag:
+            _refuse_choice_of_runs(chosen, "bags")
+            geometry = _geometry(reading, None, path)  # before a long bag is read
+            read = read_bags(path, replace(reading.bag, wheels=geometry))
+            return source_of_runs(read.runs, reading, str(path), read)
+        refuse_choice(path, reading.bag)
+        return _of_table(file, reading, chosen)
     except LogError as error:
         raise _of(str(file), error) from error
+
+
+def _refuse_choice_of_runs(chosen: object, kind: str) -> None:
+    """Raise LogError if runs are chosen from a log that has none."""
+    if chosen is not None:
+        raise LogError(f"holds {kind}, not runs of a sweep: --where must be left out")
 
 
 def _of(name: str, error: LogError) -> LogError:
@@ -118,65 +122,40 @@ def source_of_runs(
     name: str = "the runs",
     left_out: ReadRuns | None = None,
 ) -> Source:
-    """Runs in memory, called `name` in messages, and samples from those that are not closed loops.
+    """Runs in memory, called `name` in messages.
 
     What reading has `left_out` is listed with what cannot be used. Raises LogError if there are no runs or they differ
     in what matters to slip, InvalidValueError if neither `reading` nor the runs state the geometry.
     """
     if not runs:
         raise LogError(f"{name}: there are none")
-    loads = _require_one_setting(runs, name)
+    left_out = left_out or ReadRuns()
+    notes = (*left_out.notes, *_require_one_setting(runs, name))
     geometry = _geometry(reading, runs[0].metadata.get("geometry"), name)
     known: dict[str, Any] = {"geometry": asdict(geometry)}
     if reading.multiplier is not None:
         known["multiplier"] = reading.multiplier
     logs = [replace(log, omega=reading.sprocket_speeds(log.omega), metadata=log.metadata | known) for log in runs]
-    left_out = left_out or ReadRuns()
-    return Source(
-        name,
-        geometry,
-        reading,
-        tuple(logs),
-        refused=left_out.refused,
-        notes=(*left_out.notes, *loads),
-        taken=left_out.taken,
-    )
+    return Source(name, geometry, reading, tuple(logs), refused=left_out.refused, notes=notes, taken=left_out.taken)
 
 
-def _read(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
+def _of_table(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
+    """The runs or the samples in a file."""
     table = read_table(file)
     columns = table.column_names
     if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
-        if chosen is not None:
-            raise LogError(f"{file}: holds steady samples, not runs of a sweep: --where must be left out")
+        _refuse_choice_of_runs(chosen, "steady samples")
         geometry = _geometry(reading, None, file)
-        rows = _sampled(Columns(table, str(file)), reading, geometry)
-        return Source(str(file), geometry, reading, rows=rows)
+        return Source(str(file), geometry, reading, rows=_sampled(Columns(table, str(file)), reading, geometry))
     if not set(columns) & {*REQUIRED, "x", "y"}:
         needed = f"{', '.join(REQUIRED)}, x, y and usually phi, or {', '.join(SAMPLE_COLUMNS)}"
-        raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
+        raise LogError(f"needs the columns {needed}; found {', '.join(columns)[:200]!r}")
     read = runs_from_table(table, str(file))
-    runs: Sequence[RunLog] = read.runs
-    if chosen is not None:
-        names = chosen(file.parent)
-        runs = [log for log in runs if log.run in names]
-        if not runs:
-            raise LogError(f"{file}: the chosen {counted(len(names), 'run')} failed")
+    names = {log.run for log in read.runs} if chosen is None else chosen(file.parent)
+    runs = [log for log in read.runs if log.run in names]
+    if not runs:
+        raise LogError(f"the chosen {counted(len(names), 'run')} failed")
     return source_of_runs(runs, reading, str(file), read)
-
-
-def _of_bags(path: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
-    """The drives in bags."""
-    from trackslip.bags.drives import read_bags  # late, too
-
-    if chosen is not None:
-        raise LogError(f"{path}: holds bags, not runs of a sweep: --where must be left out")
-    try:
-        geometry = _geometry(reading, None, path)  # before a long bag is read
-        read = read_bags(path, replace(reading.bag, wheels=geometry))
-        return source_of_runs(read.runs, reading, str(path), read)
-    except LogError as error:
-        raise _of(str(path), error) from error
 
 
 def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) -> Sampling:
@@ -205,11 +184,11 @@ def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]
         first, *others = [log.metadata[key] for log in logs if key in log.metadata] or [None]
         if all(other == first for other in others):
             continue
-        if not all(isinstance(one, Mapping) for one in (first, *others)):
-            raise LogError(f"{source}: its runs differ in {key}: choose with --where NAME=VALUE")
-        names = [name for name in first if any(other.get(name) != first[name] for other in others)]
-        differing = f"its runs differ in {key} ({', '.join(names)})"
-        if not set(names) <= set(_LOADING) or any(log.load is None for log in logs):
+        names = []
+        if all(isinstance(setting, Mapping) for setting in (first, *others)):
+            names = [name for name in first if any(other.get(name) != first[name] for other in others)]
+        differing = f"its runs differ in {key}" + (f" ({', '.join(names)})" if names else "")
+        if not names or not set(names) <= set(_LOADING) or any(log.load is None for log in logs):
             raise LogError(f"{source}: {differing}: choose with --where NAME=VALUE")
         return (f"{differing}: only icr_load takes that into account",)
     return ()

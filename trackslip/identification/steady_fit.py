@@ -8,15 +8,13 @@ residual of a run is the measured minus the predicted speed V of either track, (
 
 P is the covariance of the measured twist, B maps twists to track speeds, and tau is the scatter of the track speeds
 beyond the measurement errors, relative to s, the speed of the faster sprocket: effects outside the law (uneven ground,
-speed, its wrong shape). They act on the robot as a whole, so a slow sprocket is not predicted better than a fast one,
-and one that stands still is as good as any.
+speed, its wrong shape). They act on the robot as a whole, so a slow sprocket is not predicted better than a fast one.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, least_squares
@@ -46,18 +44,6 @@ class SteadyFit(FittedLaw):
     """tau, scatter of the track speeds about the law beyond the measurement errors, relative likewise [-]."""
     aicc: float | None  # Akaike's criterion, corrected for few data; None for too few
     fit: Fit  # the fit in matrices
-    notes: tuple[str, ...] = ()
-    """Reasons why the samples do not determine the law, whose values then mean nothing; empty if they do."""
-
-    @property
-    def determined(self) -> bool:
-        """True if the samples determine the law."""
-        return not self.notes
-
-    @property
-    def stored(self) -> dict[str, Any]:
-        """The entry of the law in the `slip_laws` of a file."""
-        return super().stored | {"rms": self.rms}
 
 
 def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, vague: bool = False) -> SteadyFit:
@@ -241,15 +227,11 @@ class Fit:
                 continue
             if self.samples.by_command(self.geometry).max() == 0:
                 why = "it takes runs of different radii"
-            elif key.startswith("gamma") and self.samples.by_speed().max() == 0:
-                why = "it takes runs of different speeds"
-            elif self.family.loaded and (self.samples.load is None or np.ptp(self.samples.load) == 0):
-                why = "it takes runs under loads"
             elif at_limit:
                 why = f"no value {'above' if value == low else 'below'} {value:.4g} fits, so they don't follow this law"
+            elif np.isinf(spread):
+                why = "others make up for any value of it"
             else:
-                why = (
-                    "others make up for any value of it" if np.isinf(spread) else f"its standard error is {spread:.2g}"
-                )
+                why = f"its standard error is {spread:.2g}"
             return f"the {len(self.samples)} samples don't determine {key} (the fit stopped at {value:.3g}): {why}"
         return ""

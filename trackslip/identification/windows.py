@@ -1,11 +1,10 @@
 """The estimator: windows of poses, each laid onto the path that the belts drive by a law.
 
-The belts of a drive, integrated by a law, give a path of the sensor. The poses are cut into windows of some seconds,
-twice, the second time half a window later. In each window the path is moved and turned so that it fits the poses
-best; what is left are residuals, which don't depend on where the robot is in the world. Slip that varies shifts later
-windows, but bends none but its own: no state needs to be estimated. The parameters of the law, of the sensor's place
-and of the clocks are those with the smallest residuals, in units of their spread, under Cauchy's loss (P. J. Huber
-and E. M. Ronchetti, *Robust Statistics*, 2009, ch. 7).
+The belts of a drive, integrated by a law, give a path of the sensor. The poses are cut into windows of some seconds. In
+each window the path is moved and turned so that it fits the poses best; what is left are residuals, which don't depend
+on where the robot is in the world. Slip that varies bends no window but its own: no state needs to be estimated. The
+parameters of the law, of the sensor's place and of the clocks are those with the smallest residuals, in units of their
+spread, under Cauchy's loss (P. J. Huber and E. M. Ronchetti, *Robust Statistics*, 2009, ch. 7).
 
 Standard errors come from blocks of driving: a fit without one block, by one step of Newton's method, and the scatter of
 these fits (CR3; A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Cluster-Robust Inference*, 2015).
@@ -13,7 +12,7 @@ these fits (CR3; A. C. Cameron and D. L. Miller, *A Practitioner's Guide to Clus
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -23,53 +22,13 @@ from scipy.linalg import eigh
 
 from trackslip.identification.fitted import cr3, student
 from trackslip.identification.path import DriveModel, Path
-from trackslip.identification.preparation import BLOCK, PreparedDrive, Timeline
+from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, wrap_angle
 
 LOSS = 2.0
 """Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and Ronchetti)."""
 _BENDS = 0.2  # of what its weights say: least second derivative of the loss, where a few large residuals make it less
 _RELAXED = 1.5  # step over that of reweighted least squares, which the loss would shorten: it bends less
-
-
-@dataclass(frozen=True)
-class Data:
-    """The poses of drives in a row, what encoders and gyros read, and blocks of driving."""
-
-    drives: tuple[PreparedDrive, ...]
-    line: Timeline
-    place: np.ndarray  # (K,) measured, x + i y [m]; 0 where not
-    heading: Array  # (K,) measured [rad]; 0 where not
-    known: np.ndarray  # (2, K) bool: whether positions and headings were measured
-    first: np.ndarray  # (D + 1,) first pose of each drive
-
-    @classmethod
-    def of(cls, drives: Sequence[PreparedDrive]) -> Data:
-        """The drives in a row."""
-        pose = np.concatenate([drive.pose for drive in drives])
-        known = np.isfinite(pose[:, [0, 2]]).T
-        filled = np.nan_to_num(pose)
-        first = np.cumsum([0, *(len(drive.time) for drive in drives)])
-        place = filled[:, 0] + 1j * filled[:, 1]
-        return cls(tuple(drives), Timeline.of(drives), place, filled[:, 2], known, first)
-
-    def span(self, drive: PreparedDrive, length: float) -> float:
-        """Duration of the windows of a drive [s]: `length`, or as many poses as are in it at 2 Hz."""
-        return length * max(1.0, 2 * drive.interval)
-
-    def blocks(self, length: float) -> np.ndarray:
-        """Index (K,) of the block of driving that each pose is in: no shorter than windows of this length [s].
-
-        Neighbouring drives under the same command are one block.
-        """
-        blocks, count, before = [], 0, None
-        for drive in self.drives:
-            block = drive.blocks(drive.time, max(BLOCK, self.span(drive, length)))
-            if block[-1] == 0 and drive.command is not None and drive.command == before:
-                count -= 1
-            blocks.append(count + block)
-            count, before = int(blocks[-1][-1]) + 1, drive.command
-        return np.concatenate(blocks)
 
 
 @dataclass(frozen=True)
@@ -81,14 +40,14 @@ class Windows:
     of: np.ndarray  # (R,) index of the window
 
     @classmethod
-    def cut(cls, data: Data, length: float) -> Windows:
+    def cut(cls, drives: Drives, length: float) -> Windows:
         """Windows of about this length [s]; the pose at a border belongs to both sides.
 
         Cut twice, the second time half a window later, they are as efficient as an estimate of the whole path.
         """
         rows = []
-        for drive, begin in zip(data.drives, data.first, strict=False):
-            time, span = drive.time, data.span(drive, length)
+        for drive, begin in zip(drives.drives, drives.first, strict=False):
+            time, span = drive.time, drive.span(length)
             for start in (time[0], time[0] + span / 2):
                 cuts = np.searchsorted(time, np.arange(start, time[-1], span))
                 ends = np.unique([0, *cuts, len(time) - 1])
@@ -149,15 +108,15 @@ class Residuals:
 
 
 def residuals(
-    model: DriveModel, data: Data, windows: Windows, values: Array, free: np.ndarray, weight: Array
+    model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, weight: Array
 ) -> Residuals:
     """Residuals of the rows with parameter values (p,), and derivatives by those `free` (f,).
 
     `weight` (2, R) is that of places and headings in the alignment of their windows.
     """
-    path = model.path(values, data.line, free)
+    path = model.path(values, drives, free)
     rows, of, (wp, wh) = windows.pose, windows.of, weight
-    z, h, phi, dphi = data.place[rows], data.heading[rows], path.heading[rows], path.heading_slope[:, rows]
+    z, h, phi, dphi = drives.place[rows], drives.heading[rows], path.heading[rows], path.heading_slope[:, rows]
     c, dc = path.place[rows], path.place_slope[:, rows]
     total = np.maximum(windows.sums(wp), 1e-300)
     u = z - (windows.sums(wp * z) / total)[of]
@@ -176,15 +135,15 @@ def residuals(
     middle = (windows.sums(wp * dc) / total)[:, of]
     dleft = (middle - dc - (1j * c) * dtheta[:, of]) * back
     slope = np.stack([dleft.real, dleft.imag, -dphi - dtheta[:, of]])
-    known = data.known[[0, 0, 1]][:, rows]
+    known = drives.known[[0, 0, 1]][:, rows]
     if not model.gyro:
         return Residuals(value, slope, known)
-    of_gyro = _gyro_residuals(model, data, windows, values, free, path)
+    of_gyro = _gyro_residuals(model, drives, windows, values, free, path)
     return Residuals(*(np.append(a, b[None], axis=0) for a, b in zip((value, slope, known), of_gyro, strict=True)))
 
 
 def _gyro_residuals(
-    model: DriveModel, data: Data, windows: Windows, values: Array, free: np.ndarray, path: Path
+    model: DriveModel, drives: Drives, windows: Windows, values: Array, free: np.ndarray, path: Path
 ) -> tuple[Array, Array, np.ndarray]:
     """Turns by the gyro less those by the law, from the row before in the window.
 
@@ -193,7 +152,7 @@ def _gyro_residuals(
     rows = windows.pose
     before = np.concatenate([rows[:1], rows[:-1]])
     before[windows.first] = rows[windows.first]
-    reading, slope, known = model.gyro_turns(values, data.line, free)
+    reading, slope, known = model.gyro_turns(values, drives, free)
     turned = reading[rows] - reading[before]
     by_law = path.heading[rows] - path.heading[before]
     scale = 1 + values[model.index("gyro_scale")]
@@ -208,12 +167,12 @@ class WindowFit:
     """Parameters fitted to drives."""
 
     model: DriveModel
-    data: Data
+    drives: Drives
     length: float  # of the windows [s]
     values: Array  # (p,) of all parameters
     free: np.ndarray  # (f,) indices of those that were fitted
     spread: Array  # (3,) of the residuals
-    block: np.ndarray  # (K,) of each pose, as `Data.blocks` gives it
+    block: np.ndarray  # (K,) of each pose, as `Drives.blocks` gives it
     blocks: Array  # (G, f, f) normal equations of each block, by the weights
     bend: Array  # (f, f) second derivatives of the loss
     score: Array  # (G, f) of each block, by which the other ones are balanced
@@ -260,24 +219,19 @@ class WindowFit:
 
 
 def fit_windows(
-    model: DriveModel,
-    data: Data,
-    length: float,
-    values: Array,
-    free: np.ndarray,
-    mean: Array,
-    tolerance: float = 0.1,
+    model: DriveModel, drives: Drives, length: float, values: Array, held: Collection[str], mean: Array
 ) -> WindowFit:
-    """Fit the parameters `free` (f,) to windows of a length [s], from `values` (p,); `mean` (p,) is that of the priors.
+    """Fit all parameters but those `held` to windows of a length [s], from `values` (p,), with priors' `mean` (p,).
 
-    The fit has converged when no parameter changes by more than `tolerance` standard errors, of independent residuals.
-    Slopes are taken again after changes of more than three.
+    The fit has converged when no parameter changes by more than a tenth of its standard error, of independent
+    residuals. Slopes are taken again after changes of more than three.
     """
-    windows, values = Windows.cut(data, length), values.copy()
+    windows, values = Windows.cut(drives, length), values.copy()
+    free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
     low, high, _ = model.limits[:, free]
     prior = 1 / model.prior[free] ** 2
-    known = data.known[:, windows.pose].astype(float)
-    rest = residuals(model, data, windows, values, free, known)
+    known = drives.known[:, windows.pose].astype(float)
+    rest = residuals(model, drives, windows, values, free, known)
     for _ in range(20):
         spread = rest.spread
         pull, _ = rest.weights(spread)
@@ -286,15 +240,15 @@ def fit_windows(
         moved = np.clip(values[free] - _RELAXED * np.linalg.solve(hessian, gradient), low, high)
         change = np.max(np.abs(moved - values[free]) * np.sqrt(np.diag(hessian)), initial=0.0)
         values[free] = moved
-        if change < tolerance:
+        if change < 0.1:
             break
         slopes = free if change > 3.0 else free[:0]
-        later = residuals(model, data, windows, values, slopes, known / spread[:2, None] ** 2)
+        later = residuals(model, drives, windows, values, slopes, known / spread[:2, None] ** 2)
         rest = later if len(slopes) else replace(later, slope=rest.slope)
-    rest = residuals(model, data, windows, values, free, rest.alignment(rest.spread))
+    rest = residuals(model, drives, windows, values, free, rest.alignment(rest.spread))
     spread = rest.spread
     pull, curved = rest.weights(spread)
-    block = data.blocks(2 * length)  # where windows that overlap share little
+    block = drives.blocks(2 * length)  # where windows that overlap share little
     middle = (windows.first + np.append(windows.first[1:], len(windows.pose)) - 1) // 2
     _, part = np.unique(block[windows.pose[middle]][windows.of], return_inverse=True)
     blocks = np.zeros((int(part.max()) + 1, len(free), len(free)))
@@ -303,4 +257,4 @@ def fit_windows(
     for begin, end in pairwise(ends):  # rows of a block follow each other
         blocks[part[begin]] += rest.normal(pull, slice(begin, end))
         score[part[begin]] += rest.score(pull, slice(begin, end))
-    return WindowFit(model, data, length, values, free, spread, block, blocks, rest.normal(curved), score, prior)
+    return WindowFit(model, drives, length, values, free, spread, block, blocks, rest.normal(curved), score, prior)

@@ -1,16 +1,17 @@
-"""The base class of slip laws, and the twist that results from sprocket speeds."""
+"""The base class of slip laws, the twist that results from sprocket speeds, and no slip."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError
-from trackslip.kinematics import Array, RobotGeometry, curvature, sprocket_speeds, twist_of_tracks
+from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, sprocket_speeds, twist_of_tracks
 
 _EDGE = 1e-9  # beyond a jump that is rounding [half its height]
 _CONVERGED = 1e-12  # relative error of the sprocket speeds
@@ -90,6 +91,19 @@ class SlipLaw(ABC):
             beyond = (1 - turning / belt[..., 1] - (inner + outer) / 2) / ((outer - inner) / 2)
             inside = (belt[..., 0] * belt[..., 1] < 0) & (outer > inner) & (np.abs(beyond) <= 1 + _EDGE)
         return inside, np.where(inside, turning, 0.0)
+
+
+@dataclass(frozen=True)
+class NoSlip(SlipLaw):
+    """Ideal tracks: no slip at any radius."""
+
+    def __call__(self, kappa: ArrayLike) -> Array:
+        """Zeros (..., 2)."""
+        return np.zeros((*np.shape(kappa), 2))
+
+    def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce; Eqs. 2 and 5."""
+        return body_twist(omega, 0.0, geometry)
 
 
 def _without_slip(omega: Array, geometry: RobotGeometry) -> np.ndarray:

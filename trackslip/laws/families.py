@@ -13,8 +13,7 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.laws.base import SlipLaw
-from trackslip.laws.constant import Constant, NoSlip
+from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import Exponential, ExponentialSpeed
 from trackslip.laws.icr import ConstantIcr, IcrSides
 from trackslip.laws.icr_load import MAX_COMPLIANCE, IcrLoad
@@ -27,42 +26,30 @@ class Parameter:
 
     starts: tuple[float, ...]
     """Starting values: fits start from the first of each parameter, then from the second of each, and so on."""
-    low: float
-    """Lower limit."""
-    high: float
-    """Upper limit."""
-    scale: float
-    """Size of a significant change."""
-    unit: str
-    """Unit as printed; empty for a pure number. For lengths (m) the values above are in half gauges."""
-    symbol: str = ""
-    """Its letter in formulas, without the track; by default its name is printed."""
-    meaning: str = ""
-    """Meaning of the letter, for reports."""
+    low: float  # lower limit
+    high: float  # upper limit
+    scale: float  # size of a significant change
+    unit: str  # unit as printed; empty for a pure number. For lengths (m) the values above are in half gauges
+    symbol: str = ""  # its letter in formulas, without the track; by default its name is printed
+    meaning: str = ""  # meaning of the letter, for reports
 
 
 @dataclass(frozen=True)
 class LawFamily:
     """Slip laws that differ only in the values of their parameters."""
 
-    title: str
-    """A short description."""
-    parameters: Mapping[str, Parameter]
-    """Free parameters by name, in the order of their values in arrays."""
+    title: str  # a short description
+    parameters: Mapping[str, Parameter]  # free parameters by name, in the order of their values in arrays
     build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
     """Builds a law from values of the parameters: numbers, or arrays of one shape."""
-    targets: tuple[str, ...] = ("json",)
-    """Its deployment targets, out of `trackslip.deploy.TARGETS`."""
-    loaded: bool = False
-    """True if slip depends on the traction per unit load, which runs must then provide."""
+    targets: tuple[str, ...] = ("json",)  # its deployment targets, out of `trackslip.deploy.TARGETS`
+    loaded: bool = False  # true if slip depends on the traction per unit load, which runs must then provide
     two_sided: bool = False
     """True if left and right turns slip differently, so that fits need turns to both sides."""
     fast: bool = False
     """True if slip depends on the lateral acceleration, which must then be a few tenths of a m/s² for it to show."""
-    of_runs: bool = True
-    """True if it is fitted to steady runs."""
-    of_drives: bool = True
-    """True if it is fitted to whole drives."""
+    of_runs: bool = True  # true if it is fitted to steady runs
+    of_drives: bool = True  # true if it is fitted to whole drives
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -99,11 +86,9 @@ def _build(kind: Callable[..., SlipLaw], gauge: bool = False) -> Callable[[Mappi
     return lambda p, geometry: kind(**p, half_gauge=geometry.half_gauge) if gauge else kind(**p)
 
 
-_START, _DECAYS = "slip at zero radius", "its decay with radius"
-_SLIP_OUTER = Parameter((0.05,), -2.0, 0.99, 0.1, "", "i", "slip of a track")
-_SLIP_INNER = Parameter((-0.1,), -20.0, 0.99, 0.1, "", "i", "slip of a track")
-_ALPHA_OUTER, _ALPHA_INNER = (replace(one, symbol="α", meaning=_START) for one in (_SLIP_OUTER, _SLIP_INNER))
-_DECAY = Parameter((-0.5, -2.0, -6.0), -50.0, -1e-3, 1.0, "1/m", "β", _DECAYS)
+_ALPHA_OUTER = Parameter((0.05,), -2.0, 0.99, 0.1, "", "α", "slip at zero radius")
+_ALPHA_INNER = replace(_ALPHA_OUTER, starts=(-0.1,), low=-20.0)
+_DECAY = Parameter((-0.5, -2.0, -6.0), -50.0, -1e-3, 1.0, "1/m", "β", "its decay with radius")
 _GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m", "γ", "its growth with speed")
 _OFFSET = Parameter(
     (0.3, 0.0, 2.0), -0.99, 50.0, 0.3, "m", "D",
@@ -131,12 +116,6 @@ GAINS = "two_gains"
 """Family of the gains that people compute by hand: the yardstick of all others."""
 FAMILIES: dict[str, LawFamily] = {
     "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
-    "constant": LawFamily(
-        "the same slip at every radius",
-        {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER},
-        _build(Constant),
-        of_drives=False,
-    ),
     "exponential": LawFamily("exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential), of_drives=False),
     "exponential_speed": LawFamily(
         "exponential in radius, with a term of speed",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,7 @@ import numpy as np
 from trackslip.errors import InvalidValueError, LogError, OutputError
 from trackslip.files import read_json, reason
 from trackslip.kinematics import RobotGeometry
-from trackslip.laws.base import SlipLaw
-from trackslip.laws.constant import NoSlip
+from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.families import FAMILIES, family, law_from_values
 from trackslip.logs.file_format import FORMAT, known_manifest, require_known_format
 
@@ -29,19 +28,14 @@ SHIPPED = Path(__file__).parent / "laws.json"
 class StoredLaws:
     """The laws in a file, with the rest of its content."""
 
-    name: str
-    """The file's name in messages and comments, without the folders that lead to it."""
-    geometry: RobotGeometry
-    """Geometry of the robot that the laws were identified for."""
-    laws: Mapping[str, SlipLaw]
-    """Laws by family name; `none` is always there."""
-    content: Mapping[str, Any]
-    """Content of the file."""
-    manifest: Mapping[str, Any]
-    """Content of the manifest next to it; empty where there is none."""
+    name: str  # the file's name in messages and comments, without the folders that lead to it
+    geometry: RobotGeometry  # geometry of the robot that the laws were identified for
+    laws: Mapping[str, SlipLaw]  # laws by family name; `none` is always there
+    content: Mapping[str, Any]  # content of the file
+    manifest: Mapping[str, Any]  # content of the manifest next to it; empty where there is none
 
     def law_named(self, name: str | None) -> str:
-        """`name` if there is such a law; for None the best law: as stored, the only one, or the one that fits best.
+        """`name` if there is such a law; for None the best law as stored, or the only one.
 
         Raises InvalidValueError for another name, LogError if the file doesn't state the best law.
         """
@@ -49,18 +43,13 @@ class StoredLaws:
             if name not in self.laws:
                 raise InvalidValueError("law", name, f"one of {', '.join(self.laws)} (in {self.name})")
             return name
-        best = self.content.get("best")
+        best, identified = self.content.get("best"), [name for name in self.laws if name != NO_SLIP]
         if isinstance(best, str) and best in self.laws:
             return best
-        identified = [name for name in self.laws if name != NO_SLIP]
-        if len(identified) == 1:
-            return identified[0]
-        errors = {name: number(self.content, "slip_laws", name, "rms") for name in identified}
-        known = {name: error for name, error in errors.items() if error is not None}
-        if not identified or len(known) < len(identified):
+        if len(identified) != 1:
             choice = f"choose one of {', '.join(identified)}" if identified else "it holds no law"
             raise LogError(f"{self.name}: says nothing of which law is best: {choice}")
-        return min(known, key=lambda name: known[name])
+        return identified[0]
 
     def values(self, law: str) -> dict[str, float]:
         """Parameters of a law by name, in SI units."""
@@ -80,11 +69,8 @@ class StoredLaws:
 
     def interval95(self, law: str, parameter: str) -> tuple[float, float] | None:
         """95 % interval of a parameter; None if unknown, as for a parameter that was held."""
-        for keys in (("slip_laws", law), ("laws", law)):
-            low, high = (number(self.content, *keys, "interval95", parameter, k) for k in (0, 1))
-            if low is not None and high is not None:
-                return low, high
-        return None
+        low, high = (number(self.content, "slip_laws", law, "interval95", parameter, k) for k in (0, 1))
+        return None if low is None or high is None else (low, high)
 
 
 def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
@@ -131,22 +117,27 @@ def read_stored(path: Path, robot: RobotGeometry | None = None) -> StoredLaws:
     Raises LogError as `load_laws` does.
     """
     file = path / "summary.json" if path.is_dir() else path
-    manifest = known_manifest(path) if path.is_dir() else {}
-    content = read_json(file)
-    _parsed(content, file)  # errors name the whole path
+    stored = stored_laws(read_json(file), str(file), known_manifest(path) if path.is_dir() else {}, robot)
     # the name goes into comments of other programs, so folders of this machine have no place in it
     name = file.name if file == path else f"{path.resolve().name}/{file.name}"
-    return stored_laws(content, "the laws shipped with trackslip" if file == SHIPPED else name, manifest, robot)
+    return replace(stored, name="the laws shipped with trackslip" if file == SHIPPED else name)
 
 
 def stored_laws(
-    content: Mapping[str, Any],
-    name: str,
-    manifest: Mapping[str, Any] | None = None,
-    robot: RobotGeometry | None = None,
+    content: Any, name: str, manifest: Mapping[str, Any] | None = None, robot: RobotGeometry | None = None
 ) -> StoredLaws:
     """The laws in the content of such a file, called `name` in messages; raises LogError as `load_laws` does."""
-    geometry, laws = _parsed(content, name)
+    try:
+        require_known_format(content, name)
+        geometry = RobotGeometry(*(float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius")))
+        stored, b = content["slip_laws"], geometry.half_gauge
+        laws = {law: law_from_values(law, stored[law]["values"], b) for law in FAMILIES if law in stored}
+    except InvalidValueError as error:
+        raise LogError(f"{name}: {error}") from error
+    except LogError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise LogError(f"{name}: no slip laws in it ({reason(error)})") from error
     if not laws and content.get("best") != NO_SLIP:
         raise LogError(f"{name}: no slip laws in it")
     if robot is not None and not np.allclose(astuple(geometry), astuple(robot)):
@@ -155,22 +146,6 @@ def stored_laws(
             f"{geometry.sprocket_radius:g} m, the robot has {robot.half_gauge:g} m and {robot.sprocket_radius:g} m"
         )
     return StoredLaws(name, geometry, {NO_SLIP: NoSlip(), **laws}, content, manifest or {})
-
-
-def _parsed(content: Any, file: object) -> tuple[RobotGeometry, dict[str, SlipLaw]]:
-    """Geometry and laws by family name in the content of a file of laws; raises LogError if there are none."""
-    try:
-        require_known_format(content, file)
-        geometry = RobotGeometry(*(float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius")))
-        stored = content["slip_laws"]
-        b = geometry.half_gauge
-        return geometry, {name: law_from_values(name, stored[name]["values"], b) for name in FAMILIES if name in stored}
-    except InvalidValueError as error:
-        raise LogError(f"{file}: {error}") from error
-    except LogError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise LogError(f"{file}: no slip laws in it ({reason(error)})") from error
 
 
 def entry(content: Any, *keys: str | int) -> Any:

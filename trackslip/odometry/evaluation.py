@@ -13,13 +13,7 @@ from trackslip.identification.prediction import trailing_heading
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
-from trackslip.odometry.trajectory_errors import (
-    Statistics,
-    Stretches,
-    Trajectory,
-    errors_after_metres,
-    errors_after_seconds,
-)
+from trackslip.odometry.trajectory_errors import Statistics, Trajectory, errors_after_metres, errors_after_seconds
 from trackslip.se2 import Mounting
 
 LENGTHS = (1.0, 2.0, 5.0, 10.0)
@@ -31,16 +25,24 @@ _MIN_POSES = 2
 class RelativeErrors:
     """Errors at the ends of stretches of one length, from every start."""
 
-    position: Statistics
-    """Errors of positions [m]."""
-    heading: Statistics | None
-    """Absolute errors of headings [rad]; None if none were measured."""
-    count: int
-    """Number of stretches, which overlap."""
-    position_per_way: float
-    """Sum of the position errors over the distance driven; NaN at rest [-]."""
+    position: Statistics  # errors of positions [m]
+    heading: Statistics | None  # absolute errors of headings [rad]; None if none were measured
+    count: int  # number of stretches, which overlap
+    position_per_way: float  # sum of the position errors over the distance driven; NaN at rest [-]
     heading_per_way: float
     """Sum of the heading errors over the distance driven; NaN if none were measured [rad/m]."""
+
+    @classmethod
+    def of(cls, way: Array, position: Array, heading: Array) -> RelativeErrors:
+        """Errors of stretches (n,), see `errors_between`."""
+        turned = np.isfinite(heading)
+        return cls(
+            Statistics.of(position),
+            Statistics.of(heading[turned]) if turned.any() else None,
+            len(way),
+            _ratio(position, way),
+            _ratio(heading[turned], way[turned]),
+        )
 
 
 @dataclass(frozen=True)
@@ -92,15 +94,18 @@ def errors_of(trajectories: Sequence[Trajectory], notes: Sequence[str] = ()) -> 
     """Errors of estimated trajectories, as `odometry_errors` gives those of odometry; raises LogError without any."""
     if not trajectories:
         raise LogError(notes[0] if notes else "no drives")
-    notes, errors = list(notes), []
+    notes, errors = list(notes), {"m": dict[float, RelativeErrors](), "s": dict[float, RelativeErrors]()}
     for unit, errors_after in (("m", errors_after_metres), ("s", errors_after_seconds)):
-        parts = {length: _relative([errors_after(drive, length) for drive in trajectories]) for length in LENGTHS}
-        errors.append({length: part for length, part in parts.items() if part is not None})
-        short = [f"{length:g}" for length, part in parts.items() if part is None]
+        short = []
+        for length in LENGTHS:
+            every = np.concatenate([errors_after(drive, length) for drive in trajectories], axis=1)
+            if every.size:
+                errors[unit][length] = RelativeErrors.of(*every)
+            else:
+                short.append(f"{length:g}")
         if short:
             notes.append(f"no two poses are {', '.join(short)} {unit} apart, so relative errors end before")
-    after_metres, after_seconds = errors
-    return OdometryErrors(after_metres, after_seconds, tuple(trajectories), tuple(notes))
+    return OdometryErrors(errors["m"], errors["s"], tuple(trajectories), tuple(notes))
 
 
 def trajectory_of(log: RunLog, odometry: SlipOdometry, mounting: Mounting, clock_offset: float) -> Trajectory:
@@ -133,7 +138,8 @@ def estimated_trajectory(
     measured = log.pose[rows]
     heading = measured[:, 2]
     if not np.isfinite(heading).any():
-        heading = trailing_heading(at, measured[:, :2], estimated)
+        place, estimated_place = (pose[:, 0] + 1j * pose[:, 1] for pose in (measured, estimated))
+        heading = trailing_heading(at, place, estimated_place, estimated[:, 2])
     speed = np.abs(body_twist(log.omega[1:], 0.0, geometry)[:, 0])
     way = np.concatenate([[0.0], np.cumsum(speed * np.diff(log.time))])
     return Trajectory(log.run, log.time[rows], np.interp(at, log.time, way), measured, estimated, heading)
@@ -146,23 +152,6 @@ def _readings(log: RunLog, time: Array) -> Array | None:
     turned, measured = (np.diff(np.interp(time, log.time, sums)) for sums in log.gyro_sums.T)
     step = np.diff(time)
     return np.append(np.nan, np.where(measured >= MEASURED * step, turned / step, np.nan))
-
-
-def _relative(parts: Sequence[Stretches]) -> RelativeErrors | None:
-    """Relative errors of all drives together; None if there is no stretch."""
-    way, position, heading = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("way", "position", "heading")
-    )
-    if not len(way):
-        return None
-    turned = np.isfinite(heading)
-    return RelativeErrors(
-        Statistics.of(position),
-        Statistics.of(heading[turned]) if turned.any() else None,
-        len(way),
-        _ratio(position, way),
-        _ratio(heading[turned], way[turned]),
-    )
 
 
 def _ratio(errors: Array, way: Array) -> float:

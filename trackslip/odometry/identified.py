@@ -11,8 +11,7 @@ from trackslip.files import reason
 from trackslip.identification.path import GYRO
 from trackslip.identification.result import Identification, identification_to_json
 from trackslip.kinematics import RobotGeometry, wrap_angle
-from trackslip.laws.base import SlipLaw
-from trackslip.laws.constant import NoSlip
+from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.file import NO_SLIP, StoredLaws, read_stored, stored_laws
 from trackslip.odometry.slip_odometry import SlipOdometry
 from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
@@ -23,23 +22,18 @@ from trackslip.se2 import Mounting
 class LawInUse:
     """A law for odometry."""
 
-    name: str
-    """Name of its family."""
+    name: str  # name of its family
     law: SlipLaw
-    geometry: RobotGeometry
-    """The one the law was identified for."""
-    noise: SlipNoise | None = None
-    """Slip that varies; None if it was not identified."""
+    geometry: RobotGeometry  # the one the law was identified for
+    noise: SlipNoise | None = None  # slip that varies; None if it was not identified
     errors: LawErrors | None = None
     """Errors of the law's parameters, as wide as their 95 % intervals; None if they are not known."""
-    drift: float = 0.0
-    """c, for a lateral speed of -c v w in turns [s]."""
+    drift: float = 0.0  # c, for a lateral speed of -c v w in turns [s]
     mounting: Mounting | None = None
     """Mounting of the poses' sensor when the law was identified; None if not known."""
     clock_offset: float | None = None
     """Encoder clock minus pose clock there, less the lag of the motion; None if not known [s]."""
-    gyro: Gyro | None = None
-    """Errors of the gyroscope there; None without one."""
+    gyro: Gyro | None = None  # errors of the gyroscope there; None without one
 
     def odometry(self, **start: Any) -> SlipOdometry:
         """Odometry by this law; `start` and `start_covariance` as for SlipOdometry."""

@@ -23,8 +23,7 @@ _ROUNDING = 1e-6  # of time stamps [s]
 class Trajectory:
     """Measured and estimated poses of a sensor at the same moments of a drive."""
 
-    name: str
-    """Name of the drive."""
+    name: str  # name of the drive
     time: Array  # (K,) stamps of the measured poses [s]
     way: Array  # (K,) driven until then [m]
     measured: Array  # (K, 3) [m, m, rad]; NaN headings where none were measured
@@ -51,8 +50,7 @@ class Statistics:
     rms: float
     mean: float
     median: float
-    p90: float
-    """Error that 90 % of them stay below."""
+    p90: float  # error that 90 % of them stay below
     largest: float
 
     @classmethod
@@ -62,22 +60,13 @@ class Statistics:
         return cls(rms(errors), mean, float(np.median(errors)), p90, float(errors.max()))
 
 
-@dataclass(frozen=True)
-class Stretches:
-    """Relative errors over stretches of one length."""
-
-    way: Array  # (n,) driven on each [m]
-    position: Array  # (n,) distances between the estimated and the measured end [m]
-    heading: Array  # (n,) absolute errors of the turn [rad]; NaN where it was not measured
-
-
-def errors_after_metres(drive: Trajectory, length: float) -> Stretches:
-    """Errors of the stretches, one from every start, that end after a way [m], or within a tenth of it."""
+def errors_after_metres(drive: Trajectory, length: float) -> Array:
+    """`errors_between` the ends of stretches, one from every start, of a way [m], to within a tenth of it."""
     return errors_between(drive, *stretches(drive.way, length, _TOLERANCE * length))
 
 
-def errors_after_seconds(drive: Trajectory, length: float) -> Stretches:
-    """Errors of the stretches, one from every start, that end after a time [s], or within half the usual interval."""
+def errors_after_seconds(drive: Trajectory, length: float) -> Array:
+    """`errors_between` the ends of stretches, one from every start, of a time [s], to within half an interval."""
     usual = float(np.median(np.diff(drive.time))) if len(drive.time) > 1 else 0.0
     return errors_between(drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING)))
 
@@ -98,8 +87,12 @@ def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray,
     return start[near], end[near]
 
 
-def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Stretches:
-    """Errors of the stretches between poses `start` (n,) and `end` (n,), where the heading at the start is known."""
+def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Array:
+    """Errors (3, n) of stretches between poses `start` (n,) and `end` (n,), where the heading at the start is known.
+
+    They are the way driven [m], the distance between the estimated and the measured end [m], and the absolute error of
+    the turn [rad], NaN where it was not measured.
+    """
     known = np.isfinite(drive.heading[start])
     start, end = start[known], end[known]
     turn = drive.heading[start] - drive.estimated[start, 2]
@@ -107,7 +100,7 @@ def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Str
     driven = np.column_stack([rotate(turn, step[:, :2]), step[:, 2]])
     error = driven - (drive.measured[end] - drive.measured[start])
     position, heading = np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angle(error[:, 2]))
-    return Stretches(drive.way[end] - drive.way[start], position, heading)
+    return np.stack([drive.way[end] - drive.way[start], position, heading])
 
 
 def moved(pose: Array, turn: float, pivot: Array, target: Array) -> Array:

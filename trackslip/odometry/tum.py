@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, OutputError
-from trackslip.kinematics import Array
 
 
 def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
@@ -20,18 +19,13 @@ def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
         InvalidValueError: if the numbers of times and poses differ.
         OutputError: if the file cannot be written.
     """
-    rows = _rows(np.asarray(time, float), np.asarray(pose, float))
+    time, pose = np.asarray(time, float), np.asarray(pose, float)
+    if time.ndim != 1 or pose.shape != (len(time), 3):
+        raise InvalidValueError("pose", pose.shape, f"of shape {(*time.shape, 3)}, as there are that many times")
+    half, none = np.nan_to_num(pose[:, 2], nan=0.0) / 2, np.zeros(len(time))
+    rows = np.column_stack([time, pose[:, :2], none, none, none, np.sin(half), np.cos(half)])
     text = "".join(" ".join(map("{:.9f}".format, row)) + "\n" for row in rows.tolist())
     try:
         Path(path).write_text(text, encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
-
-
-def _rows(time: Array, pose: Array) -> Array:
-    """A row (K, 8) per pose."""
-    if time.ndim != 1 or pose.shape != (len(time), 3):
-        raise InvalidValueError("pose", pose.shape, f"of shape {(*time.shape, 3)}, as there are that many times")
-    half = np.nan_to_num(pose[:, 2], nan=0.0) / 2
-    none = np.zeros(len(time))
-    return np.column_stack([time, pose[:, :2], none, none, none, np.sin(half), np.cos(half)])

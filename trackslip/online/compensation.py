@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,8 +12,7 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.laws.base import SlipLaw
-from trackslip.laws.constant import NoSlip
+from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.laws.icr import ConstantIcr
@@ -29,17 +29,21 @@ _LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
 
 
 class Compensation(Protocol):
-    """Provides the slip laws of N robots."""
+    """Provides the slip laws of N robots; unless a subclass does more, runs leave no trace."""
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3)."""
+        return
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
         """Start new runs with some of the robots (R,), at poses (R, 3)."""
+        return
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Take the mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the N poses measured afterwards."""
+        return
 
+    @abstractmethod
     def law(self) -> SlipLaw:
         """The current slip law, with one set of parameters per robot where they differ."""
 
@@ -56,26 +60,17 @@ class SensesLoad(Protocol):
 
 
 @dataclass(frozen=True)
-class FixedLaw:
+class FixedLaw(Compensation):
     """A fixed law for all robots; by default no slip, which means no compensation."""
 
     known: SlipLaw = field(default_factory=NoSlip)
-
-    def reset(self, start: Array) -> None:
-        """Nothing to reset."""
-
-    def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Nothing to reset."""
-
-    def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Nothing to learn."""
 
     def law(self) -> SlipLaw:
         """The law."""
         return self.known
 
 
-class LoadedLaw:
+class LoadedLaw(Compensation):
     """A fixed law of slip under load, at the load that is measured."""
 
     def __init__(self, known: IcrLoad) -> None:
@@ -88,9 +83,6 @@ class LoadedLaw:
     def restart(self, robots: np.ndarray, start: Array) -> None:
         """Start new runs with some of the robots (R,), without load."""
         self._load[robots] = 0.0
-
-    def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Nothing to learn."""
 
     def sense(self, load: Array) -> None:
         """Take tractions per unit load (N, 2) [-]; beyond MAX_LOAD, the law takes MAX_LOAD."""
@@ -115,7 +107,7 @@ def known_law(law: SlipLaw) -> FixedLaw | LoadedLaw:
     return LoadedLaw(law) if isinstance(law, IcrLoad) else FixedLaw(law)
 
 
-class OnlineIcr:
+class OnlineIcr(Compensation):
     """Constant ICRs learnt while driving by an `IcrFilter`, starting from `prior` or without prior knowledge."""
 
     def __init__(

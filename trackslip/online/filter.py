@@ -44,20 +44,13 @@ _MEMORY = 10.0  # scans in that mean
 class FilterTuning:
     """Assumptions of the filter."""
 
-    gain_spread: float = 0.3
-    """Standard deviation of g without prior knowledge [-]."""
-    radius_error_spread: float = 0.02
-    """Standard deviation of epsilon without prior knowledge [-]."""
-    centre_spread: float = 0.03
-    """Standard deviation of c without prior knowledge [m]."""
-    gain_walk: float = 0.003
-    """Process noise of g [1/sqrt(rad) turned]."""
-    radius_error_walk: float = 0.0005
-    """Process noise of epsilon [1/sqrt(m) driven]."""
-    centre_walk: float = 0.003
-    """Process noise of c [m per sqrt(rad) turned]."""
-    position_walk: float = 0.002
-    """Process noise of the position [m per sqrt(m) driven]."""
+    gain_spread: float = 0.3  # standard deviation of g without prior knowledge [-]
+    radius_error_spread: float = 0.02  # standard deviation of epsilon without prior knowledge [-]
+    centre_spread: float = 0.03  # standard deviation of c without prior knowledge [m]
+    gain_walk: float = 0.003  # process noise of g [1/sqrt(rad) turned]
+    radius_error_walk: float = 0.0005  # process noise of epsilon [1/sqrt(m) driven]
+    centre_walk: float = 0.003  # process noise of c [m per sqrt(rad) turned]
+    position_walk: float = 0.002  # process noise of the position [m per sqrt(m) driven]
     heading_walk: float = 0.003
     """Process noise of the heading [rad per sqrt(rad) turned, and per sqrt(m) driven]."""
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.errors import require, require_positive
-from trackslip.identification.path import EXTRAS, GYRO, DriveModel
-from trackslip.identification.preparation import PreparedDrive, merged
-from trackslip.identification.windows import Data, Windows, residuals
+from trackslip.identification.law_fit import held_parameters
+from trackslip.identification.path import DriveModel
+from trackslip.identification.preparation import Drives, PreparedDrive, merged
+from trackslip.identification.windows import Windows, residuals
 from trackslip.kinematics import Array
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.maneuvers import RATE
@@ -47,10 +48,8 @@ class PoseQuality:
 class Expectation:
     """Standard errors expected of an identification."""
 
-    stderr: Mapping[str, float]
-    """Standard errors of the law's parameters and of the extras, in their units."""
-    held: tuple[str, ...]
-    """Parameters that the driving doesn't determine."""
+    stderr: Mapping[str, float]  # standard errors of the law's parameters and of the extras, in their units
+    held: tuple[str, ...]  # parameters that the driving doesn't determine
 
 
 def drive_to_measure(speeds: Array, rate: float, poses: PoseQuality, radius: float, merge: int = 1) -> PreparedDrive:
@@ -81,18 +80,15 @@ def expected(
         slip: white slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)].
         known: errors of the law from an earlier identification.
     """
-    values = np.concatenate([values, np.zeros(len(EXTRAS) - len(GYRO))])
-    held = ["lag"] if poses.heading is not None else ["lag", "sensor_yaw"]
-    if "offset_left" in model.names:
-        held.append("sensor_y")  # can't be told from unequal ICRs
+    data, values = Drives.of(drives), np.concatenate([values, np.zeros(len(model.extras))])
+    held = held_parameters(model, data)
     names = [name for name in model.names if name not in held]
     free = np.array([model.index(name) for name in names])
     prior = np.diag(1 / model.prior[free] ** 2)
     if known is not None:
         at = [names.index(name) for name in known.names]
-        prior[np.ix_(at, at)] += np.linalg.inv(known.covariance)
-    data = Data.of(drives)
-    path = model.path(values, data.line, np.zeros(0, int))
+        prior[np.ix_(at, at)] += np.linalg.pinv(known.covariance, hermitian=True)
+    path = model.path(values, data, np.zeros(0, int))
     data = replace(data, place=path.place, heading=path.heading)
     covariances = [_covariance(model, values, data, length, poses, slip, free, prior) for length in _LENGTHS]
     covariance = min(covariances, key=lambda matrix: float(np.linalg.slogdet(matrix)[1]))
@@ -108,7 +104,7 @@ def expected(
 def _covariance(
     model: DriveModel,
     values: Array,
-    data: Data,
+    data: Drives,
     length: float,
     poses: PoseQuality,
     slip: Sequence[float],
@@ -121,9 +117,7 @@ def _covariance(
     at all later poses of its windows. So the scatter of the scores is not that of their slopes.
     """
     windows, rows = (cut := Windows.cut(data, length)), cut.pose
-    line, radius = data.line, model.geometry.sprocket_radius
-    driven = np.append(0.0, np.cumsum(np.abs(line.omega).mean(axis=1) * np.diff(line.edges)))
-    way = radius * np.interp(line.time, line.edges, driven)
+    way = data.way(model.geometry.sprocket_radius)
     last = np.append(windows.first[1:], len(rows)) - 1
     white = np.array([poses.position, poses.position, poses.heading or 1.0]) ** 2
     typical = np.median(way[rows[last]] - way[rows[windows.first]])
@@ -145,7 +139,7 @@ def _covariance(
         *zip((at_place.real, at_place.imag, at_heading), white[:, None], strict=True),
         *zip(by_step, np.square(slip)[:, None] * step, strict=True),
     ]:
-        total = np.stack([np.bincount(rows, each, len(line.time)) for each in score])
+        total = np.stack([np.bincount(rows, each, len(data.time)) for each in score])
         scatter += (total * size) @ total.T
     inverse = np.linalg.inv(normal)
     return np.asarray(inverse @ scatter @ inverse)

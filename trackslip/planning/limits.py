@@ -58,18 +58,13 @@ class Knowledge:
     """Prior knowledge of the robot's motion."""
 
     geometry: RobotGeometry
-    offset: float
-    """D: expected distance of the ICRs outside the tracks [m]."""
-    radius_error: float
-    """Expected relative error of the effective sprocket radius [-]."""
-    reach_doubt: float
-    """Largest relative error of b + D [-]."""
-    radius_doubt: float
-    """Largest error of the radius error [-]."""
+    offset: float  # D: expected distance of the ICRs outside the tracks [m]
+    radius_error: float  # expected relative error of the effective sprocket radius [-]
+    reach_doubt: float  # largest relative error of b + D [-]
+    radius_doubt: float  # largest error of the radius error [-]
     pull: float
     """Largest difference of the radius errors of left and right, which makes the robot pull to one side [-]."""
-    slip: tuple[float, float, float]
-    """White slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]."""
+    slip: tuple[float, float, float]  # white slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]
 
     def __post_init__(self) -> None:
         require_within("doubt", self.reach_doubt, 0.0, MOST_DOUBT)

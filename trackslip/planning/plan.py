@@ -16,7 +16,7 @@ from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.planning.information import Expectation, PoseQuality, drive_to_measure, expected, rate_of
 from trackslip.planning.limits import TURNING, DriveLimits, Knowledge, first_knowledge
 from trackslip.planning.maneuvers import RATE, Maneuvers
-from trackslip.planning.route import Extent, PlacedRoute, Route, path, placed
+from trackslip.planning.route import PlacedRoute, Route, path, placed
 from trackslip.planning.search import best_route
 
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
@@ -43,8 +43,7 @@ class DrivePlan:
     """Errors of the law from an earlier identification."""
     maneuvers: Maneuvers
     start: Array  # (3,) where it begins, from the middle of the area [m, m, rad]
-    places: Extent
-    """Extent of the motion of the robot's middle, relative to the middle of the area."""
+    places: Array  # (2, 2) lowest and highest x and y of the robot's middle, from that of the area [m]
     expectation: Expectation
     """Standard errors to expect, together with what is known."""
 

@@ -32,24 +32,16 @@ _DEVIATIONS = 3.5  # of slip that the area allows for
 class Route:
     """Two legs, there and back, repeated until the time is up, and spins."""
 
-    start: int
-    """Index of the first place in WAYPOINTS."""
-    end: int
-    """Index of the other one."""
-    backwards: tuple[bool, bool]
-    """Whether the way there and the way back are driven backwards."""
-    bow: tuple[int, int]
-    """Angle between the chord of each way and its ends [BOW]."""
-    spinning: float
-    """Share of the time for spins to both sides [-]."""
-    pairs: int
-    """Number of such pairs, spread over the route."""
-    size: float = 1.0
-    """Distances of the places, relative to the largest useful ones [-]."""
+    start: int  # index of the first place in WAYPOINTS
+    end: int  # index of the other one
+    backwards: tuple[bool, bool]  # whether the way there and the way back are driven backwards
+    bow: tuple[int, int]  # angle between the chord of each way and its ends [BOW]
+    spinning: float  # share of the time for spins to both sides [-]
+    pairs: int  # number of such pairs, spread over the route
+    size: float = 1.0  # distances of the places, relative to the largest useful ones [-]
     ends: float = 0.5
     """Length of the first and the last pair over that of the others, which are measured for two legs [-]."""
-    shrink: float = 0.0
-    """Relative reduction of the distance from the middle at each leg, as slip adds up [-]."""
+    shrink: float = 0.0  # relative reduction of the distance from the middle at each leg, as slip adds up [-]
 
 
 @dataclass(frozen=True)
@@ -58,7 +50,7 @@ class PlacedRoute:
 
     maneuvers: Maneuvers
     start: Array  # (3,) where it begins, from the middle of the area [m, m, rad]
-    places: Extent  # from the middle of the area
+    places: Array  # (2, 2) lowest and highest x and y of the robot's middle, from that of the area [m]
 
 
 def placed(route: Route, limits: DriveLimits, knowledge: Knowledge) -> PlacedRoute | None:
@@ -69,11 +61,10 @@ def placed(route: Route, limits: DriveLimits, knowledge: Knowledge) -> PlacedRou
             return None
         maneuvers, heading = _maneuvers(route, scale, limits, knowledge)
         reached = extent(maneuvers, heading, knowledge)
-        over = float((reached.size / limits.room).max())
+        over = float((np.ptp(reached, axis=0) / limits.room).max())
         if over <= 1:
-            middle = (reached.low + reached.high) / 2
-            start = np.array([*-middle, wrap_angle(heading)])
-            return PlacedRoute(maneuvers, start, Extent(reached.low - middle, reached.high - middle))
+            middle = reached.mean(axis=0)
+            return PlacedRoute(maneuvers, np.array([*-middle, wrap_angle(heading)]), reached - middle)
         scale /= over * (1 + _SLACK)
     return None
 
@@ -115,25 +106,12 @@ def _ways(length: Array, turn: Array, knowledge: Knowledge) -> Array:
     return np.asarray(real / (1 + knowledge.radius_error))
 
 
-@dataclass(frozen=True)
-class Extent:
-    """The rectangle that the middle of the robot stays in."""
-
-    low: Array  # (2,) [m]
-    high: Array  # (2,) [m]
-
-    @property
-    def size(self) -> Array:
-        """Length and width (2,) [m]."""
-        return np.asarray(self.high - self.low)
-
-
-def extent(maneuvers: Maneuvers, heading: float, knowledge: Knowledge) -> Extent:
-    """Extent of the motion of the robot's middle from the origin, with `heading` [rad] at the start."""
+def extent(maneuvers: Maneuvers, heading: float, knowledge: Knowledge) -> Array:
+    """Lowest and highest x and y (2, 2) of the robot's middle from the origin, with `heading` [rad] at the start."""
     x, y = path(maneuvers, heading, knowledge.extremes)
     spread = _DEVIATIONS * _slipped(maneuvers, x, y, knowledge)  # (2, L, K)
     both = np.stack([x, y])
-    return Extent((both - spread).min(axis=(1, 2)), (both + spread).max(axis=(1, 2)))
+    return np.stack([(both - spread).min(axis=(1, 2)), (both + spread).max(axis=(1, 2))])
 
 
 def path(maneuvers: Maneuvers, heading: float, laws: Array) -> tuple[Array, Array]:

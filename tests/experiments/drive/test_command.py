@@ -1,9 +1,6 @@
-"""`trackslip drive`: stored runs, recordings, pages, and driving by keyboard."""
+"""`trackslip drive`: stored runs, recordings, pages, and policies that drive."""
 
 import json
-import shutil
-import subprocess
-import sys
 
 import numpy as np
 import pyarrow.parquet
@@ -16,8 +13,13 @@ from tracked_files import write_robot
 import trackslip as library
 from experiments.cli import main
 from experiments.drive.config import Config
-from experiments.drive.teleop import Keyboard
-from experiments.drive.world import about_world, make_world
+from experiments.drive.course import drive_course
+from experiments.drive.world import about_world, driver, make_world
+from sim.network import Network
+from sim.task import from_options
+from sim.traverse.config import TraverseConfig
+from sim.traverse.policy import OPTIONS, CrossingPolicy
+from sim.traverse.task import Crossing
 from trackslip.errors import InvalidValueError
 
 SHORT = ("--course", "step10", "--preset", "fast", "--speed", "0.5", "--duration", "2")
@@ -91,43 +93,23 @@ def test_pictures_follow_the_robot(trackslip):
     assert np.abs(last - first).max() > 0.2
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="there is always a display")
-def test_a_display_that_is_not_there_is_named_in_one_line(refused, monkeypatch):
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    assert "needs a display" in refused("drive", "--teleop", "--course", "flat")
-
-
-def test_keys():
-    up, left, space, home, page_down = 265, 263, 32, 268, 267
-    world = make_world(Config(course="flat"))
-    keyboard = Keyboard(world)
-    for key in (up, up, up, left):
-        keyboard.press(key)
-    np.testing.assert_allclose(keyboard.twist, [0.15, 0.1])
-    for _ in range(50):
-        keyboard.press(up)
-    assert keyboard.twist[0] == 0.6
-    keyboard.press(space)
-    np.testing.assert_allclose(keyboard.twist, [0.0, 0.0])
-    assert keyboard.angles is None
-    keyboard.press(home)
-    keyboard.press(page_down)
-    np.testing.assert_allclose(keyboard.angles, world.servo.angle + 0.1 * np.array([1, 1, -1, -1]))
-
-
-@pytest.mark.slow
-def test_teleop_on_a_virtual_display(tmp_path):
-    if shutil.which("xvfb-run") is None:
-        pytest.skip("there is no xvfb-run")
-    own = [sys.executable, "-m", "experiments", "drive", "--teleop", "--robot", "box", "--course", "flat"]
-    command = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *own, "--duration", "1", "--out", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert "arrow keys" in done.stdout
-    drive = json.loads((tmp_path / "out" / "summary.json").read_text())["drive"]
-    assert drive["outcome"] == "time"
-    assert drive["duration"] == pytest.approx(1.0)
+def test_a_policy_drives_as_in_its_environment(tmp_path):
+    options = OPTIONS | {"course": "flat"}
+    network = Network((np.random.default_rng(0).normal(0, 0.05, (63, 4)),), (np.array([0.0, 0.3, 0.3, -0.3]),))
+    policy = CrossingPolicy(network, options)
+    policy.save(tmp_path / "policy.npz")
+    config = Config(course="flat", policy=tmp_path, duration=3.0, preset="fast")
+    world = make_world(config)
+    drive = drive_course(world, driver(config, world))
+    task = Crossing(from_options(TraverseConfig, options), 1, threads=1)
+    task.begin([0], [task.draw(np.random.default_rng(0), {"start_offset": 0.0, "start_heading": 0.0})])
+    for _ in range(15):
+        task.step(policy.action(task.observation()))
+    assert abs(task.world.state.heading[0]) > 0.05
+    np.testing.assert_allclose(drive.state.position[-1, :2], task.world.state.position[0, :2], atol=0.02)
+    np.testing.assert_allclose(drive.state.heading[-1], task.world.state.heading[0], atol=0.03)
+    with pytest.raises(InvalidValueError, match="from 55 inputs to 2"):
+        driver(Config(robot="box", policy=tmp_path), make_world(Config(robot="box", course="flat")))
 
 
 def test_a_drawn_course_follows_from_the_seed_that_is_stored():

@@ -180,7 +180,7 @@ def test_mistakes_are_told_in_a_line(refused, files, folder):
         ((log, "--law", folder, "--half-gauge", "0.2"), "its laws are for half_gauge = 0.168 m"),
         ((log, "--sensor", "0", "0", "9", *SIZE), "sensor = 9.0: must be from -3.14159 to 3.14159 rad"),
         ((str(files / "no_poses.parquet"), *SIZE), "encoders were read at less than two of its poses"),
-        ((log, *SIZE, "--folds", "2", "--law", "constant"), "law = 'constant': must be none, a folder or file"),
+        ((log, *SIZE, "--folds", "2", "--law", "exponential"), "law = 'exponential': must be none, a folder or file"),
         ((log, "--law", folder, "--law", folder), "must be all different"),
     ):
         assert message in refused("evaluate", *arguments), arguments

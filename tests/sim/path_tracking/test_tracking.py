@@ -1,31 +1,19 @@
-import dataclasses
-
 import numpy as np
 import pytest
 
-from sim.drive.drive import tireless
-from sim.drive.pull import Pull
+from sim import Fleet, Ground, LaserScanner, Pilot, Pull, Randomization, RobotParameters, closed_loop
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
-from sim.fleet import Fleet
-from sim.ground.ground import Ground
 from sim.ground.named import NAMED_GROUNDS
-from sim.loop import closed_loop
 from sim.path_tracking.config import Reward
-from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.tracking import TERMS
-from sim.pilot import Pilot
-from sim.robot.parameters import RobotParameters
-from sim.scanner.scanner import LaserScanner
 from trackslip import se2
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import wrap_angle
 from trackslip.laws.file import load_laws, save_laws
 from trackslip.laws.icr_load import IcrLoad
-from trackslip.metrics import tracking_errors
 from trackslip.online.compensation import named_compensation
-from trackslip.skid_theory import Load, line_contact, steady_twist
-from trackslip.trajectory.named import REFERENCES, named_reference
+from trackslip.trajectory.named import REFERENCES, load_reference, named_reference
 
 
 def test_episodes_differ_within_their_ranges():
@@ -48,101 +36,46 @@ def test_episodes_differ_within_their_ranges():
         assert abs(wrap_angle(setting.start[2] - start[2])) <= 0.3
 
 
-@pytest.fixture(scope="module")
-def laws(tmp_path_factory):
-    file, geometry = tmp_path_factory.mktemp("laws") / "laws.json", RobotParameters().geometry
-    under_load = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
-    save_laws(file, load_laws() | {"icr_load": under_load}, geometry)
-    return file
-
-
 UPHILL = Ground(slope=0.1745, uphill=np.pi / 2, shear=0.01)
 
 
 @pytest.mark.parametrize(
-    ("compensation", "ground", "pull"),
-    [
-        ("icr_radius", Ground(), Pull()),
-        ("online_cold", Ground(), Pull()),
-        ("online", Ground(0.7, 1.0), Pull()),
-        ("online_load", UPHILL, Pull(20.0)),
-        ("icr_load", UPHILL, Pull()),
-    ],
+    ("compensation", "ground", "pull"), [("icr_radius", Ground(), Pull()), ("online_load", UPHILL, Pull(20.0))]
 )
-def test_a_controller_keeps_the_path_as_it_does_elsewhere(robot, compensation, ground, pull, laws):
+def test_a_controller_keeps_the_path_as_it_does_elsewhere(robot, compensation, ground, pull, tmp_path):
     """The classical controller of the closed loop, through the environment's eyes and hands."""
-    reference = named_reference("paper")
+    laws, path = tmp_path / "laws.json", tmp_path / "arc.csv"
+    under_load = IcrLoad(0.035, 0.168, 0.004, compliance=0.085, turn_compliance=0.2)
+    save_laws(laws, load_laws() | {"icr_load": under_load}, robot.geometry)
+    path.write_text("x,y\n" + "".join(f"{0.8 * np.sin(a)},{0.8 - 0.8 * np.cos(a)}\n" for a in np.linspace(0, 1, 9)))
+    reference = load_reference(path)
     fleet = Fleet(robot, reference.pose([0.0]), ground, pull=pull)
     pilot = Pilot(LinearTimeVarying(), [0], named_compensation(compensation, robot.geometry, laws))
     log = closed_loop(fleet, [pilot], reference)[0]
     options = {"action": "twist", "compensation": compensation, "laws": str(laws), "pull": pull}
     drawn = Randomization(shear=(ground.shear, ground.shear))
-    env = PathTrackingEnv(**options, reference="paper", randomization=drawn)
+    env = PathTrackingEnv(**options, reference=str(path), randomization=drawn)
     observation, info = env.reset(seed=0, options={"ground": ground})
     unit = np.array([element.scale for element in env.observed[:3]])
-    poses, ended = [info["true_pose"]], False
-    while not ended:
+    poses = [info["true_pose"]]
+    for _ in log.time[1:]:
         error = observation[:3] * unit  # the robot's frame: Eq. 18
         pose = reference.pose(info["time"])
         pose[2] -= error[2]
         pose[:2] -= se2.rotate(pose[2], error[:2])
         twist = LinearTimeVarying().twist(info["time"], pose, reference)
-        observation, _, terminated, ended, info = env.step((twist / [0.3, 1.0]).astype(np.float32))
-        assert not terminated
+        observation, *_, info = env.step((twist / [0.3, 1.0]).astype(np.float32))
         poses.append(info["true_pose"])
-    np.testing.assert_allclose(np.array(poses), log.truth.pose, atol=2e-4)  # but for settling and float32
-    elsewhere, here = (tracking_errors(log.time, p, reference) for p in (log.truth.pose, np.array(poses)))
-    assert here.rms_position == pytest.approx(elsewhere.rms_position, rel=0.02)
-
-
-def test_what_is_towed_slips_as_theory_says():
-    """And the load is observed from when it acts on, in each episode anew."""
-    pull, weight = 60.0, 25 * 9.81
-    sandy = Randomization(shear=(0.01, 0.01), radius_error=(0.0, 0.0))
-    options = {"drive": tireless(), "randomization": sandy, "loads": True, "off_path": 10.0}
-    env = PathTrackingVectorEnv(2, **options, pull=Pull(pull, 0.1, since=1.0), reference="spiral")
-    free = PathTrackingVectorEnv(2, **options, reference="spiral")
-    unit = env.observed[-2].scale
-    for one, since in ((env, 20), (free, np.inf)):
-        one.reset(seed=0)
-        for k in range(1, 121):
-            observation, *_, info = one.step(np.full((2, 2), 0.8, np.float32))
-            load = pull / weight if k >= since else 0.0
-            np.testing.assert_allclose(unit * observation[:, -2:], [[load, 0.0]] * 2, rtol=1e-6)
-        contact = line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12), points=100)
-        expected = steady_twist([1.0, 1.0], contact, shear=0.01, load=Load(pull=load, hitch_height=0.1))
-        np.testing.assert_allclose(info["true_slip"], 1 - expected[0], atol=3e-4)
-    assert info["true_slip"].max() < 0.01
-    observation, _ = env.reset(options={"reset_mask": np.array([True, False])})
-    np.testing.assert_allclose(unit * observation[:, -2], [0.0, pull / weight], rtol=1e-6)
-
-
-def test_whatever_is_drawn_holds_the_largest_pull():
-    """A bit less than what the message says is held by a robot that starts anywhere."""
-    options = {
-        "ground": ("stone", "gravel"),
-        "randomization": dataclasses.replace(Randomization.typical(), patches=(3, 3)),
-    }
-    with pytest.raises(InvalidValueError, match="pull = 200") as refusal:
-        PathTrackingVectorEnv(200, **options, pull=Pull(200.0))
-    held = float(refusal.value.allowed.split()[2])
-    env = PathTrackingVectorEnv(200, **options, pull=Pull(0.99 * held, 0.05))
-    _, info = env.reset(seed=5)
-    start = info["true_pose"]
-    for _ in range(10):
-        *_, info = env.step(np.zeros((200, 2), np.float32))
-    assert np.abs(info["true_pose"] - start).max() < 2e-3
+    np.testing.assert_allclose(poses, log.truth.pose, atol=2e-4)  # but for settling and float32
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"scanner": LaserScanner(rate=10.0)}, r"scanner\.rate = 10\.0: must be 20 Hz"),
-        ({"scanner": 0.01}, "scanner = 0.01: must be a LaserScanner"),
         ({"pull": 30.0}, "pull = 30.0: must be a Pull"),
         ({"pull": Pull(160.0, 0.6)}, "tips over"),
         ({"loads": 1}, "loads = 1: must be true or false"),
-        ({"compensation": "online"}, '"none" unless action is "twist"'),
         ({"action": "twist", "compensation": "onlin"}, "one of none, published, constant, .*, online, online_cold"),
         ({"action": "twist", "compensation": "online_load"}, "one of none, published, constant"),
         ({"action": "twist", "compensation": "online", "laws": "nowhere.json"}, "nowhere.json"),
@@ -153,6 +86,19 @@ def test_options_that_make_no_sense_are_refused(options, message):
     with pytest.raises(TrackslipError, match=message) as refusal:
         PathTrackingEnv(**options)
     assert "\n" not in str(refusal.value)
+
+
+def test_whatever_is_drawn_can_be_parked():
+    drawn = Randomization(
+        friction_ratio=(0.3, 3.0), com_x=(-0.03, 0.03), com_y=(-0.06, 0.06), slope=(0.0, 1.0), patches=(0, 10),
+        shear=(0.0, 0.02), start_distance=(0.0, 0.4), start_heading=(-3.0, 3.0),
+    )  # fmt: skip
+    env = PathTrackingVectorEnv(60, reference=tuple(REFERENCES), ground=tuple(NAMED_GROUNDS), randomization=drawn)
+    _, info = env.reset(seed=5)
+    start = info["true_pose"]
+    for _ in range(10):
+        *_, info = env.step(np.zeros((60, 2), np.float32))
+    assert np.abs(info["true_pose"] - start).max() < 2e-3  # ground that shears gives way a little
 
 
 def test_observations_of_a_known_case():
@@ -231,12 +177,11 @@ def test_options_ask_for_what_is_not_to_be_drawn():
     np.testing.assert_allclose(info["true_error"], 0, atol=1e-9)
     for options, message in (
         ({"grund": "ice"}, "grund"),
-        ({"ground": "mud"}, "mud"),
         ({"reference": "moon"}, "moon"),
         ({"latency": 3}, "latency"),
         ({"lag": -1.0}, "lag"),
+        ({"start_error": (0.3, -0.5, 0.0)}, r"start_error = 0\.5.*: must be at most 0.5 m, which is off_path"),
         ({"start_error": (0, np.nan, 0)}, "start_error"),
-        ({"start_error": 1.0}, "start_error"),
         ({"com": (1.0, 0.0)}, "com_x"),
         ({"radius_error": 2.0}, "radius_error"),
         ({"ground": Ground(0.2, 0.2, slope=0.3)}, "slope"),
@@ -244,22 +189,3 @@ def test_options_ask_for_what_is_not_to_be_drawn():
     ):
         with pytest.raises(InvalidValueError, match=message):
             env.reset(options=options)
-
-
-def test_whatever_is_drawn_can_be_parked():
-    drawn = Randomization(
-        friction_ratio=(0.3, 3.0),
-        com_x=(-0.03, 0.03),
-        com_y=(-0.06, 0.06),
-        slope=(0.0, 1.0),
-        patches=(0, 10),
-        shear=(0.0, 0.02),
-        start_distance=(0.0, 0.4),
-        start_heading=(-3.0, 3.0),
-    )
-    env = PathTrackingVectorEnv(200, reference=tuple(REFERENCES), ground=tuple(NAMED_GROUNDS), randomization=drawn)
-    _, info = env.reset(seed=5)
-    start = info["true_pose"]
-    for _ in range(10):
-        *_, info = env.step(np.zeros((200, 2), np.float32))
-    assert np.abs(info["true_pose"] - start).max() < 2e-3  # ground that shears gives way a little

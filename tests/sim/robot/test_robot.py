@@ -1,14 +1,16 @@
-"""The shipped model: its numbers, its contact recipe, and that what is left out of it carries no physics."""
+"""The shipped model: its numbers, its contact recipe, and wide, short robots, which need more points."""
 
 import mujoco
 import numpy as np
 import pytest
 
-from sim.ground.ground import Ground
-from sim.robot.chassis import MODELS, shaped_robot
-from sim.robot.pads import lay_pads
+from sim import Fleet, Ground, load_robot
+from sim.drive.drive import tireless
+from sim.robot.chassis import MODELS
 from sim.robot.parameters import SINK, RobotParameters
-from sim.tracks.recipe import LEVEL
+from sim.tracks.recipe import LEVEL, track_points
+from trackslip.errors import RobotWarning
+from trackslip.skid_theory import line_contact, steady_twist
 
 FIELD = MODELS / "field.xml"
 
@@ -26,7 +28,7 @@ def test_the_shipped_file_is_what_the_recipe_makes_of_the_default_parameters(rob
     assert (file.opt.impratio, file.opt.timestep) == (made.opt.impratio, made.opt.timestep)
     assert file.geom("sprocket0").size[0] == robot.geometry.sprocket_radius
     assert made.pair_friction[0, :2].tolist() == [Ground().along, Ground().across]
-    assert LEVEL.sink == SINK
+    assert (LEVEL.sink, LEVEL.timestep) == (SINK, file.opt.timestep)
 
 
 @pytest.mark.parametrize("name", ["tracked_robot.xml", "field.xml"])
@@ -54,23 +56,6 @@ def test_springs_of_what_is_added_to_the_model_push(robot):
     assert robot.model.opt.disableflags & alone == alone  # which saves time
 
 
-def test_what_is_left_out_carries_no_physics(robot):
-    """Visuals, cameras and lights."""
-    spec, belts = shaped_robot(RobotParameters()), robot.pad_speeds(np.array([0.1, 0.3]))
-    lay_pads(spec, RobotParameters())
-    full = spec.compile()
-    assert full.ngeom > robot.model.ngeom
-    ends = []
-    for model in (full, robot.model):
-        data, model.flg_surfacevel = mujoco.MjData(model), 1
-        model.geom_surfacevel[[k for k in range(model.ngeom) if "_pad" in model.geom(k).name], 2] = belts
-        mujoco.mj_step(model, data, 400)
-        ends.append((*data.qpos, *data.sensordata[:6]))
-    robot.model.geom_surfacevel[:] = 0.0
-    assert ends[0][0] > 0.1
-    np.testing.assert_array_equal(*ends)
-
-
 def test_the_contact_recipe_follows_from_its_formulas(robot):
     """K, B and the friction's rate from sink, damping ratio and impedance; see models/README.md."""
     n, d, sink, zeta, rate, gravity = 20, 0.004, 0.002, 0.7, 100.0, 9.81
@@ -80,3 +65,28 @@ def test_the_contact_recipe_follows_from_its_formulas(robot):
     damping = 2 * zeta * frequency * d * (1 + n * c) / (n * c)
     np.testing.assert_allclose(robot.model.pair_solref[0], [-stiffness, -damping], rtol=1e-3)
     np.testing.assert_allclose(robot.model.pair_solreffriction[0], [-1, -rate * d])
+
+
+@pytest.mark.parametrize(("width", "shear", "within"), [(1.25, 0.0, 0.01), (3.0, 0.0, 0.01), (2.0, 0.01, 0.02)])
+def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(width, shear, within):
+    half_length, half_gauge = 0.17, 0.17 * width
+    yaw_rate = 0.1 / (np.array([2.4, 8.0]) * half_gauge)  # at 0.1 m/s
+    spread = 2 * (half_gauge + 0.05 * half_length) * yaw_rate
+    belts = 0.1 + np.stack([-spread, spread], axis=1) / 2
+    robot = load_robot(parameters=RobotParameters(half_gauge=half_gauge))
+    fleet = Fleet(robot, np.zeros((2, 3)), Ground(shear=shear), 0.0, tireless())
+    fleet.command(belts / robot.geometry.sprocket_radius)
+    fleet.advance(12.0 if shear else 3.0)
+    contact = line_contact(half_gauge, half_length, 0.7, 0.778, (0.0, 0.0, 0.12), points=800)
+    expected = steady_twist(belts, contact, 9.81, shear)[:, 2]
+    offset, by_theory = (spread / (2 * w) - half_gauge for w in (fleet.twist()[:, 2], expected))
+    np.testing.assert_allclose(offset, by_theory, rtol=within)
+
+
+def test_wide_robots_have_more_points_up_to_the_widest_verified_and_wider_ones_are_told_of():
+    """10 (2 b / L)^1.6 beyond a width of 1.2, in pairs."""
+    points = [track_points(half_gauge, 0.34, LEVEL) for half_gauge in (0.168, 0.203, 0.205, 0.34, 0.51)]
+    assert points == [10, 10, 14, 32, 58]
+    with pytest.warns(RobotWarning, match=r"half_gauge = 0\.6: turns are verified up to 0\.51 m, 1\.5 contact lengths"):
+        wide = load_robot(RobotParameters(half_gauge=0.6))
+    assert len(wide.contact_points) == 2 * points[-1]

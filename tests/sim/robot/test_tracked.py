@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from tracked_files import ROBOT, URDF, write_robot
 
-from sim.robot.check import check
+from sim import Traverse, check
 from sim.robot.looks import robot_looks
 from sim.robot.named import ROBOTS, load_parameters, load_tracked
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain import load_course
 from sim.tracks import Belts
-from sim.traverse.world import Traverse
 from trackslip.errors import RobotWarning, TrackslipError
 
 G = 9.81
@@ -41,56 +40,6 @@ def test_shipped_robots_stand_on_their_tracks(name):
     assert load[0] == pytest.approx(load[1], rel=1e-3)
 
 
-def test_positive_angles_lift_the_tips_of_all_flippers(rescue):
-    data = mujoco.MjData(rescue.model)
-
-    def tips(angle):
-        data.qpos[rescue.flipper_qpos] = rescue.flipper_control(np.full(4, angle))
-        mujoco.mj_kinematics(rescue.model, data)
-        found = []
-        for flipper in rescue.robot.flippers:
-            body = rescue.model.body(flipper.body).id
-            x, z, _ = max(flipper.hull, key=lambda wheel: abs(wheel[0]))
-            found.append(data.xpos[body, 2] + (data.xmat[body].reshape(3, 3) @ [x, flipper.y, z])[2])
-        return np.array(found)
-
-    length = 0.245
-    np.testing.assert_allclose(tips(0.5) - tips(0.0), length * np.sin(0.5), atol=1e-12)
-    assert rescue.flipper_angles(data.qpos).shape == (4,)
-    np.testing.assert_allclose(rescue.flipper_angles(data.qpos), 0.0, atol=1e-12)
-
-
-def test_looks_weigh_and_touch_nothing(rescue):
-    shown = build_tracked(rescue.robot, looks=True)
-    assert shown.model.ngeom > rescue.model.ngeom
-    np.testing.assert_array_equal(shown.model.body_mass[1:], rescue.model.body_mass[1:])
-    np.testing.assert_array_equal(shown.model.body_inertia[1:], rescue.model.body_inertia[1:])
-    assert shown.model.npair == rescue.model.npair
-    looks = shown.model.geom_group == 1
-    assert not (shown.model.geom_contype[looks] | shown.model.geom_conaffinity[looks]).any()
-
-
-def test_a_model_whose_motion_is_not_finite_is_refused(tmp_path):
-    robot = load_tracked(write_robot(tmp_path, model=URDF.replace("0 0 0.14", "0 0 nan")))
-    with pytest.raises(TrackslipError, match=r"mine\.urdf: a number in it is nan, inf or too large"):
-        build_tracked(robot)
-
-
-def test_a_model_of_too_long_a_name_is_no_file(tmp_path):
-    robot = load_tracked(write_robot(tmp_path, ROBOT.replace("mine.urdf", "x" * 5000)))
-    with pytest.raises(TrackslipError, match="no such file"):
-        build_tracked(robot)
-
-
-def test_visuals_that_carry_the_mass_are_kept(tmp_path):
-    geom = '<geom type="box" size="0.2 0.1 0.05" pos="0 0 0.2" contype="0" conaffinity="0" group="1"/>'
-    model = f'<mujoco><worldbody><body name="b"><freejoint/>{geom}</body></worldbody></mujoco>'
-    (tmp_path / "b.xml").write_text(model)
-    (tmp_path / "b.toml").write_text('model = "b.xml"\nhalf_gauge = 0.2\nhull = [[-0.2, 0.1, 0.1], [0.2, 0.1, 0.1]]\n')
-    made = build_tracked(load_tracked(tmp_path / "b.toml"))
-    assert made.model.body_subtreemass[made.body] == pytest.approx(1000 * 8 * 0.2 * 0.1 * 0.05)
-
-
 def test_a_urdf_gets_a_free_joint_and_a_motor(tmp_path):
     made = build_tracked(load_tracked(write_robot(tmp_path)), load_course("flat"))
     assert made.robot.name == "mine"
@@ -102,29 +51,13 @@ def test_a_urdf_gets_a_free_joint_and_a_motor(tmp_path):
     assert made.model.body_subtreemass[made.body] == pytest.approx(21.0)
 
 
-def test_a_light_flipper_is_stable_at_the_long_step(tmp_path):
-    made = build_tracked(load_tracked(write_robot(tmp_path)), preset="fast")
-    model, data = made.model, mujoco.MjData(made.model)
-    data.qpos[2] = 0.5
-    data.ctrl[:] = made.flipper_control(np.array([0.5]))
-    model.opt.gravity[:] = 0
-    for _ in range(500):
-        mujoco.mj_step(model, data)
-    assert made.flipper_angles(data.qpos) == pytest.approx(0.5, abs=1e-6)
-    assert abs(data.qvel[6]) < 1e-6  # of the hinge; nothing holds the robot itself
-
-
 def test_the_scene_and_states_of_the_model_stay_behind(tmp_path):
-    model = URDF.replace(
-        "</robot>",
-        '<mujoco><compiler fusestatic="true"/></mujoco></robot>',
-    )
+    model = URDF.replace("</robot>", '<mujoco><compiler fusestatic="true"/></mujoco></robot>')
     made = build_tracked(load_tracked(write_robot(tmp_path, model=model)))
     assert made.model.body(made.body).name == "base"
     xml = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><light pos="0 0 1"/>
     <body name="b"><freejoint/><geom type="box" size="0.2 0.1 0.05" pos="0 0 0.2"/></body></worldbody>
     <keyframe><key qpos="0 0 1 1 0 0 0"/></keyframe></mujoco>"""
-    (tmp_path / "mine.urdf").write_text(xml)
     (tmp_path / "scene.xml").write_text(xml)
     text = ROBOT.split("[[flippers]]")[0].replace("mine.urdf", "scene.xml")
     made = build_tracked(load_tracked(write_robot(tmp_path, text)), load_course("flat"))
@@ -145,6 +78,8 @@ def test_flippers_start_clear_of_the_ground(rescue):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
+        ("0 0 0.14", "0 0 nan", r"mine\.urdf: a number in it is nan, inf or too large"),
+        ("mine.urdf", "x" * 5000, "no such file"),
         ("mine.urdf", "gone.urdf", r"gone.urdf: no such file; `model` must name"),
         ('body = "arm"', 'body = "leg"', "flippers: body = 'leg': must be one of the model's: arm"),
         ('body = "arm"', 'body = "base"', "body = 'base': must have one joint, a hinge"),
@@ -154,7 +89,7 @@ def test_flippers_start_clear_of_the_ground(rescue):
 )
 def test_robots_that_cannot_be_built(tmp_path, old, new, said):
     with pytest.raises(TrackslipError, match=said):
-        build_tracked(load_tracked(write_robot(tmp_path, ROBOT.replace(old, new))))
+        build_tracked(load_tracked(write_robot(tmp_path, ROBOT.replace(old, new), URDF.replace(old, new))))
 
 
 @pytest.mark.parametrize(
@@ -186,9 +121,8 @@ ARM = """<mujoco><default><default class="big"><joint armature="0.1" damping="20
 
 def test_runs_begin_in_a_keyframe(tmp_path):
     (tmp_path / "arm.xml").write_text(ARM)
-    tracks = (
-        'model = "arm.xml"\nwheels = ["wheel"]\nhalf_gauge = 0.22\nhull = [[-0.4, 0.08, 0.08], [0.4, 0.08, 0.08]]\n'
-    )
+    tracks = 'model = "arm.xml"\nwheels = ["wheel"]\nhalf_gauge = 0.22\n'
+    tracks += "hull = [[-0.4, 0.08, 0.08], [0.4, 0.08, 0.08]]\n"
     (tmp_path / "arm.toml").write_text(tracks)
     plain = load_tracked(tmp_path / "arm.toml")
     with pytest.warns(RobotWarning, match='its keyframes, out, home, are not used.*; key = "out" in the robot file'):

@@ -3,26 +3,22 @@
 import mujoco
 import numpy as np
 import pytest
-from rays import look_down
 
-from sim.terrain import (
-    Beams,
-    Course,
-    Flat,
-    Gap,
-    HeightField,
-    Pallets,
-    Ramp,
-    Rough,
-    SideSlope,
-    Stairs,
-    Step,
-    course_names,
-    load_course,
-)
-from sim.terrain.course import look_up
+from sim.terrain import Beams, Course, Flat, HeightField, Pallets, Ramp, Rough, SideSlope, Stairs, Step
+from sim.terrain.course import course_names, load_course, look_up
 from sim.terrain.solids import Level
 from trackslip.errors import InvalidValueError
+
+
+def look_down(model, points):
+    """Heights (P,) and normals (P, 3) where vertical rays of MuJoCo at `points` (P, 2) hit."""
+    data, high = mujoco.MjData(model), 30.0
+    mujoco.mj_forward(model, data)
+    heights, normals = np.empty(len(points)), np.empty((len(points), 3))
+    down, geom = np.array([0.0, 0.0, -1.0]), np.zeros(1, np.int32)
+    for k, (x, y) in enumerate(points):
+        heights[k] = high - mujoco.mj_ray(model, data, np.array([x, y, high]), down, None, 1, -1, geom, normals[k])
+    return heights, normals
 
 
 def test_a_small_ball_touches_height_fields_where_height_says():
@@ -47,17 +43,8 @@ def test_a_small_ball_touches_height_fields_where_height_says():
 
 
 def test_seams_are_flush():
-    pieces = (
-        Ramp(0.3, 1.7),
-        Flat(1.0),
-        Ramp(-0.7, 2.3),
-        Beams(),
-        Ramp(0.1),
-        SideSlope(0.4),
-        Pallets(),
-        Rough(),
-        Step(),
-    )
+    ramps = Ramp(0.3, 1.7), Flat(1.0), Ramp(-0.7, 2.3), Beams(), Ramp(0.1)
+    pieces = (*ramps, SideSlope(0.4), Pallets(), Rough(), Step())
     course = Course(pieces)
     seams, aside = np.array([placed.x for placed in course.placed[:-2]]), 3e-9
     y = np.linspace(-1.5, 1.5, 7)[:, None]
@@ -105,11 +92,6 @@ def test_same_seed_same_bits_and_other_pieces_leave_a_piece_as_it_is():
     assert (twice[0].heights != twice[1].heights).any()
 
 
-def elevation(course, points):
-    """Heights (...) at points (..., 2) as environments look them up [m]."""
-    return look_up([course], points.reshape(1, -1, 2)).reshape(points.shape[:-1])
-
-
 def test_given_heights_are_rows_to_the_left_and_columns_ahead():
     heights = np.zeros((3, 5))
     heights[2, 3], heights[0, 1] = 0.2, -0.1
@@ -120,76 +102,43 @@ def test_given_heights_are_rows_to_the_left_and_columns_ahead():
 
 def test_elevation_is_height_but_for_edges():
     course = Course((Ramp(0.3, 2.0), Stairs(0.1, 0.3, 3), Rough(2.0, 0.1)))
-    points = np.random.default_rng(0).uniform(*course.bounds[:, :2], (4, 500, 2))
-    exact = course.height(points[..., 0], points[..., 1])
-    error = np.abs(elevation(course, points) - exact)
-    assert error.shape == (4, 500)
-    assert np.quantile(error, 0.9) < 2e-3
-    inner = np.array([[0.5, 0.2], [0.7, -1.4], [1.0, 1.3]])  # on the ramp
-    np.testing.assert_allclose(elevation(course, inner), np.tan(0.3) * inner[:, 0], atol=1e-9)
-    far = np.array([[1e6, 0.0], [-1e6, 3.0], [0.0, 1e9]])
-    np.testing.assert_allclose(elevation(course, far), course.floor)
-    corners = np.array([[-1.97, -1.47], [-1.97, 1.47]])
-    np.testing.assert_allclose(elevation(course, corners), 0.0, atol=1e-12)
+    points = np.random.default_rng(0).uniform(*course.bounds[:, :2], (2000, 2))
+    assert np.quantile(np.abs(look_up([course], points[None])[0] - course.height(*points.T)), 0.9) < 2e-3
+    ramp, far = [[0.5, 0.2], [0.7, -1.4], [1.0, 1.3]], [[1e6, 0.0], [-1e6, 3.0], [0.0, 1e9]]
+    corners = [[-1.97, -1.47], [-1.97, 1.47]]
+    expected = [*np.tan(0.3) * np.array([0.5, 0.7, 1.0]), *[course.floor] * 3, 0.0, 0.0]
+    np.testing.assert_allclose(look_up([course], np.array([ramp + far + corners]))[0], expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", course_names())
-def test_heights_and_normals_are_those_of_mujocos_rays(name):
+def test_heights_and_normals_are_those_of_mujocos_rays_and_start_and_goal_are_level(name):
     course = load_course(name)
-    data = mujoco.MjData(course.model)
-    mujoco.mj_forward(course.model, data)
     points = np.random.default_rng(0).uniform(course.bounds[0, :2] - 0.1, course.bounds[1, :2] + 0.1, (1000, 2))
-    height, normal = look_down(course.model, data, points)
+    height, normal = look_down(course.model, points)
     np.testing.assert_allclose(course.height(*points.T), height, atol=1e-9)
     np.testing.assert_allclose(course.normal(*points.T), normal, atol=1e-6)
+    around = np.linspace(-0.5, 0.5, 11)
+    np.testing.assert_allclose(course.height(course.start[0] + around, 0.0), 0.0, atol=1e-12)
+    assert np.ptp(course.height(course.goal + around, 0.0)) < 1e-12
 
 
 def test_two_courses_in_one_model():
-    spec = mujoco.MjSpec()
-    courses = Course((Ramp(0.3, 1.0), Rough())), Course((Stairs(),))
-    names = courses[0].add_to(spec), courses[1].add_to(spec, name="second", at=(3.0, 20.0), floor=False)
-    assert set(names[0]) & set(names[1]) == set()
-    assert [name for name in names[1] if name.endswith("floor")] == []
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    points = np.random.default_rng(0).uniform(*courses[1].bounds[:, :2], (100, 2))
-    height, _ = look_down(model, data, points + np.array([3.0, 20.0]))
-    np.testing.assert_allclose(courses[1].height(*points.T), height, atol=1e-6)
-    with pytest.raises(
-        InvalidValueError, match="name = 'second': must be a name that no other course in the model has"
-    ):
-        courses[0].add_to(spec, name="second")
-
-
-def test_all_named_geoms_collide_and_nothing_else_does():
-    spec = mujoco.MjSpec()
-    names = Course((Ramp(), SideSlope(), Gap(), Rough())).add_to(spec)
-    colliding = [geom.name for geom in spec.worldbody.geoms if geom.contype]
-    assert sorted(names) == sorted(colliding)
-    model = spec.compile()
-    assert model.nmesh == 2
-    assert model.geom_friction[0, 0] == 0.7
-    assert Course((Ramp(),)).model.nmesh == 0
-
-
-def test_defaults_of_the_model_leave_the_course_as_it_is():
+    """Whose defaults leave them as they are; the geoms that collide are those named."""
     spec = mujoco.MjSpec.from_string(
         """<mujoco><default><geom contype="0" conaffinity="0" condim="1" group="3" friction="9"/></default>
         <worldbody><body/></worldbody></mujoco>"""
     )
-    Course((Ramp(), Rough())).add_to(spec, looks=False)
+    courses = Course((Ramp(0.3, 1.0), Rough())), Course((Stairs(),))
+    names = courses[0].add_to(spec), courses[1].add_to(spec, name="second", at=(3.0, 20.0), floor=False)
+    colliding = [geom.name for geom in spec.worldbody.geoms if geom.contype]
+    assert sorted([*names[0], *names[1]]) == sorted(set(colliding))
+    assert [name for name in names[1] if name.endswith("floor")] == []
     model = spec.compile()
-    assert (model.geom_contype & model.geom_conaffinity == 1).all()
-    assert (model.geom_condim == 3).all()
-    assert (model.geom_friction[:, 0] == 0.7).all()
-    assert (model.geom_group == 0).all()
-
-
-@pytest.mark.parametrize("name", course_names())
-def test_every_named_course_compiles_and_has_a_level_start_and_goal(name):
-    course = load_course(name)
-    assert course.model.ngeom >= 2
-    around = np.linspace(-0.5, 0.5, 11)
-    np.testing.assert_allclose(course.height(course.start[0] + around, 0.0), 0.0, atol=1e-12)
-    assert np.ptp(course.height(course.goal + around, 0.0)) < 1e-12
+    solid = model.geom_contype > 0
+    assert (model.geom_condim[solid] == 3).all()
+    assert (model.geom_friction[solid, 0] == 0.7).all()
+    points = np.random.default_rng(0).uniform(*courses[1].bounds[:, :2], (100, 2))
+    height, _ = look_down(model, points + np.array([3.0, 20.0]))
+    np.testing.assert_allclose(courses[1].height(*points.T), height, atol=1e-6)
+    with pytest.raises(InvalidValueError, match="name = 'second': must be a name that no other course"):
+        courses[0].add_to(spec, name="second")

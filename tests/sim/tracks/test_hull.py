@@ -1,22 +1,18 @@
-"""The hull of a track and the belt around it."""
+"""The hull of a track, the belt around it, and the belt drawn into a scene."""
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tracked import add_robot, built, plane
 
-from sim.tracks.hull import Hull, Outline
+from sim.tracks import DrawnTracks
+from sim.tracks.hull import Hull
 from trackslip.errors import InvalidValueError
 
 OVAL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
 NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
-
-
-def test_the_belt_of_an_oval_runs_forwards_above_and_backwards_below():
-    above, below = Hull.from_wheels(OVAL).runs
-    np.testing.assert_allclose([above.start, above.end], [[-0.25, 0.16], [0.25, 0.16]], atol=1e-15)
-    np.testing.assert_allclose([below.start, below.end], [[0.25, 0.0], [-0.25, 0.0]], atol=1e-15)
-    np.testing.assert_allclose(below.outwards, [0, -1], atol=1e-15)
 
 
 @given(
@@ -34,11 +30,6 @@ def test_runs_are_tangents_whatever_the_first_wheel_and_the_sense(first, backwar
         reach = hull.wheels[:, :2] @ run.outwards + hull.wheels[:, 2] - run.start @ run.outwards
         assert reach.max() < 1e-12
         assert (np.abs(reach) < 1e-12).sum() == 2
-
-
-def test_road_wheels_between_the_ends_carry_nothing_of_their_own():
-    road = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08), (0.1, 0.08, 0.08), (-0.1, 0.08, 0.08)]
-    np.testing.assert_array_equal(np.sort(Hull.from_wheels(road).wheels[:, 0]), [-0.25, 0.25])
 
 
 @given(st.permutations(range(8)))
@@ -76,30 +67,30 @@ def test_the_length_of_the_belt_is_that_of_the_convex_hull():
     assert belt == pytest.approx(perimeter, rel=1e-6)
 
 
-@pytest.mark.parametrize("tip", [0.08, 0.05])
-def test_a_flipper_may_be_modelled_upright(tip):
-    hull = Hull.from_wheels([(0.0, 0.0, 0.08), (0.0, 0.25, tip)])
-    assert hull.longest_below == pytest.approx(np.sqrt(0.25**2 - (0.08 - tip) ** 2))
+def test_belts_move_as_far_as_they_have_run_and_go_with_their_body():
+    spec = plane()
+    add_robot(spec)
+    model, data, belts = built(spec)
+    scene, drawn = mujoco.MjvScene(model, 1000), DrawnTracks(belts)
 
+    def places():
+        mujoco.mj_forward(model, data)
+        scene.ngeom = 0
+        drawn.draw(scene, data)
+        return np.array([scene.geoms[k].pos for k in range(scene.ngeom)])
 
-TWO = [(-0.22, 0.08, 0.08), (0.22, 0.08, 0.08)]
-TAPERED = [(0.0, 0.0, 0.065), (0.245, 0.0, 0.04)]
-FOUR = [(-0.3, 0.2, 0.05), (0.3, 0.2, 0.05), (0.2, 0.05, 0.05), (-0.2, 0.05, 0.05)]
-
-
-@pytest.mark.parametrize("hull", [TWO, TAPERED, FOUR])
-def test_the_belt_is_closed_and_touches_its_hull(hull):
-    outline = Outline.of(Hull.from_wheels(hull))
-    length = outline.ends[-1]
-    s = np.linspace(0, length, 4001)
-    place, heading = outline.place(s)
-    np.testing.assert_allclose(place[0], place[-1], atol=1e-12)
-    step = np.diff(place, axis=0)
-    np.testing.assert_allclose(np.hypot(*step.T), length / 4000, rtol=1e-4)
-    middle = (s[:-1] + s[1:]) / 2
-    turn = np.arctan2(step[:, 1], step[:, 0]) - outline.place(middle)[1]
-    np.testing.assert_allclose(np.sin(turn), 0, atol=2e-3)
-    x, z, radius = np.array(hull).T
-    depth = (np.hypot(place[:, :1] - x, place[:, 1:] - z) - radius).min(axis=1)
-    assert depth.min() > -1e-9  # nowhere inside a wheel
-    assert np.ptp(np.unwrap(heading)) == pytest.approx(2 * np.pi, abs=1e-9)
+    first = places()
+    np.testing.assert_allclose(np.abs(first[:, 1]), 0.2, atol=1e-6)
+    belts.set([0.1, 0.0])
+    data.time = 0.1
+    later, left = places(), first[:, 1] > 0
+    np.testing.assert_array_equal(later[~left], first[~left])
+    lower = left & (first[:, 2] < 0.006) & (np.abs(first[:, 0]) < 0.2)  # shoes on the ground go backwards
+    np.testing.assert_allclose(later[lower] - first[lower], [[-0.01, 0, 0]] * lower.sum(), atol=1e-6)
+    assert lower.sum() > 5
+    data.time = 0.0
+    np.testing.assert_array_equal(places(), first)
+    half = np.pi / 4
+    data.qpos[:7] = 1.0, 2.0, 0.5, np.cos(half), 0, 0, np.sin(half)  # a quarter turn to the left
+    turned = first @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [1.0, 2.0, 0.5]
+    np.testing.assert_allclose(places(), turned, atol=1e-6)

@@ -5,30 +5,25 @@ import numpy as np
 import pytest
 from mujoco import batch
 
-from sim.tracks import PRESETS, Belts, Track, add_tracks
-from trackslip.errors import InvalidValueError
+from sim.tracks import Belts, Track, add_tracks
+from trackslip.skid_theory import coulomb_tractions, line_contact, steady_twist
 
 G, SLOPE = 9.81, np.radians(15.0)
 RADIUS = 0.08  # of the sprocket of a robot of size 1 [m]
 
 
-def robot(mass=25.0, preset="accurate", size=1.0, slope=0.0, wall=None):
-    """Model, data and belts of a box with tracks on a slope uphill along x, or in front of a wall at x."""
+def robot(mass=25.0, preset="accurate", size=1.0, slope=0.0):
+    """Model, data and belts of a box with tracks on a slope uphill along x."""
     spec = mujoco.MjSpec()
     spec.option.gravity = [-G * np.sin(slope), 0, -G * np.cos(slope)]
     spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[50, 50, 0.1])
-    terrain = ["ground"]
-    if wall is not None:
-        place = {"size": [0.1, 5, 2], "pos": [wall + 0.1, 0, 1]}
-        spec.worldbody.add_geom(name="wall", type=mujoco.mjtGeom.mjGEOM_BOX, **place)
-        terrain.append("wall")
     body = spec.worldbody.add_body(name="robot")
     body.add_freejoint()
     x, y, z, up = np.array([0.22, 0.16, 0.05, 0.12]) * size
     shape = {"size": [x, y, z], "pos": [0, 0, up], "mass": mass, "contype": 0, "conaffinity": 0}
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, **shape)
     hull = np.array([(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]) * size
-    add_tracks(spec, "robot", Track(half_gauge=0.2 * size, hull=hull, preset=preset), terrain=terrain)
+    add_tracks(spec, "robot", Track(half_gauge=0.2 * size, hull=hull, preset=preset), terrain="ground")
     model = spec.compile()
     return model, mujoco.MjData(model), Belts(model)
 
@@ -38,9 +33,10 @@ def step(model, data, belts, time):
         belts.step(data)
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize(("mass", "size"), [(25.0, 1.0), (1.0, 0.4), (5000.0, 6.0)])
-@pytest.mark.parametrize("share", [0.0, 1e-4, 0.3])
+@pytest.mark.parametrize(
+    ("preset", "mass", "size", "share"),
+    [("fast", 25.0, 1.0, 0.0), ("accurate", 1.0, 0.4, 1e-4), ("fast", 5000.0, 6.0, 0.3)],
+)
 def test_a_robot_on_a_slope_accelerates_by_what_torque_is_left(preset, mass, size, share):
     """By 1 % of its weight downhill, uphill or downwards; the belts' inertia J / r^2 is a share of its mass."""
     model, data, belts = robot(mass, preset, size, SLOPE)
@@ -56,24 +52,7 @@ def test_a_robot_on_a_slope_accelerates_by_what_torque_is_left(preset, mass, siz
         np.testing.assert_allclose(belts.motors().torque, limit, rtol=1e-6)
 
 
-def test_belts_stall_at_a_wall_and_draw_nothing():
-    model, data, belts = robot(wall=0.36)
-    weight, limit = 25.0 * G, 0.3 * 25.0 * G * RADIUS / 2
-    belts.set([0.3, 0.3], torque_limit=limit, inertia=0.01)
-    step(model, data, belts, 3.0)
-    drawn = belts.motors().energy.copy()
-    step(model, data, belts, 1.0)
-    motor = belts.motors()
-    assert np.abs(motor.speed).max() < 0.01
-    np.testing.assert_allclose(motor.torque, limit, rtol=1e-6)
-    assert (motor.energy - drawn).sum() < 0.02 * 0.3 * weight * 0.3  # of what it would draw without the wall
-    belts.set([0.0, 0.0], torque_limit=limit, inertia=0.01)
-    step(model, data, belts, 1.0)
-    assert np.abs(belts.motors().speed).max() < 1e-3
-
-
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("share", [0.02, 0.5])
+@pytest.mark.parametrize(("preset", "share"), [("accurate", 0.02), ("fast", 0.5)])
 def test_impulse_and_energy_are_balanced(preset, share):
     model, data, belts = robot(preset=preset)
     step(model, data, belts, 0.5)
@@ -94,8 +73,6 @@ def test_impulse_and_energy_are_balanced(preset, share):
 
 
 def test_turns_need_the_torque_of_theory_and_stop_without_it():
-    from trackslip.skid_theory import coulomb_tractions, line_contact, steady_twist
-
     speeds, contact = np.array([-0.2, 0.2]), line_contact(0.2, 0.25, 0.7, 0.7)
     needed = 25.0 * G * np.abs(coulomb_tractions(steady_twist(speeds, contact), speeds, contact)).max() * RADIUS
     turned = []
@@ -103,31 +80,21 @@ def test_turns_need_the_torque_of_theory_and_stop_without_it():
         model, data, belts = robot()
         step(model, data, belts, 0.3)
         belts.set(speeds, torque_limit=torque * needed, inertia=1e-3)
-        step(model, data, belts, 2.0)
+        step(model, data, belts, 1.0)
         turned.append(data.qvel[5])
     assert turned[0] < 0.05
     assert turned[1] == pytest.approx(steady_twist(speeds, contact)[2], rel=0.03)
 
 
-def test_a_limit_that_is_never_reached_changes_nothing():
-    speeds = []
-    for limit in (None, 1e9):
-        model, data, belts = robot()
-        belts.set([0.2, 0.3], torque_limit=limit)
-        step(model, data, belts, 0.2)
-        speeds.append(data.qvel.copy())
-    np.testing.assert_allclose(*speeds, atol=1e-9)
-
-
-def test_without_motors_a_step_is_the_engines():
-    model, data, belts = robot()
-    other, there, same = robot()
-    belts.set([0.2, 0.3])
+@pytest.mark.parametrize(("limit", "within"), [(None, 0.0), (1e9, 1e-9)])
+def test_without_motors_a_step_is_the_engines_and_with_limits_that_are_never_reached_nearly(limit, within):
+    (model, data, belts), (other, there, same) = robot(), robot()
+    belts.set([0.2, 0.3], torque_limit=limit)
     same.set([0.2, 0.3])
     step(model, data, belts, 0.2)
     mujoco.mj_step(other, there, nstep=100)
-    assert (data.qpos == there.qpos).all()
-    assert (belts.motors().speed == [0.2, 0.3]).all()
+    np.testing.assert_allclose(data.qvel, there.qvel, rtol=0, atol=within)
+    np.testing.assert_allclose(belts.motors().speed, [0.2, 0.3], rtol=0, atol=within)
 
 
 def test_a_row_of_a_batch_is_the_same_as_the_robot_alone():
@@ -138,6 +105,7 @@ def test_a_row_of_a_batch_is_the_same_as_the_robot_alone():
     fleet.set(np.tile([0.3, 0.2], (3, 1)), torque_limit=limits, inertia=0.01)
     for _ in range(150):
         fleet.step()
+    readings = fleet.read()
     for row, limit in enumerate(limits):
         model, data, alone = robot(slope=0.1)
         alone.set([0.3, 0.2], torque_limit=limit, inertia=0.01)
@@ -145,18 +113,5 @@ def test_a_row_of_a_batch_is_the_same_as_the_robot_alone():
         assert (robots.qpos[row] == data.qpos).all()
         for name, value in vars(alone.motors()).items():
             assert (getattr(fleet.motors(), name)[row] == value).all()
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"torque_limit": -1.0}, "torque_limit = -1.0: must be a number of at least 0, or one for each of 2 belts"),
-        ({"torque_limit": [1.0, 2.0, 3.0]}, "torque_limit = "),
-        ({"inertia": np.nan}, "inertia = nan: must be a number of at least 0"),
-        ({"torque_limit": "much"}, "torque_limit = 'much'"),
-    ],
-)
-def test_motors_that_make_no_sense_are_refused(options, message):
-    _, _, belts = robot()
-    with pytest.raises(InvalidValueError, match=message):
-        belts.set([0.1, 0.1], **options)
+        for name, value in vars(alone.read(data)).items():
+            np.testing.assert_array_equal(getattr(readings, name)[row], value)

@@ -1,19 +1,19 @@
-"""What robots on courses do: slip, work, contacts and flippers against closed forms."""
+"""What robots on courses do, against closed forms: slip, work, contacts and flippers; and how runs end."""
+
+from contextlib import ExitStack
 
 import mujoco
 import numpy as np
 import pytest
 
+from sim import Command, Scripted, Traverse, build_tracked, load_tracked
 from sim.batched_world import quietly
-from sim.robot.named import load_tracked
-from sim.robot.tracked_model import build_tracked
-from sim.terrain import Course, Flat, Ramp
+from sim.terrain import Course, Flat, Ramp, Step
 from sim.tracks import Belts
 from sim.traverse.contact import ContactPoints
-from sim.traverse.policy import Scripted
+from sim.traverse.outcome import Limits, Outcome, StuckWatch
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
 from sim.traverse.states import Servos, ServoState
-from sim.traverse.world import Command, Traverse
 from trackslip.errors import InvalidValueError
 
 LEVEL = Course((Flat(4.0),), friction=0.7)
@@ -79,10 +79,9 @@ def test_traction_and_load_are_means_of_the_period():
 
 
 def test_the_servo_follows_its_lag_exactly():
-    servo = ServoState(Servos(lag=0.1, top_speed=0.5, flipper_speed=1.0), 2, 1)
-    servo.command(np.array([[0.4, -9.0], [0.0, 0.2]]), np.array([[0.5], [-0.02]]))
-    fine = ServoState(Servos(lag=0.1, top_speed=0.5, flipper_speed=1.0), 2, 1)
-    fine.command(np.array([[0.4, -9.0], [0.0, 0.2]]), np.array([[0.5], [-0.02]]))
+    servo, fine = (ServoState(Servos(lag=0.1, top_speed=0.5, flipper_speed=1.0), 2, 1) for _ in range(2))
+    for each in (servo, fine):
+        each.command(np.array([[0.4, -9.0], [0.0, 0.2]]), np.array([[0.5], [-0.02]]))
     mean = servo.advance(0.05)
     np.testing.assert_allclose(mean, np.mean([fine.advance(1e-3) for _ in range(50)], axis=0), atol=1e-12)
     assert mean[0, 0] == pytest.approx(0.4 * (1 + np.expm1(-0.5) / 0.5))
@@ -90,38 +89,37 @@ def test_the_servo_follows_its_lag_exactly():
     np.testing.assert_allclose(servo.angle, [[0.05], [-0.02]])
 
 
-def geometry(length=0.25, radius=0.05):
-    """A front and a rear flipper."""
-    return FlipperGeometry(
-        np.array([[0.2, 0.0, 0.08], [-0.2, 0.0, 0.08]]),
-        np.full(2, length),
-        np.full(2, radius),
-        np.array([True, False]),
-        np.zeros(2),
-    )
-
-
-def test_front_flippers_touch_what_is_ahead_from_above():
-    shape, reflex = geometry(), Reflex(highest=1.5)
-    far = SAMPLES[0] * shape.length[0]
+def test_flippers_touch_what_is_ahead_from_above_and_reach_for_lower_ground_behind():
+    hinges = np.array([[0.2, 0.0, 0.08], [-0.2, 0.0, 0.08]])
+    shape = FlipperGeometry(hinges, np.full(2, 0.25), np.full(2, 0.05), np.array([True, False]), np.zeros(2))
+    reflex, up = Reflex(highest=1.5), np.full((1, 2), 0.08)
+    far = SAMPLES[0] * 0.25
     for height in (0.0, 0.1, 0.3):
         ground = np.tile([height, 0.0, 0.0], (1, 2, 1))
-        angle = reflex.angles(ground, np.zeros(1), np.full((1, 2), 0.08), shape)[0, 0]
+        angle = reflex.angles(ground, np.zeros(1), up, shape)[0, 0]
         # distance of the point at `far` from the line through the hinge
         away = -far * np.sin(angle) + (height - 0.08) * np.cos(angle)
         assert away == pytest.approx(-0.05) if height else angle == 0
-    tilted = reflex.angles(np.tile([0.3, 0.0, 0.0], (1, 2, 1)), np.full(1, 0.2), np.full((1, 2), 0.08), shape)[0, 0]
-    assert tilted == pytest.approx(angle - 0.2)
-
-
-def test_rear_flippers_reach_for_lower_ground_and_never_give_way():
-    shape, reflex = geometry(), Reflex()
+        tilted = reflex.angles(ground, np.full(1, 0.2), up, shape)[0, 0]
+        assert tilted == pytest.approx(angle - 0.2) or height == 0.0
     pitch = np.array([-0.4, 0.0, 0.4])
     rear = reflex.angles(np.zeros((3, 2, 3)), pitch, np.full((3, 2), 0.08), shape)[:, 1]
-    assert rear[0] < -0.3
-    assert reflex.lowest <= rear.min()
-    assert rear[1] < 0
-    assert rear[2] == 0
+    assert reflex.lowest <= rear[0] < -0.3
+    assert rear[0] < rear[1] < 0
+    assert rear[2] == pytest.approx(-reflex.push * (0.4 - reflex.tolerated))  # it pushes what leans back
+
+
+def test_flippers_feel_the_ground_under_them_that_courses_have():
+    course, reflex = Course((Ramp(0.3, 4.0),), start_length=3.0), Reflex()
+    world = Traverse(load_tracked("rescue"), [course], threads=1)
+    world.begin([0], start=[[-0.38, 0.0, 0.0]])
+    shape = world.flippers
+    hinge = world.state.position[0] + shape.hinge  # it stands level and looks along x
+    x = hinge[:, :1] + np.where(shape.front, 1, -1)[:, None] * SAMPLES * shape.length[:, None]
+    ground = course.height(x, hinge[:, 1:2])
+    expected = reflex.angles(ground[None], np.zeros(1), hinge[None, :, 2], shape)
+    np.testing.assert_allclose(world.reflex(reflex), expected, atol=1e-3)
+    assert expected[0, shape.front].min() > 0.05
 
 
 def test_the_scripted_controller_comes_back_to_the_middle():
@@ -169,11 +167,75 @@ def test_worlds_in_two_threads_leave_the_engines_log_as_it_was():
         config = mujoco.MjLogConfig.get()
         return bool(config.logto_console), bool(config.logto_file)
 
-    before, first, second = setting(), quietly(), quietly()
-    first.__enter__()
-    second.__enter__()  # in another thread, while the first one steps
-    assert setting() == (False, False)
-    first.__exit__(None, None, None)
-    assert setting() == (False, False)
-    second.__exit__(None, None, None)
+    before = setting()
+    with ExitStack() as other:
+        with quietly():
+            other.enter_context(quietly())  # in another thread, while the first one steps
+            assert setting() == (False, False)
+        assert setting() == (False, False)
     assert setting() == before != (False, False)
+
+
+WALL = Course((Flat(0.2), Step(0.6)), friction=0.5, start_length=1.4, goal_length=1.4)
+ROWS = ("reached", "stuck", "fell", "tipped", "exploded", "time")
+
+
+@pytest.fixture(scope="module")
+def world():
+    """A box in every row, each driven or put to another end."""
+    limits = Limits(time=6.0, stuck_time=2.0)
+    world = Traverse(load_tracked("box"), [WALL], len(ROWS), limits=limits, threads=1)
+    start = np.tile([-0.6, 0.0, 0.0], (len(ROWS), 1))
+    start[0] = WALL.goal - 0.1, 0.0, 0.0
+    start[2] = -0.6, 1.3, np.pi / 2
+    world.begin(np.arange(len(ROWS)), start=start)
+    on_its_back = np.array([np.cos(0.7), np.sin(0.7), 0.0, 0.0])
+    world.batch.qpos[3, 2:7] = 0.4, *on_its_back
+    world.batch.qvel[4, 2] = 50.0
+    speed = np.full((len(ROWS), 2), 0.5)
+    speed[5] = -0.02, 0.02
+    while (world.outcome == Outcome.DRIVING).any():
+        world.step(Command(speed, np.zeros((len(ROWS), 0))))
+    return world
+
+
+def test_each_run_ends_by_name_and_stands_still(world):
+    assert tuple(Outcome(one).label for one in world.outcome) == ROWS
+    contact = world.contact
+    for values in (world.state.qpos, world.state.qvel, contact.traction, contact.load, contact.depth, contact.work):
+        assert np.isfinite(values).all()
+    before = world.state.qpos.copy(), world.time.copy()
+    world.step(Command(np.ones((len(ROWS), 2)), np.zeros((len(ROWS), 0))))
+    np.testing.assert_array_equal(world.state.qpos, before[0])
+    np.testing.assert_array_equal(world.time, before[1])
+    assert world.time[5] == pytest.approx(6.0)
+
+
+def test_a_state_that_is_not_finite_is_named_and_kept_out(capfd, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    world = Traverse(load_tracked("box"), [WALL], 2, threads=1)
+    fine = world.state.qpos[1].copy()
+    world.batch.qpos[1, 2] = np.nan
+    world.step(Command(np.zeros((2, 2)), np.zeros((2, 0))))
+    assert [Outcome(one).label for one in world.outcome] == ["driving", "exploded"]
+    np.testing.assert_array_equal(world.state.qpos[1], fine)
+    world.begin([1])
+    world.step(Command(np.zeros((2, 2)), np.zeros((2, 0))))
+    assert (world.outcome == Outcome.DRIVING).all()
+    assert capfd.readouterr().err == ""
+    assert not list(tmp_path.iterdir())  # the engine's MUJOCO_LOG.TXT
+
+
+def test_who_waits_turns_or_slips_is_not_stuck():
+    watch = StuckWatch(Limits(stuck_time=1.0), 4, period=0.1)
+    position = np.zeros((4, 3))
+    belts = np.array([[0.0, 0.0], [-0.3, 0.3], [0.3, 0.3], [0.3, 0.3]])
+    speed = np.array([0.0, 0.0, 0.05, 0.02])  # at a tenth of the belts' way a robot is stuck
+    found = []
+    for _ in range(12):
+        position[:, 0] += speed * 0.1
+        found.append(watch.observe(position, belts))
+    np.testing.assert_array_equal(found[-1], [False, False, False, True])
+    assert not np.any(found[:10])
+    watch.begin(np.array([3]))
+    assert not watch.observe(position, belts).any()

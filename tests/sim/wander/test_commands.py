@@ -11,14 +11,13 @@ from sim.wander.commands import DRIVING, Driver, track_commands
 from sim.wander.log import encoder_log, joined_log, quantised
 from sim.wander.motion import LawMotion
 from trackslip import se2
-from trackslip.kinematics import RobotGeometry, twist_of_tracks
+from trackslip.kinematics import RobotGeometry, twist_of_tracks, wrap_angle
 from trackslip.laws.icr import ConstantIcr
-from trackslip.logs.runlog import RunLog
 
 RATE = 50.0
 
 
-def commands(driving: str, seed: int = 0, duration: float = 120.0, driver: Driver | None = None) -> np.ndarray:
+def commands(driving, seed=0, duration=120.0, driver=None):
     return track_commands(driving, duration, RATE, driver or Driver(), np.random.default_rng(seed))
 
 
@@ -34,40 +33,22 @@ def test_speeds_and_accelerations_stay_within_their_limits(driving, seed, max_sp
     assert len(speeds) == 1501
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_random_driving_has_straights_turns_both_ways_stops_and_reversals(seed):
-    left, right = commands("random", seed, 240.0).T
-    moving = np.abs(left) + np.abs(right) > 0.05
-    for kind in (
-        moving & (left == right),
-        left > right + 0.05,
-        right > left + 0.05,
-        (left < 0) & (right < 0),
-        left * right < -1e-3,
-        (left == 0) & (right == 0),
-    ):
-        assert kind.mean() > 0.01
-
-
-@pytest.mark.parametrize(("driving", "rounds"), [("eights", 2), ("loop", 2)])
-def test_figures_close_for_the_half_gauge_that_the_driver_reckons_with(driving, rounds):
+@pytest.mark.parametrize("driving", ["eights", "loop"])
+def test_figures_close_for_the_half_gauge_that_the_driver_reckons_with(driving):
     driver = Driver(half_gauge=0.213, acceleration=100.0)  # a short ramp, which would shift the figure
     twist = twist_of_tracks(commands(driving, 0, 200.0, driver), driver.half_gauge)
     pose = se2.chain(np.zeros(3), se2.exp(np.insert(twist[1:], 1, 0.0, axis=-1) / RATE))
-    begin = 100
-    away = np.hypot(*(pose[begin:, :2] - pose[begin, :2]).T)
+    pose = pose[100:]
+    away, turned = np.hypot(*(pose[:, :2] - pose[0, :2]).T), wrap_angle(pose[:, 2] - pose[0, 2])
     leaves = np.flatnonzero(away > 0.5)[0]
-    turned = np.abs(pose[begin:, 2] - pose[begin, 2]) % (2 * np.pi)
-    same_heading = np.minimum(turned, 2 * np.pi - turned) < 0.1
-    again = np.flatnonzero((away < 0.02) & same_heading & (np.arange(len(away)) > leaves))
-    assert len(again) >= rounds
+    assert ((away < 0.02) & (np.abs(turned) < 0.1))[leaves:].sum() >= 2
 
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 
 
 @pytest.fixture
-def encoders() -> RunLog:
+def encoders():
     rng = np.random.default_rng(0)
     omega = track_commands("random", 20.0, RATE, Driver(), rng) / GEOMETRY.sprocket_radius
     motion, twist = LawMotion(ConstantIcr(0.045, 0.168, 0.0066), GEOMETRY).drive(omega, RATE, rng)
@@ -85,17 +66,12 @@ def test_rows_are_those_of_both_clocks(encoders):
     assert np.isnan(log.pose[~log.valid]).all()
 
 
-def test_sprockets_turn_by_the_same_angle_as_in_the_encoders_rows(encoders):
+def test_sprockets_and_truth_are_those_of_the_encoders_rows(encoders):
     stamps = np.sort(np.random.default_rng(1).uniform(0, 20, 200))
     log = joined_log(encoders, stamps, np.zeros((200, 3)))
     angle = np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)
     expected = np.cumsum(encoders.omega[1:] / RATE, axis=0)
     np.testing.assert_allclose(angle[np.isin(log.time, encoders.time)[1:]], expected, atol=1e-9)
-
-
-def test_the_truth_is_kept_between_rows(encoders):
-    stamps = np.sort(np.random.default_rng(1).uniform(0, 20, 200))
-    log = joined_log(encoders, stamps, np.zeros((200, 3)))
     rows = np.isin(log.time, encoders.time)
     np.testing.assert_allclose(log.truth.pose[rows], encoders.truth.pose, atol=1e-12)
     np.testing.assert_allclose(log.truth.twist[rows], encoders.truth.twist, atol=1e-12)

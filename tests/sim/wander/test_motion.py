@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.fleet import Fleet
-from sim.loop import open_loop
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
 from trackslip import se2
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 
@@ -33,20 +30,23 @@ LAW = ConstantIcr(offset=0.045, half_gauge=0.168, radius_error=0.0066)
 EXACT = SlipVariation()
 
 
-def sprockets(duration: float = 60.0, seed: int = 0) -> np.ndarray:
-    return track_commands("random", duration, RATE, Driver(), np.random.default_rng(seed)) / GEOMETRY.sprocket_radius
-
-
-def test_without_variation_the_law_decides():
-    omega = sprockets()
-    motion, twist = LawMotion(LAW, GEOMETRY, EXACT).drive(omega, RATE, np.random.default_rng(0))
+def test_without_variation_law_turning_centre_drift_and_lag_decide():
+    omega = track_commands("random", 60.0, RATE, Driver(), np.random.default_rng(0)) / GEOMETRY.sprocket_radius
+    motion, twist = LawMotion(LAW, GEOMETRY, EXACT).drive(omega, RATE, RNG)
     law = np.insert(LAW.twist(omega, GEOMETRY), 1, 0.0, axis=-1)
     np.testing.assert_allclose(twist[1:], law[1:], atol=1e-15)
     time = np.arange(len(omega)) / RATE
     np.testing.assert_allclose(motion.at(time), se2.chain(np.zeros(3), se2.exp(law[1:] / RATE)), atol=1e-10)
+    _, twist = LawMotion(LAW, GEOMETRY, EXACT, turning_centre=0.03, drift=0.02).drive(omega, RATE, RNG)
+    v, lateral, w = twist.T
+    np.testing.assert_allclose(lateral, -0.03 * w - 0.02 * v * w, atol=1e-15)
+    omega = np.r_[0.0, np.full(100, 3.0)][:, None] * np.ones(2)
+    motion, _ = LawMotion(LAW, GEOMETRY, EXACT, lag=0.2).drive(omega, RATE, RNG)
+    speed, t = 0.06 * (1 + LAW.radius_error) * 3.0, motion.time
+    np.testing.assert_allclose(motion.pose[:, 0], speed * (t - 0.2 * (1 - np.exp(-t / 0.2))), atol=1e-12)
 
 
-@pytest.mark.parametrize("rate", [20.0, 50.0, 100.0])
+@pytest.mark.parametrize("rate", [20.0, 100.0])
 def test_white_slip_grows_with_the_way(rate):
     omega = np.array([0.0, 0.0]) + np.r_[0.0, np.full(int(100 * rate), 4.0)][:, None] * [1.0, -0.5]
     moved, twist = LawMotion(LAW, GEOMETRY, WHITE).drive(omega, rate, np.random.default_rng(1))
@@ -71,23 +71,3 @@ def test_lasting_slip_has_its_size_and_its_time():
     lag = 25  # rows in half a second
     assert np.corrcoef(left[lag:], left[:-lag])[0, 1] == pytest.approx(np.exp(-1), abs=0.1)
     assert LASTING.lasting == 0.02
-
-
-def test_the_lag_is_of_first_order():
-    omega = np.r_[0.0, np.full(100, 3.0)][:, None] * np.ones(2)
-    motion, _ = LawMotion(LAW, GEOMETRY, EXACT, lag=0.2).drive(omega, RATE, np.random.default_rng(0))
-    speed, t = 0.06 * (1 + LAW.radius_error) * 3.0, motion.time
-    np.testing.assert_allclose(motion.pose[:, 0], speed * (t - 0.2 * (1 - np.exp(-t / 0.2))), atol=1e-12)
-
-
-def test_lateral_speed_follows_turning_centre_and_drift():
-    omega = sprockets()
-    moved = LawMotion(LAW, GEOMETRY, EXACT, turning_centre=0.03, drift=0.02)
-    _, twist = moved.drive(omega, RATE, np.random.default_rng(0))
-    v, lateral, w = twist.T
-    np.testing.assert_allclose(lateral, -0.03 * w - 0.02 * v * w, atol=1e-15)
-
-
-def test_a_rate_that_the_servo_does_not_know_is_refused(robot):
-    with pytest.raises(InvalidValueError, match="servo period"):
-        open_loop(Fleet(robot, np.zeros((2, 3)), threads=1), np.zeros((5, 2, 2)), 4 / 30, period=1 / 30)

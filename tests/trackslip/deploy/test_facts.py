@@ -54,9 +54,9 @@ def test_the_best_law_is_the_default():
     assert laws.law_named("icr") == "icr"
     assert stored({"icr": VALUES["icr"]}).law_named(None) == "icr"
     assert "Slip law icr_radius" in deploy_law(SHIPPED)  # that with the smallest error among the shipped
-    with pytest.raises(LogError, match=r"nothing of which law is best: choose one of constant, exp"):
+    with pytest.raises(LogError, match=r"nothing of which law is best: choose one of exponential"):
         stored().law_named(None)
-    with pytest.raises(InvalidValueError, match=r"law = 'online': must be one of none, constant.*\(in laws.json\)"):
+    with pytest.raises(InvalidValueError, match=r"law = 'online': must be one of none, exponential.*\(in laws.json\)"):
         stored().law_named("online")
 
 

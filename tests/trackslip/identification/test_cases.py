@@ -9,8 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pytest
-from bags import in_order, joint_states, pose_stamped, stamp, write_bag
-from plain_drives import ENCODER_STEP, HUSKY, Drive, Robot, drive_of, log_of, measured, table_of, weaving
+from plain_drives import HUSKY, Drive, Robot, drive_of, log_of, measured, table_of, weaving
 
 from trackslip.errors import LogError
 from trackslip.identification.identify import identify
@@ -19,7 +18,6 @@ from trackslip.logs.runlog import RunLog
 
 DRIVE = drive_of()
 TIME, POSE = measured(DRIVE)
-ANGLE = np.cumsum(DRIVE.omega * ENCODER_STEP, axis=0)
 
 
 def answer(*logs: RunLog, robot: Robot = HUSKY) -> Identification:
@@ -99,34 +97,17 @@ def test_wheels_and_headings_alone():
     found = answer(log_of(drive, drive.time, headings))
     assert 1 / HUSKY.turn_gain == pytest.approx(1.754, abs=5e-4)
     assert found.answer["wheel_separation_multiplier"].value == pytest.approx(1 / HUSKY.turn_gain, abs=5e-4)
-    assert found.drive.look.speed is None
-
-
-def test_three_rows_a_time_use_all_poses(tmp_path):
-    """Encoders, gyro and poses of one time, a row each."""
-    drive = drive_of(duration=60.0)
-    rows = slice(None, None, 5)
-    time, pose = measured(drive)
-    omega = np.diff(np.cumsum(drive.omega, axis=0)[rows], axis=0, prepend=0.0) / 5
-    cells = np.full((len(time), 3, 6), np.nan)
-    cells[:, 0, :2], cells[:, 2, 3:] = omega, pose
-    cells[:, 1, 2] = np.gradient(drive.pose[:, 2], ENCODER_STEP)[rows]
-    names = ("omega_l", "omega_r", "gyro", "x", "y", "phi")
-    columns = {n: pa.array(c, from_pandas=True) for n, c in zip(names, cells.reshape(-1, 6).T, strict=True)}
-    path = file_of(tmp_path / "log.csv", pa.table({"t": np.repeat(time, 3)} | columns))
-    found = identify(path, HUSKY.geometry)
-    assert found.drive.laws["icr_radius"].poses == len(time)
-    require_true(found, offset=0.002, error=0.002)
+    assert found.drive.look.gains.speed is None
 
 
 def test_all_poses_of_a_long_and_a_short_drive_are_used():
     logs = []
-    for name, count in (("long", 8000), ("short", 1000)):
+    for name, count in (("long", 4500), ("short", 500)):
         drive = drive_of(duration=count * 0.06, seed=len(name))
         time, pose = measured(drive, pose_step=0.06)
         logs.append(log_of(drive, time[:count], pose[:count], name))
     found = answer(*logs)
-    assert found.drive.laws["icr_radius"].poses == 9000
+    assert found.drive.laws["icr_radius"].poses == 5000
     require_true(found, offset=0.001, error=0.001)
 
 
@@ -141,63 +122,11 @@ def test_a_sensor_and_a_drift_that_one_speed_does_not_tell_apart_stay_small():
     assert abs(extras["drift"]) < 0.6
 
 
-@pytest.mark.parametrize("late", [6.0, 30.0, 112.0, 1.7e9])
+@pytest.mark.parametrize("late", [30.0, 1.7e9])
 def test_clocks_that_differ(tmp_path, late):
     path = file_of(tmp_path / "log.csv", table_of(DRIVE, TIME + late, POSE))
     with pytest.raises(LogError, match=f"the clocks differ by {late:.1f} s, as the pose clock is ahead"):
         identify(path, HUSKY.geometry)
-
-
-@pytest.mark.parametrize(
-    ("wheels", "poses", "cause"),
-    [
-        (lambda w: w, lambda p: [8.5, 47, np.nan] + p / [111320 * np.cos(np.radians(47)), 111320, 1], "longitude"),
-        (lambda w: ANGLE, lambda p: p, "look like angles"),
-        (lambda w: w * HUSKY.radius, lambda p: p, "look like m/s"),
-        (lambda w: w, lambda p: np.column_stack([p[:, :2], np.sin(p[:, 2] / 2)]), "z of a quaternion"),
-        (lambda w: w, lambda p: p * [1, 1, 180 / np.pi], "in degrees"),
-    ],
-)
-def test_readings_of_something_else(tmp_path, wheels, poses, cause):
-    path = file_of(tmp_path / "log.csv", table_of(DRIVE.with_wheels(wheels(DRIVE.omega)), TIME, poses(POSE)))
-    with pytest.raises(LogError, match=cause) as caught:
-        identify(path, HUSKY.geometry)
-    assert "\n" not in str(caught.value)
-
-
-def test_spellings_of_one_csv_agree(tmp_path):
-    drive = drive_of(duration=70.0)
-    text = file_of(tmp_path / "log.csv", table_of(drive, *measured(drive))).read_text().replace('"', "")
-    first, *rest = text.splitlines()
-    spellings = {
-        "plain": [first, *rest],
-        "blanks": [line.replace(",", ", ") for line in (first, *rest)],
-        "comment": ["# robot 1", first, *rest],
-        "units": [first, "-,s,rad/s,rad/s,m,m,rad", *rest],
-        "commas": [line.replace(",", ";").replace(".", ",") for line in (first, *rest)],
-        "one run": [line.partition(",")[2] for line in (first, *rest)],
-    }
-    answers = []
-    for name, lines in spellings.items():
-        path = tmp_path / f"{name}.csv"
-        path.write_text("\n".join(lines) + "\n")
-        answers.append(identify(path, HUSKY.geometry))
-    require_true(answers[0], offset=0.002, error=0.002)
-    assert all(found.answer == answers[0].answer for found in answers)
-
-
-def test_readings_stamped_microseconds_apart(tmp_path):
-    """Twice a second, a reading of the wheels comes late, with the next one."""
-    drive = drive_of(duration=65.0)
-    stamps, late = drive.time.copy(), np.arange(10, len(drive.time) - 5, 25)
-    stamps[late] = stamps[late + 1] - 4e-6
-    angle = np.cumsum(drive.omega * ENCODER_STEP, axis=0).tolist()
-    wheels = [joint_states(stamp(t), ("left_wheel", "right_wheel"), a) for t, a in zip(stamps, angle, strict=True)]
-    poses = [
-        pose_stamped(stamp(t), where) for t, where in zip(*(part.tolist() for part in measured(drive)), strict=True)
-    ]
-    bag = write_bag(tmp_path / "bag", "sqlite3", in_order(wheels, poses))
-    require_true(identify(bag, HUSKY.geometry), offset=0.002, error=0.002)
 
 
 def test_rare_readings_stand_in_the_middle_of_their_time():

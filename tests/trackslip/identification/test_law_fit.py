@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log
+from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log, fitted
 from plain_drives import HUSKY, drive_of, log_of, measured
 
 from sim.wander.motion import WHITE
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.law_fit import REFERENCE, fit_drives
-from trackslip.laws.constant import NoSlip
+from trackslip.identification.preparation import drives_of
+from trackslip.laws.base import NoSlip
 from trackslip.laws.families import FAMILIES, drive_laws
 from trackslip.laws.icr import ConstantIcr, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
@@ -47,7 +48,7 @@ def require_within(fit, true, errors=4.0):
 def test_every_law_is_found_within_its_errors(name, variation):
     law = LAWS[name]
     log = drive_log(1, 120.0, SLAM, variation, law, fast() if FAMILIES[name].fast else "random")
-    fit = fit_drives(name, [log], GEOMETRY)
+    fit = fitted(name, log)
     assert (fit.name, tuple(fit.values)) == (name, FAMILIES[name].names)
     require_within(fit, {key: getattr(law, key) for key in fit.values})
     assert fit.correlation.shape == (len(fit.stderr),) * 2
@@ -60,7 +61,7 @@ def test_every_law_is_found_within_its_errors(name, variation):
 
 def test_motion_without_noise_gives_the_law_exactly():
     exact = replace(EXACT, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)
-    fit = fit_drives(REFERENCE, [drive_log(1, 60.0, exact, STILL, drift=0.1, turning_centre=-0.05)], GEOMETRY)
+    fit = fitted(REFERENCE, drive_log(1, 60.0, exact, STILL, drift=0.1, turning_centre=-0.05))
     true = {"offset": ICR.offset, "radius_error": ICR.radius_error} | PLACE | {"sensor_x": 0.35, "drift": 0.1}
     for key, value in true.items():
         assert (fit.values | fit.extras)[key] == pytest.approx(
@@ -68,30 +69,23 @@ def test_motion_without_noise_gives_the_law_exactly():
         )
 
 
-@pytest.mark.parametrize("source", [MOUNTED, replace(GNSS, ahead=0.3, left=0.1, delay=0.15)])
-def test_place_mounting_and_clock_are_found_with_the_law(source):
-    fit = fit_drives(REFERENCE, [drive_log(1, 120.0, source)], GEOMETRY)
-    place = {key: value for key, value in PLACE.items() if source.heading or key != "sensor_yaw"}
-    require_within(fit, place | {"offset": ICR.offset, "radius_error": ICR.radius_error})
-
-
 def test_a_given_sensor_is_held_and_improves_the_rest():
     log = drive_log(1, 80.0, MOUNTED)
-    given = fit_drives(REFERENCE, [log], GEOMETRY, Mounting(0.3, 0.1, np.radians(5)), held={"drift": 0.01})
-    assert {key for key, why in given.held.items() if why == "given"} == {"sensor_y", "sensor_yaw", "drift"}
-    assert (given.extras["sensor_y"], given.extras["drift"]) == (0.1, 0.01)
+    given = fitted(REFERENCE, log, sensor=Mounting(0.3, 0.1, np.radians(5)))
+    assert {key for key, why in given.held.items() if why == "given"} == {"sensor_y", "sensor_yaw"}
+    assert given.extras["sensor_y"] == 0.1
     assert not {*given.held} & {*given.interval95}
-    assert given.stderr["radius_error"] < 1.1 * fit_drives(REFERENCE, [log], GEOMETRY).stderr["radius_error"]
+    assert given.stderr["radius_error"] < 1.1 * fitted(REFERENCE, log).stderr["radius_error"]
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.15])
 def test_a_lag_is_estimated_on_request_and_else_taken_up_by_the_clock(lag):
     log = drive_log(2, 80.0, EXACT, STILL, lag=lag)
-    fit = fit_drives(REFERENCE, [log], GEOMETRY, lag=True)
+    fit = fitted(REFERENCE, log, lag=True)
     assert fit.extras["lag"] == pytest.approx(lag, abs=5e-3)
     assert fit.extras["clock_offset"] == pytest.approx(0, abs=5e-3)
     assert fit.values["offset"] == pytest.approx(ICR.offset, abs=2e-4)
-    without = fit_drives(REFERENCE, [log], GEOMETRY)
+    without = fitted(REFERENCE, log)
     assert without.held["lag"] == "not asked for"
     assert without.extras["lag"] == 0.0
     assert without.extras["clock_offset"] == pytest.approx(-lag, abs=0.02)
@@ -102,29 +96,21 @@ def test_a_gyro_has_a_bias_and_a_scale():
     step, rng = np.diff(log.time), np.random.default_rng(0)
     rate = np.diff(np.unwrap(log.truth.pose[:, 2])) / step
     gyro = replace(log, gyro=np.append(np.nan, 1.02 * rate + 0.01 + rng.normal(0.0, 1e-3 / np.sqrt(step))))
-    fit = fit_drives(REFERENCE, [gyro], GEOMETRY)
+    fit = fitted(REFERENCE, gyro)
     require_within(fit, {"gyro_bias": 0.01, "gyro_scale": 0.02, "clock_offset": 0.0, "offset": ICR.offset})
     assert fit.stderr["gyro_bias"] < 1e-3
     assert 3e-4 < fit.noise["gyro"] < 3e-3
-    assert not {"gyro_bias", "gyro"} & {*fit_drives(REFERENCE, [log], GEOMETRY).extras, *fit.held}
+    assert not {"gyro_bias", "gyro"} & {*fitted(REFERENCE, log).extras, *fit.held}
 
 
 @pytest.mark.parametrize("value", [-0.97, 9.5])
 def test_values_stop_at_limits_and_say_so(value):
     log = drive_log(1, 60.0, EXACT, STILL)
-    fit = fit_drives(REFERENCE, [replace(log, omega=log.omega / (1 + value))], GEOMETRY)
+    fit = fitted(REFERENCE, replace(log, omega=log.omega / (1 + value)))
     low, high, _ = FAMILIES[REFERENCE].limits(GEOMETRY.half_gauge)
     assert "radius_error" in fit.at_limit
     assert low[1] <= fit.values["radius_error"] <= high[1]
-    assert fit_drives(REFERENCE, [log], GEOMETRY).at_limit == ()
-
-
-@pytest.mark.parametrize("value", [-0.7, -0.3, 1.5])
-def test_far_values_are_found(value):
-    """As of encoders with a gear, whose ε is no error of machining."""
-    log = drive_log(1, 80.0, law=ConstantIcr(0.045, 0.168))
-    fit = fit_drives(REFERENCE, [replace(log, omega=log.omega / (1 + value))], GEOMETRY)
-    require_within(fit, {"offset": 0.045, "radius_error": value}, 5.0)
+    assert fitted(REFERENCE, log).at_limit == ()
 
 
 @pytest.mark.parametrize("start", [None, {"radius_error": 0.0}])
@@ -134,7 +120,7 @@ def test_positions_alone_end_in_the_right_minimum_without_a_start(seed, start):
     drive = drive_of(seed=seed, slip=0.05)
     time, pose = measured(drive, position_noise=0.01, seed=10_000 + seed)
     log = log_of(drive, time, pose * [1, 1, np.nan])
-    fit = fit_drives(REFERENCE, [log], HUSKY.geometry, start=start)
+    fit = fit_drives(REFERENCE, drives_of([log])[0], HUSKY.geometry, start=start)
     assert fit.values["offset"] == pytest.approx(HUSKY.offset, abs=0.025)
     assert fit.values["radius_error"] == pytest.approx(HUSKY.radius_error, abs=0.025)
 
@@ -147,7 +133,7 @@ def test_positions_alone_end_in_the_right_minimum_without_a_start(seed, start):
     ],
 )
 def test_what_the_driving_does_not_tell_is_said(speeds, vague, known, true):
-    fit = fit_drives(REFERENCE, [drive_log(1, 70.0, driving=constant_speeds(*speeds, 70.0))], GEOMETRY)
+    fit = fitted(REFERENCE, drive_log(1, 70.0, driving=constant_speeds(*speeds, 70.0)))
     assert fit.held[vague] == "the driving doesn't tell it"
     if known:
         require_within(fit, {known: true})
@@ -155,9 +141,9 @@ def test_what_the_driving_does_not_tell_is_said(speeds, vague, known, true):
 
 def test_what_was_not_measured_is_held():
     log = drive_log(1, 70.0, EXACT)
-    positions = fit_drives(REFERENCE, [replace(log, pose=log.pose * [1, 1, np.nan])], GEOMETRY)
+    positions = fitted(REFERENCE, replace(log, pose=log.pose * [1, 1, np.nan]))
     assert positions.held["sensor_yaw"] == "no headings were measured"
-    headings = fit_drives(REFERENCE, [replace(log, pose=log.pose * [np.nan, np.nan, 1])], GEOMETRY)
+    headings = fitted(REFERENCE, replace(log, pose=log.pose * [np.nan, np.nan, 1]))
     for name in ("sensor_x", "sensor_y", "drift", "radius_error"):
         assert headings.held[name] == "no positions were measured"
     gain = GEOMETRY.half_gauge / (GEOMETRY.half_gauge + headings.values["offset"])
@@ -166,7 +152,7 @@ def test_what_was_not_measured_is_held():
 
 def test_unknown_laws_and_drives_without_poses_are_refused():
     with pytest.raises(InvalidValueError, match="cubic"):
-        fit_drives("cubic", [drive_log(1, 20.0)], GEOMETRY)
+        fitted("cubic", drive_log(1, 20.0))
     log = drive_log(1, 20.0)
     with pytest.raises(LogError, match="0 poses while it drives, needs at least 2"):
-        fit_drives(REFERENCE, [replace(log, valid=np.zeros(len(log.time), bool))], GEOMETRY)
+        fitted(REFERENCE, replace(log, valid=np.zeros(len(log.time), bool)))

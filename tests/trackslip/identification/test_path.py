@@ -1,13 +1,11 @@
 """Paths that belts drive: exact arcs, their derivatives, drives in a row, and encoders that are read rarely."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from drives import SLAM, drive_log, held, model
+from drives import drive_log, held, model
 
 from trackslip.identification.path import path_at
-from trackslip.identification.preparation import Timeline, drive_of, interval_means
+from trackslip.identification.preparation import Drives, drive_of, interval_means
 from trackslip.kinematics import advance
 
 RNG = np.random.default_rng(0)
@@ -53,9 +51,9 @@ def test_each_of_several_drives_moves_as_it_does_alone(clock_offset, lag):
     drives, driven = [drive_of(drive_log(seed, 10.0 + seed)) for seed in range(3)], model("turn_loss")
     every, begin = np.arange(len(driven.names)), 0
     values = np.array([0.045, 0.0066, 0.3, 0.1, 0.05, 0.2, clock_offset, 0.07, lag])
-    together = driven.path(values, Timeline.of(drives), every)
+    together = driven.path(values, Drives.of(drives), every)
     for drive in drives:
-        alone, rows = driven.path(values, Timeline.of([drive]), every), slice(begin, begin + len(drive.time))
+        alone, rows = driven.path(values, Drives.of([drive]), every), slice(begin, begin + len(drive.time))
         turn = together.heading[begin] - alone.heading[0]
         moved = (together.place[rows] - together.place[begin]) * np.exp(-1j * turn)
         np.testing.assert_allclose(moved, alone.place - alone.place[0], atol=1e-10)
@@ -75,9 +73,3 @@ def test_a_reading_that_is_logged_again_and_again_counts_once_in_the_middle_of_i
     assert np.abs(as_read[1:] - expected)[10:-10].max() > 0.2
     for every_row in (RNG.normal(size=(400, 2)), np.repeat(RNG.normal(size=(8, 2)), 50, axis=0), np.ones((400, 2))):
         np.testing.assert_array_equal(interval_means(time, every_row), every_row[1:])
-
-
-def test_poses_more_often_than_20_hz_are_thinned():
-    drive = drive_of(drive_log(1, 20, replace(SLAM, rate=180.0)))
-    assert np.median(np.diff(drive.time)) == pytest.approx(0.05, rel=0.15)
-    assert len(drive_of(drive_log(1, 20, replace(SLAM, rate=30.0))).time) == pytest.approx(600, abs=10)

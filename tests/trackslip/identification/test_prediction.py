@@ -4,27 +4,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log, model
+from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log, fitted, model
 
 from sim.wander.motion import WHITE
-from trackslip.identification.comparison import compare_drives
+from trackslip.identification.comparison import ranked
+from trackslip.identification.drive_comparison import compare_drives
 from trackslip.identification.first_look import first_look
-from trackslip.identification.law_fit import fit_drives
-from trackslip.identification.prediction import HORIZONS, Pairs, ranked, trailing_heading
-from trackslip.identification.preparation import drive_of
-from trackslip.identification.windows import Data
+from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.prediction import HORIZONS, Pairs
+from trackslip.identification.preparation import Drives, drive_of, drives_of
+from trackslip.laws.base import NoSlip
+from trackslip.laws.families import FAMILIES
 from trackslip.laws.icr import ConstantIcr
 
 TRUTH = np.array([[ICR.offset, ICR.radius_error, *np.zeros(6)]])
 
 
 def pairs_of(*logs, horizons=HORIZONS):
-    return Pairs.of(Data.of([drive_of(log) for log in logs]), GEOMETRY, horizons)
+    return Pairs.of(Drives.of([drive_of(log) for log in logs]), GEOMETRY, horizons)
 
 
 def compared(*logs, names=("none", "icr_radius", "turn_loss", "icr_sides")):
-    drives = [drive_of(log) for log in logs]
-    return compare_drives(drives, GEOMETRY, first_look(drives, GEOMETRY), names=names)
+    return compare_drives(first_look(drives_of(logs)[0], GEOMETRY), GEOMETRY, names=names)
 
 
 @pytest.mark.parametrize("heading", [True, False])
@@ -45,32 +46,20 @@ def test_pairs_are_a_horizon_apart_in_one_drive_in_motion():
     driving[500:] = 0.0  # from 10 s on
     logs = drive_log(1, 20, EXACT, STILL), drive_log(2, 40, EXACT, STILL, driving=driving)
     pairs = pairs_of(*logs, horizons=(0.5, 1.8))
-    line, border = pairs.data.line, pairs.data.first[1]
-    np.testing.assert_allclose(line.time[pairs.end] - line.time[pairs.start], pairs.horizon, atol=0.051)
+    time, border = pairs.drives.time, pairs.drives.first[1]
+    np.testing.assert_allclose(time[pairs.end] - time[pairs.start], pairs.horizon, atol=0.051)
     assert set(pairs.horizon) == {0.5, 1.8}
     assert ((pairs.start < border) == (pairs.end < border)).all()
     late = pairs.start[pairs.start >= border] - border
-    assert pairs.data.drives[1].time[late].max() < 10.1
+    assert pairs.drives.drives[1].time[late].max() < 10.1
     assert len(pairs_of(drive_log(1, 3.0, EXACT, STILL), horizons=(10.0,)).start) == 0
-
-
-def test_headings_come_from_the_trail_of_positions():
-    time = np.arange(0.0, 30.0, 0.2)
-    path = np.column_stack([np.sin(0.1 * time) * 2, 2 - 2 * np.cos(0.1 * time), 0.1 * time])
-    turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
-    found = trailing_heading(time, path[:, :2] @ turn + [5.0, -3.0], path)
-    known = np.isfinite(found)
-    assert known[20:].all()
-    assert not known[:5].any()  # too few, on too short a way
-    np.testing.assert_allclose(found[known], path[known, 2] + 0.7, atol=1e-9)
-    assert np.isnan(trailing_heading(time, np.zeros((150, 2)), np.zeros((150, 3)))).all()
 
 
 @pytest.mark.parametrize("source", [replace(SLAM, position_noise=0.002, heading_noise=0.002), SLAM])
 def test_noise_of_slip_is_what_longer_predictions_miss_more(source):
     """Poses with noise of 2 cm and 1° hide slip of 2 mm/√m."""
     logs = [drive_log(seed, 300, source) for seed in (1, 2)]
-    noise = fit_drives("icr_radius", logs, GEOMETRY).noise
+    noise = fitted("icr_radius", *logs).noise
     assert noise["slip_turn"] == pytest.approx(WHITE.turning, rel=0.3 if source is not SLAM else 1.0)
     assert noise["slip_forward"] < 0.01
     assert noise["slip_sideways"] < 0.01
@@ -80,13 +69,21 @@ def test_noise_of_slip_is_what_longer_predictions_miss_more(source):
         assert noise["slip_sideways"] == pytest.approx(WHITE.across, rel=0.6)
 
 
-FREE = {"simple": 1, "rich": 4}
+def law(name):
+    """A law that counts by its parameters."""
+    values = dict.fromkeys(FAMILIES[name].names, 0.0)
+    return FittedLaw(name=name, law=NoSlip(), values=values, stderr={}, interval95={}, correlation=np.eye(0))
+
+
+def best_of(**errors):
+    """The choice between laws with errors (n, 3) of pairs."""
+    return ranked({name: law(name) for name in errors}, paired().criteria(errors))
 
 
 def paired(count=20):
     """200 pairs of 20 drives at each horizon."""
     drive = drive_of(drive_log(1, 2.0, EXACT, STILL, driving=constant_speeds(0.1, 0.1, 2.0)))
-    data = Data.of([drive] * count)
+    data = Drives.of([drive] * count)
     start = np.tile(np.repeat(data.first[:-1], 200 // count), len(HORIZONS))
     return Pairs(data, start, start + 1, np.repeat(HORIZONS, 200), np.ones(len(start)))
 
@@ -98,31 +95,29 @@ def missed(sizes, seed=0):
 
 
 def test_the_best_law_has_the_smallest_errors_at_most_horizons():
-    errors = {"simple": missed((1.0, 1.0, 1.0, 2.0)), "rich": missed((0.9, 0.9, 0.9, 9.0), 1)}
-    found = ranked(errors, FREE, paired())
-    assert found.best == "rich"
-    assert found.reason == "rich has the smallest errors at 3 of 4 times ahead"
-    assert found.score["simple"] < found.score["rich"]  # 10 s would decide a mean
+    found = best_of(icr_radius=missed((1.0, 1.0, 1.0, 2.0)), turn_loss=missed((0.9, 0.9, 0.9, 9.0), 1))
+    assert found.reason == "turn_loss has the smallest errors at 3 of 4 times ahead"
+    assert found.best == "turn_loss"
+    assert found.score["icr_radius"] < found.score["turn_loss"]  # 10 s would decide a mean
 
 
 def test_of_laws_that_differ_by_chance_the_simpler_is_best():
     rich, simple = missed((1.0,) * 4), missed((1.0,) * 4)
     chance = np.random.default_rng(2).normal(0.0, 0.05, simple.shape)
     simple += chance - chance.mean(axis=0)
-    assert ranked({"rich": rich, "simple": simple}, FREE, paired()).best == "simple"
-    found = ranked({"rich": rich, "simple": simple + 0.03}, FREE, paired())
-    assert (found.best, found.reason) == ("rich", "rich has the smallest errors at 4 of 4 times ahead")
+    assert best_of(turn_loss=rich, icr_radius=simple).best == "icr_radius"
+    assert best_of(turn_loss=rich, icr_radius=simple + 0.03).best == "turn_loss"
 
 
 def test_wrong_poses_and_pairs_that_a_law_can_not_predict_do_not_choose_the_law():
-    errors = {"rich": missed((1.0,) * 4), "simple": missed((1.2,) * 4, 1)}
-    errors["rich"][0, :2] += [1000.0, 0.2]  # equal but for what the laws predict
-    errors["simple"][0, :2] += [1000.0, 0.0]
-    assert ranked(errors, FREE, paired()).best == "rich"
-    errors["simple"][::2] = np.nan
-    assert ranked(errors, FREE, paired()).best == "rich"
-    errors["simple"][:] = np.nan
-    assert ranked(errors, FREE, paired()) is None
+    errors = {"turn_loss": missed((1.0,) * 4), "icr_radius": missed((1.2,) * 4, 1)}
+    errors["turn_loss"][0, :2] += [1000.0, 0.2]  # equal but for what the laws predict
+    errors["icr_radius"][0, :2] += [1000.0, 0.0]
+    assert best_of(**errors).best == "turn_loss"
+    errors["icr_radius"][::2] = np.nan
+    assert best_of(**errors).best == "turn_loss"
+    errors["icr_radius"][:] = np.nan
+    assert best_of(**errors) is None
 
 
 @pytest.mark.parametrize(("source", "variation"), [(SLAM, WHITE), (EXACT, STILL)])
@@ -130,7 +125,7 @@ def test_of_laws_that_predict_equally_well_the_simplest_is_best(source, variatio
     """Motion exactly by icr_radius: icr_sides and turn_loss contain it; none doesn't."""
     found = compared(drive_log(1, 120, source, variation))
     assert found.best == "icr_radius"
-    assert found.ranking[-1] == "none"
+    assert [*found.laws][-1] == "none"
     assert found.score["none"] > 2
     assert found.alarms == ()
 

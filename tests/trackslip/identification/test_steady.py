@@ -13,8 +13,8 @@ from trackslip.identification.samples import SlipSamples, true_samples, usable_s
 from trackslip.identification.source import ReadOptions, read_source
 from trackslip.identification.steady_comparison import BASELINES, compare_laws, folds
 from trackslip.identification.steady_fit import fit_law
-from trackslip.kinematics import RobotGeometry, advance, body_twist, track_slip
-from trackslip.laws.constant import Constant, NoSlip
+from trackslip.kinematics import RobotGeometry, advance, track_slip
+from trackslip.laws.base import NoSlip
 from trackslip.laws.exponential import PUBLISHED, ExponentialSpeed
 from trackslip.laws.icr import ConstantIcr, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
@@ -62,7 +62,6 @@ def require_within(fit, law, errors=4.0):
     ("name", "law"),
     [
         ("none", NoSlip()),
-        ("constant", Constant(0.02, -0.04)),
         ("exponential", PUBLISHED),
         ("exponential_speed", ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)),
         ("icr", ConstantIcr(0.045, 0.168)),
@@ -72,7 +71,8 @@ def require_within(fit, law, errors=4.0):
 def test_the_law_that_made_the_samples_is_the_best(name, law):
     found = compare_laws(grid(law), GEOMETRY)
     assert found.best == name
-    assert found.ranking.index(name) < 3
+    assert [*found.laws].index(name) < 3
+    assert "icr_sides" not in found.laws  # turns go one way
     require_within(found.laws[name], law)
 
 
@@ -91,28 +91,18 @@ def test_laws_of_robots_that_skid(name, law):
     require_within(found.laws[name], law)
 
 
-def test_much_scatter_hides_no_law():
-    found = compare_laws(skidding(count=47), FAST)
-    assert found.best == "turn_loss"
-    assert "left-out radii" in found.reason
-    assert min(found.validation, key=lambda name: found.validation[name].linear_speed) == "turn_loss"
-
-
-def test_left_out_radii_and_speeds_are_predicted_as_well_as_the_law_is_right():
+def test_left_out_radii_are_predicted_as_well_as_the_law_is_right():
     samples = grid(ICR)
     found = compare_laws(samples, GEOMETRY).validation
     right, wrong = found["icr_radius"], found["exponential"]
-    assert right.radius < np.abs(samples.slip - ICR(samples.curvature)).max()
+    assert right.slip < np.abs(samples.slip - ICR(samples.curvature)).max()
     assert right.yaw_rate < 3 * ERRORS[1, 1] ** 0.5
-    assert wrong.radius > 10 * right.radius
+    assert wrong.slip > 10 * right.slip
     assert wrong.yaw_rate > 10 * right.yaw_rate
     tight = samples.radius < 0.9  # by hand: leave out the tightest turns
     rest = fit_law("icr_radius", samples.take(~tight), GEOMETRY)
     predicted = rest.law.twist(samples.omega[tight], GEOMETRY)[:, 1]
     assert np.abs(predicted - samples.twist[tight, 1]).max() < 3e-4
-    one_radius = compare_laws(grid(ICR, radii=RADII[:1]), GEOMETRY).validation["icr"]
-    assert (one_radius.radius, one_radius.yaw_rate) == (None, None)
-    assert one_radius.speed is not None
 
 
 def test_sides_that_differ_are_told_when_turns_go_both_ways():
@@ -122,7 +112,6 @@ def test_sides_that_differ_are_told_when_turns_go_both_ways():
     assert found.best == "icr_sides"
     require_within(found.laws["icr_sides"], sides)
     assert compare_laws(grid(ICR, radii=both), GEOMETRY).best == "icr_radius"
-    assert "icr_sides" not in compare_laws(grid(ICR), GEOMETRY).laws
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -130,36 +119,6 @@ def test_intervals_cover(known):
     values = {"offset": 0.045, "radius_error": 0.0067}
     shares = coverage("icr_radius", values, grid(ICR), GEOMETRY, 60, np.random.default_rng(0), known)
     assert np.abs(np.array([*shares.values()]) - 0.95).max() < 0.113  # four standard errors of each share
-
-
-def test_intervals_widen_when_repeats_share_what_the_law_does_not_know():
-    """Each command has an error of its own, shared by its repeats, of which some commands have many and some few."""
-    radii, covered = (*RADII, *(-radius for radius in RADII)), []
-    clean = grid(ICR, errors=None, radii=radii, speeds=(0.2,))
-    rows = np.repeat(np.arange(10), np.where(np.arange(10) < 3, 12, 3))
-    for seed in range(60):
-        rng = np.random.default_rng(seed)
-        errors = 0.01 * rng.standard_normal((10, 2))[rows] + 0.001 * rng.standard_normal((len(rows), 2))
-        twist = clean.twist[rows] + 0.2 * errors
-        samples = SlipSamples.of(clean.omega[rows], twist, GEOMETRY, [f"{k}" for k in range(len(rows))])
-        low, high = fit_law("icr_radius", samples, GEOMETRY).interval95["offset"]
-        covered.append(low < ICR.offset < high)
-    assert np.mean(covered) > 0.85
-
-
-@pytest.mark.parametrize(
-    ("name", "law"),
-    [
-        ("exponential", PUBLISHED),
-        ("icr", ConstantIcr(0.0447, 0.168)),
-        ("icr_radius", ConstantIcr(-0.02, 0.168, -0.03)),
-    ],
-)
-def test_samples_without_errors_give_the_law_exactly(name, law):
-    fit = fit_law(name, samples_of(law), GEOMETRY)
-    assert fit.rms < 1e-7
-    for key, value in fit.values.items():
-        assert value == pytest.approx(getattr(law, key), abs=1e-6)
 
 
 @pytest.mark.parametrize("count", [1, 7])
@@ -174,29 +133,12 @@ def test_exact_samples_are_no_trouble(count, told):
     assert found.laws["icr"].values["offset"] == pytest.approx(0.3, abs=1e-6)
 
 
-def test_sprockets_at_rest_tell_the_icr():
-    samples = skidding(count=32, rest=8, scatter=0.01).take(np.arange(8))
-    assert np.isnan(samples.slip[:, 0]).all()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert fit_law("icr", samples, FAST).values["offset"] == pytest.approx(0.30, abs=0.02)
-
-
-def test_standard_errors_are_the_scatter_of_the_estimates():
-    kappa = np.tile(KAPPA, 4)
-    fits = [fit_law("icr_radius", samples_of(ICR, kappa, noise=0.001, seed=k), GEOMETRY) for k in range(100)]
-    for key in ("offset", "radius_error"):
-        scatter = np.std([fit.values[key] for fit in fits])
-        stated = np.sqrt(np.mean([fit.stderr[key] ** 2 for fit in fits]))
-        assert 0.8 * scatter < stated < 1.5 * scatter  # of 7 commands, errors are on the safe side
-
-
 def test_parameters_that_the_samples_do_not_determine_are_not_reported():
     straight = samples_of(ConstantIcr(0.045, 0.168, 0.01), np.zeros(8))
     with pytest.raises(LogError, match="don't determine"):
         compare_laws(straight, GEOMETRY)
     few = compare_laws(samples_of(ConstantIcr(0.045, 0.168, 0.01), KAPPA[:2], noise=1e-4), GEOMETRY)
-    assert {"icr", "icr_radius"} <= set(few.laws) <= {"none", "constant", "icr", "icr_radius", "turn_loss"}
+    assert {"icr", "icr_radius"} <= set(few.laws) <= {"none", "icr", "icr_radius", "turn_loss"}
     assert {warning.split(":")[0] for warning in few.warnings} >= {"law exponential", "law exponential_speed"}
     one_radius = grid(ConstantIcr(0.045, 0.168), radii=(0.63,))
     assert fit_law("exponential", one_radius, GEOMETRY, vague=True).notes[0].endswith("runs of different radii")
@@ -228,18 +170,11 @@ def trace(kappa, duration=20.0):
     return RunLog(f"{kappa}", time, omega, advance([0, 0, 0], twist, time))
 
 
-def test_slip_of_traces():
-    samples = usable_samples([trace(kappa) for kappa in KAPPA], GEOMETRY, longest=True).samples
-    np.testing.assert_allclose(samples.slip, ICR(KAPPA), atol=1e-6)
-    np.testing.assert_allclose(samples.radius, 1 / KAPPA, rtol=1e-5)
-    np.testing.assert_allclose(body_twist(samples.omega, samples.slip, GEOMETRY), samples.twist)
-
-
 @pytest.mark.parametrize(
     ("do", "error", "match"),
     [
         (lambda: fit_law("exponential", samples_of(PUBLISHED, KAPPA[:2]), GEOMETRY), LogError, "its 4 parameters"),
-        (lambda: fit_law("cubic", samples_of(PUBLISHED), GEOMETRY), InvalidValueError, "one of none, constant"),
+        (lambda: fit_law("cubic", samples_of(PUBLISHED), GEOMETRY), InvalidValueError, "one of none, exponential"),
         (lambda: usable_samples([trace(0.5, duration=1.0)], GEOMETRY, longest=True), LogError, "too short"),
         (lambda: usable_samples([trace(0.5)], GEOMETRY, settle=-1.0), InvalidValueError, "settle"),
         (lambda: true_samples([trace(0.5)], GEOMETRY), LogError, "has no truth"),
@@ -254,21 +189,6 @@ def test_what_can_not_be_used_is_refused(do, error, match):
 def sample(omega, twist, geometry=GEOMETRY, yaw_stderr=None):
     covariance = None if yaw_stderr is None else np.diag([1e-8, yaw_stderr**2])[None]
     return SlipSamples.of(np.array([omega]), np.array([twist]), geometry, ["odd"], covariance)
-
-
-@pytest.mark.parametrize("geometry", [GEOMETRY, RobotGeometry(0.3, 0.165), RobotGeometry(1.1, 0.4)])
-@pytest.mark.parametrize("kept", [1.3, 0.4, 0.2])
-def test_a_robot_that_loses_most_of_its_yaw_rate_is_plausible(geometry, kept):
-    rng = np.random.default_rng(0)
-    for _ in range(100):
-        omega = rng.uniform(-10, 10, 2)
-        sample(omega, body_twist(omega, 0.0, geometry) * [rng.uniform(0.8, 1.05), kept], geometry)
-
-
-def test_an_inner_track_that_is_dragged_along_is_plausible():
-    omega = np.array([1.0, 9.0])
-    v, w = body_twist(omega, 0.0, GEOMETRY)
-    assert sample(omega, [v, 0.4 * w]).slip[0, 0] < -2
 
 
 def test_a_yaw_rate_within_its_error_says_nothing_of_swapped_tracks():
@@ -298,14 +218,6 @@ def test_other_sides_signs_and_units_are_noticed(radius, wheels, motion):
     )
     with pytest.raises(LogError, match=match):
         sample(wheels(omega), twist * motion)
-
-
-def test_runs_of_a_command_and_of_a_speed():
-    """Repeats differ by less than a degree or by 1 % of the fastest."""
-    omega = np.array([[1.0, 2.0], [2.0, 1.0], [1.0, 2.01], [2.0, 4.0], [3.0, 4.0]])
-    found = SlipSamples.of(omega, body_twist(omega, 0.0, GEOMETRY), GEOMETRY, list("abcde"))
-    np.testing.assert_array_equal(found.by_command(GEOMETRY), [2, 0, 2, 2, 1])
-    np.testing.assert_array_equal(found.by_speed(), [0, 0, 0, 1, 1])
 
 
 def test_a_real_robot_turns_at_left_out_radii_as_plain_least_squares_predicts_or_better():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from trackslip import se2
-from trackslip.errors import InvalidValueError
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_comparison import compare_laws
 from trackslip.identification.steady_fit import fit_law
@@ -50,30 +49,6 @@ def test_on_the_spot_a_robot_sinks_downhill():
     v, w = law.twist(turning, GEOMETRY)
     assert v == pytest.approx(-0.2 * 0.2 * w)
     assert law.sideslip(np.array([v, w])) == pytest.approx(-0.1 * (0.1 * abs(v) + 0.2 * w))
-
-
-def test_mirrored_turns_on_mirrored_slopes_mirror():
-    omega = np.array([[2.0, 3.0], [-1.0, 2.0], [-2.0, -2.1]])
-    law, mirrored = LAW.under((0.2, 0.1)), LAW.under((0.2, -0.1))
-    twist, mirror = law.twist(omega, GEOMETRY), mirrored.twist(omega[:, ::-1], GEOMETRY)
-    np.testing.assert_allclose(mirror, twist * [1, -1], rtol=1e-12)
-    np.testing.assert_allclose(mirrored.sideslip(mirror), -law.sideslip(twist), rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("compliance", 1.5),
-        ("turn_compliance", np.inf),
-        ("load", (1.0, 0.0)),
-        ("load", (np.nan, 0.0)),
-        ("offset", -0.2),
-    ],
-)
-def test_values_beyond_reason_are_refused(name, value):
-    values = {"offset": 0.04, "half_gauge": 0.168, name: value}
-    with pytest.raises(InvalidValueError, match=name):
-        IcrLoad(**values)
 
 
 def test_the_heading_is_corrected_by_the_angle_at_which_the_robot_crabs():
@@ -132,4 +107,4 @@ def test_the_law_is_found_from_runs_under_different_loads():
 def test_without_loads_the_law_is_not_tried_and_says_what_it_takes():
     assert "icr_load" not in compare_laws(_samples(None), GEOMETRY).laws
     (note,) = fit_law("icr_load", _samples(np.zeros((30, 2))), GEOMETRY, vague=True).notes
-    assert note.endswith("it takes runs under loads")
+    assert "don't determine" in note

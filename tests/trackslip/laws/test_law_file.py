@@ -6,19 +6,19 @@ import pytest
 from slip_data import GEOMETRY, grid
 
 from trackslip.errors import LogError
-from trackslip.identification.result import laws_to_json
-from trackslip.identification.steady_comparison import compare_laws
+from trackslip.identification.identify import identify_samples
+from trackslip.identification.result import identification_to_json
+from trackslip.identification.samples import Sampling
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
 
 
 def test_laws_survive_their_file(tmp_path):
-    laws = compare_laws(grid(PUBLISHED), GEOMETRY).laws
-    (tmp_path / "summary.json").write_text(json.dumps(laws_to_json(laws, GEOMETRY)))
+    found = identify_samples(Sampling(grid(PUBLISHED), (), ()), GEOMETRY)
+    (tmp_path / "summary.json").write_text(json.dumps(identification_to_json(found)))
     for path in (tmp_path, tmp_path / "summary.json"):
-        back = load_laws(path)
-        assert back == {name: fit.law for name, fit in laws.items() if fit.values}
+        assert load_laws(path) == {name: fit.law for name, fit in found.steady.laws.items() if fit.values}
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,3 @@ def test_laws_of_another_robot_are_refused():
     assert load_laws(SHIPPED, GEOMETRY)
     with pytest.raises(LogError, match=r"the robot has 0\.3 m"):
         load_laws(SHIPPED, RobotGeometry(0.3, 0.06))
-
-
-def test_the_shipped_laws_are_complete():
-    assert set(load_laws(SHIPPED)) >= {"exponential", "icr", "icr_radius"}

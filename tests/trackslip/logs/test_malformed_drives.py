@@ -18,7 +18,7 @@ from trackslip.identification.result import identification_to_json
 @pytest.fixture(autouse=True)
 def few_laws(monkeypatch):
     """Fit few laws, as others have the same data."""
-    monkeypatch.setattr("trackslip.identification.comparison.drive_laws", lambda: ("none", "icr_radius"))
+    monkeypatch.setattr("trackslip.identification.drive_comparison.drive_laws", lambda: ("none", "icr_radius"))
 
 
 MISTAKES = {

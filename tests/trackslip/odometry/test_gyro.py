@@ -31,16 +31,6 @@ def test_the_turn_is_the_gyros_and_the_speed_the_laws():
     np.testing.assert_allclose(path.pose, exact.pose, atol=1e-9)
 
 
-def test_without_a_reading_the_turn_is_the_laws():
-    omega = np.tile(ICR.sprocket_speeds([0.2, 0.3], GEOMETRY), (len(TIME), 1))
-    odometry = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, gyro=GYRO)
-    none, without = odometry.path(TIME, omega, np.full(len(TIME), np.nan)), odometry.path(TIME, omega)
-    plain = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS).path(TIME, omega)
-    for path in (none, without):
-        np.testing.assert_array_equal(path.pose, plain.pose)
-        np.testing.assert_allclose(path.covariance, plain.covariance, rtol=1e-12, atol=1e-15)
-
-
 @pytest.mark.parametrize("gyro", [GYRO, None])
 def test_step_by_step_is_the_same_as_the_whole_log(gyro):
     log = drive_log(0, 10.0)
@@ -63,11 +53,6 @@ def test_at_rest_it_learns_the_bias():
     path = SlipOdometry(ICR, GEOMETRY, gyro=Gyro(bias=0.01)).path(time, omega, turned)
     np.testing.assert_allclose(path.pose[:3001, 2], 0.0, atol=1e-12)
     assert abs(path.pose[-1, 2] - 30.0) < 0.1 * (bias - 0.01) * 60
-
-
-def test_a_robot_that_is_turned_by_others_turns():
-    path = SlipOdometry(ICR, GEOMETRY, gyro=Gyro()).path(TIME, np.zeros((len(TIME), 2)), np.full(len(TIME), 0.3))
-    assert path.pose[-1, 2] == pytest.approx(0.3 * TIME[-1])
 
 
 def test_the_variance_of_the_heading_is_that_of_a_gyro():

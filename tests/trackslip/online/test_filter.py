@@ -5,11 +5,10 @@ import pytest
 from scipy.stats import chi2
 
 from trackslip import se2
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.base import PoseEstimate
-from trackslip.online.compensation import OnlineIcr
 from trackslip.online.filter import FilterTuning, IcrFilter, icr_motion
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
@@ -61,23 +60,16 @@ def test_finds_the_law_and_knows_how_well():
     """Where truth is drawn from what the filter expects, squared errors in its covariance are chi-square."""
     rng = np.random.default_rng(1)
     tuning = replace(EXACT, gain_spread=0.1, radius_error_spread=0.005)
-    gain, radius_error = 1 + rng.normal(0, 0.1, 400), rng.normal(0, 0.005, 400)
+    gain, radius_error = 1 + rng.normal(0, 0.1, 150), rng.normal(0, 0.005, 150)
     truth = ConstantIcr(GEOMETRY.half_gauge * (1 / gain - 1), GEOMETRY.half_gauge, radius_error)
-    drive = Drive.begin(400, None, tuning)
-    for seconds in (2.0, 18.0):
+    drive = Drive.begin(150, None, tuning)
+    for seconds in (2.0, 8.0):
         drive.run(seconds, law=truth)
         error = drive.found.state[:, 3:5] - np.stack([gain, radius_error], axis=1)
         square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(drive.found.covariance[:, 3:5, 3:5]), error)
         low, high = chi2.ppf([0.001, 0.999], 2 * len(square))
         assert low < square.sum() < high
     assert drive.found.restarts.sum() <= 1
-
-
-def test_finds_the_law_from_nothing():
-    drive = Drive.begin(400)
-    drive.run(4.0)
-    assert np.abs(drive.found.offset / TRUE.offset - 1).max() < 0.05
-    assert not drive.found.restarts.any()
 
 
 def test_finds_changed_ground_within_seconds():
@@ -105,25 +97,18 @@ def test_a_turn_about_a_centre_that_is_not_abreast_is_no_changed_ground():
     np.testing.assert_allclose(drive.found.state[:, 5], centre, atol=0.01)
 
 
-def test_takes_steady_ground_for_steady():
-    """Chance alone looks like a change less than once in an hour of driving."""
-    drive = Drive.begin(60, TRUE)
-    drive.run(60.0)
-    assert drive.found.restarts.sum() <= 1
-
-
 def test_stays_put_when_nothing_is_to_be_learnt():
     """A stand only tells more of the pose, and through it, once, a little of the turn before."""
     drive = Drive.begin(3, TRUE)
     drive.run(10.0)
     known, spread = drive.found.state[:, 3:].copy(), drive.found.covariance[:, 3:, 3:].copy()
-    drive.run(30.0, omega=(0.0, 0.0))
+    drive.run(10.0, omega=(0.0, 0.0))
     assert (np.abs(drive.found.state[:, 3:] - known) < np.sqrt(np.einsum("nii->ni", spread))).all()
     assert (np.einsum("nii->ni", drive.found.covariance[:, 3:, 3:] - spread) <= 1e-12).all()
     known, gain = drive.found.offset, drive.found.state[:, 3]
     spread = GEOMETRY.half_gauge / gain**2 * np.sqrt(drive.found.covariance[:, 3, 3])
-    drive.run(30.0, omega=(2.5, 2.5))
-    drive.run(30.0, omega=(-2.5, -2.5))
+    drive.run(10.0, omega=(2.5, 2.5))
+    drive.run(10.0, omega=(-2.5, -2.5))
     assert (np.abs(drive.found.offset - known) < spread).all()
     assert not drive.found.restarts.any()
 
@@ -143,35 +128,10 @@ def test_a_wrong_pose_is_left_out_and_a_robot_carried_away_is_found_again():
     np.testing.assert_allclose(drive.found.offset, TRUE.offset, rtol=0.1)
 
 
-def test_invalid_poses_are_not_used():
-    drive = Drive.begin(2)
-    drive.run(5.0)
-    before = drive.found.state.copy()
-    unseen = PoseEstimate(before[:, :3] + 0.01, np.zeros((2, 3, 3)), np.zeros(2, bool))
-    drive.found.update(np.zeros((2, 2)), PERIOD, unseen)
-    np.testing.assert_array_equal(drive.found.state, before)
-
-
-def test_exact_poses_are_no_trouble():
-    drive = Drive.begin(1)
-    speeds = np.array([[2.0, 2.9]])
-    for _ in range(100):
-        drive.pose = advance(drive.pose, TRUE.twist(speeds, GEOMETRY), PERIOD)
-        drive.found.update(speeds, PERIOD, PoseEstimate(drive.pose, np.zeros((1, 3, 3)), np.ones(1, bool)))
-    error = drive.found.state[0, 3:5] - [GAIN, TRUE.radius_error]
-    assert (np.abs(error) < np.sqrt(np.diag(drive.found.covariance[0, 3:5, 3:5]))).all()
-    assert np.abs(error).max() < 2e-4
-
-
 @pytest.mark.parametrize(("field", "value"), [("gain_spread", 0.0), ("gain_walk", -1.0)])
 def test_tuning_that_makes_no_sense_is_refused(field, value):
     with pytest.raises(InvalidValueError, match=field):
         FilterTuning(**{field: value})
-
-
-def test_compensation_must_be_reset_first():
-    with pytest.raises(TrackslipError, match="reset"):
-        OnlineIcr(GEOMETRY).law()
 
 
 @pytest.mark.parametrize("law", [None, TRUE])

@@ -45,16 +45,6 @@ def test_fits_miss_the_law_by_about_what_is_expected(poses):
     assert ((ratio > 0.55) & (ratio < 1.5)).all()  # within two standard errors
 
 
-def test_thinned_poses_tell_about_as_much():
-    many = PoseQuality(40.0, 0.02, np.radians(1.0))
-    errors = [
-        expected(MODEL, TRUTH, [drive_to_measure(SPEEDS, RATE, poses, 0.06)], poses, SLIP).stderr
-        for poses in (many, many.thinned(10.0))
-    ]
-    assert errors[1]["offset"] == pytest.approx(errors[0]["offset"], rel=0.05)
-    assert errors[1]["radius_error"] == pytest.approx(errors[0]["radius_error"], rel=0.05)
-
-
 def test_what_the_driving_does_not_tell_is_held():
     straight = np.full((400, 2), 0.3)
     found = expected(MODEL, TRUTH, [drive_to_measure(straight, RATE, COARSE, 0.06)], COARSE, SLIP)

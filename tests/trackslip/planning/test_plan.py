@@ -15,8 +15,8 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning import plan as planning
 from trackslip.planning.information import PoseQuality, drive_to_measure, expected
 from trackslip.planning.limits import DriveLimits, first_knowledge
-from trackslip.planning.maneuvers import RATE, Maneuvers
-from trackslip.planning.plan import PLANNED_LAWS, expected_of_paper, paper_runs, plan_drive
+from trackslip.planning.maneuvers import RATE
+from trackslip.planning.plan import PLANNED_LAWS, paper_runs, plan_drive
 from trackslip.planning.route import path
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
@@ -46,19 +46,11 @@ def test_it_keeps_to_area_and_limits_and_turns_to_both_sides(plan):
     assert plan.time[-1] == pytest.approx(40.0)
     np.testing.assert_array_equal(plan.speeds[-1], 0.0)
     np.testing.assert_allclose(plan.omega, plan.speeds / 0.06)
-    assert (plan.places.size <= [3.0, 3.0]).all()
+    assert (np.ptp(plan.places, axis=0) <= [3.0, 3.0]).all()
     w = plan.twist[:, 1]
     assert w.max() > 0.5
     assert w.min() < -0.5
     assert abs(plan.twist[:, 0]).max() > 0.29
-
-
-def test_it_tells_more_than_back_and_forth_and_a_spin(plan):
-    half = Maneuvers.of(np.array([[1.5, 1.5], [-3.0, -3.0], [1.5, 1.5], [1.0, -1.0], [-1.0, 1.0]]), LIMITS)
-    drive = drive_to_measure(half.speeds(LIMITS.duration), RATE, SLAM, GEOMETRY.sprocket_radius)
-    model = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
-    naive = expected(model, plan.values, [drive], SLAM, plan.knowledge.slip)
-    assert planning.largest(plan.expectation, plan.sizes) < planning.largest(naive, plan.sizes)
 
 
 def test_plans_repeat_longer_drives_tell_more_and_smaller_areas_less(plan):
@@ -94,14 +86,6 @@ def test_the_papers_runs():
     assert len(paper_runs(RobotGeometry(0.6, 0.1))) == 20
     assert paper_runs(RobotGeometry(3.0, 0.1)) == []
     np.testing.assert_allclose(paper_runs(GEOMETRY)[0], [0.05 - 0.168 * 0.1, 0.05 + 0.168 * 0.1])
-
-
-@pytest.mark.slow
-def test_the_papers_runs_are_known_as_well_as_the_prototype_found(plan):
-    """0.145 mm and 0.31e-3 with a known place of the sensor; more, as circles to one side don't tell that."""
-    found = expected_of_paper(plan)
-    assert 0.145e-3 < found.stderr["offset"] < 0.25e-3
-    assert 0.31e-3 < found.stderr["radius_error"] < 0.8e-3
 
 
 @pytest.mark.parametrize(

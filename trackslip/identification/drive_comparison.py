@@ -1,0 +1,135 @@
+"""Laws fitted to whole drives and compared by what they predict, and what a reader should doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from trackslip.identification.comparison import Choice, Comparison, choose, ranked, turns_fast
+from trackslip.identification.first_look import Alarm, Look
+from trackslip.identification.fitted import FEWEST_BLOCKS, Gain, uncertainty
+from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
+from trackslip.identification.path import EXTRAS, DriveModel
+from trackslip.identification.prediction import LEAST_ERROR, PredictionErrors
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.laws.families import FAMILIES, GAINS, drive_laws
+from trackslip.se2 import Mounting
+
+TODAY = "today"
+"""Name of the prediction without identification: dead reckoning without slip."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveComparison(Comparison):
+    """Laws identified from drives, and compared by predictions of driving that they were not fitted to."""
+
+    look: Look  # what the drives show before any law is fitted
+    laws: Mapping[str, DriveFit]  # fits by name of the law, the best first
+    errors: Mapping[str, Mapping[float, PredictionErrors]]
+    """Errors by horizon [s] of held-out predictions, and before them of TODAY and GAINS."""
+    alarms: tuple[Alarm, ...]  # reasons not to trust the best law
+
+
+def compare_drives(
+    look: Look,
+    geometry: RobotGeometry,
+    sensor: Mounting | None = None,
+    names: Sequence[str] | None = None,
+    step: Callable[[float], None] = lambda _: None,
+    lag: bool = False,
+) -> DriveComparison:
+    """Fit laws to the drives of a look and predict driving that they were not fitted to.
+
+    `step(1.0)` is called after each law. By default, all families that are made for drives. Raises LogError if no law
+    can be fitted.
+    """
+    fast = names is not None or turns_fast(np.concatenate([drive.omega for drive in look.drives]), geometry)
+    start = look.gains.start(geometry, look.clock)
+    reference = fit_drives(REFERENCE, look.drives, geometry, sensor, start=start, lag=lag)
+    laws, notes = dict[str, DriveFit](), list(look.notes)
+    for name in names or drive_laws():
+        if names is None and "offset_left" in FAMILIES[name].names and _sits_aside(reference):
+            notes.append(f"law {name} isn't fitted: a sensor off the middle looks like unequal ICRs; give --sensor")
+        elif fast or not FAMILIES[name].fast:
+            laws[name] = fit_drives(name, look.drives, geometry, sensor, reference=reference, lag=lag)
+        step(1.0)
+    pairs, missed = reference.pairs, {name: law.missed for name, law in laws.items()}
+    place = {} if sensor is None else {"sensor_x": sensor.x, "sensor_y": sensor.y, "sensor_yaw": sensor.yaw}
+    two = _gains_fit(look, reference)
+    plain = {TODAY: place, GAINS: place | two.values}
+    known = {name: pairs.errors(two.fit.model, _of_model(two.fit.model, only)[None]) for name, only in plain.items()}
+    errors = {name: pairs.summaries(error) for name, error in {**known, **missed}.items()}
+
+    def rank(some: Mapping[str, DriveFit]) -> Choice | None:
+        return ranked(some, pairs.criteria({name: missed[name] for name in some}))
+
+    choice = choose(laws, rank)
+    if choice is None:
+        why = "no motion can be predicted: the drives are too short"
+        choice = Choice(best=REFERENCE, reason=why, score={}, expressible=REFERENCE)
+    alarms = [*look.alarms, *_alarms(laws[choice.best], errors)]
+    if "gains" in [alarm.kind for alarm in alarms] and not two.at_limit:
+        laws[GAINS] = two
+        why = "gains by regression predict better than every law that was fitted"
+        choice = replace(choice, best=GAINS, reason=why, expressible=GAINS)
+    order = sorted(laws, key=lambda name: (name != choice.best, choice.score.get(name, 0.0)))
+    return DriveComparison(
+        **vars(choice),
+        laws={name: laws[name] for name in order},
+        look=look,
+        errors=errors,
+        alarms=tuple(alarms),
+        warnings=tuple(notes),
+    )
+
+
+def _gains_fit(look: Look, reference: DriveFit) -> DriveFit:
+    """The gains of a first look as a law."""
+    model, values = reference.fit.model, look.gains.law(reference.fit.model.geometry)
+    speed, turn = (gain or Gain(1.0, np.nan, np.nan) for gain in (look.gains.speed, look.gains.turn))
+    wide = model.geometry.half_gauge * speed.value / turn.value
+    slope = np.array([[wide / speed.value, -wide / turn.value], [1.0, 0.0]])
+    covariance = slope @ np.diag([speed.error**2, turn.error**2]) @ slope.T  # of half widths of intervals
+    return replace(
+        reference,
+        name=GAINS,
+        law=FAMILIES[GAINS].build(values, model.geometry),
+        values=values,
+        fit=replace(reference.fit, values=_of_model(model, reference.extras | values)),
+        **uncertainty(
+            tuple(values), np.array([*values.values()]), covariance / 4, 2.0, model.limits[:2, : len(values)]
+        ),
+    )
+
+
+def _of_model(model: DriveModel, known: Mapping[str, float]) -> Array:
+    """Values (p,) of a model's parameters by name; 0 where not known."""
+    return np.array([known.get(name, 0.0) for name in model.names])
+
+
+def _sits_aside(fit: DriveFit) -> bool:
+    """True if the driving says that the sensor is off the middle, or that the ICRs of both sides differ as much."""
+    low, high = fit.interval95.get("sensor_y", (-np.inf, np.inf))
+    matters = EXTRAS["sensor_y"].scale
+    return low > matters or high < -matters
+
+
+def _alarms(law: DriveFit, errors: Mapping[str, Mapping[float, PredictionErrors]]) -> list[Alarm]:
+    """Reasons not to trust the best law."""
+    alarms = [
+        Alarm("bound", f"{name} = {law.values[name]:.3g} is at a limit of law {law.name}") for name in law.at_limit
+    ]
+    if law.blocks < FEWEST_BLOCKS:
+        what = f"{law.blocks} independent parts of driving are too few for an interval, which takes {FEWEST_BLOCKS}"
+        return [*alarms, Alarm("blocks", f"{what}: drive for a minute or more")]
+    for name, kind, others in ((TODAY, "worse", "the robot does today"), (GAINS, "gains", "two gains do")):
+        for (ahead, ours), what in product(errors[law.name].items(), ("position", "heading")):
+            median, other = (getattr(each, f"{what}_median") for each in (ours, errors[name][ahead]))
+            if median is not None and other is not None and median > 1.1 * other + LEAST_ERROR:
+                line = f"{ahead:g} s ahead, law {law.name} predicts the {what} worse than {others}: don't use it"
+                alarms.append(Alarm(kind, line))
+                break
+    return alarms
