@@ -89,7 +89,7 @@ class Motors:
         goal, start, limit = self._goal[rows], self.speed[rows], self._limit[rows] / self._radius
         force = traction.copy()
         force[:, 0] += (self._inertia[rows] / self._radius**2 * (goal - start) - self._late[rows]) / step
-        held = (np.abs(force) <= limit[:, None]).all(axis=(1, 2))
+        held: NDArray[np.bool_] = np.all(np.abs(force) <= limit[:, None], axis=(1, 2))
         power = force * goal[:, None]
         power[:, 0] = force[:, 0] * (start + goal) / 2
         kept = rows[held]

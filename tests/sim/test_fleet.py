@@ -197,17 +197,15 @@ def test_strong_and_weak_robots_on_any_ground_drive_the_same_however_they_are_st
     assert_same([values[2:3] for values in together], driven([2], 1, [0.05] * 3))
 
 
-EULER = np.random.default_rng(0).uniform(-1.2, 1.2, (50, 3))  # yaw, then nose down, then leaning to the right
-TURNED = Rotation.from_euler("ZYX", EULER)
-QUATERNION = TURNED.as_quat(scalar_first=True)
-
-
 def test_axes_and_angles_are_those_of_the_rotation_and_its_left_side_goes_up_to_lean_right():
-    np.testing.assert_allclose(attitude.rotation(QUATERNION), TURNED.as_matrix(), atol=1e-12)
-    np.testing.assert_allclose(attitude.heading(QUATERNION), EULER[:, 0], atol=1e-12)
-    np.testing.assert_allclose(attitude.pitch(QUATERNION), -EULER[:, 1], atol=1e-12)
-    np.testing.assert_allclose(attitude.roll(QUATERNION), EULER[:, 2], atol=1e-12)
-    np.testing.assert_allclose(attitude.upright(QUATERNION), TURNED.as_matrix()[:, 2, 2], atol=1e-12)
+    euler = np.random.default_rng(0).uniform(-1.2, 1.2, (50, 3))  # yaw, then nose down, then leaning to the right
+    turned = Rotation.from_euler("ZYX", euler)
+    quaternion = turned.as_quat(scalar_first=True)
+    np.testing.assert_allclose(attitude.rotation(quaternion), turned.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(attitude.heading(quaternion), euler[:, 0], atol=1e-12)
+    np.testing.assert_allclose(attitude.pitch(quaternion), -euler[:, 1], atol=1e-12)
+    np.testing.assert_allclose(attitude.roll(quaternion), euler[:, 2], atol=1e-12)
+    np.testing.assert_allclose(attitude.upright(quaternion), turned.as_matrix()[:, 2, 2], atol=1e-12)
     left_up = Rotation.from_euler("x", 0.2)
     assert left_up.as_matrix()[2, 1] > 0
     assert attitude.roll(left_up.as_quat(scalar_first=True)) == pytest.approx(0.2)
