@@ -99,7 +99,7 @@ class Fleet(World):
         """Means (N, S) of the engine's sensors over the last `advance`."""
         self.mean_traction: Array = np.zeros((self.size, 2))
         """Mean longitudinal forces (N, 2) of the ground on the (left, right) tracks over the last `advance` [N]."""
-        self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
+        self._weight = np.full(self.size, robot.mass * float(np.linalg.norm(robot.model.opt.gravity)))  # (N,) [N]
         self.pull = pull or Pull()
         """Pull on all robots."""
         self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
@@ -151,23 +151,18 @@ class Fleet(World):
         self.drive.restart(rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting])
         self._began[rows] = self._periods
         self._drive(rows, 0.0)
-        self._balance(rows, np.array([s.weight for s in setting]))
+        mass, chassis = np.array([s.mass for s in setting]), self.robot.model.body("chassis")
+        self._drive(rows, 1.0)
+        if self._load(rows, chassis.id, mass, np.array([s.weight for s in setting])):
+            gravity = float(np.linalg.norm(self.robot.model.opt.gravity))
+            self._weight[rows] = gravity * (self.robot.mass + chassis.mass[0] * (mass - 1))
+        self._drive(rows, 0.0)
         self._ground.put([s.ground for s in setting], rows)
         self._begin(rows, start, -SINK, _RESETTLING)
 
     def _effective_radius(self, error: Array) -> Array:
         """Effective radii (R, 2) of the sprockets of robots with errors (R,) [m]."""
         return np.asarray(self.robot.geometry.sprocket_radius * (1 + error[:, None] + self._split))
-
-    def _balance(self, rows: np.ndarray, weight: Array) -> None:
-        """Shift the centres of mass by (R, 2), forward and to the left [m]."""
-        if self.batch.expanded("body_ipos") is None and not weight.any():
-            return
-        chassis = self.robot.model.body("chassis")
-        self.batch.expand("body_ipos")[rows, chassis.id, :2] = chassis.ipos[:2] + weight
-        self._drive(rows, 1.0)  # with belts at rest the engine would conclude that they never move
-        self.batch.set_const(ids=rows)
-        self._drive(rows, 0.0)
 
     def _drive(self, rows: Rows, belts: float | Array) -> None:
         """Set the speeds of the pads' surfaces, one or (R, P), of the robots `rows` (R,) [m/s]."""
@@ -333,7 +328,7 @@ class Fleet(World):
         self._lay_ground(rows)
         grounds, heading = [self.ground[k] for k in rows], start[:, 2]
         held = self.drive.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows].mean(axis=1)
-        require_held(grounds, self.friction()[rows], heading, self.pull, self._weight, held)
+        require_held(grounds, self.friction()[rows], heading, self.pull, self._weight[rows], held)
         self._ground.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(settling / self.robot.model.opt.timestep))
@@ -355,7 +350,7 @@ class Fleet(World):
 
     def _towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
-        return self._pulled(rows) / (self._weight * np.cos(self._ground.slope[rows]))
+        return self._pulled(rows) / (self._weight[rows] * np.cos(self._ground.slope[rows]))
 
     def needed_traction(self) -> Array:
         """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""
@@ -384,3 +379,5 @@ class Setting:
     """Time constant of the servos; None for the drive's own [s]."""
     weight: tuple[float, float] = (0.0, 0.0)
     """Offset of the centre of mass from the model's, forward and to the left [m]."""
+    mass: float = 1.0
+    """Factor on the mass and the inertia of the chassis [-]."""

@@ -198,21 +198,22 @@ class FleetGround(Restorable):
 
 
 def require_held(
-    grounds: Sequence[Ground], friction: Array, heading: Array, pull: Pull, weight: float, motors: Array
+    grounds: Sequence[Ground], friction: Array, heading: Array, pull: Pull, weight: Array, motors: Array
 ) -> None:
     """Raise InvalidValueError if one of R robots would slide down or be dragged backwards from rest.
 
     They are on `grounds` (R,), with `friction` (R, 2) along and across the tracks where they stand, and with headings
-    (R,) [rad]. Each has a `weight` [N], and its `motors` (R,) hold both tracks together against a force [N].
+    (R,) [rad]. Each has a `weight` (R,) [N], and its `motors` (R,) hold both tracks together against a force [N].
     """
-    for ground, (along, across), phi, force in zip(grounds, friction, heading.tolist(), motors.tolist(), strict=True):
+    robots = zip(grounds, friction, heading.tolist(), weight.tolist(), motors.tolist(), strict=True)
+    for ground, (along, across), phi, weighs, force in robots:
         ground.require_parking((along, across), phi)
         if pull.force == 0:
             continue
-        normal, uphill = weight * math.cos(ground.slope), ground.uphill - phi
+        normal, uphill = weighs * math.cos(ground.slope), ground.uphill - phi
         sideways = math.tan(ground.slope) * math.sin(uphill) / across
         held = min(float(along) * normal * math.sqrt(1 - sideways**2), force)
-        most = held - weight * math.sin(ground.slope) * math.cos(uphill)
+        most = held - weighs * math.sin(ground.slope) * math.cos(uphill)
         allowed = f"less than {most:.4g} N, not to drag the robot backwards from rest"
         require(pull.force < most, "pull", pull.force, allowed)
 

@@ -11,6 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from mujoco import batch
+from numpy.typing import NDArray
 
 from sim.restorable import Restorable
 from trackslip import se2
@@ -137,6 +138,22 @@ class World(Restorable):
         self._fresh = self.batch.state[0].copy()  # of a robot that has not moved yet
         self.state = States(self.batch.qpos, self.batch.qvel, free)
         """The robots' states (N, ...), live."""
+
+    def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com: Array) -> bool:
+        """Scale mass and inertia of a body by (R,), and shift its centre of mass by (R, 2) forward and to the left [m].
+
+        The belts must not rest meanwhile: the engine would conclude that they never move. Returns whether this changes
+        anything.
+        """
+        model, names = self.batch.model, ("body_mass", "body_inertia", "body_ipos")
+        if self.batch.expanded(names[0]) is None and (mass == 1).all() and not com.any():
+            return False
+        masses, inertias, centres = (self.batch.expand(name) for name in names)
+        masses[rows, body] = model.body_mass[body] * mass
+        inertias[rows, body] = model.body_inertia[body] * mass[:, None]
+        centres[rows, body, :2] = model.body_ipos[body, :2] + com
+        self.batch.set_const(ids=rows)
+        return True
 
     def get_state(self) -> dict[str, Any]:
         """See Restorable; with the engine's state, and the fields of its model that differ between simulations."""

@@ -127,6 +127,7 @@ class Traverse(World):
         courses: Sequence[Course] | None = None,
         start: ArrayLike | None = None,
         flippers: ArrayLike | None = None,
+        mass: ArrayLike = 1.0,
     ) -> None:
         """Begin runs of the robots `rows` (R,).
 
@@ -135,6 +136,7 @@ class Traverse(World):
             courses: one each; by default they stay on theirs.
             start: poses (R, 3), x, y and heading; by default before the first piece of each course [m, m, rad].
             flippers: angles of the flippers (F,), tips up; by default 0, or as far up as they clear level ground [rad].
+            mass: factors on the mass and the inertia of the chassis, one for all or (R,) [-].
 
         Raises:
             InvalidValueError: for a course that there are no slots for, poses that aren't finite, and a robot that is
@@ -155,6 +157,9 @@ class Traverse(World):
         asked = self._clear if flippers is None else np.asarray(flippers, float)
         angles = np.broadcast_to(asked, self.servo.angle.shape[1:])
         self.servo.begin(where, np.clip(angles, *self.tracked.flipper_range.T))
+        factors = np.broadcast_to(np.asarray(mass, float), where.shape)
+        self._belts.set(np.ones((len(where), 2)), where)
+        self._load(where, self.tracked.body, factors, np.zeros((len(where), 2)))
         self._place(where, poses)
         self._belts.begin(where)
         self._stuck.begin(where)
