@@ -10,6 +10,7 @@ from .log_replay import replay as replay
 from .loop import closed_loop as closed_loop
 from .loop import open_loop as open_loop
 from .path_tracking.config import EnvConfig as EnvConfig
+from .path_tracking.config import TrackingReward as TrackingReward
 from .path_tracking.randomization import Randomization as Randomization
 from .pilot import Pilot as Pilot
 from .robot.check import RobotCheck as RobotCheck
@@ -26,6 +27,7 @@ from .run_recorder import RunFailedError as RunFailedError
 from .scanner.feed import ScannerFeed as ScannerFeed
 from .scanner.obstacles import load_obstacles as load_obstacles
 from .scanner.scanner import LaserScanner as LaserScanner
+from .traverse.config import CrossingReward as CrossingReward
 from .traverse.config import TraverseConfig as TraverseConfig
 from .traverse.observation import SensorNoise as SensorNoise
 from .traverse.outcome import Limits as Limits

@@ -44,9 +44,8 @@ class PathTrackingEnv(_Tracking, TaskEnv):
     """trackslip/PathTracking-v0: a tracked robot that must follow a reference trajectory.
 
     Actions are float32 (2,) in [-1, 1], 20 per second: sprocket speeds or a twist, see `EnvConfig.action`. The
-    observations are described in `path_tracking.observation`, the reward in `path_tracking.config.Reward`. An episode
-    terminates when the robot is farther than `off_path` from the reference or tips over, and is truncated at the
-    reference's end.
+    observations are described in `path_tracking.observation`, the reward in `TrackingReward`. An episode terminates
+    when the robot is farther than `off_path` from the reference or tips over, and is truncated at the reference's end.
     """
 
     kind, metadata = _TRACKING, metadata(path_tracking.config.PERIOD)
@@ -63,8 +62,8 @@ class TraverseEnv(_Traversing, TaskEnv):
 
     Actions are float32 in [-1, 1], by default 10 per second: the belts' speeds, left and right, and the flippers'
     angles, see `TraverseConfig.action` and `flippers`. The observations are described in `traverse.observation`, the
-    reward in `traverse.config.Reward`. An episode terminates when the course is crossed, or the robot tips over, falls
-    off, is stuck or explodes, and is truncated when its time is over.
+    reward in `CrossingReward`. An episode terminates when the course is crossed, or the robot tips over, falls off, is
+    stuck or explodes, and is truncated when its time is over.
     """
 
     kind, metadata = _CROSSING, metadata(traverse.config.PERIOD)

@@ -129,6 +129,8 @@ class TaskRenderer(ABC):
         """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
         self.pose(row)
         if self._pictures is None:
+            quality = self.data.model.vis.quality  # what a processor draws in 60 ms
+            quality.offsamples, quality.shadowsize = 0, 512
             self._pictures = Pictures(self.data.model, 640, 480)
         return self._pictures.take(self.data, self.camera(row), partial(self.draw, row=row))
 

@@ -25,20 +25,20 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
 _FORMAT = "trackslip policy 1"
-_ERRORS, _TWIST_NOW = slice(0, 3), slice(3, 5)  # of an observation
-_FINE = np.array([0.02, 0.02, 0.02])  # errors at which the compression sets in, in the observation's units
+ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # of an observation
+FINE = np.array([0.02, 0.02, 0.02])  # errors at which the compression sets in, in the observation's units
 
 
 def features(observation: Array) -> Array:
     """Inputs (..., n) of the network for observations (..., n)."""
     seen = np.array(observation, float)
-    seen[..., _ERRORS] = np.arcsinh(seen[..., _ERRORS] / _FINE)
+    seen[..., ERRORS] = np.arcsinh(seen[..., ERRORS] / FINE)
     return seen
 
 
 def corrected(observation: Array, correction: Array, authority: ArrayLike) -> Array:
     """Actions (N, 2): the reference's present twist in observations (N, n), plus corrections (N, 2) in [-1, 1]."""
-    return np.clip(observation[:, _TWIST_NOW] + np.clip(correction, -1.0, 1.0) * np.asarray(authority), -1.0, 1.0)
+    return np.clip(observation[:, TWIST_NOW] + np.clip(correction, -1.0, 1.0) * np.asarray(authority), -1.0, 1.0)
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ _KINDS: dict[Any, tuple[Any, str]] = {  # of options, by type hint: what values 
     float: (Real, "a number"),
     int: (Integral, "a whole number"),
     tuple: (tuple, "a tuple"),
+    dict: (dict, "a dictionary"),
     NoneType: (NoneType, "None"),
 }
 
@@ -165,7 +166,7 @@ def _built(name: str, value: object, hint: Any) -> object:
     if isinstance(value, list | tuple):
         items = [item for part in parts if get_origin(part) is tuple for item in get_args(part)[:1]]
         return tuple(_built(name, each, items[0]) for each in value) if items else value
-    if not isinstance(value, Mapping):
+    if not isinstance(value, Mapping) or any(get_origin(part) is dict for part in parts):
         return value
     kinds = [kind for part in parts for kind in _dataclasses(part)]
     alike = [kind for kind in kinds if {f.name for f in fields(kind)} == set(value)]

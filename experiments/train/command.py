@@ -6,7 +6,8 @@ from experiments.common.run import Run
 from experiments.train.config import Config
 from experiments.train.crossing import crossing_rates, crossing_table
 from experiments.train.tasks import learning_task
-from experiments.train.training import POLICY, last_checkpoint, learn, learning_curve, model_of, network_of
+from experiments.train.training import ONNX, POLICY, last_checkpoint, learn, learning_curve, model_of, network_of
+from sim.onnx_file import write_onnx
 from sim.traverse.policy import CrossingPolicy
 
 
@@ -25,6 +26,7 @@ def run(config: Config) -> None:
             raise KeyboardInterrupt(f"interrupted; {what}") from None
         policy = task.policy(network_of(model))
         policy.save(run.folder / POLICY)
+        write_onnx(run.folder / ONNX, policy, task.env.observed, task.env.commanded)
         if isinstance(policy, CrossingPolicy):
             rates = crossing_rates(policy, config.difficulty, config.trials, config.seed, config.threads)
         run.write({"steps": model.num_timesteps, "curve": curve, "rates": rates}, seed=config.seed)
@@ -33,4 +35,4 @@ def run(config: Config) -> None:
         print(f"{point['steps']:>10,} steps: mean reward per step {point['reward']:.3f}")
     if rates:
         crossing_table(f"Unseen courses, {config.trials} in each row", rates).print()
-    print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {run.wall:.0f} s")
+    print(f"{config.out / ONNX}: {model.num_timesteps:,} steps in {run.wall:.0f} s")

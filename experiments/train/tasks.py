@@ -7,14 +7,16 @@ from typing import Any
 from experiments.benchmark.cases import plant_ranges
 from experiments.train.config import TRAVERSE, Config
 from sim.network import Network
-from sim.path_tracking.config import Reward
+from sim.path_tracking.config import TrackingReward
 from sim.policy import Policy
 from sim.robot.named import SHIPPED, load_parameters
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS, CrossingPolicy
 
 _START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)  # ranges [m], [rad]
-_REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=30.0, position_scale=0.02, heading_scale=0.2)
+_REWARD = TrackingReward(
+    weight_position=0.8, weight_heading=0.2, weight_change=30.0, position_scale=0.02, heading_scale=0.2
+)
 _HARD = ("step up", "stairs up", "beams")  # obstacles that the scripted controller does not always cross
 _LIMITS = Limits(time=20.0, stuck_time=3.0)  # training should not spend its time on robots that are stuck
 
@@ -27,6 +29,8 @@ class LearningTask:
     """The vector environment, with the interface of Stable-Baselines3; its actions are corrections."""
     policy: Callable[[Network], Policy | CrossingPolicy]
     """The policy of a trained network."""
+    env: Any
+    """The environment under `robots`, which describes its observations and actions."""
     deviation: float
     """Standard deviation of the actions at the beginning, as a natural logarithm."""
 
@@ -39,7 +43,7 @@ def learning_task(config: Config) -> LearningTask:
         options = {**OPTIONS, "robot": config.robot or "rescue", "course": list(config.courses)}
         courses = {"difficulty": config.difficulty, "kinds": _HARD, "obstacles": 1, "limits": _LIMITS}
         crossing = TraverseVecEnv(config.robots, config.threads, **options, **courses)
-        return LearningTask(crossing, lambda network: CrossingPolicy(network, options), -1.0)
+        return LearningTask(crossing, lambda network: CrossingPolicy(network, options), crossing.env, -1.0)
     parameters, _ = load_parameters(config.robot or SHIPPED)
     plants = plant_ranges(parameters, parameters.drive)
     robots = PathTrackingVecEnv(
@@ -56,4 +60,5 @@ def learning_task(config: Config) -> LearningTask:
         randomization=replace(plants, start_distance=_START_DISTANCE, start_heading=_START_HEADING),
     )
     corrected = Corrections(robots, config.authority)
-    return LearningTask(corrected, lambda network: Policy(network, config.authority, {"action": "twist"}), -1.2)
+    options = {"action": "twist"}
+    return LearningTask(corrected, lambda network: Policy(network, config.authority, options), robots.env, -1.2)

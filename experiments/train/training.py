@@ -17,7 +17,7 @@ from experiments.train.tasks import LearningTask
 from sim.network import Network
 from trackslip.errors import InvalidValueError, LogError
 
-POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
+POLICY, ONNX, CHECKPOINT = "policy.npz", "policy.onnx", "checkpoint.zip"
 UNFINISHED = f".{CHECKPOINT}"
 """The last checkpoint of an unfinished training, in OUT."""
 _MIN_RATE = 0.05  # final over initial learning rate

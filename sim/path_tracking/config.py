@@ -18,6 +18,7 @@ from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
 from sim.task import MAX_WEIGHT
+from sim.terms import require_terms
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
 from trackslip.laws.base import SlipLaw
 
@@ -32,7 +33,7 @@ _MAX_PREVIEW = 20.0  # longest time that previews may look ahead [s]
 
 
 @dataclass(frozen=True)
-class Reward:
+class TrackingReward:
     """The reward of a step: a sum of terms, each of which is given by name in `info`.
 
         alive               weight_alive
@@ -48,7 +49,7 @@ class Reward:
     """
 
     weight_alive: float = 1.0
-    """Reward of every step [-]."""
+    """TrackingReward of every step [-]."""
     weight_position: float = 0.7
     """Weight of the position error [-]."""
     weight_heading: float = 0.2
@@ -110,8 +111,14 @@ class EnvConfig:
     """Add the load of slope and pull to the observation, as from an inclinometer and a load cell at the hitch."""
     off_path: float = 0.5
     """Distance from the reference beyond which an episode terminates [m]."""
-    reward: Reward = field(default_factory=Reward)
+    reward: TrackingReward = field(default_factory=TrackingReward)
     """The reward of a step."""
+    own_rewards: dict[str, float] = field(default_factory=dict)
+    """Weights of own terms of the reward, by function MODULE:NAME; see `sim.terms`."""
+    own_observations: dict[str, float] = field(default_factory=dict)
+    """Scales of own elements at the end of the observation, by function."""
+    privileged: dict[str, float] = field(default_factory=dict)
+    """Scales of what only critics shall see, by function: info["privileged"]."""
     randomization: Randomization | str | None = None
     """Properties that vary between episodes; "typical" for Randomization.typical()."""
     robot: RobotSource = SHIPPED
@@ -153,6 +160,7 @@ class EnvConfig:
         require(abs(rate * PERIOD - 1) <= 1e-9, "scanner.rate", rate, f"{1 / PERIOD:g} Hz, once in a control period")
         known = not isinstance(self.randomization, str) or self.randomization == "typical"
         require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
+        require_terms(self.own_rewards, self.own_observations | self.privileged)
         self.drawn.require_standing(self.parameters)
         distance = self.drawn.start_distance
         require(distance[1] < self.off_path, "start_distance", distance, f"less than off_path = {self.off_path} m")

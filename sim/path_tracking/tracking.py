@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sim import terms
 from sim.fleet import Fleet
-from sim.path_tracking.config import PERIOD, EnvConfig, Reward
+from sim.path_tracking.config import PERIOD, EnvConfig, TrackingReward
 from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
 from sim.path_tracking.observation import TrackingLayout
 from sim.path_tracking.randomization import MAX_LATENCY
@@ -29,7 +30,6 @@ _TIPPED = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
 _STANDING = 0.05  # sprocket speed below which the slip of a track is taken as 0 [rad/s]
 TERMS = ("alive", "position", "heading", "change", "termination")
 """Names of the terms of the reward."""
-_REWARDS = tuple(f"reward_{term}" for term in TERMS)  # and of the entries of info
 
 
 class PathTracking(Restorable):
@@ -56,7 +56,7 @@ class PathTracking(Restorable):
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
         self.period = PERIOD
         """Control period [s]."""
-        self.observed = self.layout.elements
+        self.observed = self.layout.elements + terms.elements(config.own_observations)
         """Elements (n) of an observation."""
         self.commanded = _commanded(config, self.fleet.drive.limit)
         """Elements (2) of an action."""
@@ -80,7 +80,8 @@ class PathTracking(Restorable):
         self._seen_error: Array = np.zeros((size, 3))  # as observed
         self._load: Array = np.zeros((size, 2))  # tractions over the load on the tracks, that the robots need [-]
         self._success = np.ones(size, bool)
-        self._terms: Array = np.zeros((len(TERMS), size))  # of the reward
+        self._rewards = tuple(f"reward_{term}" for term in (*TERMS, *config.own_rewards))
+        self._terms: Array = np.zeros((len(self._rewards), size))  # of the reward
         self.reward: Array = np.zeros(size)
         """Rewards (N,) of the last step."""
         self.terminated: np.ndarray = np.zeros(size, bool)
@@ -144,7 +145,8 @@ class PathTracking(Restorable):
         self.terminated = ~((distance <= self.config.off_path) & (self.fleet.state.upright > _TIPPED))
         self.truncated = (self._k >= self.last) & ~self.terminated
         change, self._action = action - self._action, action
-        self._terms = reward_terms(self.config.reward, distance, turn, change, self.terminated)
+        usual = reward_terms(self.config.reward, distance, turn, change, self.terminated)
+        self._terms = np.array([*usual, *terms.weighted(self, self.config.own_rewards).values()])
         self.reward = np.add.accumulate(self._terms)[-1]  # one by one: the same bits for any number of robots
 
     @property
@@ -175,7 +177,8 @@ class PathTracking(Restorable):
         """Observations (N, n), see `path_tracking.observation`."""
         twists = self.table.twists(self._reference, self._k)
         load = self._load if self.config.loads else None
-        return self.layout.observation(self._seen_error, twists, self._omega, self._action, load)
+        usual = self.layout.observation(self._seen_error, twists, self._omega, self._action, load)
+        return np.concatenate([usual, terms.scaled(self, self.config.own_observations)], axis=1)
 
     def info(self) -> dict[str, Array]:
         """Further quantities by name, as arrays (N, ...), some of them the task's own; the keys are always the same."""
@@ -193,14 +196,19 @@ class PathTracking(Restorable):
             "measured_pose": self._measured,  # (N, 3) [m, m, rad]
             "measured_omega": self._omega,  # (N, 2) [rad/s]
             "set_point": self.fleet.drive.set_point,  # (N, 2) [rad/s]
+            "torque": self.fleet.drive.torque,  # (N, 2) of the motors at the sprockets [N m]
+            "energy": self.fleet.drive.energy,  # (N, 2) drawn by the motors so far [J]
             "friction": self.fleet.friction(),  # (N, 2) along and across, averaged over the pads [-]
             "success": self._success,  # whether the robot has always been within metrics.LOST of the reference
-            **dict(zip(_REWARDS, self._terms, strict=True)),
+            **dict(zip(self._rewards, self._terms, strict=True)),
+            **({"privileged": terms.scaled(self, self.config.privileged)} if self.config.privileged else {}),
         }
 
 
-def reward_terms(reward: Reward, distance: Array, heading: Array, change: Array, terminated: np.ndarray) -> Array:
-    """The terms of `config.Reward`, (5, N) in the order of `TERMS`.
+def reward_terms(
+    reward: TrackingReward, distance: Array, heading: Array, change: Array, terminated: np.ndarray
+) -> Array:
+    """The terms of `config.TrackingReward`, (5, N) in the order of `TERMS`.
 
     They depend on position and heading errors (N,) [m, rad], the change of the actions (N, 2) [-], and whether episodes
     have terminated (N,).
@@ -216,7 +224,7 @@ def reward_terms(reward: Reward, distance: Array, heading: Array, change: Array,
 
 
 def _bounded_square(z: Array) -> Array:
-    """s(z) of `config.Reward`."""
+    """s(z) of `config.TrackingReward`."""
     square = z * z
     return square / (1 + square)
 

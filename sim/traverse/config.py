@@ -9,6 +9,7 @@ from sim.drive.drive import Drive
 from sim.robot.named import RobotSource, load_tracked
 from sim.robot.tracked import TrackedRobot
 from sim.task import MAX_WEIGHT
+from sim.terms import require_terms
 from sim.terrain import Course, load_course
 from sim.traverse.courses import OBSTACLES, require_kinds
 from sim.traverse.ftr_courses import FTR_COURSES
@@ -31,7 +32,7 @@ _FLIPPERS = ("each", "pairs")
 
 
 @dataclass(frozen=True)
-class Reward:
+class CrossingReward:
     """The reward of a step: a sum of terms, each of which is given by name in `info`.
 
     progress            weight_progress times the way that the robot came closer to the goal [m]
@@ -46,7 +47,7 @@ class Reward:
     """
 
     weight_progress: float = 2.0
-    """Reward per way [1/m]."""
+    """CrossingReward per way [1/m]."""
     weight_energy: float = 0.001
     """Cost of work [1/J]."""
     weight_time: float = 0.5
@@ -54,7 +55,7 @@ class Reward:
     weight_change: float = 0.005
     """Cost of changes of the actions [-]."""
     weight_reached: float = 5.0
-    """Reward, once, for crossing the course [-]."""
+    """CrossingReward, once, for crossing the course [-]."""
     weight_failed: float = 1.0
     """Penalty, once, for failing [-]."""
 
@@ -98,8 +99,14 @@ class TraverseConfig:
     """Control period: time between actions, a multiple of 0.02 s [s]."""
     preset: str = "fast"
     """Contact preset of the tracks."""
-    reward: Reward = field(default_factory=Reward)
+    reward: CrossingReward = field(default_factory=CrossingReward)
     """The reward of a step."""
+    own_rewards: dict[str, float] = field(default_factory=dict)
+    """Weights of own terms of the reward, by function MODULE:NAME; see `sim.terms`."""
+    own_observations: dict[str, float] = field(default_factory=dict)
+    """Scales of own elements at the end of the observation, by function."""
+    privileged: dict[str, float] = field(default_factory=dict)
+    """Scales of what only critics shall see, by function: info["privileged"]."""
     noise: SensorNoise = field(default_factory=SensorNoise)
     """Noise of the observations."""
     limits: Limits = field(default_factory=Limits)
@@ -115,6 +122,7 @@ class TraverseConfig:
         for course in self.courses:
             if isinstance(course, str) and course not in DRAWN:
                 load_course(course, drawn=DRAWN)
+        require_terms(self.own_rewards, self.own_observations | self.privileged)
         require_range("difficulty", self.difficulty, 0.0, 1.0)
         require_kinds(self.kinds)
         require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")

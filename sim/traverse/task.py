@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim import terms
 from sim.restorable import Restorable
 from sim.robot.belt_motors import BeltMotors
 from sim.task import Element, checked, clipped_actions
 from sim.terrain import Course, load_course
-from sim.traverse.config import DRAWN, RANDOM, SAMPLE, Reward, TraverseConfig
+from sim.traverse.config import DRAWN, RANDOM, SAMPLE, CrossingReward, TraverseConfig
 from sim.traverse.courses import MAX_BOXES, draw_course
 from sim.traverse.footprint import Footprint
 from sim.traverse.ftr_courses import FTR_BOXES, draw_ftr_course
@@ -112,7 +113,7 @@ class Crossing(Restorable):
         self.period = config.period
         """Control period [s]."""
         self.layout = CrossingLayout(self.world, config.noise)
-        self.observed = self.layout.elements
+        self.observed = self.layout.elements + terms.elements(config.own_observations)
         """Elements (n) of an observation."""
         self.difficulty = config.difficulty
         """Range from which the difficulty of the next courses is drawn [-]."""
@@ -125,7 +126,7 @@ class Crossing(Restorable):
         self._length: Array = np.ones(size)  # way from start to goal [m]
         self._penetration: Array = np.zeros(size)  # largest in the episode [m]
         self._work: Array = np.zeros(size)  # in the episode [J]
-        self._terms: dict[str, Array] = {name: np.zeros(size) for name in TERMS}
+        self._terms: dict[str, Array] = {name: np.zeros(size) for name in (*TERMS, *config.own_rewards)}
         self.reward: Array = np.zeros(size)
         """Rewards (N,) of the last step."""
         self.terminated: NDArray[np.bool_] = np.zeros(size, bool)
@@ -211,13 +212,16 @@ class Crossing(Restorable):
         ended = np.where(running, self.outcome, Outcome.DRIVING)
         took = np.where(running, self.period, 0.0)
         self._terms = reward_terms(self.config.reward, gain, work, took, np.where(running[:, None], change, 0.0), ended)
-        self.reward = sum((self._terms[name] for name in TERMS), np.zeros(self.size))
+        own = terms.weighted(self, self.config.own_rewards)
+        self._terms |= {name: np.where(running, value, 0.0) for name, value in own.items()}
+        self.reward = sum(self._terms.values(), np.zeros(self.size))
         self.truncated = self.outcome == Outcome.TIME
         self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
 
     def observation(self) -> Array:
         """Observations (N, n), see `traverse.observation`."""
-        return self.layout.observation(self.world, self._seed.tolist())
+        usual = self.layout.observation(self.world, self._seed.tolist())
+        return np.concatenate([usual, terms.scaled(self, self.config.own_observations)], axis=1)
 
     def info(self) -> dict[str, NDArray[Any]]:
         """Further quantities by name, as arrays (N, ...); the keys are always the same."""
@@ -236,14 +240,15 @@ class Crossing(Restorable):
             "traction": contact.traction.copy(),  # (N, T) [N]
             "penetration": self._penetration.copy(),  # largest so far [m]
             "work": self._work.copy(),  # of the belts so far [J]
-            **{f"reward_{name}": self._terms[name].copy() for name in TERMS},
+            **{f"reward_{name}": value.copy() for name, value in self._terms.items()},
+            **({"privileged": terms.scaled(self, self.config.privileged)} if self.config.privileged else {}),
         }
 
 
 def reward_terms(
-    reward: Reward, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes
+    reward: CrossingReward, gain: Array, work: Array, took: Array, change: Array, outcome: Outcomes
 ) -> dict[str, Array]:
-    """The terms (N,) of `config.Reward`, by name.
+    """The terms (N,) of `config.CrossingReward`, by name.
 
     They depend on the way gained (N,) [m], the belts' work (N,) [J], the time taken (N,) [s], the change of the actions
     (N, A), and the outcome of this step (N,).

@@ -12,10 +12,10 @@ from gymnasium.vector import AutoresetMode
 from results import assert_same
 
 from sim import Drive, LaserScanner, Limits, Pull, Randomization, Reflex, RobotParameters, SensorNoise, TraverseConfig
-from sim.path_tracking.config import EnvConfig, Reward
+from sim.path_tracking.config import EnvConfig, TrackingReward
 from sim.task import from_options
 from sim.terrain import Course, Flat, Ramp, Step
-from sim.traverse.config import Reward as TraverseReward
+from sim.traverse.config import CrossingReward
 from sim.traverse.servos import Servos
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
@@ -117,7 +117,7 @@ def test_seeds_and_options_may_be_one_each_and_none_is_drawn():
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        (TRAVERSE, {"reward": TraverseReward(weight_energy=0.01), "noise": SensorNoise(height=0.1)}),
+        (TRAVERSE, {"reward": CrossingReward(weight_energy=0.01), "noise": SensorNoise(height=0.1)}),
         (TRAVERSE, {"difficulty": (0.1, 0.2), "course": ("step10", Course((Flat(0.5), Step(0.05), Ramp(0.2, 1.0))))}),
         (TRACKING, {"randomization": Randomization.typical(), "drive": Drive(lag=0.1), "robot": RobotParameters()}),
         (TRACKING, TWIST | {"compensation": PUBLISHED, "scanner": LaserScanner(noise=0.01), "pull": Pull(1.0)}),
@@ -187,7 +187,9 @@ def refused_in_one_line(function, *args, **kwargs):
     return True
 
 
-@pytest.mark.parametrize("configuration", [EnvConfig, Reward, Randomization, TraverseConfig, Limits, Servos, Reflex])
+@pytest.mark.parametrize(
+    "configuration", [EnvConfig, TrackingReward, Randomization, TraverseConfig, Limits, Servos, Reflex]
+)
 def test_hostile_options_are_accepted_or_refused_in_one_line(configuration):
     tries = list(itertools.product([f.name for f in fields(configuration)], HOSTILE))
     make = (

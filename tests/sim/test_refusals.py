@@ -11,7 +11,7 @@ from sim import Drive, LaserScanner, Randomization, RobotParameters, Traverse, l
 from sim.drive.motor import Motor
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import Change, Ground, Patch
-from sim.path_tracking.config import Reward
+from sim.path_tracking.config import TrackingReward
 from sim.scanner.obstacles import Post, Walker, Wall
 from sim.terrain import Beams, Blocks, Course, Flat, HeightField, Ramp, Rough, Stairs
 from sim.tracks.hull import Hull
@@ -51,6 +51,7 @@ REFUSED = [
     (partial(Wall, 0.0, 1.0, 0.0), {"y1": 1.0}, "must be another place than x0, y0"),
     (partial(Walker, 0.0, 0.0, INF), {"vy": 0.0}, "vx = inf: must be from -20 to 20 m/s"),
     (WHEELS, {"wheels": [(0.01 * k, 0.1, 0.1) for k in range(101)]}, "must be from 2 to 100 wheels"),
+    (WHEELS, {"wheels": [(0.0, 0.1, 0.1), (0.01, 0.1, 0.05)]}, "two wheels or more that don't lie inside one another"),
     (WHEELS, {"wheels": [(0.0, 0.1, 0.1), (0.3, 0.1, -0.1)]}, "must be finite, with radii of at least"),
     (Flat, {"length": NAN}, "length = nan: must be from 0.001 to 200 m"),
     (Ramp, {"angle": 1.5}, "angle = 1.5: must be from -1.2 to 1.2 rad (69 degrees)"),
@@ -71,7 +72,7 @@ REFUSED = [
     (PathTrackingEnv, {"randomization": Randomization(start_distance=(0.0, 0.6))}, "start_distance = (0.0, 0.6)"),
     (PathTrackingVectorEnv, {"render_mode": "human"}, "render_mode = 'human'"),
     (PathTrackingVectorEnv, {"max_episode_steps": 0}, "max_episode_steps = 0: must be a whole number >= 1"),
-    (Reward, {"weight_alive": 1e308}, "weight_alive = 1e+308: must be at most 1e+06"),
+    (TrackingReward, {"weight_alive": 1e308}, "weight_alive = 1e+308: must be at most 1e+06"),
     (TRAVERSE, {"autoreset_mode": 3}, "autoreset_mode = 3: must be one of NextStep, SameStep, Disabled"),
     (Randomization, {"slope": (0.2, 0.1)}, "slope = (0.2, 0.1): must be two ascending numbers"),
     (TRAVERSE, {"kinds": ("wall",)}, "kinds = 'wall'"),

@@ -6,7 +6,6 @@ import pytest
 
 from sim.terrain import Beams, Course, Flat, HeightField, Pallets, Ramp, Rough, SideSlope, Stairs, Step
 from sim.terrain.course import course_names, load_course, look_up
-from sim.terrain.solids import Level
 from trackslip.errors import InvalidValueError
 
 
@@ -58,15 +57,6 @@ def test_seams_are_flush():
     np.testing.assert_allclose(course.height(inner - aside, y), course.height(inner + aside, y), atol=1e-7)
     heights = [placed.z for placed in course.placed[:-2]]
     np.testing.assert_allclose(course.height(seams - aside, 0.0), heights, atol=1e-8)
-
-
-def test_level_ground_goes_on_without_an_edge():
-    course = Course((Flat(1.0), Beams(), Flat(0.5), Pallets(), Step(0.1), Flat(1.0), Rough(), Flat(1.0)))
-    levels = [solid for solid in course.solids if isinstance(solid, Level)]
-    assert [round(level.z, 6) for level in levels] == [0.0, 0.1, 0.1]
-    assert levels[0].x0 == -2.0
-    assert levels[1].x0 == levels[0].x1
-    assert levels[2].x1 == course.bounds[1, 0]
 
 
 def test_rough_ground_has_its_height_and_its_spectrum():

@@ -9,7 +9,6 @@ from tracked import add_robot, built, plane
 
 from sim.tracks import DrawnTracks
 from sim.tracks.hull import Hull
-from trackslip.errors import InvalidValueError
 
 OVAL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
 NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
@@ -44,14 +43,6 @@ def test_the_belt_runs_around_the_convex_hull_of_wheels_in_any_order(order):
         x, z, radius = np.array(wheels).T
         reach = run.outwards @ [x, z] + radius - run.start @ run.outwards
         assert reach.max() < 1e-12
-
-
-@pytest.mark.parametrize(
-    "wheels", [[(0, 0, 0.1)] * 2, [(0, 0, 0.1), (0.01, 0, 0.05)], [(0, 0, 0.1), (0, 0, 0.1), (0, 0, 0.05)]]
-)
-def test_a_belt_needs_two_wheels_outside_one_another(wheels):
-    with pytest.raises(InvalidValueError, match="two wheels or more that don't lie inside one another"):
-        Hull.from_wheels(wheels)
 
 
 def test_the_length_of_the_belt_is_that_of_the_convex_hull():
