@@ -47,7 +47,7 @@ from .odometry.evaluation import OdometryErrors as OdometryErrors
 from .odometry.evaluation import odometry_errors as odometry_errors
 from .odometry.identified import identified_law as identified_law
 from .odometry.slip_odometry import SlipOdometry as SlipOdometry
-from .odometry.tum import write_tum as write_tum
+from .odometry.trajectory_errors import write_tum as write_tum
 from .odometry.uncertainty import Gyro as Gyro
 from .odometry.uncertainty import LawErrors as LawErrors
 from .odometry.uncertainty import SlipNoise as SlipNoise

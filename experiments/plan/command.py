@@ -16,9 +16,8 @@ from trackslip.bags.open import has_rosbags
 from trackslip.identification.law_fit import REFERENCE
 from trackslip.laws.families import FAMILIES
 from trackslip.planning.information import Expectation, PoseQuality
-from trackslip.planning.limits import first_knowledge
+from trackslip.planning.limits import first_knowledge, read_identification
 from trackslip.planning.plan import DrivePlan, evaluations, expected_of_paper, plan_drive
-from trackslip.planning.prior import read_identification
 
 PLAN_FILE, BAG_FILE = "plan.csv", "cmd_vel.mcap"
 

@@ -15,7 +15,6 @@ import scipy
 
 from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.laws.derivatives import twist_derivatives
 from trackslip.laws.families import LawFamily
 
 
@@ -121,7 +120,7 @@ class DriveModel:
         v, w = motion = _lagging(belts, drives, lag)
         slope = np.zeros((3, len(free), len(drives.omega)))
         if len(of_law):
-            by_law = twist_derivatives(self.family, values[None], drives.omega, self.geometry)[0]
+            by_law = self.family.twist_slopes(values[None], drives.omega, self.geometry)[0]
             slope[::2, free < len(values)] = _lagging(np.moveaxis(by_law[..., of_law], 0, -1), drives, lag)
         if (at_lag := free == self.index("lag")).any():
             change = 1e-3  # [s], small beside any lag that shows
@@ -193,6 +192,8 @@ def _displaced(
     chord = np.sinc(turn / (2 * np.pi))
     ahead = np.exp(1j * (heading + turn / 2)) * step
     moved = ahead * chord * (motion[0] + 1j * motion[1])
+    if not slope.shape[1]:
+        return moved, np.zeros((0, len(moved)), complex)
     small = np.abs(turn) < 1e-4  # where the chord is 1 - t² / 24
     shorter = np.where(small, -turn / 12, (np.cos(turn / 2) - chord) / np.where(small, 1.0, turn))
     turn_slope = slope[2] * step

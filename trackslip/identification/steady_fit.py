@@ -24,7 +24,6 @@ from trackslip.errors import LogError, counted
 from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, cr3, uncertainty
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
-from trackslip.laws.derivatives import twist_derivatives
 from trackslip.laws.families import LawFamily, family
 from trackslip.metrics import rms
 
@@ -133,7 +132,7 @@ class Fit:
 
     def _slopes(self, values: Array) -> Array:
         """Derivatives (m, n, 2, p) of what laws with values (m, p) predict along the axes."""
-        return self.axes @ twist_derivatives(self.family, values, self.samples.omega, self.geometry)
+        return self.axes @ self.family.twist_slopes(values, self.samples.omega, self.geometry)
 
     def minimum(self) -> Fit:
         """The minimum of chi-square at this scatter, from these values."""

@@ -19,6 +19,8 @@ from trackslip.laws.icr import ConstantIcr, IcrSides
 from trackslip.laws.icr_load import MAX_COMPLIANCE, IcrLoad
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 
+_DIFFERENCE = 1e-6  # step of derivatives, relative to the scales of the parameters
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -76,6 +78,21 @@ class LawFamily:
     def law(self, values: Array, geometry: RobotGeometry) -> SlipLaw:
         """The law with parameters (..., p): many laws of shape (...) at once."""
         return self.build({name: values[..., k] for k, name in enumerate(self.names)}, geometry)
+
+    def twist_slopes(self, values: Array, omega: Array, geometry: RobotGeometry) -> Array:
+        """Derivatives (m, n, 2, p) of twists at sprocket speeds omega (n, 2) [rad/s] by the values (m, p) of m laws.
+
+        They are central differences, for values at a limit just inside it, and 0 where no twist produces these speeds.
+        """
+        if not self.names:
+            return np.empty((len(values), len(omega), 2, 0))
+        low, high, scale = self.limits(geometry.half_gauge)
+        step = _DIFFERENCE * scale
+        inside = np.clip(values, low + step, high - step)[:, None, :]
+        pushes = np.diag(step)[:, None, None, :]  # a parameter at a time, for all laws: (p, 1, 1, p)
+        ahead, behind = (self.law(inside + push, geometry).twist(omega, geometry) for push in (pushes, -pushes))
+        slopes = np.moveaxis(ahead - behind, 0, -1) / (2 * step)
+        return np.where(np.isfinite(slopes), slopes, 0.0)
 
     def _units(self, half_gauge: float) -> Array:
         return np.array([half_gauge if p.unit == "m" else 1.0 for p in self.parameters.values()])

@@ -1,4 +1,4 @@
-"""Relative errors of trajectories over stretches from every start, and alignment.
+"""Relative errors of trajectories over stretches from every start, alignment, and files for other tools.
 
 The relative error of a stretch is the estimated motion from its start to its end, seen from the start, minus the
 measured one; Kuemmerle et al., "On measuring the accuracy of SLAM algorithms" (2009), and Geiger et al., "Are we ready
@@ -8,9 +8,12 @@ for autonomous driving? The KITTI vision benchmark suite" (2012).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from trackslip.errors import InvalidValueError, OutputError
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.metrics import rms
 from trackslip.se2 import rotate
@@ -123,3 +126,24 @@ def best_fit(pose: Array, measured: Array) -> Array:
 def from_pose(pose: Array, measured: Array, row: int = 0) -> Array:
     """Poses (K, 3) moved so that one of them is as measured (K, 3), with its heading."""
     return moved(pose, float(measured[row, 2] - pose[row, 2]), pose[row, :2], measured[row, :2])
+
+
+def write_tum(path: str | Path, time: ArrayLike, pose: ArrayLike) -> None:
+    """Write poses (K, 3) [m, m, rad] at times (K,) [s] in the TUM format for tools such as evo.
+
+    Poses lie in the plane z = 0. A heading that is NaN, as it was not measured, is written as 0.
+
+    Raises:
+        InvalidValueError: if the numbers of times and poses differ.
+        OutputError: if the file cannot be written.
+    """
+    time, pose = np.asarray(time, float), np.asarray(pose, float)
+    if time.ndim != 1 or pose.shape != (len(time), 3):
+        raise InvalidValueError("pose", pose.shape, f"of shape {(*time.shape, 3)}, as there are that many times")
+    half, none = np.nan_to_num(pose[:, 2], nan=0.0) / 2, np.zeros(len(time))
+    rows = np.column_stack([time, pose[:, :2], none, none, none, np.sin(half), np.cos(half)])
+    text = "".join(" ".join(map("{:.9f}".format, row)) + "\n" for row in rows.tolist())
+    try:
+        Path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error

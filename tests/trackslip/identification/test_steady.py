@@ -79,7 +79,6 @@ def test_the_law_that_made_the_samples_is_the_best(name, law):
 @pytest.mark.parametrize(
     ("name", "law"),
     [
-        ("turn_loss", LOSS),
         ("turn_loss_sides", TurnLossSides(0.30, 0.05, -0.02, 0.28, 0.35)),
         ("centrifugal", Centrifugal(0.30, 0.28, 0.02, 0.35, 0.3)),
     ],
@@ -117,12 +116,11 @@ def test_sides_that_differ_are_told_when_turns_go_both_ways():
 @pytest.mark.parametrize("known", [True, False])
 def test_intervals_cover(known):
     values = {"offset": 0.045, "radius_error": 0.0067}
-    shares = coverage("icr_radius", values, grid(ICR), GEOMETRY, 60, np.random.default_rng(0), known)
-    assert np.abs(np.array([*shares.values()]) - 0.95).max() < 0.113  # four standard errors of each share
+    shares = coverage("icr_radius", values, grid(ICR), GEOMETRY, 40, np.random.default_rng(0), known)
+    assert np.abs(np.array([*shares.values()]) - 0.95).max() < 0.138  # four standard errors of each share
 
 
-@pytest.mark.parametrize("count", [1, 7])
-@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize(("count", "told"), [(1, False), (7, True)])
 def test_exact_samples_are_no_trouble(count, told):
     twist = np.column_stack([np.full(7, 0.2), [0.4, -0.4, 0.1, 0.2, -0.1, 0.3, 0.0]])[:count]
     omega = ConstantIcr(0.3, 0.28).sprocket_speeds(twist, FAST)

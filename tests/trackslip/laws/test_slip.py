@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, body_twist, track_speeds
 from trackslip.laws.base import NoSlip
-from trackslip.laws.derivatives import twist_derivatives
 from trackslip.laws.exponential import PUBLISHED, Exponential, ExponentialSpeed
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.icr import ConstantIcr, IcrSides
@@ -192,7 +191,7 @@ def test_many_laws_at_once_are_each_of_them(kind, ends):
 def test_slopes_of_twists_are_those_of_the_closed_form():
     """Of two laws at once: errors of D change the yaw rate alone, those of epsilon both in proportion."""
     values, omega = np.array([[0.045, 0.01], [-0.02, -0.1]]), np.random.default_rng(0).uniform(-5, 5, (20, 2))
-    slopes = twist_derivatives(FAMILIES["icr_radius"], values, omega, GEOMETRY)
+    slopes = FAMILIES["icr_radius"].twist_slopes(values, omega, GEOMETRY)
     for (offset, radius_error), found in zip(values, slopes, strict=True):
         twist = ConstantIcr(offset, 0.168, radius_error).twist(omega, GEOMETRY)
         np.testing.assert_allclose(found[..., 0], twist * [0.0, -1 / (0.168 + offset)], rtol=1e-6, atol=1e-8)

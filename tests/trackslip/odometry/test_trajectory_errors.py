@@ -18,8 +18,8 @@ from trackslip.odometry.trajectory_errors import (
     from_pose,
     moved,
     stretches,
+    write_tum,
 )
-from trackslip.odometry.tum import write_tum
 
 
 def trajectory(seed=0, count=400, noise=0.01):

@@ -9,7 +9,7 @@ import pytest
 
 from trackslip.errors import LogError, TrackslipError
 from trackslip.laws.icr import ConstantIcr
-from trackslip.planning.prior import read_identification
+from trackslip.planning.limits import read_identification
 
 STDERR = {"offset": 2e-4, "radius_error": 9e-4, "sensor_x": 1e-3}
 CORRELATION = [[1.0, 0.5, 0.1], [0.5, 1.0, 0.0], [0.1, 0.0, 1.0]]
