@@ -132,12 +132,8 @@ def about_world(world: Traverse) -> dict[str, Any]:
     return {
         "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},
         "robot": {**plain(robot), "model": robot.model.name, "packages": [each.name for each in robot.packages]},
-        "course": {
-            "friction": course.friction,
-            "seed": course.seed,
-            "goal": float(world.goal[0]),
-            "width": course.width,
-        },
+        "course": {name: getattr(course, name) for name in ("friction", "seed", "width")}
+        | {"goal": float(world.goal[0])},
         "seed": course.seed,
         "mass": float(tracked.model.body_subtreemass[tracked.body]),
     }
