@@ -37,6 +37,7 @@ EXAMPLES = (
 )
 _MAX_EVALUATIONS = 10_000
 _POPULATION = 12  # candidates of a generation
+_COMPARED = ("none", "icr_radius", "online")
 _FLEETS = (3, 32)  # robots of the smallest and the largest fleet worth driving
 
 Gains = dict[str, float]
@@ -56,11 +57,7 @@ class Config(ClosedLoopOptions):
         Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar="[CONTROLLER ...]")]
     ] = CONTROLLER_NAMES[1:]
     """Names, or MODULE:CLASS for your own; parameters of the constructor that default to positive floats are gains."""
-    compensations: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{COMPENSATIONS} ...")] = (
-        "none",
-        "icr_radius",
-        "online",
-    )
+    compensations: Annotated[tuple[str, ...], Distinct(), tyro.conf.arg(metavar=f"{COMPENSATIONS} ...")] = _COMPARED
     """Compensations to tune for."""
     evaluations: Annotated[int, Whole(_POPULATION, _MAX_EVALUATIONS)] = 60
     """Candidates for each controller and compensation, in generations of 12."""

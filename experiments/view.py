@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from experiments.common.options import Excludes, Exclusion, Options, default_is
+from experiments.common.options import Distinct, Excludes, Exclusion, Options, default_is
 from experiments.common.results import DRIVE_RECORDING, RECORDINGS_FOLDER, file_names, write_output
 from experiments.recorder import record, title, viewer
 from trackslip.bags.choice import AUTOMATIC, BagChoice
@@ -47,8 +47,8 @@ class Config(Options):
         super().__post_init__()
         if self.save is not None and self.save.suffix.lower() != ".rrd":
             raise InvalidValueError("save", str(self.save), "a file that ends in .rrd")
-        if len(set(self.run)) < len(self.run):
-            raise InvalidValueError("run", self.run, "all different")
+        if self.run:
+            Distinct().check("run", self.run)
 
 
 def run(config: Config) -> None:

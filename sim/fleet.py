@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.bodies import EVERYONE, Bodies, Rows, along_robot
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast
 from sim.drive.pull import Pull
 from sim.drive.saturation import advance_within_limits
-from sim.fleet_ground import FleetGround, one_each, require_at_rest, require_held
+from sim.fleet_ground import EVERYONE, FleetGround, Rows, one_each, require_at_rest, require_held
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
+from sim.world import World
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
@@ -24,6 +24,7 @@ from trackslip.kinematics import Array
 SETTLING = 1.0
 """Settling time simulated before a fleet's first period [s]."""
 _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
+_TURN = 2 * np.pi
 
 
 def substeps(drive: Drive, robot: Robot) -> int:
@@ -35,10 +36,10 @@ def substeps(drive: Drive, robot: Robot) -> int:
     return count
 
 
-class Fleet(Bodies):
+class Fleet(World):
     """N robots on their grounds. The same arguments give the same bits at any number of threads."""
 
-    STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction", "_traction")
+    STATE = ("_heading", "_radius", "_began", "_periods", "drive", "_ground", "sensed", "mean_traction")
 
     def __init__(
         self,
@@ -67,13 +68,20 @@ class Fleet(Bodies):
         valid = start.ndim == 2 and start.shape[1] == 3 and np.isfinite(start).all()
         require(valid, "start", start.tolist(), "N finite poses (x, y, phi)")
         grounds = one_each(ground or Ground(), len(start))
-        shears = shears or any(one.largest_shear > 0 for one in grounds)
-        super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads)
-        robot = self.robot
+        shears = shears or any(each.largest_shear > 0 for each in grounds)
+        robot = robot.with_single_contacts() if shears else robot
+        super().__init__(robot.model, len(start), threads)
+        self.robot = robot
+        self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
+        self._chassis = robot.model.body("chassis").id
+        self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]  # (N, 2), live: x axes of the chassis
+        self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
+        """Centres (N, 3) of the robots' plates one physics step ago [m], live."""
+        self._heading: Array = np.zeros(self.size)  # unwrapped
         self._split = robot.parameters.radius_split * np.array([-1.0, 1.0])
         self._radius = self._effective_radius(np.broadcast_to(radius_error, (self.size,)))
         drive = drive or robot.parameters.drive
-        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius, robot.mass)
+        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
         self.period = drive.period
         self._substeps = substeps(drive, robot)
 
@@ -82,16 +90,16 @@ class Fleet(Bodies):
         """Speed of each pad's surface, along its own axis (N, P) [m/s], live."""
         self._slanted = surface[:, robot.pads, 0]  # (N, P), live: the same across a tilted pad
         fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
-        laid = robot.pad_position, robot.patches, robot.patch_length
-        self.shear = Shear(*laid, self.size, drive.period, fastest) if shears else None
+        shape = robot.parameters
+        patches = (len(shape.axles), shape.patch_length) if shape.axles else (1, shape.contact_length)
+        self.shear = Shear(robot.pad_position, *patches, self.size, drive.period, fastest) if shears else None
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
         self._ground = FleetGround(self.batch, robot, grounds, self.shear)
         self.sensed: Array = np.zeros((self.size, robot.model.nsensordata))
         """Means (N, S) of the engine's sensors over the last `advance`."""
         self.mean_traction: Array = np.zeros((self.size, 2))
         """Mean longitudinal forces (N, 2) of the ground on the (left, right) tracks over the last `advance` [N]."""
-        self._traction: Array = np.zeros((self.size, 2))  # of the last servo period
-        self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
+        self._weight = np.full(self.size, robot.mass * float(np.linalg.norm(robot.model.opt.gravity)))  # (N,) [N]
         self.pull = pull or Pull()
         """Pull on all robots."""
         self._wrench = self.batch.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
@@ -103,6 +111,26 @@ class Fleet(Bodies):
     def time(self) -> float:
         """Time since the start [s]."""
         return self._periods * self.period
+
+    def pose(self) -> Array:
+        """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
+        pose = np.empty((self.size, 3))
+        pose[:, :2], pose[:, 2] = self.state.qpos[:, :2], self._heading
+        return pose
+
+    def twist(self) -> Array:
+        """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
+        twist = np.empty((self.size, 3))
+        twist[:, :2], twist[:, 2] = se2.rotate(-self._heading, self.state.qvel[:, :2]), self.state.qvel[:, 5]
+        return twist
+
+    def load(self) -> Array:
+        """Normal forces of the ground on the (left, right) tracks in the last physics step, (N, 2) [N]."""
+        return self._sensors[:, 2::3].copy()
+
+    def attitude(self) -> Array:
+        """Sinkage (positive downwards) [m], roll (to the right) and pitch (forwards) [rad] of the chassis, (N, 3)."""
+        return np.stack([-self.state.position[:, 2], self.state.roll, -self.state.pitch], axis=-1)
 
     @property
     def ground(self) -> tuple[Ground, ...]:
@@ -123,23 +151,18 @@ class Fleet(Bodies):
         self.drive.restart(rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting])
         self._began[rows] = self._periods
         self._drive(rows, 0.0)
-        self._balance(rows, np.array([s.weight for s in setting]))
+        mass, chassis = np.array([s.mass for s in setting]), self.robot.model.body("chassis")
+        self._drive(rows, 1.0)
+        if self._load(rows, chassis.id, mass, np.array([s.weight for s in setting])):
+            gravity = float(np.linalg.norm(self.robot.model.opt.gravity))
+            self._weight[rows] = gravity * (self.robot.mass + chassis.mass[0] * (mass - 1))
+        self._drive(rows, 0.0)
         self._ground.put([s.ground for s in setting], rows)
         self._begin(rows, start, -SINK, _RESETTLING)
 
     def _effective_radius(self, error: Array) -> Array:
         """Effective radii (R, 2) of the sprockets of robots with errors (R,) [m]."""
         return np.asarray(self.robot.geometry.sprocket_radius * (1 + error[:, None] + self._split))
-
-    def _balance(self, rows: np.ndarray, weight: Array) -> None:
-        """Shift the centres of mass by (R, 2), forward and to the left [m]."""
-        if self.batch.expanded("body_ipos") is None and not weight.any():
-            return
-        chassis = self.robot.model.body("chassis")
-        self.batch.expand("body_ipos")[rows, chassis.id, :2] = chassis.ipos[:2] + weight
-        self._drive(rows, 1.0)  # with belts at rest the engine would conclude that they never move
-        self.batch.set_const(ids=rows)
-        self._drive(rows, 0.0)
 
     def _drive(self, rows: Rows, belts: float | Array) -> None:
         """Set the speeds of the pads' surfaces, one or (R, P), of the robots `rows` (R,) [m/s]."""
@@ -162,10 +185,10 @@ class Fleet(Bodies):
         periods = round(duration / self.period)
         if abs(periods * self.period - duration) > 1e-9:
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
-        if periods > 1 and self.drive.drive.droop > 0:  # the next speeds depend on the torques
-            self._one_by_one(EVERYONE, periods, lambda: self.advance(self.period))
-            return
         if periods == 0:
+            return
+        if self.drive.drive.droop > 0:  # the next speeds depend on the torques
+            self._advance_within_limits(np.arange(self.size), self.drive, periods)
             return
         before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
         torque = self.drive.torque_for(forecast, self._run(EVERYONE, forecast.mean))
@@ -177,21 +200,8 @@ class Fleet(Bodies):
         self.drive.accept(forecast, torque)
         self._restore(weak, tuple(part[weak] for part in before))
         self._periods -= periods
-        self._one_by_one(weak, periods, lambda: self._advance_within_limits(weak, limited))
+        self._advance_within_limits(weak, limited, periods)
         self.drive.put(weak, limited)
-
-    def _one_by_one(self, rows: Rows, periods: int, advance: Callable[[], None]) -> None:
-        """Let `advance` the robots `rows` (R,) period by period, and keep the means of what was sensed."""
-        sensed, traction = np.zeros_like(self.sensed[rows]), np.zeros_like(self.mean_traction[rows])
-        for _ in range(periods):
-            advance()
-            sensed += self.sensed[rows]
-            traction += self.mean_traction[rows]
-        self.sensed[rows], self.mean_traction[rows] = sensed / periods, traction / periods
-
-    def traction(self) -> Array:
-        """Mean longitudinal forces of the ground on the tracks in the last servo period, (N, 2) [N]."""
-        return self._traction.copy()
 
     def launch(self, twist: ArrayLike) -> None:
         """Set the robots in motion with twists (N, 3) or (3,): forwards, to the left [m/s], yaw rate [rad/s].
@@ -200,7 +210,7 @@ class Fleet(Bodies):
         """
         twist = np.broadcast_to(np.asarray(twist, float), (self.size, 3))
         require(np.isfinite(twist).all(), "twist", twist.tolist(), "finite")
-        self._velocity[:, :2], self._velocity[:, 5] = se2.rotate(self._heading, twist[:, :2]), twist[:, 2]
+        self.state.qvel[:, :2], self.state.qvel[:, 5] = se2.rotate(self._heading, twist[:, :2]), twist[:, 2]
 
     def follow(self, omega: Array) -> None:
         """Turn the sprockets at mean speeds (P, N, 2) in the next P servo periods, whatever the torques [rad/s]."""
@@ -230,32 +240,35 @@ class Fleet(Bodies):
         sensed, forward = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
         sensed = np.add.reduce(sensed.reshape(len(sensed), len(mean), self._substeps, -1), axis=2).swapaxes(0, 1)
         forward = forward.swapaxes(0, 1)
-        self._follow_heading(rows, forward)
+        self._unwrap(rows, np.arctan2(forward[..., 1], forward[..., 0]))
         sensed /= self._substeps
         # grip builds up within a period, so that only the mean force gives the impulse
-        traction = along_robot(sensed[..., :6], forward)
+        traction = _along(sensed[..., :6], forward)
         self.sensed[rows], self.mean_traction[rows] = sensed.mean(axis=0), traction.mean(axis=0)
-        self._traction[rows] = traction[-1]
         return traction
 
-    def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:
-        """Simulate one period of the robots `rows` (R,), whose motors may be too weak to follow the servos.
+    def _advance_within_limits(self, rows: np.ndarray, drive: DriveState, periods: int) -> None:
+        """Simulate some periods of the robots `rows` (R,), whose motors may be too weak to follow the servos.
 
-        The sprocket of such a motor ends the period at a speed for which the torque is just sufficient. How the ground
+        The sprocket of such a motor ends a period at a speed for which the torque is just sufficient. How the ground
         responds to a speed is found by trial.
         """
-        before, began = self._snapshot(rows), self._periods
+        gravity, sensed = float(np.linalg.norm(self.robot.model.opt.gravity)), []
+        for _ in range(periods):
+            before, began = self._snapshot(rows), self._periods
 
-        def run(which: np.ndarray, omega: Array) -> Array:
-            self._restore(rows[which], tuple(part[which] for part in before))
-            self._periods = began
-            return self._run(rows[which], omega[None])[0]
+            def run(which: np.ndarray, omega: Array) -> Array:
+                self._restore(rows[which], tuple(part[which] for part in before))  # noqa: B023
+                self._periods = began  # noqa: B023
+                return self._run(rows[which], omega[None])[0]
 
-        advance_within_limits(drive, self.robot.mass, float(np.linalg.norm(self.robot.model.opt.gravity)), run)
+            advance_within_limits(drive, self.robot.mass, gravity, run)
+            sensed.append((self.sensed[rows], self.mean_traction[rows]))
+        self.sensed[rows], self.mean_traction[rows] = (np.mean(each, axis=0) for each in zip(*sensed, strict=True))
 
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
-        return self._ground.mean_friction.copy()
+        return self._ground.friction.mean(axis=1)
 
     def _ran(self) -> Array:
         """Time (N,) since the start of each robot's run [s]."""
@@ -263,7 +276,7 @@ class Fleet(Bodies):
 
     def _lay_friction(self, rows: Rows) -> None:
         """Update the friction of every pad of the robots `rows` (R,) for its current place and time."""
-        self._ground.lay(rows, self._ran(), self._place[:, :2], self._wrapped_heading())
+        self._ground.lay(rows, self._ran(), self.state.qpos[:, :2], self.state.heading)
 
     def _lay_ground(self, rows: np.ndarray) -> None:
         """Tilt the gravity of the robots `rows` (R,) as their grounds slope, and set the friction of their pads."""
@@ -272,7 +285,7 @@ class Fleet(Bodies):
 
     def _tow(self, rows: Rows) -> None:
         """Apply the pull to the robots `rows` (R,), along their headings in the middle of the next period."""
-        heading = self._wrapped_heading()[rows] + self._velocity[rows, 5] * self.period / 2
+        heading = self.state.heading[rows] + self.state.qvel[rows, 5] * self.period / 2
         centre, force = self._ground.centre_of_mass(rows), self._pulled(rows)
         cos, sin = np.cos(heading), np.sin(heading)
         pitch, yaw = force * (centre[..., 2] - self.pull.height), -force * centre[..., 1]
@@ -284,12 +297,26 @@ class Fleet(Bodies):
         return np.where(self._ran()[rows] >= self.pull.since - 1e-9, self.pull.force, 0.0)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
-        bodies = super()._snapshot(rows)
-        return bodies if self.shear is None else (*bodies, *self._ground.snapshot(rows))
+        return self.batch.state[rows].copy(), self._heading[rows].copy(), *self._ground.snapshot(rows)
 
     def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
-        super()._restore(rows, snapshot[:2])
+        self.batch.state[rows], self._heading[rows] = snapshot[:2]
         self._ground.restore(rows, snapshot[2:])
+
+    def _unwrap(self, rows: Rows, passed: Array) -> None:
+        """Follow the headings of the robots `rows` (R,), which had `passed` those of (P, R) since the last call."""
+        heading = self.state.heading[rows]
+        headings = np.concatenate([self._heading[None, rows], passed, heading[None]])
+        self._heading[rows] = heading + _TURN * np.add.reduce(np.rint((headings[:-1] - headings[1:]) / _TURN))
+
+    def _placed(self, rows: Rows) -> Array:
+        """Positions of the robots `rows` (R,), (4, R): x, y [m], cosine and sine of the heading."""
+        w, x, y, z = self.state.quaternion.T
+        place = np.empty((4, self.size))
+        place[:2] = self.state.qpos[:, :2].T
+        place[2] = 1 - 2 * (y * y + z * z)  # but for the lean, whose square is too small to matter
+        place[3] = 2 * (w * z + x * y)
+        return place[:, rows]
 
     def _begin(self, rows: np.ndarray, start: Array, height: float, settling: float) -> None:
         """Put the robots `rows` (R,) at rest at poses `start` (R, 3).
@@ -298,30 +325,44 @@ class Fleet(Bodies):
         be held there.
         """
         self._place_at(rows, start, height)
-        self._heading[rows] = start[:, 2]
         self._lay_ground(rows)
         grounds, heading = [self.ground[k] for k in rows], start[:, 2]
         held = self.drive.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows].mean(axis=1)
-        require_held(grounds, self.friction()[rows], heading, self.pull, self._weight, held)
+        require_held(grounds, self.friction()[rows], heading, self.pull, self._weight[rows], held)
         self._ground.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(settling / self.robot.model.opt.timestep))
-        speed, lean = np.hypot(*self._velocity[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
+        speed, lean = np.hypot(*self.state.qvel[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
         require_at_rest(grounds, heading, speed, lean, self.pull)
         self.sensed[rows] = self.batch.bind("sensordata")[rows]
-        self._traction[rows] = self.mean_traction[rows] = along_robot(self._sensors[rows], self._forward[rows])
+        self.mean_traction[rows] = _along(self._sensors[rows], self._forward[rows])
         self._put_back(rows, start)
         self._ground.hold(rows, heading, self._towed(rows), self.pull.height)
 
+    def _put_back(self, rows: np.ndarray, start: Array) -> None:
+        """Undo the micrometre by which the robots `rows` (R,) drifted from poses (R, 3) while settling."""
+        qpos, half_turn = self.state.qpos, (start[:, 2] - self.state.heading[rows]) / 2
+        qpos[rows, :2] = start[:, :2]
+        cos, sin = np.cos(half_turn), np.sin(half_turn)
+        w, x, y, z = qpos[rows, 3:7].T
+        qpos[rows, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
+        self.state.qvel[rows], self.batch.time[rows], self._heading[rows] = 0.0, 0.0, start[:, 2]
+
     def _towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
-        return self._pulled(rows) / (self._weight * np.cos(self._ground.slope[rows]))
+        return self._pulled(rows) / (self._weight[rows] * np.cos(self._ground.slope[rows]))
 
     def needed_traction(self) -> Array:
         """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""
         direction, steepness = self._ground.uphill - self.pose()[:, 2], np.tan(self._ground.slope)
         along = steepness * np.cos(direction) + self._towed(np.arange(self.size))
         return np.stack([along, steepness * np.sin(direction)], axis=-1)
+
+
+def _along(forces: Array, forward: Array) -> Array:
+    """Components (..., 2) along `forward` (..., 2) of the forces (..., 6) on the left and the right track."""
+    x, y = forces[..., 0::3], forces[..., 1::3]
+    return x * forward[..., :1] + y * forward[..., 1:]
 
 
 @dataclass(frozen=True)
@@ -338,3 +379,5 @@ class Setting:
     """Time constant of the servos; None for the drive's own [s]."""
     weight: tuple[float, float] = (0.0, 0.0)
     """Offset of the centre of mass from the model's, forward and to the left [m]."""
+    mass: float = 1.0
+    """Factor on the mass and the inertia of the chassis [-]."""

@@ -8,20 +8,73 @@ from typing import Any
 
 import numpy as np
 from mujoco import batch
+from numpy.typing import ArrayLike
 
-from sim.bodies import Rows
 from sim.drive.pull import Pull
 from sim.ground.ground import Ground
-from sim.ground.pad_friction import PadFriction
 from sim.ground.shear import Shear
 from sim.restorable import Restorable
 from sim.robot.robot import Robot
+from trackslip import se2
 from trackslip.errors import require
 from trackslip.kinematics import Array
 
+Rows = np.ndarray | slice
+"""Indices of robots, or a slice of them."""
+EVERYONE = slice(None)
+"""All robots."""
 _LIGHTEST = 0.05  # load of a point that is still accounted for, over the mean
 _AT_REST = 0.005  # a robot slower than this is at rest; creep is a hundred times slower [m/s]
 _UPRIGHT = 0.1  # a robot with less roll and pitch than this stands on its tracks [rad]
+
+
+class PadFriction:
+    """Friction and shear modulus of N robots' grounds under their P pads."""
+
+    def __init__(self, grounds: Sequence[Ground], pads: Array) -> None:
+        """`grounds`: one for each robot; `pads`: positions (P, 2) of the pads on the robot [m]."""
+        self._pads = pads
+        n, changes, patches = len(grounds), max(len(g.changes) for g in grounds), max(len(g.patches) for g in grounds)
+        self.varies = changes > 0 or patches > 0
+        """True if the ground depends on place or time at all."""
+        self._time = np.full((n, changes), np.inf)  # ascending [s]
+        self._base = np.zeros((n, changes + 1, 3))  # along, across, shear
+        self._corners = np.full((n, patches, 2, 2), np.nan)  # minimum, maximum; x, y [m]
+        self._patch = np.zeros((n, patches, 3))
+        patched = {key: _patches(ground) for key, ground in {id(g): g for g in grounds}.items()}  # each ground once
+        for i, ground in enumerate(grounds):
+            self._base[i] = ground.along, ground.across, ground.shear
+            for j, change in enumerate(ground.changes):
+                self._time[i, j] = change.time
+                shear = self._base[i, j, 2] if change.shear is None else change.shear
+                self._base[i, j + 1 :] = change.along, change.across, shear
+            self._corners[i, : len(ground.patches)], self._patch[i, : len(ground.patches)] = patched[id(ground)]
+
+    def surface(self, time: ArrayLike, position: Array, heading: Array) -> Array:
+        """Friction along and across the tracks [-] and shear modulus [m], (N, P, 3).
+
+        `time` since the start of the runs is one or (N,) [s]. The robots have positions (N, 2) [m] and headings (N,)
+        [rad].
+        """
+        n = len(position)
+        passed = (self._time <= np.reshape(time, (-1, 1)) + 1e-9).sum(axis=1)
+        friction = np.repeat(self._base[np.arange(n), passed][:, None], len(self._pads), axis=1)
+        if self._patch.shape[1] == 0:
+            return friction
+        place = position[:, None] + se2.rotate(heading[:, None], self._pads)  # (N, P, 2)
+        low, high = np.moveaxis(self._corners[:, None], 3, 0)  # (N, 1, M, 2) each
+        inside = ((place[:, :, None] >= low) & (place[:, :, None] < high)).all(axis=-1)  # (N, P, M)
+        last = inside.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=-1)  # of overlapping patches
+        on_patch = np.take_along_axis(self._patch, last[..., None], axis=1)
+        on_patch[..., 2] = np.where(np.isnan(on_patch[..., 2]), friction[..., 2], on_patch[..., 2])
+        return np.where(inside.any(axis=-1)[..., None], on_patch, friction)
+
+
+def _patches(ground: Ground) -> tuple[Array, Array]:
+    """Corners (K, 2, 2) [m] and surface (K, 3) of a ground's patches; shear is NaN where it is the ground's."""
+    corners = np.array([(patch.x, patch.y) for patch in ground.patches]).reshape(-1, 2, 2)
+    surface = [(p.along, p.across, np.nan if p.shear is None else p.shear) for p in ground.patches]
+    return corners.swapaxes(1, 2), np.array(surface).reshape(-1, 3)
 
 
 def one_each(ground: Ground | Sequence[Ground], size: int) -> list[Ground]:
@@ -41,7 +94,6 @@ class FleetGround(Restorable):
         self._batch, self._robot, self._shear = of, robot, shear
         self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
         self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # as PadFriction.surface
-        self._mean_friction: Array | None = None  # (N, 2), once asked for
         self.grounds = tuple(grounds)
         """Ground of each robot."""
         self.put(grounds)
@@ -52,13 +104,6 @@ class FleetGround(Restorable):
         return self._surface[..., :2]
 
     @property
-    def mean_friction(self) -> Array:
-        """Friction averaged over the pads, (N, 2) [-]."""
-        if self._mean_friction is None:
-            self._mean_friction = np.add.reduce(self.friction, axis=1) / self.friction.shape[1]
-        return self._mean_friction
-
-    @property
     def varies(self) -> bool:
         """True if the ground depends on place or time."""
         return self._ground.varies
@@ -66,7 +111,6 @@ class FleetGround(Restorable):
     def set_state(self, state: Mapping[str, Any]) -> None:
         """See Restorable."""
         super().set_state(state)
-        self._mean_friction = None
         self.put(self.grounds)
 
     def put(self, grounds: Sequence[Ground], rows: np.ndarray | None = None) -> None:
@@ -96,7 +140,6 @@ class FleetGround(Restorable):
 
         All N robots are at positions (N, 2) [m] with headings (N,) [rad] at times (N,) since the start of their runs.
         """
-        self._mean_friction = None
         self._surface[rows] = self._ground.surface(time, position, heading)[rows]
         self._share(rows)
 
@@ -155,21 +198,22 @@ class FleetGround(Restorable):
 
 
 def require_held(
-    grounds: Sequence[Ground], friction: Array, heading: Array, pull: Pull, weight: float, motors: Array
+    grounds: Sequence[Ground], friction: Array, heading: Array, pull: Pull, weight: Array, motors: Array
 ) -> None:
     """Raise InvalidValueError if one of R robots would slide down or be dragged backwards from rest.
 
     They are on `grounds` (R,), with `friction` (R, 2) along and across the tracks where they stand, and with headings
-    (R,) [rad]. Each has a `weight` [N], and its `motors` (R,) hold both tracks together against a force [N].
+    (R,) [rad]. Each has a `weight` (R,) [N], and its `motors` (R,) hold both tracks together against a force [N].
     """
-    for ground, (along, across), phi, force in zip(grounds, friction, heading.tolist(), motors.tolist(), strict=True):
+    robots = zip(grounds, friction, heading.tolist(), weight.tolist(), motors.tolist(), strict=True)
+    for ground, (along, across), phi, weighs, force in robots:
         ground.require_parking((along, across), phi)
         if pull.force == 0:
             continue
-        normal, uphill = weight * math.cos(ground.slope), ground.uphill - phi
+        normal, uphill = weighs * math.cos(ground.slope), ground.uphill - phi
         sideways = math.tan(ground.slope) * math.sin(uphill) / across
         held = min(float(along) * normal * math.sqrt(1 - sideways**2), force)
-        most = held - weight * math.sin(ground.slope) * math.cos(uphill)
+        most = held - weighs * math.sin(ground.slope) * math.cos(uphill)
         allowed = f"less than {most:.4g} N, not to drag the robot backwards from rest"
         require(pull.force < most, "pull", pull.force, allowed)
 

@@ -103,7 +103,7 @@ def replay(
     motion = Replayer(logs, inputs).run(parameters, ground, threads)
     about = {"geometry": vars(parameters.geometry), "replay": {"inputs": inputs, "clock": clock}}
     placed = sensor or Mounting()
-    return [replayed_log(motion, k, one, placed, clock, about) for k, one in enumerate(logs)]
+    return [replayed_log(motion, k, log, placed, clock, about) for k, log in enumerate(logs)]
 
 
 def replayed_log(motion: Replay, k: int, log: RunLog, sensor: Mounting, clock: float, about: dict[str, Any]) -> RunLog:

@@ -8,9 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sim.fleet import Fleet
-from sim.localization import Localization, ScanBlocks, ScanByScan
 from sim.pilot import Pilot
-from sim.pose_source import ScannedPose, TruePose
+from sim.pose_source import Localization, ScanBlocks, ScanByScan, ScannedPose, TruePose
 from sim.run_recorder import Description, RunRecorder
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner

@@ -1,4 +1,4 @@
-"""Sources of the estimated poses of a fleet: the truth, the truth with noise, or the scanner."""
+"""Estimated poses of a fleet: the truth, the truth with noise, or the scanner, row by row or in blocks of scans."""
 
 from __future__ import annotations
 
@@ -9,12 +9,19 @@ from numpy.typing import NDArray
 
 from sim.fleet import Fleet
 from sim.restorable import Restorable
+from sim.run_recorder import RunRecorder
 from sim.scanner.feed import ScannerFeed
+from sim.stopwatch import Stopwatch
 from trackslip.kinematics import Array
 from trackslip.localization.base import Locator, PoseEstimate
+from trackslip.localization.follower import EVERY, Follower
 from trackslip.localization.pose_tracker import Tracker
+from trackslip.localization.scan import Cluster, extract_plate
+from trackslip.logs.runlog import RunLog, ScanLog
 
 Index = NDArray[np.int_]
+
+_AT_ONCE, _MOST_AT_ONCE = 2500, 400  # scans in a block: of all robots, and of each
 
 
 class TruePose(Restorable):
@@ -98,3 +105,95 @@ class ScannedPose(TruePose):
         if self.feed.kept:
             self.scans.append(ranges.astype(np.float32))
         return ranges
+
+
+class Localization:
+    """Estimated poses in every row of a record, as closed loops need them."""
+
+    def __init__(self, record: RunRecorder, source: TruePose) -> None:
+        self._record, self._source = record, source
+
+    def estimate(self, k: int) -> None:
+        """Estimate the poses in row k."""
+        record = self._record
+        duration = record.period if k > 0 else 0.0
+        record.estimate(k, self._source.estimate(k, record.omega[k], record.fleet.pose(), duration))
+
+    def logs(self, failure: str | None = None) -> list[RunLog]:
+        """A log per run of the complete rows; `failure` says why the runs stopped early."""
+        return self._record.logs(failure=failure)
+
+
+class ScanByScan(Localization):
+    """The same by scans, of which logs have all ranges and the plate's part if all are kept."""
+
+    def __init__(self, record: RunRecorder, source: ScannedPose) -> None:
+        super().__init__(record, source)
+        self._scanned = source
+
+    def logs(self, failure: str | None = None) -> list[RunLog]:
+        """See Localization."""
+        record, plates = self._record, []
+        if not self._scanned.scans or not record.complete:
+            return super().logs(failure)
+        for robot in range(record.fleet.size):
+            scan = self._scanned.feed.scan(self._full(robot).astype(float))
+            at_estimates = scan.from_world(record.pose[: record.complete, robot])
+            plates.append(extract_plate(scan, record.fleet.robot.plate, at_estimates))
+        return self._with_plates(plates, failure)
+
+    def _with_plates(self, plates: Sequence[Cluster], failure: str | None) -> list[RunLog]:
+        """The logs with the part of each robot's scans that was taken for its plate."""
+        empty = self._scanned.feed.scan(np.empty((0, len(self._scanned.feed.bearings))))
+        full = [self._full(robot) if self._scanned.scans else None for robot in range(len(plates))]
+        plate = self._record.fleet.robot.plate
+        return self._record.logs([ScanLog(empty, plate, *own) for own in zip(plates, full, strict=True)], failure)
+
+    def _full(self, robot: int) -> np.ndarray:
+        """All ranges (T, B) of the complete rows of a robot [m]."""
+        return np.stack([ranges[robot] for ranges in self._scanned.scans[: self._record.complete]])
+
+
+class ScanBlocks(ScanByScan):
+    """Localization of scans in blocks, which is faster, for open loops."""
+
+    def __init__(self, record: RunRecorder, source: ScannedPose, locator: Locator, watch: Stopwatch) -> None:
+        """`watch` gets the times of the stages "scans" and "localization"."""
+        super().__init__(record, source)
+        self._watch, self._follower = watch, Follower(locator, source.tracker)
+        size = record.fleet.size
+        self._block = min(max(1, _AT_ONCE // size), _MOST_AT_ONCE)
+        self._ranges = np.empty((size, self._block + EVERY, len(source.feed.bearings)))  # the first `_waiting` wait
+        self._waiting = 0
+        self._located = 0  # rows of the record
+        self._clusters: list[list[Cluster]] = [[] for _ in range(size)]
+
+    def estimate(self, k: int) -> None:
+        """Take the scans of row k, and localize the pending ones once they fill a block."""
+        with self._watch.stage("scans"):
+            self._ranges[:, self._waiting] = self._scanned.scan()
+        self._waiting += 1
+        if self._waiting >= self._block and k % EVERY == 0:
+            self._locate()
+
+    def logs(self, failure: str | None = None) -> list[RunLog]:
+        """See Localization; with the plate in the scans."""
+        if self._waiting:
+            self._locate()
+        if not self._record.complete:
+            return []
+        return self._with_plates([Cluster.joined(parts) for parts in self._clusters], failure)
+
+    def _locate(self) -> None:
+        """Localize the pending scans."""
+        record, feed, n = self._record, self._scanned.feed, self._waiting
+        rows, ranges = slice(self._located, self._located + n), self._ranges[:, :n]
+        with self._watch.stage("localization"):
+            angle = record.omega[rows].swapaxes(0, 1) * feed.period
+            record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
+            scan = feed.scan(ranges.reshape(-1, ranges.shape[-1]))
+            pose = scan.from_world(record.pose[rows].swapaxes(0, 1).reshape(-1, 3))
+            cluster = extract_plate(scan, record.fleet.robot.plate, pose)
+            for k, parts in enumerate(self._clusters):
+                parts.append(cluster.take(np.arange(k * n, (k + 1) * n)))
+        self._located, self._waiting = rows.stop, 0

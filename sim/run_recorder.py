@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from sim.bodies import Moments
 from sim.contact_forces import pad_forces
 from sim.fleet import Fleet
+from sim.world import States
 from trackslip.errors import RunFailedError as RunFailedError
 from trackslip.errors import require
 from trackslip.kinematics import Array
@@ -71,18 +71,18 @@ class RunRecorder:
         self._angle = angle
         if self._loads:
             self.load[k] = fleet.needed_traction()
-        row = {"traction": fleet.mean_traction, "torque": drive.torque}
+        row = {"qpos": fleet.state.qpos, "qvel": fleet.state.qvel, "pose": fleet.pose()}  # twists follow from these
+        row |= {"traction": fleet.mean_traction, "torque": drive.torque}
         row |= {"energy": drive.energy, "saturated_time": drive.saturated_time}
         if self._in_detail:
             row["contact"] = pad_forces(fleet).astype(np.float32)
         if self._in_detail and fleet.shear is not None:
             row["shear"] = np.linalg.norm(fleet.shear.displacement, axis=-1).astype(np.float32)
-        row = vars(fleet.now) | row  # what follows from these is computed for all rows at once
         self._truth.append({name: values.copy() for name, values in row.items()})
 
     def _require_upright(self, k: int) -> None:
         """Raise RunFailedError if a robot has tipped over in row k."""
-        upright = self.fleet.upright() > _UPRIGHT
+        upright = self.fleet.state.upright > _UPRIGHT
         if not upright.all():
             fallen = int(np.flatnonzero(~upright)[0])
             raise RunFailedError(f"run {self.name(fallen)!r}: the robot tips over after {self.time[k]:g} s")
@@ -140,8 +140,8 @@ class RunRecorder:
             return []
         rows = self._truth[: self.complete]
         truth = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
-        moments = Moments(*(truth.pop(name) for name in ("place", "velocity", "heading")))
-        truth |= {"pose": moments.pose(), "twist": moments.twist(), "lean": moments.lean(self.fleet.robot.lrf_height)}
+        states = States(truth.pop("qpos"), truth.pop("qvel"))
+        truth |= {"twist": states.twist, "lean": states.lean(self.fleet.robot.lrf_height)}
         for mean, total in (("power", "energy"), ("saturated", "saturated_time")):  # since the row before
             sums = truth.pop(total)
             truth[mean] = np.diff(sums, axis=0, prepend=sums[:1]) / self.period

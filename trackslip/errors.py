@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import field, fields
 from numbers import Integral, Real
 from pathlib import PurePath
 from typing import Any
@@ -78,16 +79,18 @@ def require(allowed: object, field: str, value: object, what: str) -> None:
         raise InvalidValueError(field, value, what)
 
 
-def require_positive(field: str, value: float) -> None:
-    """Raise InvalidValueError unless `value` is finite and greater than zero."""
+def require_positive(field: str, value: float, most: float = float("inf"), unit: str = "") -> None:
+    """Raise InvalidValueError unless `value` is finite, greater than zero and at most `most`."""
     if not _true(lambda: value > 0.0 and _finite(value)):
         raise InvalidValueError(field, value, "a finite number > 0")
+    require_at_most(field, value, most, unit)
 
 
-def require_non_negative(field: str, value: float) -> None:
-    """Raise InvalidValueError unless `value` is finite and at least zero."""
+def require_non_negative(field: str, value: float, most: float = float("inf"), unit: str = "") -> None:
+    """Raise InvalidValueError unless `value` is finite, at least zero and at most `most`."""
     if not _true(lambda: value >= 0.0 and _finite(value)):
         raise InvalidValueError(field, value, "a finite number >= 0")
+    require_at_most(field, value, most, unit)
 
 
 def require_at_most(field: str, value: float, limit: float, unit: str = "") -> None:
@@ -120,6 +123,21 @@ def require_whole(field: str, value: Any, low: int, high: float = float("inf")) 
     whole = isinstance(value, Integral) and not isinstance(value, bool)
     allowed = f"from {low} to {high}" if high < float("inf") else f">= {low}"
     require(whole and low <= value <= high, field, value, f"a whole number {allowed}")
+
+
+def checked(default: Any, require: Callable[..., None], *limits: Any, **metadata: Any) -> Any:
+    """A field of a Checked dataclass, whose values pass `require(name, value, *limits)`."""
+    return field(default=default, metadata={"check": (require, limits), **metadata})
+
+
+class Checked:
+    """Base of dataclasses with `checked` fields; more is checked in a `__post_init__` that calls this one."""
+
+    def __post_init__(self) -> None:
+        for each in fields(self):  # type: ignore[arg-type]
+            require, limits = each.metadata.get("check", (None, ()))
+            if require:
+                require(each.name, getattr(self, each.name), *limits)
 
 
 def _finite(value: Any) -> bool:

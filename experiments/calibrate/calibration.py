@@ -15,7 +15,7 @@ from experiments.common.table import Table, number
 from experiments.simulate.options import GroundOptions
 from sim.calibration.calibration import Calibration, Estimate, calibrate
 from sim.calibration.candidate import OF_DRIVE, Candidate
-from sim.calibration.targets import Drives, SteadyRows, Target, TurnTable
+from sim.calibration.targets import Drives, PublishedTurns, SteadyRows, Target
 from sim.ground.named import load_ground
 from sim.robot.named import load_parameters
 from trackslip.errors import InvalidValueError, LogError
@@ -59,7 +59,7 @@ def first_candidate(
 def read_target(name: str, config: Config, base: Candidate) -> Target:
     """The published target, or that in a file, the base's geometry being used for a log without; raises LogError."""
     if name == "published":
-        return TurnTable.published(config.threads)
+        return PublishedTurns(config.threads)
     reading = ReadOptions(gear=config.gear, bag=config.bag.choice())
     source = read_log_of(Path(name), reading, base.geometry)
     simulated = bool(source.logs) and all("plate" in log.metadata for log in source.logs)

@@ -10,8 +10,8 @@ from sim.robot.tracked import TrackedRobot
 from sim.terrain import Course
 from sim.traverse.contact import TrackContact
 from sim.traverse.outcome import Outcome
-from sim.traverse.states import States
 from sim.traverse.world import Command, Traverse
+from sim.world import States
 from trackslip.kinematics import Array
 
 Driver = Callable[[Traverse], Command | None]
@@ -33,6 +33,7 @@ class DrivenCourse:
     """Outcome: reached, tipped, stuck, fell, exploded, time, or stopped."""
     time: Array  # (R,) since the start [s]
     state: States  # (R, ...)
+    angles: Array  # (R, F) of the flippers, tips up [rad]
     command: Command  # (R, ...)
     contact: TrackContact  # (R, T) since the previous row
 
@@ -83,7 +84,8 @@ def drive_course(
         tracks=tuple(world.track_names),
         outcome=STOPPED if outcome == Outcome.DRIVING else outcome.label,
         time=time,
-        state=States(world.tracked, qpos, qvel),
+        state=States(qpos, qvel, world.tracked.free),
+        angles=world.tracked.flipper_angles(qpos),
         command=Command(speed, flippers),
         contact=TrackContact(*contact),
     )

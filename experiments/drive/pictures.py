@@ -9,8 +9,8 @@ from matplotlib.image import imsave
 
 from experiments.drive.course import DrivenCourse
 from sim.opengl import Pictures, place
+from sim.robot.looks import TrackedView
 from sim.robot.tracked_model import TrackedModel
-from sim.robot.tracked_view import TrackedView
 
 _SIZE = 960, 540  # width and height
 

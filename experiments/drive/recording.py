@@ -11,8 +11,8 @@ from experiments.drive.course import DrivenCourse
 from experiments.recorder.model import drawn, send_geoms, send_paving, send_robot
 from experiments.recorder.plots import LEFT, RIGHT, Panel, send_layout
 from experiments.recorder.stream import CAMERA, FIELD, RUN, Recording, Series, paint, write_recording
+from sim.robot.looks import track_looks
 from sim.robot.tracked_model import TrackedModel
-from sim.robot.tracked_view import track_looks
 from sim.traverse.contact import ContactPoints
 
 _EVERY = 2  # one row in so many is drawn
@@ -67,7 +67,7 @@ def _send_plots(recording: Recording, run: DrivenCourse) -> list[Panel]:
         ("Traction [N]", "contact/traction", contact.traction, run.tracks, forces),
         ("Penetration [mm]", "contact/depth", 1e3 * contact.depth, run.tracks, forces),
         ("Attitude and slope [deg]", "attitude/chassis", run.attitude, ("pitch", "roll", "slope"), attitude),
-        ("Flippers [deg]", "attitude/flippers", np.degrees(run.state.flippers), run.flippers, attitude),
+        ("Flippers [deg]", "attitude/flippers", np.degrees(run.angles), run.flippers, attitude),
         ("Belts [m/s]", "belts/mean", contact.belt, run.tracks, attitude),
     )
     for _, entity, values, names, _ in plots:

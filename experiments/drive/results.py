@@ -86,6 +86,6 @@ def _columns(run: DrivenCourse, radius: float) -> list[tuple[str, Sequence[str],
         ("load_", run.tracks, "N", "mean normal force", contact.load),
         ("depth_", run.tracks, "m", "largest penetration since the previous row", contact.depth),
         ("work_", run.tracks, "J", "work of the belt against the ground since the previous row", contact.work),
-        ("angle_", run.flippers, "rad", "angle of the flipper, tip up", state.flippers),
+        ("angle_", run.flippers, "rad", "angle of the flipper, tip up", run.angles),
         ("angle_cmd_", run.flippers, "rad", "angle asked of the flipper, tip up", run.command.flippers),
     ]

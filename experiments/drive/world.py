@@ -10,7 +10,7 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
-from sim.drive.belt_motors import BeltMotors
+from sim.robot.belt_motors import BeltMotors
 from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.task import from_options
@@ -22,7 +22,7 @@ from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import CrossingPolicy
 from sim.traverse.reflex import Reflex
-from sim.traverse.states import Servos
+from sim.traverse.servos import Servos
 from sim.traverse.task import Actions
 from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit
@@ -132,12 +132,8 @@ def about_world(world: Traverse) -> dict[str, Any]:
     return {
         "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},
         "robot": {**plain(robot), "model": robot.model.name, "packages": [each.name for each in robot.packages]},
-        "course": {
-            "friction": course.friction,
-            "seed": course.seed,
-            "goal": float(world.goal[0]),
-            "width": course.width,
-        },
+        "course": {name: getattr(course, name) for name in ("friction", "seed", "width")}
+        | {"goal": float(world.goal[0])},
         "seed": course.seed,
         "mass": float(tracked.model.body_subtreemass[tracked.body]),
     }

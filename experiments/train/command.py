@@ -13,7 +13,6 @@ from sim.traverse.policy import CrossingPolicy
 
 def run(config: Config) -> None:
     """Train, store the policy, draw its curve, and print the reward before and after."""
-    rates = []
     with Run(replace(config, overwrite=config.overwrite or config.resume)) as run:
         with run.busy("loading PyTorch"):
             task = learning_task(config)
@@ -27,8 +26,8 @@ def run(config: Config) -> None:
         policy = task.policy(network_of(model))
         policy.save(run.folder / POLICY)
         write_onnx(run.folder / ONNX, policy, task.env.observed, task.env.commanded)
-        if isinstance(policy, CrossingPolicy):
-            rates = crossing_rates(policy, config.difficulty, config.trials, config.seed, config.threads)
+        options = config.difficulty, config.trials, config.seed, config.threads
+        rates = crossing_rates(policy, *options) if isinstance(policy, CrossingPolicy) else []
         run.write({"steps": model.num_timesteps, "curve": curve, "rates": rates}, seed=config.seed)
         learning_curve(curve).savefig(run.folder / "curve.png", dpi=160)
     for point in (curve[0], curve[-1]):

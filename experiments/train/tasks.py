@@ -14,7 +14,9 @@ from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS, CrossingPolicy
 
 _START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)  # ranges [m], [rad]
-_REWARD = TrackingReward(weight_position=0.8, weight_heading=0.2, weight_change=30.0, position_scale=0.02, heading_scale=0.2)
+_REWARD = TrackingReward(
+    weight_position=0.8, weight_heading=0.2, weight_change=30.0, position_scale=0.02, heading_scale=0.2
+)
 _HARD = ("step up", "stairs up", "beams")  # obstacles that the scripted controller does not always cross
 _LIMITS = Limits(time=20.0, stuck_time=3.0)  # training should not spend its time on robots that are stuck
 

@@ -96,8 +96,8 @@ def twist(of: Array, covariance: Array | None = None) -> Fields:
 def transforms(name: str, stamps: Stamps, frames: tuple[str, str], of: Array, latched: bool = False) -> Publication:
     """A topic of tf2_msgs/TFMessage with one transform each: the pose of the second of `frames` in the first."""
     moved = {"translation": {"x": of[:, 0], "y": of[:, 1]}, "rotation": _quaternion(of[:, 2])}
-    one = {"header": header(stamps, frames[0]), "child_frame_id": frames[1], "transform": moved}
-    return Publication(name, "tf2_msgs/msg/TFMessage", stamps, {"transforms": one}, latched)
+    moved_frame = {"header": header(stamps, frames[0]), "child_frame_id": frames[1], "transform": moved}
+    return Publication(name, "tf2_msgs/msg/TFMessage", stamps, {"transforms": moved_frame}, latched)
 
 
 def _quaternion(heading: Array) -> Fields:

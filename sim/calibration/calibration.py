@@ -69,13 +69,6 @@ class Calibration:
     """Their errors in the folds that they were not fitted to."""
     held_out_before: dict[str, float] | None = None
     """Errors of the base candidate in the same folds."""
-    ends: tuple[tuple[Candidate, float], ...] = ()
-    """Optimum found from each start, with its cost; the best first."""
-
-
-def random_starts(free: Sequence[str], count: int, generator: np.random.Generator) -> Array:
-    """Further starts (count, p), in standard deviations of the priors."""
-    return generator.uniform(-1.5, 1.5, (count, len(free)))
 
 
 def calibrate(
@@ -83,7 +76,6 @@ def calibrate(
     base: Candidate,
     free: Sequence[str],
     folds: np.ndarray | None = None,
-    further: Array | None = None,
     progress: Progress = lambda fits: None,
 ) -> Calibration:
     """Fit parameters of a candidate to a target.
@@ -94,27 +86,23 @@ def calibrate(
 
     Args:
         target: what the robot did.
-        base: the first start, and the values of the other parameters.
+        base: the start, and the values of the other parameters.
         free: names of the parameters to fit, of `PARAMETERS`.
         folds: label (n,) of the fold of each error of the target, which a candidate fitted to the others predicts.
             Those with negative labels are never predicted.
-        further: more starts (S, p), see `random_starts`.
-        progress: called with 1 after each start, and after each fold.
+        progress: called with 1 after the fit, and after each fold.
 
     Raises:
         InvalidValueError: for names that are unknown, given twice or say the same, and too many for the target.
     """
     problem = _Problem(target, base, _checked(free, target))
-    held, ends = dict[str, str](), []
-    for start in (problem.first, *(() if further is None else further)):
-        ends.append(problem.minimum(np.clip(start, problem.low, problem.high), held))
-        progress(1)
-    ends.sort(key=lambda end: end.cost)
-    best = ends[0]
+    held = dict[str, str]()
+    best = problem.minimum(problem.first, held)
+    progress(1)
     while (vague := problem.vaguest(best, held)) is not None:
         held[vague[0]] = vague[1]
         best = problem.minimum(np.where([name in held for name in problem.names], 0.0, best.scaled), held)
-    fit = problem.described(best, held, ends)
+    fit = problem.described(best, held)
     return fit if folds is None else _with_folds(fit, problem, best, held, folds, progress)
 
 
@@ -208,10 +196,7 @@ class _Problem:
         return share * np.stack([-(_CAUCHY**2) * np.log(fall), fall, -(fall**2) / _CAUCHY**2])
 
     def cost(self, scaled: Array, free: np.ndarray) -> tuple[float, Array]:
-        """Minus the logarithm of the likelihood, up to a constant, and the standard deviations (kinds,) of the errors.
-
-        These count, so that all ends can be compared: over its own size, each end's errors are about 1.
-        """
+        """Minus the log-likelihood, up to a constant, and the standard deviations (kinds,) of the errors."""
         errors, share = self.errors(scaled), self._layout.share
         sigma = self.sizes(errors, free)
         size = sigma[self._layout.kind]
@@ -321,7 +306,7 @@ class _Problem:
             return self.names[k], "the target does not tell it"
         return self.names[k], f"the target does not tell it from {' and '.join(others)}"
 
-    def described(self, end: _End, held: Mapping[str, str], ends: Sequence[_End]) -> Calibration:
+    def described(self, end: _End, held: Mapping[str, str]) -> Calibration:
         """The result of a fit."""
         target, base = self.target, self._base
         covariance, _ = self.covariance(end, held)
@@ -331,12 +316,12 @@ class _Problem:
         reach = float(scipy.stats.t.ppf(0.975, max(count - free, 1)))
         estimates = {}
         for k, name in enumerate(self.names):
-            one, sd = PARAMETERS[name], spread[k]
-            value = one.read(self.candidate(end.scaled))
-            width = one.spread * (value if one.relative else one.size(base)) * sd
+            parameter, sd = PARAMETERS[name], spread[k]
+            value = parameter.read(self.candidate(end.scaled))
+            width = parameter.spread * (value if parameter.relative else parameter.size(base)) * sd
             ends_z = np.clip(end.scaled[k] + np.array([-reach, reach]) * sd, self.low[k], self.high[k])
-            low, high = (one.unscaled(base, float(z)) for z in ends_z)
-            estimates[name] = Estimate(value, one.unit, float(width), low, high, held.get(name, ""))
+            low, high = (parameter.unscaled(base, float(z)) for z in ends_z)
+            estimates[name] = Estimate(value, parameter.unit, float(width), low, high, held.get(name, ""))
         known = [k for k, name in enumerate(self.names) if name not in held]
         correlation = {
             self.names[a]: {self.names[b]: float(covariance[a, b] / (spread[a] * spread[b])) for b in known if b != a}
@@ -350,7 +335,6 @@ class _Problem:
             end.cost,
             target.metrics(target.errors(candidate)),
             target.metrics(target.errors(base)),
-            ends=tuple((self.candidate(each.scaled), each.cost) for each in ends),
         )
 
 

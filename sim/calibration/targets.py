@@ -25,7 +25,6 @@ from trackslip.laws.exponential import PUBLISHED
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
-from trackslip.skid_theory import steady_twist
 
 SLIP_SCALE = 0.007
 """Scale of the slip errors of a table of turns [-]: about the residual of the best fit to the published slips."""
@@ -80,62 +79,55 @@ class Target(Protocol):
         """Summary of errors (n,), NaN for those that don't count."""
 
 
-@dataclass(frozen=True)
-class TurnTable:
-    """Left turns, commanded by radius and speed without slip compensation, with published slips and radii.
+Turns = Callable[..., Array]
+"""Steady twists of a robot on a ground, as `steady_turns` gives them."""
 
-    The slips refer to the nominal geometry of the robot being calibrated.
+
+@dataclass(frozen=True)
+class PublishedTurns:
+    """The paper's 25 left turns, commanded by radius and speed without slip compensation.
+
+    Their slips, by Eq. 11 at the observed radii, refer to the nominal geometry of the robot being calibrated. They are
+    independent of speed, so that five radii count.
     """
 
-    commanded_radius: Array  # (M,) [m]
-    speed: Array  # (M,) [m/s]
-    observed_radius: Array  # (M,) [m]
-    slip: Array  # (M, 2) of the left, inner, and the right, outer track [-]
-    independent: int
-    """Number of independent errors."""
-    radius_scale: float = _RADIUS_SCALE
-    """Scale of the relative radius errors [-]; infinite to ignore the radii."""
-    theory: bool = False
-    """Whether candidates turn as theory says, not the simulator."""
     threads: int = 0
+    turns: Turns | None = None
+    """How candidates turn; by default `steady_turns`, in simulation."""
 
-    @classmethod
-    def published(cls, threads: int = 0) -> TurnTable:
-        """The paper's 25 runs: Eq. 11 at the observed radii, independent of speed, so that five radii count."""
-        radius, speed = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
-        observed = np.repeat(OBSERVED_RADII, len(SPEEDS))
-        return cls(radius, speed, observed, PUBLISHED(1 / observed), 3 * len(COMMANDED_RADII), threads=threads)
+    @cached_property
+    def _commanded(self) -> Array:
+        """Radii [m] and speeds [m/s] (2, M)."""
+        return np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
+
+    @cached_property
+    def _observed_radius(self) -> Array:
+        return np.repeat(OBSERVED_RADII, len(SPEEDS))
 
     @cached_property
     def layout(self) -> Layout:
         """Structure of the errors: of slips, left and right, then of radii."""
-        turn = np.arange(len(self.speed))
+        turn = np.arange(len(self._observed_radius))
         cluster = np.concatenate([np.repeat(turn, 2), turn])
-        share = np.full(len(cluster), self.independent / len(cluster))
+        share = np.full(len(cluster), 3 * len(COMMANDED_RADII) / len(cluster))
         floor = np.array([_NUMERICAL_ERROR / SLIP_SCALE])
         return Layout(np.zeros(len(cluster), int), share, cluster, floor, robust=False)
 
-    def omega(self, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (M, 2) commanded to a robot of this geometry, without slip compensation [rad/s]."""
-        twist = np.stack([self.speed, self.speed / self.commanded_radius], axis=-1)
-        return limit_sprocket_speeds(sprocket_speeds(twist, 0.0, geometry), _TOP_SPEED / geometry.sprocket_radius)
-
     def errors(self, candidate: Candidate) -> Array:
         """Errors (n,) of slips and of logarithms of radii, each over its scale."""
-        omega = self.omega(candidate.geometry)
-        turns = steady_turns(candidate.robot, candidate.ground, omega, theory=self.theory, threads=self.threads)
-        twist = turns[:, [0, 2]]
-        slip = (track_slip(omega, twist, candidate.geometry) - self.slip) / SLIP_SCALE
-        radius = np.log(twist[:, 0] / twist[:, 1] / self.observed_radius) / self.radius_scale
+        (radius, speed), geometry = self._commanded, candidate.geometry
+        wanted = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, geometry)
+        omega = limit_sprocket_speeds(wanted, _TOP_SPEED / geometry.sprocket_radius)
+        turns = self.turns or steady_turns
+        twist = turns(candidate.robot, candidate.ground, omega, threads=self.threads)[:, [0, 2]]
+        slip = (track_slip(omega, twist, geometry) - PUBLISHED(1 / self._observed_radius)) / SLIP_SCALE
+        radius = np.log(twist[:, 0] / twist[:, 1] / self._observed_radius) / _RADIUS_SCALE
         return np.concatenate([slip.ravel(), radius])
 
     def metrics(self, errors: Array) -> dict[str, float]:
         """RMS errors of the slips [-], and relative ones of the radii."""
-        slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(self.speed)]))
-        found = {"slip_rms": rms(slip * SLIP_SCALE)}
-        if np.isfinite(self.radius_scale):
-            found["radius_rms"] = rms(np.expm1(radius * self.radius_scale))
-        return found
+        slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(self._observed_radius)]))
+        return {"slip_rms": rms(slip * SLIP_SCALE), "radius_rms": rms(np.expm1(radius * _RADIUS_SCALE))}
 
 
 @dataclass(frozen=True)
@@ -147,9 +139,9 @@ class SteadyRows:
     """Geometry that defines the slips, whatever the candidate's."""
     of_plate: bool = False
     """True if the twists are the plate's, as the scanner sees them, rather than the tracks'."""
-    theory: bool = False
-    """Whether candidates turn as theory says, not the simulator."""
     threads: int = 0
+    turns: Turns | None = None
+    """How candidates turn; by default `steady_turns`, in simulation."""
 
     @cached_property
     def _measured(self) -> Array:
@@ -162,11 +154,8 @@ class SteadyRows:
     def _turns(self) -> Callable[[RobotParameters, Ground], Array]:
         """Steady twists (M, 3), kept for candidates that differ in the sensor only."""
 
-        @lru_cache(_KEPT)
-        def turns(robot: RobotParameters, ground: Ground) -> Array:
-            return steady_turns(robot, ground, self.samples.omega, self.of_plate, self.theory, self.threads)
-
-        return turns
+        turns: Turns = partial(self.turns or steady_turns, of_plate=self.of_plate, threads=self.threads)
+        return lru_cache(_KEPT)(lambda robot, ground: turns(robot, ground, self.samples.omega))
 
     @cached_property
     def layout(self) -> Layout:
@@ -196,28 +185,19 @@ class SteadyRows:
         parts[np.isfinite(self._measured)] = errors
         rows = np.isfinite(parts[:2]).all(axis=0)
         names = ("v_rms", "w_rms", "lateral_rms")
-        found = {name: rms(part[np.isfinite(part)]) for name, part in zip(names, parts, strict=False)}
+        metrics = {name: rms(part[np.isfinite(part)]) for name, part in zip(names, parts, strict=False)}
         slip = track_slip(self.samples.omega[rows], (self._measured[:2] + parts[:2]).T[rows], self.geometry)
         slip -= self.samples.slip[rows]
-        return found | {"slip_rms": rms(slip[np.isfinite(slip)])}
+        return metrics | {"slip_rms": rms(slip[np.isfinite(slip)])}
 
 
 def steady_turns(
-    robot: RobotParameters,
-    ground: Ground,
-    omega: Array,
-    of_plate: bool = False,
-    theory: bool = False,
-    threads: int = 0,
+    robot: RobotParameters, ground: Ground, omega: Array, of_plate: bool = False, threads: int = 0
 ) -> Array:
-    """Steady twists (M, 3) of a robot at sprocket speeds (M, 2) [rad/s]: forwards, to the left, yaw rate.
+    """Simulated steady twists (M, 3) of a robot at sprocket speeds (M, 2) [rad/s]: forwards, to the left, yaw rate.
 
-    They are simulated or those of quasi-static theory, of the middle of the tracks or of the plate on a leaning robot.
+    They are those of the middle of the tracks, or of the plate on a leaning robot.
     """
-    if theory:
-        contact = robot.contact_theory(ground.along, ground.across, points=20)
-        sides = 1 + robot.radius_error + robot.radius_split * np.array([-1.0, 1.0])
-        return steady_twist(omega * robot.sprocket_radius * sides, contact, 9.81, ground.shear)
     drive = tireless(max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * robot.sprocket_radius))
     fleet = Fleet(compiled(robot), np.zeros((len(omega), 3)), ground, robot.radius_error, drive, threads)
     fleet.command(omega)
@@ -287,14 +267,14 @@ class Drives:
     def metrics(self, errors: Array) -> dict[str, float]:
         """Median, 90 % quantile and root mean square of the errors of position [m] and heading [rad], by horizon."""
         known = np.isfinite(errors[::3])
-        each, found = errors.reshape(-1, 3)[known], dict[str, float]()
+        each, metrics = errors.reshape(-1, 3)[known], dict[str, float]()
         for horizon in np.unique(self.horizon[known]):
             rows = each[self.horizon[known] == horizon]
             for name, size in (("position", np.hypot(rows[:, 0], rows[:, 1])), ("heading", np.abs(rows[:, 2]))):
                 values = np.median(size), np.quantile(size, 0.9), rms(size)
                 statistics = zip(("median", "p90", "rms"), map(float, values), strict=True)
-                found |= {f"{name}_{horizon:g}s_{statistic}": value for statistic, value in statistics}
-        return found
+                metrics |= {f"{name}_{horizon:g}s_{statistic}": value for statistic, value in statistics}
+        return metrics
 
 
 @dataclass(frozen=True)

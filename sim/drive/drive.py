@@ -6,14 +6,13 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from sim.drive.modes import OPPOSITE, modes, tracks
 from sim.drive.motor import Motor
 from sim.restorable import Restorable
-from trackslip.errors import require, require_at_most, require_non_negative, require_positive
+from trackslip.errors import Checked, checked, require, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
 RADIUS_ERROR = 0.0066
@@ -23,34 +22,28 @@ MAX_RADIUS_ERROR = 0.5
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(Checked):
     """Servo and motor of a sprocket. Only the top speed is the paper's; everything else is assumed."""
 
-    lag: float = 0.05
+    lag: float = checked(0.05, require_positive, 1.0, "s")
     """Time constant of the speed controller [s]."""
-    delay: float = field(default=0.0, metadata={"stored_unless": 0.0})
+    delay: float = checked(0.0, require_non_negative, 1.0, "s", stored_unless=0.0)
     """Dead time between a command and the speed controller [s]."""
-    droop: float = field(default=0.0, metadata={"stored_unless": 0.0})
+    droop: float = checked(0.0, require_non_negative, 1.0, "rad/s per N m", stored_unless=0.0)
     """Steady loss of speed per torque of the motor [rad/s per N m]."""
-    top_speed: float = 0.3
+    top_speed: float = checked(0.3, require_positive, 10.0, "m/s")
     """Largest speed of a track [m/s] (paper, Sec. II)."""
-    torque_limit: float = 8.0
+    torque_limit: float = checked(8.0, require_positive)
     """Largest torque of the motor at the sprocket, limited by the amplifier's current [N m]."""
-    encoder_counts: int = 100_000
+    encoder_counts: int = checked(100_000, require_positive)
     """Encoder counts per revolution of the sprocket (motor encoder times gear)."""
-    period: float = 0.01
+    period: float = checked(0.01, require_positive)
     """Sampling period of the servo [s]."""
     motor: Motor = field(default_factory=Motor)
     """The motor."""
 
     def __post_init__(self) -> None:
-        for name in ("lag", "top_speed", "torque_limit", "encoder_counts", "period"):
-            require_positive(name, getattr(self, name))
-        require_at_most("lag", self.lag, 1.0, "s")
-        require_at_most("top_speed", self.top_speed, 10.0, "m/s")
-        for name, unit in (("delay", "s"), ("droop", "rad/s per N m")):
-            require_non_negative(name, getattr(self, name))
-            require_at_most(name, getattr(self, name), 1.0, unit)
+        super().__post_init__()
         limit, friction = self.torque_limit, self.motor.friction
         require(limit > friction, "torque_limit", limit, f"more than motor.friction = {friction} N m")
 
@@ -66,12 +59,8 @@ def tireless(top_speed: float = Drive.top_speed) -> Drive:
     return Drive(top_speed=top_speed, torque_limit=1e6, motor=Motor(no_load_speed=1e6, stall_torque=1e6))
 
 
-_ROUNDING = 1 + 1e-9
-_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time", "_past", "_load", "_mean", "_slid")
+_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time", "_past")
 _PARAMETERS = ("radius", "_decay", "_mean_decay")
-_OF_OPPOSITE = np.array([0.0, 1.0])  # selects the difference of the modes
-_FLATTER = 0.85  # slope of the torque over opposite speeds, over the last one at least: it jumps when tracks slide
-_LEAST_CHANGE = 3e-6  # of half the difference of the belts' speeds that shows this slope in spite of noise [m/s]
 
 
 class Forecast(NamedTuple):
@@ -89,22 +78,16 @@ class DriveState(Restorable):
     first-order lag. Speeds can thus be forecast, and the torques follow once the ground's forces are known.
     """
 
-    STATE = (*_STATE, "_decay", "_mean_decay", "_fastest")
+    STATE = (*_STATE, "_decay", "_mean_decay")
 
-    def __init__(
-        self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None, mass: float = 1.0
-    ) -> None:
-        """Start at rest; the sprockets drive the belts at `effective_radius` (N, 2), by default the nominal one [m].
-
-        `mass` is that of each robot [kg].
-        """
+    def __init__(self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None) -> None:
+        """Start at rest; the sprockets drive the belts at `effective_radius` (N, 2), by default the nominal one [m]."""
         self.drive = drive
         """Servo and motor of all sprockets."""
         self.radius = np.full((n, 2), sprocket_radius) if effective_radius is None else effective_radius
         """Effective radii of the sprockets (N, 2) [m]."""
         self.limit = drive.top_speed / sprocket_radius
         """Largest sprocket speed [rad/s]."""
-        self._fastest: Any = self.limit  # no sprocket has ever turned faster [rad/s]
         self._decay, self._mean_decay = np.empty((2, n, 1))
         self.set_point = np.zeros((n, 2))
         """Set points of the speeds [rad/s]."""
@@ -119,10 +102,6 @@ class DriveState(Restorable):
         whole = round(drive.delay / drive.period, 9)  # periods
         self._late = whole - math.floor(whole)  # rest of the delay [periods]
         self._past: Array = np.zeros((n, math.floor(whole) + 1, 2))  # set points in the last periods, the oldest first
-        self._mass = mass
-        self._mean: Array = np.zeros((n, 2))  # mean speeds of the modes in the last period [rad/s]
-        self._load: Array = np.zeros((n, 2))  # their torques, less what accelerates them [N m]
-        self._slid: Array = np.zeros((n, 1))  # 0 while friction holds the heading, up to 1 where the tracks slide
         self.restart(np.arange(n), [drive.lag] * n)
 
     @property
@@ -155,7 +134,6 @@ class DriveState(Restorable):
         """Copy the state of the sprockets of the robots `rows` (R,) from `part`."""
         for name in _STATE:
             getattr(self, name)[rows] = getattr(part, name)
-        self._fastest = max(self._fastest, part._fastest)
 
     def command(self, omega: Array) -> None:
         """Set the set points (N, 2) [rad/s], clipped to the top speed."""
@@ -165,8 +143,8 @@ class DriveState(Restorable):
         self.set_point[:] = limited
 
     def forecast(self, periods: int) -> Forecast:
-        """Forecast the speeds in the next `periods`, if the motors are strong enough."""
-        if self.drive.delay > 0 or self.drive.droop > 0:
+        """Forecast the speeds in the next `periods`, if the motors are strong enough and lose no speed under load."""
+        if self.drive.delay > 0:
             return self._delayed(periods)
         error = np.empty((periods + 1, *self.omega.shape))
         error[0], error[1:] = self._error, self._decay
@@ -174,14 +152,12 @@ class DriveState(Restorable):
         return Forecast(error + self.set_point, error[:-1] * self._mean_decay + self.set_point, error[-1])
 
     def _delayed(self, periods: int) -> Forecast:
-        """The same with set points that come later, within a period, and with droop, for which there is one period."""
+        """The same with set points that come later, within a period."""
         line = np.moveaxis(self._line(periods), 1, 0)
         until, since = line[:periods], line[1 : periods + 1]
         rest = self._decay ** (1 - self._late)  # of what was there before the set point changed
         share = (rest - self._decay) / (1 - self._decay)  # of the old set point in one for the whole period
         goal = since + share * (until - since)
-        if self.drive.droop > 0:
-            goal += self._sag(goal[0])
         omega = np.empty((periods + 1, *self.omega.shape))
         omega[0] = self.omega
         for k, aim in enumerate(goal):
@@ -190,42 +166,21 @@ class DriveState(Restorable):
         mean = goal + (omega[:-1] - goal) * self._mean_decay + (self._late - share) * (until - since)
         return Forecast(omega, mean, omega[-1] - self.set_point)
 
-    def _sag(self, goal: Array) -> Array:
-        """Change of the goals (N, 2) under load [rad/s].
+    def torque_limits(self, rows: np.ndarray, omega: Array, goal: Array) -> tuple[Array, Array]:
+        """Smallest and largest torques (..., R, 2) [N m] of the robots `rows` (R,) at the end of a period.
 
-        A servo without integral action follows its set point less droop * torque. The ground answers to a speed one
-        period later, and so stiffly while it holds the heading that feedback of the last torques would oscillate:
-        speeds change as if the next torques were known, by the inertia of each mode and the slope of the torque.
+        They have speeds `omega` (..., R, 2), and without load would have those of `goal` [rad/s]. With droop, a motor
+        has the torque that its loss of speed stands for.
         """
-        droop, slope = self.drive.droop, _OF_OPPOSITE * (1 - self._slid) * self._stiffness()
-        covered = 1 - self._decay  # of a change, at the end of the period
-        mean = (1 - self._mean_decay) / covered  # the same on average, over that at the end
-        load = self._load + slope * (modes(self.omega) - self._mean)
-        change = modes(goal - self.omega) - droop * load
-        return self.omega + tracks(change / (1 + covered * droop * (self._inertia() + mean * slope))) - goal
+        least, most = self.drive.torque_range(omega)
+        if self.drive.droop == 0:
+            return least, most
+        torque = (goal - omega) / self.sag(rows)
+        return np.clip(torque, least, most), np.clip(torque, least, most)
 
-    def _feel(self, omega: Array, mean: Array, torque: Array) -> None:
-        """Update the load from final and mean speeds (N, 2) [rad/s] and torques (N, 2) [N m] in the next period."""
-        load, mean = modes(torque) - self._inertia() * modes(omega - self.omega), modes(mean)
-        turn, rise = (mean - self._mean)[:, 1:], (load - self._load)[:, 1:]
-        shown = np.abs(turn) * self._mean_radius > _LEAST_CHANGE
-        slope = rise / np.where(shown, turn, 1.0) / self._stiffness()
-        self._slid = np.where(shown, 1 - np.clip(slope, _FLATTER * (1 - self._slid), 1.0), 0.0)
-        self._load, self._mean = load, mean
-
-    @property
-    def _mean_radius(self) -> Array:
-        return self.radius.mean(axis=1, keepdims=True)
-
-    def _stiffness(self) -> Array:
-        """Slopes (N, 1) of the torques over opposite speeds while friction holds the heading [N m s/rad]."""
-        return OPPOSITE * self._mass * self._mean_radius**2
-
-    def _inertia(self) -> Array:
-        """Torques that accelerate motors and robots, over the change of the modes' speeds in a period (N, 2)."""
-        return (
-            (1 - _OF_OPPOSITE) * self._mass * self._mean_radius**2 / 2 + self.drive.motor.inertia
-        ) / self.drive.period
+    def sag(self, rows: np.ndarray) -> Array:
+        """Loss of speed (R, 1) at the end of a period over the torque in it [rad/s per N m]."""
+        return self.drive.droop * (1 - self._decay[rows])
 
     def _line(self, periods: int) -> Array:
         """Set points (N, Q + P, 2) in the Q last periods and the P next ones [rad/s]."""
@@ -239,7 +194,7 @@ class DriveState(Restorable):
 
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
         """Robots (R,) with a motor too weak for the torques (P, N, 2) [N m] of a forecast."""
-        ample = self.drive.motor.torque_range(_ROUNDING * self._fastest)[1]
+        ample = self.drive.motor.torque_range(np.abs(forecast.omega).max())[1]
         if np.abs(torque).max() <= min(ample, self.drive.torque_limit):  # as a rule
             return np.empty(0, int)
         least, most = self.drive.torque_range(forecast.omega[1:])
@@ -250,8 +205,6 @@ class DriveState(Restorable):
         period = self.drive.period
         if self.drive.delay > 0:
             self._past = self._line(len(torque))[:, len(torque) :]
-        if self.drive.droop > 0:
-            self._feel(forecast.omega[-1], forecast.mean[-1], torque[-1])
         self.omega, self.torque, self._error = forecast.omega[-1], torque[-1], forecast.error
         totals = np.empty((len(torque) + 1, *self._totals.shape))
         totals[0], rates = self._totals, totals[1:]
@@ -260,7 +213,6 @@ class DriveState(Restorable):
         self._totals = np.add.accumulate(totals, axis=0)[-1].copy()  # one by one: the same bits for any number
         if saturated is not None:
             self.saturated_time += saturated.sum(axis=0) * period
-            self._fastest = max(self._fastest, np.abs(self.omega).max())
 
     def encoder_angle(self) -> Array:
         """Angles (N, 2) in whole encoder counts [rad]."""

@@ -7,37 +7,37 @@ from functools import cached_property
 
 import numpy as np
 
-from trackslip.errors import require, require_at_most, require_non_negative, require_positive
+from trackslip.errors import Checked, checked, require, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
-_MIN_NUMBER, _MAX_NUMBER = 1e-12, 1e6  # limits of all parameters, so that nothing derived from them overflows
+_LEAST, _MOST = 1e-12, 1e6  # of all parameters, so that nothing derived from them overflows
 _CREEP = 0.02  # sprocket speed below which the gear's friction is smoothed [rad/s]
 
 
+def _require_usable(name: str, value: float) -> None:
+    require_positive(name, value, _MOST)
+    require(value >= _LEAST, name, value, f"at least {_LEAST:g}")
+
+
 @dataclass(frozen=True)
-class Motor:
+class Motor(Checked):
     """A brushed DC motor with a gear. Everything is assumed: 60 W, ample to drive 25 kg at 0.3 m/s."""
 
-    gear: float = 50.0
+    gear: float = checked(50.0, _require_usable)
     """Gear ratio, motor speed over sprocket speed [-]."""
-    voltage: float = 24.0
+    voltage: float = checked(24.0, _require_usable)
     """Battery voltage, the largest at the motor [V]."""
-    no_load_speed: float = 400.0
+    no_load_speed: float = checked(400.0, _require_usable)
     """No-load speed of the motor at full voltage [rad/s]."""
-    stall_torque: float = 0.6
+    stall_torque: float = checked(0.6, _require_usable)
     """Stall torque of the motor at full voltage [N m]."""
-    rotor_inertia: float = 8e-6
+    rotor_inertia: float = checked(8e-6, _require_usable)
     """Moment of inertia of the motor, including the gear [kg m^2]."""
-    friction: float = 0.3
+    friction: float = checked(0.3, require_non_negative)
     """Friction torque of the gear, at the sprocket [N m]."""
 
     def __post_init__(self) -> None:
-        for name in ("gear", "voltage", "no_load_speed", "stall_torque", "rotor_inertia"):
-            value = getattr(self, name)
-            require_positive(name, value)
-            require_at_most(name, value, _MAX_NUMBER)
-            require(value >= _MIN_NUMBER, name, value, f"at least {_MIN_NUMBER:g}")
-        require_non_negative("friction", self.friction)
+        super().__post_init__()
         stall = self.gear * self.stall_torque
         require(self.friction < stall, "friction", self.friction, f"less than gear * stall_torque = {stall:g} N m")
 

@@ -2,25 +2,19 @@
 
 from dataclasses import dataclass
 
-from trackslip.errors import require_at_most, require_non_negative
+from trackslip.errors import Checked, checked, require_non_negative
 
 MAX_FORCE = 1e5
 """Largest pull [N]."""
 
 
 @dataclass(frozen=True)
-class Pull:
+class Pull(Checked):
     """A horizontal force on the hitch, backwards along the robot."""
 
-    force: float = 0.0
+    force: float = checked(0.0, require_non_negative, MAX_FORCE, "N")
     """Force [N]."""
-    height: float = 0.1
+    height: float = checked(0.1, require_non_negative, 10.0, "m")
     """Height of the hitch above the ground [m]."""
-    since: float = 0.0
+    since: float = checked(0.0, require_non_negative)
     """Time since the start of a run at which the force begins to act [s]."""
-
-    def __post_init__(self) -> None:
-        for name in ("force", "height", "since"):
-            require_non_negative(name, getattr(self, name))
-        require_at_most("force", self.force, MAX_FORCE, "N")
-        require_at_most("height", self.height, 10.0, "m")

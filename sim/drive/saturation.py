@@ -7,13 +7,15 @@ from collections.abc import Callable
 import numpy as np
 
 from sim.drive.drive import DriveState, Forecast
-from sim.drive.modes import COMMON, OPPOSITE
 from sim.tracks.balance import Balance
 from trackslip.kinematics import Array
 
-_TOLERANCE = 0.001  # of a saturated torque, relative to the torque limit
+_TOLERANCE = 0.001  # of a saturated torque, relative to the largest
 _ROUGHNESS = 0.0002  # noise of the ground's forces, which the engine finds by iteration, relative to the weight
 _STEP = 0.01  # of the differences that give slopes of friction and limits over speeds [rad/s]
+# first guesses of torque over mass, radius squared and speed: of a change on both tracks, which accelerates the robot,
+# and of opposite ones, while friction holds the heading [1/s]
+_COMMON, _OPPOSITE = 25.0, 12_000.0
 
 
 def advance_within_limits(
@@ -33,25 +35,35 @@ def advance_within_limits(
     """
     wanted = drive.forecast(1)
     (start, goal), belt = wanted.omega, wanted.mean[0].copy()
-    rows = np.arange(len(goal))
-    asked = drive.torque_for(wanted, run(rows, belt)[None])[0]
-    torque = np.clip(asked, *drive.drive.torque_range(goal))
-    speed, saturated = goal.copy(), torque != asked
-    tolerance = _TOLERANCE * drive.drive.torque_limit + _ROUGHNESS * mass * gravity * drive.radius
+    rows, speed = np.arange(len(goal)), goal.copy()
+    if drive.drive.droop > 0:  # as with the last torques
+        speed = belt = goal - drive.sag(rows) * drive.torque
+    motion = Forecast(np.stack([start, speed]), belt[None], wanted.error)
+    asked = drive.torque_for(motion, run(rows, belt)[None])[0]
+    torque = np.clip(asked, *drive.torque_limits(rows, speed, goal))
+    carrying = mass * gravity * drive.radius  # torque of a track that carries the robot by itself
+    tolerance = _TOLERANCE * np.minimum(drive.drive.torque_limit, carrying) + _ROUGHNESS * carrying
     weak = rows[(np.abs(asked - torque) > tolerance).any(axis=1)]
     if weak.size:
-        balance = _balance(drive.of(weak), start[weak], goal[weak], saturated[weak], mass, tolerance[weak])
+        first = speed[weak]
+        if drive.drive.droop == 0:
+            first = _first_guess(start[weak], goal[weak], torque[weak] != asked[weak])
+        balance = _balance(drive.of(weak), start[weak], goal[weak], first, mass, tolerance[weak])
         _, torque[weak] = balance.solve(lambda going, omega: drive.radius[weak[going]] * run(weak[going], omega))
         speed[weak] = belt[weak] = balance.speed
-        least, most = drive.drive.torque_range(balance.speed)
-        saturated[weak] = (torque[weak] <= least) | (torque[weak] >= most)
+    least, most = drive.drive.torque_range(speed)
+    saturated = (torque <= least) | (torque >= most)
     error = np.where(speed == goal, wanted.error, speed - drive.set_point)
     drive.accept(Forecast(np.stack([start, speed]), belt[None], error), torque[None], saturated[None])
 
 
-def _balance(
-    sprockets: DriveState, start: Array, goal: Array, saturated: Array, mass: float, tolerance: Array
-) -> Balance:
+def _first_guess(start: Array, goal: Array, saturated: Array) -> Array:
+    """Speeds (R, 2) of before where both motors are too weak, else those that turn the robot no faster than before."""
+    both = saturated.all(axis=1, keepdims=True)
+    return np.where(both, start, np.where(saturated, start + (goal - start)[:, ::-1], goal))
+
+
+def _balance(sprockets: DriveState, start: Array, goal: Array, speed: Array, mass: float, tolerance: Array) -> Balance:
     """The balance of torques in a period that begins at speeds `start` (R, 2) [rad/s]."""
     drive, radius, inertia = sprockets.drive, sprockets.radius, sprockets.drive.motor.inertia / sprockets.drive.period
 
@@ -62,20 +74,18 @@ def _balance(
         below = omega < goal[rows]
         rise = []
         for each in (omega - _STEP, omega + _STEP):
-            least, most = drive.torque_range(each)
+            least, most = sprockets.torque_limits(rows, each, goal[rows])
             rise.append(required(rows, each, np.zeros_like(each)) - np.where(below, most, least))
         return (rise[1] - rise[0]) / (2 * _STEP)
 
-    # where both are too weak, start at the speeds of before; else where the belts turn the robot no faster than before
-    both = saturated.all(axis=1, keepdims=True)
-    common, opposite = np.array([COMMON, OPPOSITE]) * mass / 2
+    common, opposite = np.array([_COMMON, _OPPOSITE]) * mass / 2
     slope = np.array([[common + opposite, common - opposite], [common - opposite, common + opposite]])
     return Balance(
         goal=goal,
-        speed=np.where(both, start, np.where(saturated, start + (goal - start)[:, ::-1], goal)),
+        speed=speed,
         slope=slope * (radius[:, :, None] * radius[:, None]),
         tolerance=tolerance,
         required=required,
-        limits=lambda _, omega: drive.torque_range(omega),
+        limits=lambda rows, omega: sprockets.torque_limits(rows, omega, goal[rows]),
         stiffness=stiffness,
     )

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from trackslip.errors import (
+    Checked,
+    checked,
     require,
     require_at_most,
     require_non_negative,
@@ -46,7 +48,7 @@ class Patch:
 
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
-        _require_shear(self.shear or 0.0)
+        require_non_negative("shear", self.shear or 0.0, MAX_SHEAR, "m")
         for name, pair in (("x", self.x), ("y", self.y)):
             require(len(pair) == 2 and pair[0] < pair[1], name, tuple(pair), "two ascending numbers")
 
@@ -66,12 +68,12 @@ class Change:
 
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
-        _require_shear(self.shear or 0.0)
+        require_non_negative("shear", self.shear or 0.0, MAX_SHEAR, "m")
         require_non_negative("time", self.time)
 
 
 @dataclass(frozen=True)
-class Ground:
+class Ground(Checked):
     """Friction, along and across the tracks, on a plane.
 
     Slip depends on the ratio of the two coefficients, not on their magnitude. The default is stone paving under tracks
@@ -82,27 +84,23 @@ class Ground:
     slope, load and radius as well.
     """
 
-    along: float = 0.70
+    along: float = checked(0.70, require_positive, MAX_FRICTION)
     """Friction coefficient along the track [-]."""
-    across: float = 0.778
+    across: float = checked(0.778, require_positive, MAX_FRICTION)
     """Friction coefficient across the track [-]."""
-    slope: float = 0.0
+    slope: float = checked(0.0, require_non_negative, MAX_SLOPE, "rad")
     """Angle of the plane to the horizontal [rad]. Poses and scans are measured in the plane."""
-    uphill: float = 0.0
+    uphill: float = checked(0.0, require_within, -_TURN, _TURN, "rad")
     """Heading of a robot that drives straight up the slope [rad]."""
     patches: tuple[Patch, ...] = ()
     """Areas of another ground; where patches overlap, the last one applies."""
     changes: tuple[Change, ...] = ()
     """Changes of the ground, in order of time."""
-    shear: float = field(default=0.0, metadata=UNLESS_ZERO)
+    shear: float = checked(0.0, require_non_negative, MAX_SHEAR, "m", **UNLESS_ZERO)
     """Shear modulus K; 0 for Coulomb friction [m]."""
 
     def __post_init__(self) -> None:
-        _require_friction(self.along, self.across)
-        require_non_negative("slope", self.slope)
-        require_at_most("slope", self.slope, MAX_SLOPE, "rad")
-        require_within("uphill", self.uphill, -_TURN, _TURN, "rad")
-        _require_shear(self.shear)
+        super().__post_init__()
         for name in ("patches", "changes"):
             require_at_most(f"number of {name}", len(getattr(self, name)), _MAX_PATCHES)
         times = [change.time for change in self.changes]
@@ -142,10 +140,4 @@ def friction_angle(friction: Sequence[float] | Array, uphill: float) -> float:
 
 def _require_friction(along: float, across: float) -> None:
     for name, value in (("along", along), ("across", across)):
-        require_positive(name, value)
-        require_at_most(name, value, MAX_FRICTION)
-
-
-def _require_shear(shear: float) -> None:
-    require_non_negative("shear", shear)
-    require_at_most("shear", shear, MAX_SHEAR, "m")
+        require_positive(name, value, MAX_FRICTION)

@@ -28,6 +28,7 @@ _OPTIONS = {
     "start_error": object,
     "radius_error": float,
     "com": object,
+    "mass": float,
     "lag": float,
     "latency": int,
 }
@@ -55,8 +56,9 @@ def draw(
 
     The options are `reference`, a name that is added to the table if it is new; `ground`, a name or a Ground, which is
     not randomized; `start_error` (3,), offset from the reference's start, forward, to the left, heading [m, m, rad];
-    `radius_error` [-]; `com` (2,), offset of the centre of mass, forward, to the left [m]; `lag` [s]; and `latency`
-    [control periods]. Raises InvalidValueError for unknown options and values out of range.
+    `radius_error` [-]; `com` (2,), offset of the centre of mass, forward, to the left [m]; `mass`, over the chassis'
+    own [-]; `lag` [s]; and `latency` [control periods]. Raises InvalidValueError for unknown options and values out of
+    range.
     """
     options, drawn = checked("options", options, _OPTIONS), config.drawn
     reference = table.index(options.get("reference", _choice(generator, config.references)))
@@ -89,7 +91,9 @@ def draw(
         radius_error=float(options.get("radius_error", setting.radius_error)),
         lag=lag,
         weight=_finite("com", options.get("com", setting.weight), 2),
+        mass=float(options.get("mass", setting.mass)),
     )
+    Randomization(mass=(setting.mass, setting.mass))
     dataclasses.replace(config.parameters, radius_error=setting.radius_error)
     x, y = setting.weight
     Randomization(com_x=(x, x), com_y=(y, y)).require_standing(config.parameters)

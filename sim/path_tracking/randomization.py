@@ -26,6 +26,7 @@ PARKING = 0.6
 _LIMITS: dict[str, Range] = {
     "friction_ratio": (0.1, 10.0),
     "radius_error": (-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR),
+    "mass": (0.2, 5.0),
     "com_x": (-1.0, 1.0),
     "com_y": (-1.0, 1.0),
     "slope": (0.0, MAX_SLOPE),
@@ -48,6 +49,8 @@ class Randomization:
     """Factor on the friction across the tracks, and thus on the ratio across / along [-]."""
     radius_error: Range | None = None
     """Relative error of the effective sprocket radius; None for the robot's own [-]."""
+    mass: Range = (1.0, 1.0)
+    """Factor on the mass and the inertia of the chassis, as of a payload [-]."""
     com_x: Range = (0.0, 0.0)
     """Offset of the centre of mass from the robot's own, forward [m]."""
     com_y: Range = (0.0, 0.0)
@@ -99,13 +102,14 @@ class Randomization:
     def setting(
         self, generator: np.random.Generator, robot: RobotParameters, drive: Drive, ground: Ground, path: Array
     ) -> Setting:
-        """Draw ground, radius error, centre of mass and lag of a robot at the start of `path` (T, 3) [m, m, rad]."""
+        """Draw ground, radius error, mass and lag of a robot at the start of `path` (T, 3) [m, m, rad]."""
         return Setting(
             start=tuple(path[0].tolist()),
             ground=self._ground(generator, ground, path),
             radius_error=uniform(generator, self.radius_error, robot.radius_error),
             weight=(uniform(generator, self.com_x, 0.0), uniform(generator, self.com_y, 0.0)),
             lag=uniform(generator, self.lag, drive.lag),
+            mass=1.0 if self.mass == (1.0, 1.0) else uniform(generator, self.mass, 1.0),  # seeds keep their numbers
         )
 
     def _ground(self, generator: np.random.Generator, base: Ground, path: Array) -> Ground:

@@ -142,7 +142,7 @@ class PathTracking(Restorable):
         ahead, left, turn = self._error.T
         distance = np.hypot(ahead, left)
         self._success &= distance <= LOST
-        self.terminated = ~((distance <= self.config.off_path) & (self.fleet.upright() > _TIPPED))
+        self.terminated = ~((distance <= self.config.off_path) & (self.fleet.state.upright > _TIPPED))
         self.truncated = (self._k >= self.last) & ~self.terminated
         change, self._action = action - self._action, action
         usual = reward_terms(self.config.reward, distance, turn, change, self.terminated)

@@ -9,8 +9,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sim.drive.belt_motors import BeltMotors
 from sim.drive.drive import Drive
+from sim.robot.belt_motors import BeltMotors
 from sim.robot.inertia import composite
 from sim.robot.keyframe import start
 from sim.robot.named import SHIPPED, RobotSource, load_parameters, load_tracked

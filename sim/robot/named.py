@@ -178,8 +178,8 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
     if isinstance(wheels, str) and wheels != "replace":
         raise SettingsFileError(f'{path}: wheels = {wheels!r}: must be "replace" or a list of links')
     given = {name: value for name, value in table.items() if value != "replace" or name != "wheels"}
-    told = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until its wheels tell
-    robot = build(TrackedRobot, {"name": path.stem.removesuffix("_robot"), **told, **given}, str(path))
+    unknown = {"half_gauge": 1.0, "hull": [[-1, 0, 1], [1, 0, 1]]} if wheels else {}  # until its wheels tell
+    robot = build(TrackedRobot, {"name": path.stem.removesuffix("_robot"), **unknown, **given}, str(path))
     folder = path.parent
     robot = replace(robot, model=folder / robot.model, packages=tuple(folder / each for each in robot.packages))
     if not wheels or {"wheels", "half_gauge", "hull"} <= given.keys():

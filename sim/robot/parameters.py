@@ -12,8 +12,9 @@ import numpy as np
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive
 from sim.ground.ground import UNLESS_ZERO, Ground
 from trackslip.errors import (
+    Checked,
+    checked,
     require,
-    require_at_most,
     require_finite,
     require_non_negative,
     require_positive,
@@ -37,30 +38,35 @@ _SPREAD = (0.2, 3.0)  # radius of gyration about the vertical axis, over the dis
 _FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel
 
 
+def _require_size(name: str, value: float, most: float = 10.0, unit: str = "m") -> None:
+    require_positive(name, value, most, unit)
+    require(value >= _MIN_SIZE, name, value, f"at least {_MIN_SIZE:g} {unit}")
+
+
 @dataclass(frozen=True)
-class RobotParameters:
+class RobotParameters(Checked):
     """Shape and mass of the robot. The defaults equal models/tracked_robot.xml."""
 
-    half_gauge: float = 0.168
+    half_gauge: float = checked(0.168, _require_size)
     """Half the distance between the tracks [m]."""
-    contact_length: float = 0.34
+    contact_length: float = checked(0.34, _require_size)
     """Length of the tracks' contact with the ground [m]."""
-    sprocket_radius: float = 0.06
+    sprocket_radius: float = checked(0.06, _require_size)
     """Nominal radius of the sprockets [m]."""
-    radius_error: float = RADIUS_ERROR
+    radius_error: float = checked(RADIUS_ERROR, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    mass: float = 25.0
+    mass: float = checked(25.0, _require_size, _MAX_MASS, "kg")
     """Mass of the robot [kg]."""
-    com_x: float = 0.0
+    com_x: float = checked(0.0, require_finite)
     """Centre of mass, forward of the centre of the tracks [m]."""
-    com_y: float = 0.0
+    com_y: float = checked(0.0, require_finite)
     """Centre of mass, to the left of the centre of the tracks [m]."""
-    com_height: float = 0.12
+    com_height: float = checked(0.12, _require_size)
     """Centre of mass above the ground [m]."""
     inertia: tuple[float, ...] = field(default=(), metadata={"stored_unless": ()})
     """Inertia about the centre of mass, xx, yy, zz, xy, xz, yz; empty to scale the shipped robot's with mass and shape
     [kg m^2]."""
-    plate_height: float = field(default=_PLATE_HEIGHT, metadata={"stored_unless": _PLATE_HEIGHT})
+    plate_height: float = checked(_PLATE_HEIGHT, _require_size, stored_unless=_PLATE_HEIGHT)
     """Height of the plate's centre, and of the scanner, above the ground [m]."""
     looks: str = field(default="", metadata={"stored_unless": ""})
     """Name or file of the tracked robot that is drawn; empty for the shipped robot's looks."""
@@ -70,28 +76,19 @@ class RobotParameters:
     """Axles of the wheels, ahead of the middle of all [m]. Their contact length is from the first patch to the last."""
     patch_length: float = field(default=PATCH_LENGTH, metadata={"stored_unless": PATCH_LENGTH})
     """Length of a wheel's contact with the ground [m]."""
-    yaw_inertia: float = field(default=0.0, metadata=UNLESS_ZERO)
+    yaw_inertia: float = checked(0.0, require_non_negative, **UNLESS_ZERO)
     """Inertia about the vertical axis through the centre of mass; 0 for that of `inertia` or the shape [kg m^2]."""
     drive: Drive = field(default_factory=Drive, metadata={"stored_unless": Drive()})
     """Servos and motors."""
-    radius_split: float = field(default=0.0, metadata=UNLESS_ZERO)
+    radius_split: float = checked(0.0, require_within, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR, **UNLESS_ZERO)
     """Half the error of the right sprocket's radius less that of the left one's [-]."""
 
     def __post_init__(self) -> None:
         self._lay_axles()
-        for name in ("half_gauge", "contact_length", "sprocket_radius", "mass", "com_height", "plate_height"):
-            value, unit = getattr(self, name), "kg" if name == "mass" else "m"
-            require_positive(name, value)
-            require_at_most(name, value, _MAX_MASS if name == "mass" else 10.0, unit)
-            require(value >= _MIN_SIZE, name, value, f"at least {_MIN_SIZE:g} {unit}")
+        super().__post_init__()
         if self.inertia:
             require_inertia(self.inertia)
-        for name in ("radius_error", "radius_split"):
-            require_within(name, getattr(self, name), -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
-        for name in ("com_x", "com_y"):
-            require_finite(name, getattr(self, name))
         self._require_standing()
-        require_non_negative("yaw_inertia", self.yaw_inertia)
         if self.yaw_inertia > 0:
             corner = self.mass * (self.half_gauge**2 + self.contact_length**2 / 4)
             least, most = (share**2 * corner for share in _SPREAD)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from sim.robot.chassis import shaped_robot
-from sim.robot.pads import lay_pads
 from sim.robot.parameters import RobotParameters
+from sim.tracks.recipe import LEAST_ODDS, LEVEL, LEVEL_WHEELS, LEVEL_WIDE, Preset, track_points, warn_if_unverified
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.localization.scan import Plate
 
@@ -27,6 +29,57 @@ velocity are normal to the ground, along the pad and across it."""
 _Bit = mujoco.mjtDisableBit
 _NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # which one on its own lacks, for speed
 _FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
+_TILT = np.radians(45.0)  # of a pad with one point: its lower end touches, and its axis still gives the directions
+_LENGTH = 0.02  # between the ends of such a pad [m]
+_SHEARING = 4  # points of a wheel's patch on shearing ground
+_GAUSS = (-1 / math.sqrt(12), 1 / math.sqrt(12))  # those elsewhere, which spread as a uniform patch does [-]
+
+
+def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Preset]:
+    """Points (n,) of a side along a robot, from rear to front [m], and their recipe.
+
+    A track has the middles of equal segments, a wheel two points, or four on shearing ground, whose pads are `single`.
+    """
+    if not parameters.axles:
+        n = track_points(parameters.half_gauge, parameters.contact_length, LEVEL)
+        return parameters.contact_length * _middles(n), LEVEL if n == 2 * LEVEL.segments else LEVEL_WIDE
+    warn_if_unverified(parameters.half_gauge, parameters.contact_length)
+    points = _middles(_SHEARING) if single else np.array(_GAUSS)
+    softest = LEAST_ODDS * 2 * _SHEARING * len(parameters.axles)  # that the engine knows, on any ground
+    preset = LEVEL_WHEELS.softer(min(1.0, LEVEL_WHEELS.regularisation / softest))
+    return np.add.outer(parameters.axles, parameters.patch_length * points).ravel(), preset
+
+
+def _middles(count: int) -> Array:
+    """Middles (n,) of equal segments, of a length of 1 in all [-]."""
+    return (np.arange(count) + 0.5) / count - 0.5
+
+
+def lay_pads(spec: Any, parameters: RobotParameters, single: bool = False) -> Array:
+    """Replace the pads of a model by those that a robot needs, and give their points (n,) of a side [m].
+
+    A pad has two points, unless it is `single`. All points together carry the robot at the same depth, and creep as
+    slowly, whatever their number.
+    """
+    chassis = spec.body("chassis")
+    pads, plain = [geom for geom in chassis.geoms if "_pad" in geom.name], spec.pairs[0]
+    x, preset = contact_points(parameters, single)
+    radius, group, ground, friction = pads[0].size[0], pads[0].group, plain.geomname1, list(plain.friction)
+    for thing in (*spec.pairs, *pads):
+        spec.delete(thing)
+    contact = preset.contact(-float(spec.option.gravity[2]), 1 / (2 * len(x)), preset.regularisation, preset.grip)
+    spec.option.impratio = preset.impratio
+    raised = _LENGTH * np.array([np.cos(_TILT), 0.0, np.sin(_TILT)])
+    for side, y in zip(("left", "right"), parameters.half_gauge * -SIDES, strict=True):
+        place = np.stack([x, np.full_like(x, y), np.full_like(x, radius)], axis=1)
+        spans = np.hstack([place, place + raised]) if single else place.reshape(-1, 6)
+        for k, span in enumerate(spans):
+            name, unseen = f"{side}_pad{k}", {"mass": 0.0, "contype": 0, "conaffinity": 0, "group": group}
+            chassis.add_geom(
+                name=name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[radius, 0.0, 0.0], fromto=span, **unseen
+            )
+            spec.add_pair(geomname1=ground, geomname2=name, condim=3, friction=friction, **vars(contact))
+    return x
 
 
 @dataclass(frozen=True)
@@ -37,8 +90,6 @@ class Robot:
     """The compiled model, without its visuals."""
     geometry: RobotGeometry
     """Half gauge and nominal sprocket radius."""
-    contact_half_length: float
-    """Half the length of the tracks' contact with the ground, from the first wheel's patch to the last one's [m]."""
     mass: float
     """Mass of the robot [kg]."""
     plate: Plate
@@ -63,10 +114,6 @@ class Robot:
     """True if there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
     points_per_pad: int
     """Number of points at which a pad touches the ground."""
-    patches: int
-    """Number of contact patches of a side: one a wheel, or the track's."""
-    patch_length: float
-    """Length of a patch [m]."""
 
     def pad_speeds(self, belts: Array) -> Array:
         """Speeds (..., P) of the pads' surfaces, each along its own axis, for belt speeds (..., 2) [m/s]."""
@@ -111,7 +158,6 @@ def load_robot(
     return Robot(
         model=model,
         geometry=parameters.geometry,
-        contact_half_length=parameters.contact_length / 2,
         mass=float(model.body_subtreemass[model.body("chassis").id]),
         plate=Plate(2 * float(plate.size[0]), 2 * float(plate.size[1])),
         plate_radius=float(np.linalg.norm(plate.size)),
@@ -128,8 +174,6 @@ def load_robot(
         parameters=parameters,
         contact_sensors=contact_sensors,
         points_per_pad=count,
-        patches=len(parameters.axles) or 1,
-        patch_length=parameters.patch_length if parameters.axles else parameters.contact_length,
     )
 
 

@@ -13,7 +13,7 @@ from sim.robot.parameters import PATCH_LENGTH, TRACKS, WHEELS
 from sim.robot.urdf import read_model
 from sim.tracks import Track
 from sim.tracks.hull import Hull
-from trackslip.errors import require, require_non_negative, require_positive
+from trackslip.errors import Checked, checked, require, require_non_negative, require_positive
 
 Wheels = tuple[tuple[float, float, float], ...]
 
@@ -22,7 +22,7 @@ _SAME_HEIGHT = 0.005  # of the wheels that stand on level ground, at most apart 
 
 
 @dataclass(frozen=True)
-class Flipper:
+class Flipper(Checked):
     """A hinged body with one track, which is driven together with the chassis' track on its side."""
 
     body: str
@@ -33,13 +33,13 @@ class Flipper:
     """Wheels (x, z, radius) in the body's frame [m]; the belt is their convex hull."""
     y: float = 0.0
     """Lateral place of the track in the body's frame [m]."""
-    width: float = 0.05
+    width: float = checked(0.05, require_positive)
     """Width of the belt [m]."""
-    stiffness: float = 250.0
+    stiffness: float = checked(250.0, require_positive)
     """Stiffness of the motor added to a hinge without one [N m/rad]."""
-    damping: float = 15.0
+    damping: float = checked(15.0, require_non_negative)
     """Damping of that motor [N m s/rad]."""
-    torque: float = 90.0
+    torque: float = checked(90.0, require_positive)
     """Largest torque of that motor, unless the model limits the hinge's [N m]."""
     lines: int = 1
     """Lines of contact across the belt's width, which is only drawn with one line."""
@@ -48,9 +48,7 @@ class Flipper:
         Hull.from_wheels(self.hull)
         require(self.side in ("left", "right"), "side", self.side, "left or right")
         require(abs(self.y) <= 10, "y", self.y, "from -10 to 10 m")
-        for name in ("width", "stiffness", "torque"):
-            require_positive(name, getattr(self, name))
-        require_non_negative("damping", self.damping)
+        super().__post_init__()
 
     def track(self, preset: str, friction: tuple[float, float]) -> Track:
         """Its track."""

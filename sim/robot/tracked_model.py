@@ -314,8 +314,8 @@ def _lowest(tracked: TrackedModel, angles: Array) -> Array:
     model, flippers = tracked.model, tracked.robot.flippers
     data = mujoco.MjData(model)
     low = np.empty(angles.shape)
-    for k, one in enumerate(angles):
-        data.qpos[tracked.flipper_qpos] = tracked.flipper_control(one)
+    for k, asked in enumerate(angles):
+        data.qpos[tracked.flipper_qpos] = tracked.flipper_control(asked)
         mujoco.mj_kinematics(model, data)
         for j, flipper in enumerate(flippers):
             x, z, radius = np.array(flipper.hull).T

@@ -102,9 +102,9 @@ def find_meshes(spec: Any, model: Path, packages: Sequence[Path], refuse: Refuse
     left_out: dict[str, str] = {}
     for mesh in [mesh for mesh in spec.meshes if mesh.file]:
         geoms = [geom for geom in spec.geoms if geom.meshname == mesh.name]
-        found, wrong = _mesh_file(mesh.file, model, packages, spec.meshdir) if geoms else (None, "")
-        if found:
-            mesh.file = os.path.abspath(found)
+        file, wrong = _mesh_file(mesh.file, model, packages, spec.meshdir) if geoms else (None, "")
+        if file:
+            mesh.file = os.path.abspath(file)
             continue
         for geom in geoms:
             if weightless(spec, geom):
@@ -169,8 +169,8 @@ def _unit(path: Path) -> str:
     """The unit [m] of a COLLADA file, which converted meshes don't keep; "1" for other files."""
     if path.suffix.lower() != ".dae" or not os.path.isfile(path):
         return "1"
-    found = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']\s*([\d.]+(?:[eE][+-]?\d+)?)", _text(path))
-    return found[1] if found else "1"
+    unit = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']\s*([\d.]+(?:[eE][+-]?\d+)?)", _text(path))
+    return unit[1] if unit else "1"
 
 
 def _is_readable(path: Path) -> bool:
@@ -184,8 +184,8 @@ def _is_readable(path: Path) -> bool:
 def _package_name(folder: Path) -> str:
     """The name that a folder's package.xml states, or an empty one."""
     file = folder / "package.xml"
-    found = re.search(r"<name>\s*([^<\s]+)\s*</name>", _text(file)) if file.is_file() else None
-    return found[1] if found else ""
+    name = re.search(r"<name>\s*([^<\s]+)\s*</name>", _text(file)) if file.is_file() else None
+    return name[1] if name else ""
 
 
 def some(names: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from sim.toml_file import build, read_named
-from trackslip.errors import require, require_at_most, require_finite, require_positive
+from trackslip.errors import Checked, checked, require, require_at_most, require_finite, require_positive
 from trackslip.kinematics import Array
 
 _MAX_COORDINATE = 1000.0  # largest coordinate [m]
@@ -22,18 +22,19 @@ _MIN_DISTANCE = 0.01  # smallest distance of an obstacle from the scanner [m]
 
 
 @dataclass(frozen=True)
-class Post:
+class Post(Checked):
     """An upright cylinder."""
 
     x: float
     """Centre, in the world [m]."""
     y: float
     """Centre, in the world [m]."""
-    radius: float = 0.05
+    radius: float = checked(0.05, require_positive, _MAX_RADIUS, "m")
     """Radius [m]."""
 
     def __post_init__(self) -> None:
-        _require_circle(self.x, self.y, self.radius)
+        super().__post_init__()
+        _require_coordinates(x=self.x, y=self.y)
 
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
         """See `Obstacles.ranges`."""
@@ -71,7 +72,7 @@ class Wall:
 
 
 @dataclass(frozen=True)
-class Walker:
+class Walker(Checked):
     """A person: an upright cylinder that walks in a straight line, or to and fro."""
 
     x: float
@@ -82,13 +83,14 @@ class Walker:
     """Velocity along the world's x axis [m/s]."""
     vy: float
     """Velocity along the world's y axis [m/s]."""
-    radius: float = PERSON
+    radius: float = checked(PERSON, require_positive, _MAX_RADIUS, "m")
     """Radius [m]."""
     turns_after: float = math.inf
     """Time after which the person turns round, again and again [s]."""
 
     def __post_init__(self) -> None:
-        _require_circle(self.x, self.y, self.radius)
+        super().__post_init__()
+        _require_coordinates(x=self.x, y=self.y)
         for name, speed in (("vx", self.vx), ("vy", self.vy)):
             require(abs(speed) <= _MAX_SPEED, name, speed, f"from {-_MAX_SPEED:g} to {_MAX_SPEED:g} m/s")
         require(self.turns_after > 0, "turns_after", self.turns_after, "a number > 0, or inf to walk straight on")
@@ -162,12 +164,6 @@ def _require_coordinates(**coordinates: float) -> None:
     for name, value in coordinates.items():
         require_finite(name, value)
         require(abs(value) <= _MAX_COORDINATE, name, value, f"from {-_MAX_COORDINATE:g} to {_MAX_COORDINATE:g} m")
-
-
-def _require_circle(x: float, y: float, radius: float) -> None:
-    _require_coordinates(x=x, y=y)
-    require_positive("radius", radius)
-    require_at_most("radius", radius, _MAX_RADIUS, "m")
 
 
 NAMED_OBSTACLES: dict[str, Obstacles] = {

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from trackslip.errors import (
+    Checked,
+    checked,
     require,
     require_at_most,
     require_finite,
@@ -28,41 +30,32 @@ MIRROR_PERIOD = 1 / 75
 
 
 @dataclass(frozen=True)
-class LaserScanner:
+class LaserScanner(Checked):
     """A line scanner modelled on the SICK LMS 200; the paper doesn't name its scanner."""
 
-    field_of_view: float = float(np.pi)
+    field_of_view: float = checked(float(np.pi), require_positive)
     """Angle between the first and the last beam [rad]."""
-    resolution: float = float(np.radians(0.25))
+    resolution: float = checked(float(np.radians(0.25)), require_positive)
     """Angle between neighbouring beams [rad]."""
-    rate: float = 20.0
+    rate: float = checked(20.0, require_positive)
     """Scans per second [Hz]."""
-    noise: float = 0.005
+    noise: float = checked(0.005, require_non_negative, _MAX_ERROR, "m")
     """Standard deviation of a range [m]."""
-    max_range: float = 20.0
+    max_range: float = checked(20.0, require_positive, 1000.0, "m")
     """Surfaces farther away return no echo [m]."""
-    dropout: float = 0.0
+    dropout: float = checked(0.0, require_finite)
     """Probability that a beam that hits a surface returns no echo [-]."""
-    quantisation: float = 0.0
+    quantisation: float = checked(0.0, require_non_negative, _MAX_ERROR, "m")
     """Noisy ranges are rounded to multiples of this; 0 for no rounding [m]."""
-    range_bias: float = 0.0
+    range_bias: float = checked(0.0, require_within, -_MAX_ERROR, _MAX_ERROR, "m")
     """Error common to all ranges [m]."""
-    divergence: float = 0.0
+    divergence: float = checked(0.0, require_non_negative, _MAX_BEAM, "rad")
     """Angle by which a beam widens, 4.4 mrad for the LMS 200; it causes mixed pixels at edges [rad]."""
-    scan_duration: float = 0.0
+    scan_duration: float = checked(0.0, require_non_negative)
     """Time from the first beam to the last; the scan's own time is in the middle [s]."""
 
     def __post_init__(self) -> None:
-        for name in ("field_of_view", "resolution", "rate", "max_range"):
-            require_positive(name, getattr(self, name))
-        for name in ("noise", "quantisation", "divergence", "scan_duration"):
-            require_non_negative(name, getattr(self, name))
-        require_within("range_bias", self.range_bias, -_MAX_ERROR, _MAX_ERROR, "m")
-        require_finite("dropout", self.dropout)
-        for name in ("noise", "quantisation"):
-            require_at_most(name, getattr(self, name), _MAX_ERROR, "m")
-        require_at_most("divergence", self.divergence, _MAX_BEAM, "rad")
-        require_at_most("max_range", self.max_range, 1000.0, "m")
+        super().__post_init__()
         require_at_most("scan_duration", self.scan_duration, self.period, "s, the time between scans")
         opened, step, rounding = self.field_of_view, self.resolution, self.quantisation
         few_beams = f"at least field_of_view / {_MAX_BEAMS}, for at most that many beams"
@@ -94,11 +87,6 @@ class LaserScanner:
     def scan(self, ranges: Array, mount: Array) -> Scan:
         """Measured ranges (..., B) [m] as scans of this scanner at `mount` (3,) [m, m, rad]."""
         return Scan(self.bearings, ranges, self.range_std, mount, self.max_range, self.dropout)
-
-    @property
-    def ideal(self) -> LaserScanner:
-        """The same scanner without measurement errors."""
-        return replace(self, noise=0.0, dropout=0.0, quantisation=0.0, range_bias=0.0)
 
     @property
     def period(self) -> float:

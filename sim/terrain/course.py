@@ -19,14 +19,15 @@ from sim.seeds import generator
 from sim.terrain.fields import Rough
 from sim.terrain.loose import Beams, Blocks, Pallets
 from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, Stairs, Step, require_length
-from sim.terrain.solids import EDGE, Base, Level, Solid, look
+from sim.terrain.solids import EDGE, LINES, Base, Level, Solid, look
 from sim.toml_file import build, read_named, read_toml
 from trackslip.errors import (
+    Checked,
     InvalidValueError,
     SettingsFileError,
+    checked,
     require,
     require_at_most,
-    require_finite,
     require_positive,
     require_whole,
 )
@@ -39,6 +40,7 @@ _MAX_CELLS = 2_000_000
 _FLOOR = (0.40, 0.43, 0.40, 1.0)
 _FLOOR_SIZE = 50.0  # half of the floor's drawn size; it has no end [m]
 _START_BEFORE = 1.0  # of the start before the first piece [m]
+_NAME = "course/"  # what the names of its geoms begin with
 _COURSES = Path(models.__file__).parent / "courses"
 _KINDS: dict[str, type[Any]] = {
     "flat": Flat,
@@ -55,7 +57,7 @@ _KINDS: dict[str, type[Any]] = {
 
 
 @dataclass(frozen=True)
-class Course:
+class Course(Checked):
     """Pieces in a row between a start and a goal platform; the first piece begins at x = 0, at height 0.
 
     Beside and below the course is a level floor, 0.3 m below the lowest of its parts.
@@ -63,15 +65,15 @@ class Course:
 
     pieces: tuple[Piece, ...]
     """In the order in which they are crossed."""
-    width: float = 3.0
+    width: float = checked(3.0, require_length)
     """Width [m]."""
-    friction: float = 0.7
+    friction: float = checked(0.7, require_positive, 10.0)
     """Coefficient of friction."""
-    seed: int = 0
+    seed: int = checked(0, require_whole, 0)
     """Root seed of everything random, such as rough ground."""
-    start_length: float = 2.0
+    start_length: float = checked(2.0, require_length)
     """Length of the level platform before the first piece [m]."""
-    goal_length: float = 2.0
+    goal_length: float = checked(2.0, require_length)
     """Length of the level platform behind the last piece [m]."""
 
     @classmethod
@@ -95,11 +97,7 @@ class Course:
         require(len(self.pieces) > 0, "pieces", self.pieces, "at least one piece")
         for piece in self.pieces:
             require(hasattr(piece, "place"), "pieces", piece, "pieces of terrain")
-        for name in ("width", "start_length", "goal_length"):
-            require_length(name, getattr(self, name))
-        require_positive("friction", self.friction)
-        require_at_most("friction", self.friction, 10.0)
-        require_whole("seed", self.seed, 0)
+        super().__post_init__()
         require_at_most("length of the course", self.placed[-1].x + self.start_length, _MAX_COURSE, "m")
 
     @cached_property
@@ -153,11 +151,13 @@ class Course:
 
     def height(self, x: Array, y: Array) -> Array:
         """Exact heights (...) of the surface at (x, y), arrays that broadcast to (...) [m]."""
-        return self._surface(x, y)[0]
-
-    def normal(self, x: Array, y: Array) -> Array:
-        """Unit normals (..., 3) of the surface at (x, y), arrays that broadcast to (...) [m]."""
-        return self._surface(x, y)[1]
+        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        points, height = np.stack([x.ravel(), y.ravel()]), np.full(x.size, self.floor)
+        for solid in self.solids:
+            low, high = solid.bounds[:, :2, None]
+            (near,) = np.nonzero(((points >= low - EDGE) & (points <= high + EDGE)).all(axis=0))
+            height[near] = np.maximum(height[near], solid.height(*points[:, near]))
+        return height.reshape(x.shape)
 
     @cached_property
     def model(self) -> mujoco.MjModel:
@@ -165,20 +165,6 @@ class Course:
         spec = mujoco.MjSpec()
         self.add_to(spec, looks=False)
         return spec.compile()
-
-    def _surface(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Heights (...) and normals (..., 3) of the highest solid at each point, or of the floor."""
-        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        points, shape = np.stack([x.ravel(), y.ravel()]), x.shape
-        height = np.full(points.shape[1], self.floor)
-        normal = np.tile([0.0, 0.0, 1.0], (len(height), 1))
-        for solid in self.solids:
-            low, high = solid.bounds[:, :2, None]
-            (near,) = np.nonzero(((points >= low - EDGE) & (points <= high + EDGE)).all(axis=0))
-            seen, upward = solid.surface(*points[:, near])
-            higher = seen > height[near]
-            height[near[higher]], normal[near[higher]] = seen[higher], upward[higher]
-        return height.reshape(shape), normal.reshape(*shape, 3)
 
     @cached_property
     def table(self) -> Table:
@@ -193,53 +179,32 @@ class Course:
             )
             part = heights[rows, columns]
             at = np.broadcast_arrays(x[rows, None], y[columns])
-            seen, _ = solid.surface(*(places.ravel() for places in at))
+            seen = solid.height(*(places.ravel() for places in at))
             np.maximum(part, seen.reshape(part.shape), out=part)
         return Table(np.array([x[0], y[0]]), 1 / cell, heights)
 
-    def add_to(
-        self,
-        spec: mujoco.MjSpec,
-        *,
-        name: str = "course",
-        at: tuple[float, float] = (0.0, 0.0),
-        floor: bool = True,
-        looks: bool = True,
-    ) -> list[str]:
-        """Add the course to the world body of `spec`.
+    def add_to(self, spec: mujoco.MjSpec, *, looks: bool = True) -> list[str]:
+        """Add the course and its floor, which has no end, to the world body of `spec`.
+
+        A second one, or one elsewhere, is attached from a spec of its own: `spec.attach(other, prefix=..., frame=...)`.
 
         Args:
             spec: the model.
-            name: what the geoms' names begin with, unique in the model.
-            at: where its origin is in the world, x and y [m].
-            floor: whether to add the floor, too, which has no end.
             looks: whether to draw what carries slopes, by meshes that collide with nothing.
 
         Returns:
-            Names of the geoms, for `Tracks.connect`.
-
-        Raises:
-            InvalidValueError: if the model has geoms of these names, or the place isn't finite.
+            Names of the geoms, for `connect`.
         """
-        for place in at:
-            require_finite("at", place)
-        taken = any(geom.name.startswith(f"{name}/") for geom in spec.geoms)
-        require(not taken, "name", name, "a name that no other course in the model has")
-        base = Base(self.floor, self.friction, *at, name, looks)
-        add_lines(spec, f"{name}/lines")
-        names = [f"{name}/{k}" for k in range(len(self.solids))]
+        taken = any(geom.name.startswith(_NAME) for geom in spec.geoms)
+        require(not taken, "spec", spec.modelname, "one without a course")
+        base = Base(self.floor, self.friction, looks)
+        add_lines(spec)
+        names = [f"{_NAME}{k}" for k in range(len(self.solids))]
         for solid, geom in zip(self.solids, names, strict=True):
             solid.add_to(spec, geom, base)
-        if floor:
-            names.append(f"{name}/floor")
-            spec.worldbody.add_geom(
-                name=names[-1],
-                type=mujoco.mjtGeom.mjGEOM_PLANE,
-                size=[_FLOOR_SIZE, _FLOOR_SIZE, 1.0],
-                pos=[*at, self.floor],
-                **look(_FLOOR, base),
-            )
-        return names
+        floor = {"size": [_FLOOR_SIZE, _FLOOR_SIZE, 1.0], "pos": [0.0, 0.0, self.floor], **look(_FLOOR, base)}
+        spec.worldbody.add_geom(name=f"{_NAME}floor", type=mujoco.mjtGeom.mjGEOM_PLANE, **floor)
+        return [*names, f"{_NAME}floor"]
 
 
 class Table(NamedTuple):
@@ -272,10 +237,10 @@ def look_up(courses: Sequence[Course], points: Array) -> Array:
     return np.asarray((1 - u) * back + u * front)
 
 
-def add_lines(spec: mujoco.MjSpec, name: str) -> None:
-    """Add a material that draws lines half a metre apart."""
+def add_lines(spec: mujoco.MjSpec) -> None:
+    """Add the material LINES, which draws lines half a metre apart."""
     spec.add_texture(
-        name=name,
+        name=LINES,
         type=mujoco.mjtTexture.mjTEXTURE_2D,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
         rgb1=[1.0, 1.0, 1.0],
@@ -284,8 +249,8 @@ def add_lines(spec: mujoco.MjSpec, name: str) -> None:
         width=256,
         height=256,
     )
-    material = spec.add_material(name=name, texuniform=True, texrepeat=[2.0, 2.0])
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    material = spec.add_material(name=LINES, texuniform=True, texrepeat=[2.0, 2.0])
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = LINES
 
 
 def course_names() -> list[str]:

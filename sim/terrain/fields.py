@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.terrain.pieces import MAX_LENGTH, Placed, Site, require_height, require_length, smooth_step
+from sim.terrain.pieces import MAX_LENGTH, Placed, Site, require_height, require_length, require_width, smooth_step
 from sim.terrain.solids import Grid
-from trackslip.errors import InvalidValueError, require, require_at_most, require_within
+from trackslip.errors import Checked, InvalidValueError, checked, require, require_at_most, require_within
 from trackslip.kinematics import Array
 
 _MAX_EXPONENT = 8.0
@@ -19,14 +19,14 @@ _MIN_CELL = 0.005  # [m]
 
 
 @dataclass(frozen=True)
-class Rough:
+class Rough(Checked):
     """Random rough ground whose power spectrum falls with the wave number; it begins and ends level."""
 
-    length: float = 4.0
+    length: float = checked(4.0, require_length)
     """Length [m]."""
-    amplitude: float = 0.1
+    amplitude: float = checked(0.1, require_height)
     """From the lowest to the highest point [m]."""
-    exponent: float = 3.0
+    exponent: float = checked(3.0, require_within, 0.0, _MAX_EXPONENT)
     """Exponent with which spectral power per area falls with the wave number; 3 as of roads (ISO 8608)."""
     cell: float = 0.1
     """Size of a cell of the height field [m]."""
@@ -34,9 +34,7 @@ class Rough:
     """Length of the transition to level ground at either end [m]."""
 
     def __post_init__(self) -> None:
-        require_length("length", self.length)
-        require_height("amplitude", self.amplitude)
-        require_within("exponent", self.exponent, 0.0, _MAX_EXPONENT)
+        super().__post_init__()
         require_within("cell", self.cell, _MIN_CELL, self.length, "m, at most the length")
         require_within("blend", self.blend, 0.0, self.length / 2, "m, at most half of the length")
 
@@ -69,14 +67,14 @@ def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -
 
 
 @dataclass(frozen=True, eq=False)
-class HeightField:
+class HeightField(Checked):
     """Given heights; the mean of the first column joins the piece before, that of the last the piece behind."""
 
     heights: Array
     """Heights (rows, columns) [m]: rows along y, to the left, columns along x, the way to drive."""
-    length: float = 4.0
+    length: float = checked(4.0, require_length)
     """Length from the first to the last column [m]."""
-    width: float = math.inf
+    width: float = checked(math.inf, require_width)
     """Width from the first to the last row [m]; inf: the course's width."""
 
     def __post_init__(self) -> None:
@@ -90,9 +88,7 @@ class HeightField:
         wrong = values[~np.isfinite(values)] if values.dtype.kind in "iuf" else values
         require(len(wrong) == 0, "heights", wrong[:1].tolist(), "finite numbers")
         require_at_most("range of heights", float(np.ptp(values)), MAX_LENGTH, "m")
-        require_length("length", self.length)
-        if self.width != math.inf:
-            require_length("width", self.width)
+        super().__post_init__()
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.terrain.pieces import MAX_LENGTH, MAX_NUMBER, Placed, Site, require_height, require_length, require_number
 from sim.terrain.solids import STONE, WOOD, Box, Level, Solid
-from trackslip.errors import require, require_within
+from trackslip.errors import Checked, checked, require, require_within
 
 _MAX_YAW = 0.8  # [rad]
 # of the European pallet, its blocks and the boards above and below them as three whole bearers [m]
@@ -20,24 +20,21 @@ _BEARERS = ((-0.55, 0.1), (0.0, 0.145), (0.55, 0.1))  # place along y, width
 
 
 @dataclass(frozen=True)
-class Beams:
+class Beams(Checked):
     """Square beams across the course, on level ground."""
 
-    size: float = 0.1
+    size: float = checked(0.1, require_height)
     """Height and thickness of a beam [m]."""
-    spacing: float = 0.6
+    spacing: float = checked(0.6, require_length)
     """From middle to middle [m]."""
-    number: int = 6
+    number: int = checked(6, require_number)
     """Number of beams."""
-    yaw: float = 0.0
+    yaw: float = checked(0.0, require_within, 0.0, _MAX_YAW, "rad")
     """Largest angle by which a beam is turned, drawn evenly [rad]."""
 
     def __post_init__(self) -> None:
-        require_height("size", self.size)
-        require_length("spacing", self.spacing)
+        super().__post_init__()
         require(self.spacing > self.size, "spacing", self.spacing, f"greater than the beams' size, {self.size:g} m")
-        require_number("number", self.number)
-        require_within("yaw", self.yaw, 0.0, _MAX_YAW, "rad")
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
@@ -91,23 +88,21 @@ class Blocks:
 
 
 @dataclass(frozen=True)
-class Pallets:
+class Pallets(Checked):
     """Pallets of 0.8 x 1.2 m on level ground: five boards across, on three bearers.
 
     As many as fit are side by side, an odd number, so that one is in the middle.
     """
 
-    number: int = 3
+    number: int = checked(3, require_number)
     """Number of rows of pallets, one behind the other."""
-    spacing: float = 1.6
+    spacing: float = checked(1.6, require_length)
     """From middle to middle [m]."""
-    yaw: float = 0.0
+    yaw: float = checked(0.0, require_within, 0.0, _MAX_YAW, "rad")
     """Largest angle by which a pallet is turned, drawn evenly [rad]."""
 
     def __post_init__(self) -> None:
-        require_number("number", self.number)
-        require_length("spacing", self.spacing)
-        require_within("yaw", self.yaw, 0.0, _MAX_YAW, "rad")
+        super().__post_init__()
         depth, _ = self._reach
         require(self.spacing > depth, "spacing", self.spacing, f"greater than the depth of a pallet, {depth:.3g} m")
 

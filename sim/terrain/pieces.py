@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
-from trackslip.errors import require, require_finite, require_whole, require_within
+from trackslip.errors import Checked, checked, require, require_finite, require_whole, require_within
 from trackslip.kinematics import Array
 
 _THICKNESS = 0.1  # of the boxes of slopes [m]
@@ -33,6 +33,12 @@ def require_length(field: str, value: float) -> None:
     require_within(field, value, _MIN_LENGTH, MAX_LENGTH, "m")
 
 
+def require_width(field: str, value: float) -> None:
+    """Raise InvalidValueError unless `value` is a width on a course [m], or infinite for the course's."""
+    if value != math.inf:
+        require_length(field, value)
+
+
 def require_height(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is a height above the ground [m]."""
     require_within(field, value, _MIN_HEIGHT, _MAX_HEIGHT, "m")
@@ -49,8 +55,8 @@ def _require_change(field: str, value: float) -> None:
     require(_MIN_HEIGHT <= abs(value) <= _MAX_HEIGHT, field, value, allowed)
 
 
-def _require_angle(value: float) -> None:
-    require_within("angle", value, -_MAX_ANGLE, _MAX_ANGLE, f"rad ({math.degrees(_MAX_ANGLE):.0f} degrees)")
+def _require_angle(name: str, value: float) -> None:
+    require_within(name, value, -_MAX_ANGLE, _MAX_ANGLE, f"rad ({math.degrees(_MAX_ANGLE):.0f} degrees)")
 
 
 @dataclass(frozen=True)
@@ -86,14 +92,11 @@ class Piece(Protocol):
 
 
 @dataclass(frozen=True)
-class Flat:
+class Flat(Checked):
     """Level ground."""
 
-    length: float = 1.0
+    length: float = checked(1.0, require_length)
     """Length [m]."""
-
-    def __post_init__(self) -> None:
-        require_length("length", self.length)
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
@@ -102,17 +105,13 @@ class Flat:
 
 
 @dataclass(frozen=True)
-class Ramp:
+class Ramp(Checked):
     """A slope up or down."""
 
-    angle: float = 0.35
+    angle: float = checked(0.35, _require_angle)
     """Angle with the horizontal, < 0 down [rad]."""
-    length: float = 2.0
+    length: float = checked(2.0, require_length)
     """Length along the slope [m]."""
-
-    def __post_init__(self) -> None:
-        _require_angle(self.angle)
-        require_length("length", self.length)
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
@@ -125,17 +124,13 @@ class Ramp:
 
 
 @dataclass(frozen=True)
-class Step:
+class Step(Checked):
     """A single step up or down, and level ground behind it."""
 
-    height: float = 0.1
+    height: float = checked(0.1, _require_change)
     """Height, < 0 down [m]."""
-    length: float = 1.5
+    length: float = checked(1.5, require_length)
     """Length of the ground behind it [m]."""
-
-    def __post_init__(self) -> None:
-        _require_change("height", self.height)
-        require_length("length", self.length)
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
@@ -144,24 +139,17 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Stairs:
+class Stairs(Checked):
     """Stairs up or down; the last tread is at the height of what follows."""
 
-    rise: float = 0.15
+    rise: float = checked(0.15, _require_change)
     """Height of a step, < 0 down [m]."""
-    run: float = 0.28
+    run: float = checked(0.28, require_length)
     """Depth of a tread [m]."""
-    number: int = 8
+    number: int = checked(8, require_number)
     """Number of steps."""
-    width: float = math.inf
+    width: float = checked(math.inf, require_width)
     """Width [m]; inf: the course's width."""
-
-    def __post_init__(self) -> None:
-        _require_change("rise", self.rise)
-        require_length("run", self.run)
-        require_number("number", self.number)
-        if self.width != math.inf:
-            require_length("width", self.width)
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
@@ -176,17 +164,13 @@ class Stairs:
 
 
 @dataclass(frozen=True)
-class Gap:
+class Gap(Checked):
     """A ditch across the course."""
 
-    length: float = 0.3
+    length: float = checked(0.3, require_length)
     """Length from edge to edge [m]."""
-    depth: float = 0.5
+    depth: float = checked(0.5, require_height)
     """Depth of its bottom [m]."""
-
-    def __post_init__(self) -> None:
-        require_length("length", self.length)
-        require_height("depth", self.depth)
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
@@ -195,20 +179,15 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class SideSlope:
+class SideSlope(Checked):
     """Ground that falls to one side, between two stretches that twist from level to the slope and back."""
 
-    angle: float = 0.3
+    angle: float = checked(0.3, _require_angle)
     """Angle with the horizontal, < 0 if the left is lower [rad]."""
-    length: float = 3.0
+    length: float = checked(3.0, require_length)
     """Length of the slope, without the twisted stretches [m]."""
-    blend: float = 1.0
+    blend: float = checked(1.0, require_length)
     """Length of each twisted stretch [m]."""
-
-    def __post_init__(self) -> None:
-        _require_angle(self.angle)
-        require_length("length", self.length)
-        require_length("blend", self.blend)
 
     def place(self, site: Site) -> Placed:
         """See `Piece`. The middle of the course stays level."""

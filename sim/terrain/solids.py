@@ -19,6 +19,8 @@ STONE: Colour = (0.62, 0.64, 0.66, 1.0)
 SLATE: Colour = (0.40, 0.43, 0.47, 1.0)
 WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
 EARTH: Colour = (0.55, 0.47, 0.37, 1.0)
+LINES = "course/lines"
+"""Material of all geoms of a course."""
 _NO_TURNING = 0.005, 0.0001  # torsional and rolling friction, MuJoCo's defaults, without effect in three dimensions [m]
 
 
@@ -30,12 +32,6 @@ class Base:
     """Height of the floor below the course [m]."""
     friction: float
     """Coefficient of sliding friction."""
-    x: float = 0.0
-    """Place of the course's origin in the world [m]."""
-    y: float = 0.0
-    """Place of the course's origin in the world [m]."""
-    name: str = "course"
-    """Prefix of the names of everything the course adds to the model."""
     looks: bool = True
     """Draw the supports of slopes."""
 
@@ -47,8 +43,8 @@ class Solid(Protocol):
     def bounds(self) -> Array:
         """Corners of an upright box around the upper surface, (2, 3) [m]."""
 
-    def surface(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Heights (P,) of its upper surface at points (P,), -inf beside it [m], and unit normals (P, 3)."""
+    def height(self, x: Array, y: Array) -> Array:
+        """Heights (P,) of its upper surface at points (P,), -inf beside it [m]."""
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """Add the solid to the world body as a geom called `name`."""
@@ -73,10 +69,10 @@ class Level:
         """See `Solid`."""
         return np.array([[self.x0, -self.half_width, self.z], [self.x1, self.half_width, self.z]])
 
-    def surface(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def height(self, x: Array, y: Array) -> Array:
         """See `Solid`."""
         inside = (x >= self.x0 - EDGE) & (x <= self.x1 + EDGE) & (np.abs(y) <= self.half_width + EDGE)
-        return np.where(inside, self.z, -np.inf), np.broadcast_to([0.0, 0.0, 1.0], (len(x), 3))
+        return np.where(inside, self.z, -np.inf)
 
     def continues(self, behind: Level) -> bool:
         """True if the block `behind` continues this one without an edge."""
@@ -89,7 +85,7 @@ class Level:
             name=name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=[(self.x1 - self.x0) / 2, self.half_width, half_height],
-            pos=[base.x + (self.x0 + self.x1) / 2, base.y, self.z - half_height],
+            pos=[(self.x0 + self.x1) / 2, 0.0, self.z - half_height],
             **look(self.colour, base),
         )
 
@@ -119,21 +115,19 @@ class Box:
         reach = np.abs(self.rotation) @ np.array(self.half)
         return np.array(self.centre) + np.array([[-1.0], [1.0]]) * reach
 
-    def surface(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def height(self, x: Array, y: Array) -> Array:
         """See `Solid`: where vertical lines leave the slabs between opposite faces, the first of which counts."""
         centre, half = np.array(self.centre), np.array(self.half) + EDGE
         start = self.rotation.T @ np.stack([x - centre[0], y - centre[1], np.zeros(len(x))])  # (3, P), in its axes
-        enters, leaves, face = np.full(len(x), -np.inf), np.full(len(x), np.inf), np.zeros(len(x), int)
+        enters, leaves = np.full(len(x), -np.inf), np.full(len(x), np.inf)
         for axis, rise in enumerate(self.rotation[2]):  # a slab along each axis
             if rise == 0:
                 leaves[np.abs(start[axis]) > half[axis]] = -np.inf
                 continue
             middle, reach = -start[axis] / rise, half[axis] / abs(rise)
             np.maximum(enters, middle - reach, out=enters)
-            face[middle + reach < leaves] = axis
             np.minimum(leaves, middle + reach, out=leaves)
-        normals = (self.rotation * np.sign(self.rotation[2])).T
-        return np.where(enters <= leaves, centre[2] + leaves, -np.inf), normals[face]
+        return np.where(enters <= leaves, centre[2] + leaves, -np.inf)
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """See `Solid`."""
@@ -141,7 +135,7 @@ class Box:
             name=name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=list(self.half),
-            pos=[base.x + self.centre[0], base.y + self.centre[1], self.centre[2]],
+            pos=list(self.centre),
             quat=list(self.quaternion),
             **look(self.colour, base),
         )
@@ -151,7 +145,7 @@ class Box:
     def _add_skirt(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """Draw the support of a sloping box, from its lower face to the floor; it doesn't collide."""
         signs = np.array([[i, j, -1.0] for i in (-1, 1) for j in (-1, 1)])
-        lower = self.centre + signs * self.half @ self.rotation.T + [base.x, base.y, 0.0]  # (4, 3)
+        lower = self.centre + signs * self.half @ self.rotation.T  # (4, 3)
         below = np.column_stack([lower[:, :2], np.full(4, base.floor)])
         spec.add_mesh(name=name, uservert=np.concatenate([lower, below]).ravel())
         seen = look(self.colour, base) | {"contype": 0, "conaffinity": 0}
@@ -185,7 +179,7 @@ class Grid:
         span = (high - low) or 1.0
         return low, span, ((self.heights - low) / span).astype(np.float32)
 
-    def surface(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def height(self, x: Array, y: Array) -> Array:
         """See `Solid`: each rectangle is cut from its first to its last corner, as by MuJoCo's rays."""
         low, span, shares = self._stored
         heights, (rows, columns) = low + span * shares.astype(float), shares.shape
@@ -197,11 +191,9 @@ class Grid:
         right = u > v  # of the cut, as seen along y
         corner = np.where(right, heights[row, column + 1], heights[row + 1, column])
         along_x, along_y = np.where(right, [corner - first, last - corner], [last - corner, corner - first])
-        normal = np.column_stack([-along_x / dx, -along_y / dy, np.ones(len(x))])
         beside = np.abs(x - self.x0 - self.length / 2) > self.length / 2 + EDGE
         beside |= np.abs(y) > self.width / 2 + EDGE
-        height = np.where(beside, -np.inf, first + u * along_x + v * along_y)
-        return height, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        return np.where(beside, -np.inf, first + u * along_x + v * along_y)
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """See `Solid`."""
@@ -212,7 +204,7 @@ class Grid:
             name=name,
             type=mujoco.mjtGeom.mjGEOM_HFIELD,
             hfieldname=name,
-            pos=[base.x + self.x0 + self.length / 2, base.y, low],
+            pos=[self.x0 + self.length / 2, 0.0, low],
             **look(self.colour, base),
         )
 
@@ -221,7 +213,7 @@ def look(colour: Colour, base: Base) -> dict[str, Any]:
     """Arguments of `add_geom` common to all geoms of a course, overriding the model's defaults."""
     return {
         "rgba": list(colour),
-        "material": f"{base.name}/lines",
+        "material": LINES,
         "friction": [base.friction, *_NO_TURNING],
         "condim": 3,
         "contype": 1,

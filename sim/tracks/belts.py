@@ -185,6 +185,14 @@ class BatchBelts:
         self._motors.set(where, _speeds(speeds, self._motors.speed.shape[1]), torque_limit, inertia)
         self._put(where, self._motors.speed[where])
 
+    def get_state(self) -> tuple[Floats, Floats]:
+        """A copy of the state of all motors; the belts' speeds are in the batch."""
+        return self._motors.get_state()
+
+    def set_state(self, state: tuple[Floats, Floats]) -> None:
+        """Return to a state of these motors, or of those of a batch that was made alike."""
+        self._motors.set_state(state)
+
     def begin(self, rows: Any = slice(None)) -> None:
         """Put the belts of the simulations `rows` to rest, without motors, for a new run."""
         where = np.arange(len(self._surface))[rows]

@@ -1,9 +1,9 @@
-"""Drawing of tracks: band, shoes and wheels move with the belt; none of them is simulated."""
+"""Drawing of tracks: shoes and wheels move with the belt; none of them is simulated."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -16,13 +16,12 @@ from trackslip.errors import require_positive
 Array = NDArray[np.float64]
 
 BOX, CYLINDER = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_CYLINDER)
-_RUBBER, _SHOE, _MARK = (0.10, 0.10, 0.11, 1.0), (0.15, 0.15, 0.17, 1.0), (0.93, 0.66, 0.07, 1.0)
-_STEEL, _HUB, _BOLT = (0.50, 0.52, 0.55, 1.0), (0.22, 0.23, 0.26, 1.0), (0.80, 0.81, 0.83, 1.0)
-_SHOE_HEIGHT, _BAND = 0.12, 0.09  # of the smallest wheel's radius
+_TYRE, _SHOE, _MARK = (0.10, 0.10, 0.11, 1.0), (0.15, 0.15, 0.17, 1.0), (0.93, 0.66, 0.07, 1.0)
+_WHEEL, _BOLT = (0.22, 0.23, 0.26, 1.0), (0.80, 0.81, 0.83, 1.0)
+_THICKNESS = 0.2  # of a belt, over the smallest wheel's radius
 _PITCH = 0.034  # distance between shoes, about [m]
 _MARKED = 9  # one shoe in so many is painted, which shows the belt moving
-_ARC = np.pi / 8  # that one straight piece of the band may turn [rad]
-_SPOKES = 5
+_BOLTS = 5
 _ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6  # radius over the end wheels', distance over radius
 _TURN_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # a cylinder's axis, z, becomes -y
 
@@ -60,15 +59,12 @@ class TrackLook:
     def pieces(self, travel: Array | float) -> Pieces:
         """Pieces to draw after the belt has travelled `travel` (...) [m] forwards."""
         travel = np.asarray(travel, float)
-        wheels = [self._wheel(wheel, travel) for wheel in self._wheels()]
-        pieces = _joined([self._band(travel), self._shoes(travel), *wheels])
-        return replace(pieces, position=pieces.position + np.array([0.0, self.y, 0.0]))
+        return _joined([self._shoes(travel), *(self._wheel(wheel, travel) for wheel in self._wheels())])
 
     @property
-    def _thickness(self) -> tuple[float, float]:
-        """Height of the shoes and thickness of the band [m]."""
-        radius = float(np.min(np.asarray(self.hull)[:, 2]))
-        return _SHOE_HEIGHT * radius, _BAND * radius
+    def _thickness(self) -> float:
+        """Thickness of the belt [m]."""
+        return _THICKNESS * float(np.min(np.asarray(self.hull)[:, 2]))
 
     def _inside(self, depth: float) -> Outline:
         """The outline at a depth below the surface of the belt [m]."""
@@ -76,7 +72,7 @@ class TrackLook:
 
     def _wheels(self) -> Array:
         """Wheels to draw (W', 3): the hull's, inside the belt, and road wheels along the lower run."""
-        outline = self._inside(sum(self._thickness))
+        outline = self._inside(self._thickness)
         low = int(np.argmin(np.cos(outline.heading)))  # the run that goes straight backwards
         first, last = outline.wheels[low], outline.wheels[(low + 1) % len(outline.wheels)]
         radius = _ROAD_WHEEL * min(first[2], last[2])
@@ -87,46 +83,28 @@ class TrackLook:
         where = outline.start[low] + along[:, None] * [ahead, up] - radius * np.array([-up, ahead])
         return np.concatenate([outline.wheels, np.column_stack([where, np.full(count, radius)])])
 
-    def _band(self, travel: Array) -> Pieces:
-        shoe, band = self._thickness
-        outline = self._inside(shoe + band / 2)
-        ends, at = outline.ends, [0.0]
-        radii = np.roll(outline.wheels[:, 2], -1)
-        for run, arc, radius in zip(ends[::2], ends[1::2], radii, strict=True):
-            at += [run, *np.linspace(run, arc, int(np.ceil((arc - run) / radius / _ARC)) + 1)[1:]]
-        starts, ends = np.array(at[:-1]), np.array(at[1:])
-        first, last = (outline.place(s)[0] for s in (starts, ends))
-        way = last - first
-        half = np.hypot(*way.T) / 2 + 0.2 * band  # the pieces overlap at their ends
-        size = np.column_stack([half, np.full(len(half), self.width / 2), np.full(len(half), band / 2)])
-        return _same(size, _RUBBER, (first + last) / 2, -np.arctan2(way[:, 1], way[:, 0]), travel)
-
     def _shoes(self, travel: Array) -> Pieces:
-        shoe, _ = self._thickness
-        outline = self._inside(shoe / 2)
+        outline = self._inside(self._thickness / 2)
         length = float(outline.ends[-1])
         count = max(3, round(length / _PITCH))
         pitch = length / count
         place, heading = outline.place(np.arange(count) * pitch + travel[..., None])
-        size = np.tile([0.34 * pitch, 0.515 * self.width, shoe / 2], (count, 1))
+        size = np.tile([pitch / 2, self.width / 2, self._thickness / 2], (count, 1))
         rgba = np.where((np.arange(count) % _MARKED == 0)[:, None], _MARK, _SHOE)
-        position = np.stack([place[..., 0], np.zeros_like(heading), place[..., 1]], axis=-1)
+        position = np.stack([place[..., 0], np.full_like(heading, self.y), place[..., 1]], axis=-1)
         return Pieces(np.full(count, BOX), size, rgba, position, -heading)
 
-    def _wheel(self, wheel: Array, travel: Array, rgba: tuple[float, ...] = _HUB) -> Pieces:
+    def _wheel(self, wheel: Array, travel: Array, rgba: tuple[float, ...] = _WHEEL) -> Pieces:
+        """A disc, and bolts that turn with it."""
         x, z, radius = wheel
-        turn = travel / radius
+        angle = travel[..., None] / radius + np.append(0.0, 2 * np.pi * np.arange(_BOLTS) / _BOLTS)
+        away = np.append(0.0, np.full(_BOLTS, 0.62 * radius))
         half = 0.46 * self.width
-        discs = np.array([[radius, half, 0.0], [0.30 * radius, 0.53 * self.width, 0.0]])
-        still = _same(discs, _STEEL, np.tile([x, z], (2, 1)), np.zeros(2), travel, CYLINDER)
-        still = replace(still, rgba=np.array([rgba, _STEEL]))
-        around = turn[..., None] + 2 * np.pi * np.arange(_SPOKES) / _SPOKES
-        position = np.stack(
-            [x + 0.62 * radius * np.sin(around), np.zeros_like(around), z + 0.62 * radius * np.cos(around)], axis=-1
-        )
-        size = np.tile([0.13 * radius, half + 0.003, 0.0], (_SPOKES, 1))
-        bolts = Pieces(np.full(_SPOKES, CYLINDER), size, np.tile(_BOLT, (_SPOKES, 1)), position, around)
-        return _joined([still, bolts])
+        size = np.array([[radius, half, 0.0], *[[0.13 * radius, half + 0.003, 0.0]] * _BOLTS])
+        place = [x + away * np.sin(angle), np.full_like(angle, self.y), z + away * np.cos(angle)]
+        count = 1 + _BOLTS
+        rgba_of_each = np.array([rgba, *[_BOLT] * _BOLTS])
+        return Pieces(np.full(count, CYLINDER), size, rgba_of_each, np.stack(place, axis=-1), angle)
 
 
 @dataclass(frozen=True)
@@ -135,8 +113,7 @@ class WheelLook(TrackLook):
 
     def pieces(self, travel: Array | float) -> Pieces:
         """See TrackLook."""
-        pieces = _joined([self._wheel(wheel, np.asarray(travel, float), _RUBBER) for wheel in self.hull])
-        return replace(pieces, position=pieces.position + np.array([0.0, self.y, 0.0]))
+        return _joined([self._wheel(wheel, np.asarray(travel, float), _TYRE) for wheel in self.hull])
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:
@@ -144,20 +121,6 @@ def _joined(parts: Sequence[Pieces]) -> Pieces:
     kind, size, rgba = (np.concatenate([getattr(part, name) for part in parts]) for name in ("kind", "size", "rgba"))
     position = np.concatenate([part.position for part in parts], axis=-2)
     return Pieces(kind, size, rgba, position, np.concatenate([part.angle for part in parts], axis=-1))
-
-
-def _same(size: Array, rgba: tuple[float, ...], place: Array, angle: Array, travel: Array, kind: int = BOX) -> Pieces:
-    """Pieces of one colour that stay where they are, at `place` (P, 2) in x and z, for every `travel`."""
-    count = len(size)
-    position = np.stack([place[:, 0], np.zeros(count), place[:, 1]], axis=-1)
-    shape = (*travel.shape, count)
-    return Pieces(
-        np.full(count, kind),
-        size,
-        np.tile(rgba, (count, 1)),
-        np.broadcast_to(position, (*shape, 3)),
-        np.broadcast_to(angle, shape),
-    )
 
 
 def draw(scene: mujoco.MjvScene, pieces: Pieces, position: Array, rotation: Array) -> None:

@@ -17,7 +17,6 @@ from trackslip.errors import require
 _MAX_SIZE = 10.0  # of a hull's numbers [m]
 _MIN_RADIUS = 1e-3  # [m]
 _MAX_WHEELS = 100
-_TOLERANCE = 1e-9  # of directions [rad]
 Array = NDArray[np.float64]
 
 
@@ -72,12 +71,12 @@ class Hull:
         allowed = f"finite, with radii of at least {_MIN_RADIUS:g} m and nothing beyond {_MAX_SIZE:g} m"
         fits = np.isfinite(chain).all() and np.abs(chain).max() <= _MAX_SIZE and chain[:, 2].min() >= _MIN_RADIUS
         require(fits, "hull", chain.tolist(), allowed)
-        for order in (chain, chain[::-1], _outermost(chain)):
-            wrap = _wraps(order) if _apart(order) else np.zeros(0)
-            if abs(wrap.sum() - 2 * np.pi) < 1e-6:
-                return _hull(order[wrap > _TOLERANCE])
-        require(False, "hull", chain.tolist(), "two wheels or more that don't lie inside one another")
-        raise AssertionError
+        outer = _outermost(chain)
+        require(len(outer) > 1, "hull", chain.tolist(), "two wheels or more that don't lie inside one another")
+        normals, following = _tangents(outer), np.roll(outer, -1, axis=0)
+        starts, ends = (at[:, :2] + at[:, 2:] * normals for at in (outer, following))
+        radii = np.minimum(outer[:, 2], following[:, 2])
+        return cls(outer, tuple(BeltSpan(*run) for run in zip(starts, ends, radii.tolist(), strict=True)))
 
 
 def _numbers(wheels: Sequence[Sequence[float]]) -> NDArray[np.float64]:
@@ -93,18 +92,16 @@ def _numbers(wheels: Sequence[Sequence[float]]) -> NDArray[np.float64]:
     return np.array(listed)
 
 
-def _apart(chain: NDArray[np.float64]) -> bool:
-    """True for two wheels or more, none inside its neighbour or at the same place."""
-    step = np.roll(chain, -1, axis=0) - chain
-    return len(chain) > 1 and bool((np.hypot(step[:, 0], step[:, 1]) > np.abs(step[:, 2]) + 1e-6).all())
-
-
 def _outermost(wheels: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The wheels that a belt around all of them touches, clockwise; those that bend it by less than 0.1° may lack."""
+    """The wheels (W', 3) that a belt around all of them touches, clockwise from the first that is given.
+
+    Those that bend it by less than 0.1° may lack.
+    """
     angle = np.linspace(2 * np.pi, 0, 3600, endpoint=False) + 1e-4  # no tie of wheels in a row
     reach = np.cos(angle)[:, None] * wheels[:, 0] + np.sin(angle)[:, None] * wheels[:, 1] + wheels[:, 2]
     touching = reach.argmax(axis=1)
-    return wheels[touching[touching != np.roll(touching, 1)]]
+    order = touching[touching != np.roll(touching, 1)]
+    return wheels[np.roll(order, -order.argmin())] if order.size else wheels[touching[:1]]
 
 
 def _tangents(chain: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -116,21 +113,6 @@ def _tangents(chain: NDArray[np.float64]) -> NDArray[np.float64]:
     lean = -step[:, 2:] / distance[:, None]
     normals: NDArray[np.float64] = lean * ahead + np.sqrt(1 - lean**2) * left
     return normals
-
-
-def _wraps(chain: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles (W,) by which the belt bends around each wheel, clockwise, from 0 to 2 pi [rad]."""
-    leaving = _tangents(chain)
-    angle = np.arctan2(leaving[:, 1], leaving[:, 0])
-    bend = np.mod(np.roll(angle, 1) - angle, 2 * np.pi)
-    return np.where(bend > 2 * np.pi - _TOLERANCE, 0.0, bend)
-
-
-def _hull(wheels: NDArray[np.float64]) -> Hull:
-    normals, following = _tangents(wheels), np.roll(wheels, -1, axis=0)
-    starts, ends = (at[:, :2] + at[:, 2:] * normals for at in (wheels, following))
-    radii = np.minimum(wheels[:, 2], following[:, 2])
-    return Hull(wheels, tuple(BeltSpan(*run) for run in zip(starts, ends, radii.tolist(), strict=True)))
 
 
 @dataclass(frozen=True)

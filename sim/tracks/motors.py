@@ -50,15 +50,22 @@ class Motors:
         self._radius, self._noise = radius, _ROUGHNESS * weight / len(radius)
         self._least = np.eye(len(radius)) * slope / len(radius)  # (T, T)
         self._slope = np.zeros((*shape, len(radius)))  # (N, T, T) of the traction
-        self._goal, self._change, self._late, self._inertia, self._limit = np.zeros((5, *shape))
-        self.speed, self._torque, self._power, self._energy = np.zeros((4, *shape))
+        self._state = np.zeros((9, *shape))
+        self._goal, self._change, self._late, self._inertia, self._limit = self._state[:5]
+        self.speed, self._torque, self._power, self._energy = self._state[5:]
         self.begin(np.arange(size))
 
     def begin(self, rows: NDArray[np.int_]) -> None:
         """Put some simulations to rest, without limits."""
-        for state in (self._goal, self._change, self._late, self.speed, self._torque, self._power, self._energy):
-            state[rows] = 0.0
-        self._inertia[rows], self._limit[rows], self._slope[rows] = 0.0, np.inf, self._least
+        self._state[:, rows], self._limit[rows], self._slope[rows] = 0.0, np.inf, self._least
+
+    def get_state(self) -> tuple[Floats, Floats]:
+        """A copy of the state of all motors."""
+        return self._state.copy(), self._slope.copy()
+
+    def set_state(self, state: tuple[Floats, Floats]) -> None:
+        """Return to a state."""
+        self._state[:], self._slope[:] = state
 
     def set(self, rows: NDArray[np.int_], speeds: Floats, torque_limit: ArrayLike | None, inertia: ArrayLike) -> None:
         """Set the set points (R, T) of some simulations; belts without a limit have these speeds at once."""
@@ -89,7 +96,7 @@ class Motors:
         goal, start, limit = self._goal[rows], self.speed[rows], self._limit[rows] / self._radius
         force = traction.copy()
         force[:, 0] += (self._inertia[rows] / self._radius**2 * (goal - start) - self._late[rows]) / step
-        held: NDArray[np.bool_] = np.all(np.abs(force) <= limit[:, None], axis=(1, 2))
+        held: NDArray[np.bool_] = np.logical_and.reduce(np.abs(force) <= limit[:, None], axis=(1, 2))
         power = force * goal[:, None]
         power[:, 0] = force[:, 0] * (start + goal) / 2
         kept = rows[held]

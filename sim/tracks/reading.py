@@ -28,6 +28,8 @@ class Reading:
     """Sum of the normal forces (..., T) [N]."""
     sliding: Floats
     """Speed of the belt minus the track's over the ground, averaged over the load (..., T) [m/s]; NaN in the air."""
+    belt: Floats
+    """Speed of the belt (..., T) [m/s]."""
     slip: Floats
     """1 - speed over ground / speed of the belt (..., T) [-]; NaN where nothing touches or the belt stands."""
     touching: NDArray[np.bool_]
@@ -83,7 +85,9 @@ def read_contacts(
     smallest[owner] = weight  # that of the last contact
     left_out = lost * smallest.reshape(speeds.shape)
     missing = np.divide(left_out, load + left_out, out=np.zeros(load.shape), where=left_out > 0)
-    return Reading(traction, load, sliding, _slip(sliding, speeds), touching, depth.reshape(speeds.shape), missing)
+    return Reading(
+        traction, load, sliding, speeds, _slip(sliding, speeds), touching, depth.reshape(speeds.shape), missing
+    )
 
 
 def _triple(a: Floats, b: Floats, c: Floats) -> Floats:

@@ -12,8 +12,9 @@ from sim.tracks.hull import Hull
 from sim.tracks.parts import Part, lines_across, track_parts, wheel_parts
 from sim.tracks.recipe import Preset, load_preset, track_points
 from trackslip.errors import (
+    Checked,
+    checked,
     require,
-    require_at_most,
     require_finite,
     require_non_negative,
     require_positive,
@@ -29,7 +30,7 @@ _MAX_FRICTION = 10.0
 
 
 @dataclass(frozen=True)
-class Track:
+class Track(Checked):
     """A track, or a pair of them."""
 
     half_gauge: float
@@ -45,14 +46,14 @@ class Track:
     """Name; two are called NAME_left and NAME_right. By default the body's."""
     side: str = "both"
     """"both", "left" or "right"."""
-    load: float = 1.0
+    load: float = checked(1.0, require_positive, 1.0)
     """Part of the robot's weight that these tracks carry when the robot stands on them [-]."""
     segments: int | None = None
     """Capsules along the longest run below. By default as many as the preset has, more for a robot that is wide for its
     length, which spread the load for turns to be exact; for a single track, such as a flipper's, two."""
-    width: float = 0.0
+    width: float = checked(0.0, require_non_negative)
     """Width of the belts on the ground; 0 for a line in their middle [m]."""
-    lines: int = 3
+    lines: int = checked(3, require_whole, 1, _MAX_LINES)
     """Lines of contact across that width, the outermost at its edges. Three turn like an even pressure; two, which are
     faster, like narrow belts there."""
     contact: str = TRACKS
@@ -65,20 +66,16 @@ class Track:
         (require_positive if self.side == "both" else require_finite)("half_gauge", self.half_gauge)
         most = f"at most {_MAX_HALF_GAUGE:g} m"
         require(abs(self.half_gauge) <= _MAX_HALF_GAUGE, "half_gauge", self.half_gauge, most)
-        require_positive("load", self.load)
-        require_at_most("load", self.load, 1.0)
+        super().__post_init__()
         require(np.shape(self.friction) == (2,), "friction", self.friction, "two coefficients, along and across")
         for value in self.friction:
-            require_positive("friction", value)
-            require_at_most("friction", value, _MAX_FRICTION)
+            require_positive("friction", value, _MAX_FRICTION)
         load_preset(self.preset)
         Hull.from_wheels(self.hull)
         if self.segments is not None:
             require_whole("segments", self.segments, 1, _MAX_SEGMENTS)
-        require_non_negative("width", self.width)
         widest = 2 * self.half_gauge if self.side == "both" else _MAX_HALF_GAUGE
         require(self.width < widest, "width", self.width, f"less than {widest:g} m")
-        require_whole("lines", self.lines, 1, _MAX_LINES)
         require(self.contact in (TRACKS, WHEELS), "contact", self.contact, f"{TRACKS} or {WHEELS}")
         if self.contact == WHEELS:
             require_positive("patch_length", self.patch_length)

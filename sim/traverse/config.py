@@ -16,13 +16,15 @@ from sim.traverse.ftr_courses import FTR_COURSES
 from sim.traverse.observation import SensorNoise
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import Scripted
-from sim.traverse.states import MAX_SPEED, Servos
+from sim.traverse.servos import MAX_SPEED, Servos
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_range
 
 PERIOD = 0.1
 """Default control period [s]."""
 SAMPLE = 0.02
 """Time between changes of the belts' speeds [s]."""
+MASSES = 0.2, 5.0
+"""Limits of the factor on a chassis' mass [-]."""
 RANDOM = "random"
 """Name of randomly drawn courses; see `courses.draw_course`."""
 DRAWN = (RANDOM, *FTR_COURSES)
@@ -95,6 +97,8 @@ class TraverseConfig:
     """Largest offset of the start to either side, drawn evenly [m]."""
     start_heading: float = 0.1
     """Largest heading at the start, in either direction, drawn evenly [rad]."""
+    mass: tuple[float, float] = (1.0, 1.0)
+    """Range from which a factor on the mass and the inertia of the chassis is drawn, as of a payload [-]."""
     period: float = PERIOD
     """Control period: time between actions, a multiple of 0.02 s [s]."""
     preset: str = "fast"
@@ -123,6 +127,7 @@ class TraverseConfig:
             if isinstance(course, str) and course not in DRAWN:
                 load_course(course, drawn=DRAWN)
         require_terms(self.own_rewards, self.own_observations | self.privileged)
+        require_range("mass", self.mass, *MASSES)
         require_range("difficulty", self.difficulty, 0.0, 1.0)
         require_kinds(self.kinds)
         require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")

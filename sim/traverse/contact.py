@@ -34,18 +34,16 @@ class TrackContact:
         return cls(zero, zero.copy(), zero.copy(), np.full(zero.shape, np.nan), zero > 0, zero.copy(), zero.copy())
 
     @classmethod
-    def mean(cls, reading: Reading, belts: Array, step: float) -> TrackContact:
-        """Means of a reading (N, steps, T) of physics steps of `step` [s]; belts have speeds (S, N, T) [m/s]."""
-        traction, load, sliding, touching, depth = (
-            getattr(reading, name).swapaxes(0, 1) for name in ("traction", "load", "sliding", "touching", "depth")
-        )  # (steps, N, T) each
-        belt = np.repeat(belts, len(traction) // len(belts), axis=0)
-        slid, driven = (np.where(touching, values, 0.0).sum(axis=0) for values in (sliding, belt))
-        touched: NDArray[np.bool_] = np.logical_or.reduce(touching, axis=0)
-        defined = touched & (np.abs(driven) > _STILL * len(belt))
+    def mean(cls, reading: Reading, step: float) -> TrackContact:
+        """Means of a reading (N, steps, T) of physics steps of `step` [s]."""
+        belt, touching = reading.belt, reading.touching
+        slid, driven = (np.where(touching, values, 0.0).sum(axis=1) for values in (reading.sliding, belt))
+        touched: NDArray[np.bool_] = np.logical_or.reduce(touching, axis=1)
+        defined = touched & (np.abs(driven) > _STILL * belt.shape[1])
         slip = np.divide(slid, driven, out=np.full(slid.shape, np.nan), where=defined)
-        work = (traction * belt).sum(axis=0) * step
-        return cls(traction.mean(axis=0), load.mean(axis=0), belt.mean(axis=0), slip, touched, depth.max(axis=0), work)
+        work = (reading.traction * belt).sum(axis=1) * step
+        traction, load, mean = (values.mean(axis=1) for values in (reading.traction, reading.load, belt))
+        return cls(traction, load, mean, slip, touched, reading.depth.max(axis=1), work)
 
     def put(self, rows: NDArray[np.int_], other: TrackContact) -> None:
         """Replace the robots `rows` (R,) by the R robots of another."""

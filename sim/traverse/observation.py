@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.attitude import rotation
 from sim.task import Element
 from sim.traverse.world import Traverse
 from trackslip import se2
@@ -89,8 +88,8 @@ class CrossingLayout:
         heights = world.elevation(around) - position[:, 2:] - self._lowest
         whole = np.concatenate(
             [
-                *(rotation(state.quaternion)[:, 2], state.rate, position[:, 1:2], heading[:, None]),
-                *(world.servo.speed, state.flippers, world.servo.angle, heights),
+                *(state.rotation[:, 2], state.rate, position[:, 1:2], heading[:, None]),
+                *(world.servo.speed, world.tracked.flipper_angles(state.qpos), world.servo.angle, heights),
             ],
             axis=1,
         )

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from sim.opengl import TaskRenderer, place
+from sim.robot.looks import TrackedView
 from sim.robot.tracked_model import build_tracked
-from sim.robot.tracked_view import TrackedView
 from sim.traverse.task import Crossing
 
 

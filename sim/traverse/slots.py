@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.terrain.course import Course, add_lines
+from sim.terrain.solids import LINES
 from trackslip.errors import require
 
 _FIELDS = (
@@ -24,7 +25,6 @@ _FIELDS = (
 _BOX, _FIELD, _PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_PLANE
 _AWAY = -1000.0  # height of slots that are not in use [m]
 _TINY = 0.01  # half of their size [m]
-_LINES = "slots/lines"
 
 
 class Slots:
@@ -53,12 +53,12 @@ class Slots:
                 data = model.hfield_data[adr : adr + rows * columns]
                 size = list(model.hfield_size[k])
                 spec.add_hfield(name=f"field{first + k}", nrow=rows, ncol=columns, size=size, userdata=data)
-        add_lines(spec, _LINES)
+        add_lines(spec)
         kinds = [{"type": _BOX, "size": [_TINY] * 3}] * self._boxes
         kinds += [{"type": _FIELD, "hfieldname": "field0"}] * self._fields
         kinds += [{"type": _PLANE, "size": [1.0, 1.0, 1.0]}]
         for name, kind in zip(self._names, kinds, strict=True):
-            place = {"pos": [0.0, 0.0, _AWAY], "condim": 3, "contype": 1, "conaffinity": 1, "material": _LINES}
+            place = {"pos": [0.0, 0.0, _AWAY], "condim": 3, "contype": 1, "conaffinity": 1, "material": LINES}
             spec.worldbody.add_geom(name=name, **place, **kind)
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         return list(self._names)
@@ -74,7 +74,7 @@ class Slots:
 
         Raises InvalidValueError for a course that has too many boxes, or height fields that there is no room for.
         """
-        listed = next((k for k, one in enumerate(self._listed) if one is course), None)
+        listed = next((k for k, each in enumerate(self._listed) if each is course), None)
         model = course.model
         boxes, fields = _count(model, _BOX), _count(model, _FIELD)
         require(boxes <= self._boxes, "course", f"{boxes} boxes", f"of at most {self._boxes}")
@@ -96,11 +96,11 @@ class Slots:
 
     def _slots_of(self, course: mujoco.MjModel) -> NDArray[np.int_]:
         """Numbers of the slots that the geoms of a course take."""
-        taken = np.full(course.ngeom, -1)
+        slots = np.full(course.ngeom, -1)
         for kind, first in ((_BOX, 0), (_FIELD, self._boxes), (_PLANE, self._boxes + self._fields)):
             own = np.flatnonzero(course.geom_type == kind)
-            taken[own] = first + np.arange(len(own))
-        return taken
+            slots[own] = first + np.arange(len(own))
+        return slots
 
 
 def _count(model: mujoco.MjModel, kind: int) -> int:

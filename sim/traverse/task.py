@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim import terms
-from sim.drive.belt_motors import BeltMotors
 from sim.restorable import Restorable
+from sim.robot.belt_motors import BeltMotors
 from sim.task import Element, checked, clipped_actions
 from sim.terrain import Course, load_course
-from sim.traverse.config import DRAWN, RANDOM, SAMPLE, CrossingReward, TraverseConfig
+from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingReward, TraverseConfig
 from sim.traverse.courses import MAX_BOXES, draw_course
 from sim.traverse.footprint import Footprint
 from sim.traverse.ftr_courses import FTR_BOXES, draw_ftr_course
@@ -26,7 +26,7 @@ from trackslip.kinematics import Array
 
 TERMS = ("progress", "energy", "time", "change", "end")
 """Names of the terms of the reward."""
-_OPTIONS = {"course": str | Course, "difficulty": float, "start_offset": float, "start_heading": float}
+_OPTIONS = {"course": str | Course, "difficulty": float, "start_offset": float, "start_heading": float, "mass": float}
 _QUARTER = np.pi / 2  # flipper angle of an action of 1 [rad]
 
 
@@ -42,6 +42,8 @@ class CourseRun:
     """Start pose (x, y, heading) [m, m, rad]."""
     seed: int = 0
     """Of its sensors' noise."""
+    mass: float = 1.0
+    """Factor on the mass of the chassis [-]."""
 
 
 class Actions:
@@ -148,8 +150,8 @@ class Crossing(Restorable):
         """Draw a robot's episode; values in `options` replace drawn ones, but don't change which numbers are drawn.
 
         The options are `course`, a name that the environment was made with, or a course of boxes; `difficulty`, of a
-        drawn course [-]; `start_offset`, to the left [m]; and `start_heading` [rad]. Raises InvalidValueError for
-        unknown options and values out of range.
+        drawn course [-]; `start_offset`, to the left [m]; `start_heading` [rad]; and `mass`, over the chassis'
+        own [-]. Raises InvalidValueError for unknown options and values out of range.
         """
         options = checked("options", options, _OPTIONS)
         seed = int(generator.integers(2**63))
@@ -179,14 +181,17 @@ class Crossing(Restorable):
         _, y, _, ahead = course.start
         require_within("start_offset", offset, -course.width / 2, course.width / 2, "m")
         x = self._footprint.start(course, ahead + heading)
-        return CourseRun(course, float(difficulty), (x, y + offset, ahead + heading), seed)
+        mass = options.get("mass", own.uniform(*config.mass))
+        require_within("mass", mass, *MASSES)
+        return CourseRun(course, float(difficulty), (x, y + offset, ahead + heading), seed, float(mass))
 
     def begin(self, rows: Sequence[int], episodes: Sequence[CourseRun]) -> None:
         """Begin episodes with the robots `rows` (R,), one each."""
         where = np.asarray(rows, int)
         if not where.size:
             return
-        self.world.begin(where, [one.course for one in episodes], [one.start for one in episodes])
+        starts, masses = [run.start for run in episodes], [run.mass for run in episodes]
+        self.world.begin(where, [run.course for run in episodes], starts, mass=masses)
         self._difficulty[where] = [one.difficulty for one in episodes]
         self._seed[where] = [one.seed for one in episodes]
         self._length[where] = self.world.way[where]

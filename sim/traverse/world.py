@@ -11,9 +11,7 @@ import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
-from sim.attitude import rotation, upright
-from sim.batched_world import BatchedWorld, quietly
-from sim.drive.belt_motors import BeltMotors
+from sim.robot.belt_motors import BeltMotors
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
@@ -21,13 +19,16 @@ from sim.traverse.contact import TrackContact
 from sim.traverse.footprint import Footprint
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
+from sim.traverse.servos import Servos, ServoState
 from sim.traverse.slots import Slots
-from sim.traverse.states import Servos, ServoState, States
+from sim.world import World, quietly
 from trackslip import se2
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 
-_BROKEN = [int(one) for one in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)]
+_BROKEN = [
+    int(warning) for warning in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)
+]
 _GAP = 0.002  # above the ground at which robots are put down [m]
 
 
@@ -39,10 +40,10 @@ class Command:
     flippers: Array  # (N, F) angles, tips up [rad]
 
 
-class Traverse(BatchedWorld):
+class Traverse(World):
     """N robots on courses. Rows are bitwise independent, and the same at any number of threads."""
 
-    STATE = ("state", "servo", "contact", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
+    STATE = ("servo", "contact", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
 
     def __init__(
         self,
@@ -88,7 +89,7 @@ class Traverse(BatchedWorld):
         """The robot's model."""
         model = self.tracked.model
         belts = self.tracked.belts
-        super().__init__(model, size, threads, self.tracked.free[0])
+        super().__init__(model, size, threads, self.tracked.free)
         self.period, self.sample = period, sample
         self.limits, self.servos = limits or Limits(), servos or Servos()
         self._substeps = _multiple("sample", sample, "the physics step", float(model.opt.timestep))
@@ -102,7 +103,6 @@ class Traverse(BatchedWorld):
         self.flippers = FlipperGeometry.of(self.tracked)
         self.footprint = Footprint.of(robot, self.flippers)
         self._clear = clear_angles(self.tracked, np.zeros(len(self.flippers.length)))
-        self.state = States(self.tracked, self.batch.qpos, self.batch.qvel)
         self.servo = ServoState(self.servos, size, len(self.flippers.length))
         """Belt speeds, and what the flippers' motors are set to."""
         self.contact = TrackContact.none(size, len(self.track_names))
@@ -110,7 +110,6 @@ class Traverse(BatchedWorld):
         self._courses = tuple(courses)
         self.course: list[Course] = [courses[0]] * size
         """Course of each robot."""
-        self._laid: list[Course | None] = [None] * size
         self._stuck = StuckWatch(self.limits, size, period)
         self.outcome: Outcomes = np.full(size, Outcome.DRIVING)
         """Outcomes (N,) of the runs so far."""
@@ -128,6 +127,7 @@ class Traverse(BatchedWorld):
         courses: Sequence[Course] | None = None,
         start: ArrayLike | None = None,
         flippers: ArrayLike | None = None,
+        mass: ArrayLike = 1.0,
     ) -> None:
         """Begin runs of the robots `rows` (R,).
 
@@ -136,6 +136,7 @@ class Traverse(BatchedWorld):
             courses: one each; by default they stay on theirs.
             start: poses (R, 3), x, y and heading; by default before the first piece of each course [m, m, rad].
             flippers: angles of the flippers (F,), tips up; by default 0, or as far up as they clear level ground [rad].
+            mass: factors on the mass and the inertia of the chassis, one for all or (R,) [-].
 
         Raises:
             InvalidValueError: for a course that there are no slots for, poses that aren't finite, and a robot that is
@@ -156,6 +157,9 @@ class Traverse(BatchedWorld):
         asked = self._clear if flippers is None else np.asarray(flippers, float)
         angles = np.broadcast_to(asked, self.servo.angle.shape[1:])
         self.servo.begin(where, np.clip(angles, *self.tracked.flipper_range.T))
+        factors = np.broadcast_to(np.asarray(mass, float), where.shape)
+        self._belts.set(np.ones((len(where), 2)), where)
+        self._load(where, self.tracked.body, factors, np.zeros((len(where), 2)))
         self._place(where, poses)
         self._belts.begin(where)
         self._stuck.begin(where)
@@ -166,13 +170,13 @@ class Traverse(BatchedWorld):
         """See Restorable; courses that the world was made with are kept by their number."""
         number = {id(course): k for k, course in enumerate(self._courses)}
         courses = tuple(number.get(id(course), course) for course in self.course)
-        return super().get_state() | {"courses": courses}
+        return super().get_state() | {"courses": courses, "belts": self._belts.get_state()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """See Restorable."""
         super().set_state(state)
-        self.course = [self._courses[one] if isinstance(one, int) else one for one in state["courses"]]
-        self._laid = list(self.course)
+        self._belts.set_state(state["belts"])
+        self.course = [self._courses[course] if isinstance(course, int) else course for course in state["courses"]]
 
     def step(self, command: Command) -> None:
         """Simulate one control period of the robots whose runs have not ended.
@@ -189,7 +193,7 @@ class Traverse(BatchedWorld):
         if not rows.size:
             return
         self.servo.command(command.speed, command.flippers)
-        records = []
+        before, records = self.batch.state.copy(), []
         for _ in range(self._samples):
             speed = self.servo.advance(self.sample)
             limits = {} if self._motors is None else self._motors.at(self._belts.speeds()[:, :2], speed)
@@ -199,14 +203,11 @@ class Traverse(BatchedWorld):
                 records.append(self._belts.run(self._substeps, rows))
         self.time[rows] += self.period
         broken = self._broken(rows)
+        self.batch.state[broken] = before[broken]  # of a diverged run, the last finite one
         fine = rows[~broken[rows]]
-        self.state.qpos[fine], self.state.qvel[fine] = self.batch.qpos[fine], self.batch.qvel[fine]
         if fine.size:
-            kept = ~broken[rows]
-            reading = self._belts.read_all(records, kept).complete(self.track_names)
-            step = float(self.tracked.model.opt.timestep)
-            belts = np.concatenate([speeds for *_, speeds in records], axis=1)[kept].swapaxes(0, 1)
-            self.contact.put(fine, TrackContact.mean(reading, belts, step))
+            reading = self._belts.read_all(records, ~broken[rows]).complete(self.track_names)
+            self.contact.put(fine, TrackContact.mean(reading, float(self.tracked.model.opt.timestep)))
         self._judge(rows, broken)
 
     def elevation(self, points: Array) -> Array:
@@ -216,7 +217,7 @@ class Traverse(BatchedWorld):
     def reflex(self, reflex: Reflex) -> Array:
         """Set points (N, F) of the flippers' angles by reflex, tips up [rad]."""
         geometry, heading = self.flippers, self.state.heading
-        hinge = self.state.position[:, None] + np.einsum("nij,fj->nfi", rotation(self.state.quaternion), geometry.hinge)
+        hinge = self.state.position[:, None] + np.einsum("nij,fj->nfi", self.state.rotation, geometry.hinge)
         forwards = se2.direction(heading)
         away = np.where(geometry.front, 1.0, -1.0)[:, None] * SAMPLES * geometry.length[:, None]  # (F, S)
         points = hinge[:, :, None, :2] + away[..., None] * forwards[:, None, None]
@@ -232,9 +233,9 @@ class Traverse(BatchedWorld):
         """Put a course under a robot."""
         if self._slots is None:
             require(course is self.course[row], "courses", course, "the one that the robots were made for")
-        elif course is not self._laid[row]:
+        else:
             self._slots.lay(row, course)
-        self.course[row] = self._laid[row] = course
+        self.course[row] = course
         if self._friction is not None:
             self._friction[row, :, :2] = course.friction
         bounds = course.bounds
@@ -260,7 +261,6 @@ class Traverse(BatchedWorld):
         ground = self.elevation(under)[rows].max(axis=1)
         self._place_at(rows, poses, ground - robot.lowest + _GAP)
         self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(self.servo.angle[rows])
-        self.state.qpos[rows], self.state.qvel[rows] = self.batch.qpos[rows], 0.0
 
     def _broken(self, rows: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Robots (N,) whose simulation diverged in this period, among the driving ones, `rows` (R,)."""
@@ -276,15 +276,15 @@ class Traverse(BatchedWorld):
         """Determine the outcomes of the robots `rows` (R,) that drove in this period."""
         state = self.state
         belts = self.servo.speed
-        found = (
+        conditions = (
             (Outcome.TIME, self.time > self.limits.time - self.period / 2),
             (Outcome.STUCK, self._stuck.observe(state.position, belts)),
             (Outcome.REACHED, self.way <= 0),
             (Outcome.FELL, (state.position[:, 2] < self._bottom) | (np.abs(state.position[:, 1]) > self._side)),
-            (Outcome.TIPPED, upright(state.quaternion) < np.cos(self.limits.lean)),
+            (Outcome.TIPPED, state.upright < np.cos(self.limits.lean)),
             (Outcome.EXPLODED, broken),
         )
-        for outcome, where in found:
+        for outcome, where in conditions:
             self.outcome[rows[where[rows]]] = outcome
 
 

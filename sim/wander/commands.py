@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require, require_positive
+from trackslip.errors import Checked, InvalidValueError, checked, require, require_positive
 from trackslip.kinematics import SIDES, Array
 
 _STEEPEST = 1.5  # slope of the smoothest step from 0 to 1 in a unit of time, 3 u^2 - 2 u^3, at its middle
@@ -17,19 +17,15 @@ _STRAIGHT = 4.0  # on each side of a loop [s]
 
 
 @dataclass(frozen=True)
-class Driver:
+class Driver(Checked):
     """Limits of a driver, and the half gauge assumed for turns."""
 
-    max_speed: float = 0.3
+    max_speed: float = checked(0.3, require_positive)
     """Largest speed of a track [m/s]."""
-    acceleration: float = 0.5
+    acceleration: float = checked(0.5, require_positive)
     """Largest acceleration of a track [m/s^2]."""
-    half_gauge: float = 0.168
+    half_gauge: float = checked(0.168, require_positive)
     """Half gauge assumed for turns; b + D for a robot that slips [m]."""
-
-    def __post_init__(self) -> None:
-        for name in ("max_speed", "acceleration", "half_gauge"):
-            require_positive(name, getattr(self, name))
 
 
 def track_commands(driving: str, duration: float, rate: float, driver: Driver, rng: np.random.Generator) -> Array:

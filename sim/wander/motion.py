@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from trackslip import se2
-from trackslip.errors import require_finite, require_non_negative, require_positive
+from trackslip.errors import Checked, checked, require_finite, require_non_negative, require_positive
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 
@@ -31,7 +31,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class SlipVariation:
+class SlipVariation(Checked):
     """Random departures of the motion from its slip law.
 
     White slip adds an independent error to each step, its variance growing with the distance driven: the mean of
@@ -39,21 +39,16 @@ class SlipVariation:
     process.
     """
 
-    along: float = 0.0
+    along: float = checked(0.0, require_non_negative)
     """White slip forwards [m/sqrt(m)]."""
-    across: float = 0.0
+    across: float = checked(0.0, require_non_negative)
     """White slip sideways [m/sqrt(m)]."""
-    turning: float = 0.0
+    turning: float = checked(0.0, require_non_negative)
     """White slip of the heading [rad/sqrt(m)]."""
-    lasting: float = 0.0
+    lasting: float = checked(0.0, require_non_negative)
     """Standard deviation of the slip that lasts [-]."""
-    lasting_time: float = 3.0
+    lasting_time: float = checked(3.0, require_positive)
     """Its correlation time [s]."""
-
-    def __post_init__(self) -> None:
-        for name in ("along", "across", "turning", "lasting"):
-            require_non_negative(name, getattr(self, name))
-        require_positive("lasting_time", self.lasting_time)
 
 
 WHITE = SlipVariation(along=0.002, across=0.002, turning=0.005)
@@ -63,24 +58,19 @@ LASTING = SlipVariation(lasting=0.02)
 
 
 @dataclass(frozen=True)
-class LawMotion:
+class LawMotion(Checked):
     """A robot that moves by a slip law of its sprocket speeds."""
 
     law: SlipLaw
     geometry: RobotGeometry
     variation: SlipVariation = WHITE
     """Random part of the motion."""
-    turning_centre: float = 0.0
+    turning_centre: float = checked(0.0, require_finite)
     """x_icr: forward coordinate of the ICR; the lateral speed of the origin is -x_icr w [m]."""
-    drift: float = 0.0
+    drift: float = checked(0.0, require_finite)
     """c: lateral speed outwards, -c v w [s]."""
-    lag: float = 0.0
+    lag: float = checked(0.0, require_non_negative)
     """Time constant of the motion behind the belts [s]."""
-
-    def __post_init__(self) -> None:
-        for name in ("turning_centre", "drift"):
-            require_finite(name, getattr(self, name))
-        require_non_negative("lag", self.lag)
 
     def drive(self, omega: Array, rate: float, rng: np.random.Generator) -> tuple[Motion, Array]:
         """The motion from the pose (0, 0, 0), and its twists (T, 3), at sprocket speeds `omega` (T, 2) [rad/s].

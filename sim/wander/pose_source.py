@@ -10,7 +10,7 @@ import numpy as np
 from sim.scanner.scanner import LaserScanner
 from sim.wander.motion import Motion
 from trackslip import se2
-from trackslip.errors import require, require_positive, require_within
+from trackslip.errors import Checked, checked, require, require_positive, require_within
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Plate, Scan
 
@@ -21,63 +21,59 @@ _LARGEST = 1e6  # error, in any unit: logs of larger ones could not be read agai
 _LONGEST_DELAY = 3600.0  # [s]
 
 
+def _require_share(name: str, value: float) -> None:
+    require(0 <= value < 1, name, value, "at least 0 and less than 1")
+
+
 @dataclass(frozen=True)
-class PoseSource:
+class PoseSource(Checked):
     """A sensor of poses and its errors."""
 
-    rate: float = 20.0
+    rate: float = checked(20.0, require_positive)
     """Poses per second [Hz]."""
-    position_noise: float = 0.0
+    position_noise: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Standard deviation of x and of y [m]."""
-    heading_noise: float = 0.0
+    heading_noise: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Standard deviation of the heading [rad]."""
     heading: bool = True
     """Measure headings, too."""
-    delay: float = 0.0
+    delay: float = checked(0.0, require_within, -_LONGEST_DELAY, _LONGEST_DELAY, "s")
     """Delay of pose stamps against encoder stamps of the same instant; -tau [s]."""
-    jitter: float = 0.0
+    jitter: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Standard deviation of the time stamps [s]."""
-    outliers: float = 0.0
+    outliers: float = checked(0.0, _require_share)
     """Share of the poses that are wrong [-]."""
-    outlier_size: float = 0.5
+    outlier_size: float = checked(0.5, require_within, 0.0, _LARGEST)
     """Largest error of those, in x and in y [m]."""
-    outlier_turn: float = 0.5
+    outlier_turn: float = checked(0.5, require_within, 0.0, _LARGEST)
     """Largest error of their headings [rad]."""
-    dropouts: float = 0.0
+    dropouts: float = checked(0.0, _require_share)
     """Share of the poses that are missing, one by one [-]."""
-    gaps: int = 0
+    gaps: int = checked(0, require_within, 0.0, _LARGEST)
     """Number of stretches without poses."""
-    gap_duration: float = 5.0
+    gap_duration: float = checked(5.0, require_within, 0.0, _LARGEST)
     """Length of each [s]."""
-    jumps: int = 0
+    jumps: int = checked(0, require_within, 0.0, _LARGEST)
     """Number of lasting jumps: all poses after one are displaced and turned about it."""
-    jump_size: float = 0.2
+    jump_size: float = checked(0.2, require_within, 0.0, _LARGEST)
     """Length of each [m]."""
-    jump_turn: float = 0.0
+    jump_turn: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Turn of each, to a random side [rad]."""
-    drift: float = 0.0
+    drift: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Drift of odometry, a random walk of the position: its error at the end over the way [-]."""
-    heading_drift: float = 0.0
+    heading_drift: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
-    scale_error: float = 0.0
+    scale_error: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
     """Relative error of all distances and turns, as of odometry with a wrong radius [-]."""
-    ahead: float = 0.0
+    ahead: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
     """Place of the sensor forward of the robot's origin [m]."""
-    left: float = 0.0
+    left: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
     """Place of the sensor to the left of it [m]."""
-    mounting: float = 0.0
+    mounting: float = checked(0.0, require_within, -_LARGEST, _LARGEST)
     """Heading of the sensor in the robot, counter-clockwise [rad]."""
 
     def __post_init__(self) -> None:
-        require_positive("rate", self.rate)
-        sizes = ("outlier_size", "outlier_turn", "gap_duration", "jump_size", "jump_turn", "drift", "heading_drift")
-        for name in ("position_noise", "heading_noise", "jitter", "gaps", "jumps", *sizes):
-            require_within(name, getattr(self, name), 0.0, _LARGEST)
-        for name in ("scale_error", "ahead", "left", "mounting"):
-            require_within(name, getattr(self, name), -_LARGEST, _LARGEST)
-        require_within("delay", self.delay, -_LONGEST_DELAY, _LONGEST_DELAY, "s")
-        for name in ("outliers", "dropouts"):
-            require(0 <= getattr(self, name) < 1, name, getattr(self, name), "at least 0 and less than 1")
+        super().__post_init__()
         require(self.scale_error > -1, "scale_error", self.scale_error, "greater than -1")
         most = _MAX_JITTER / self.rate
         require(self.jitter <= most, "jitter", self.jitter, f"at most {most:g} s, {_MAX_JITTER:g} of a period")

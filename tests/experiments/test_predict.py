@@ -9,7 +9,7 @@ from trackslip.laws.file import load_laws
 def test_the_default_is_the_simulated_robot(robot, trackslip):
     parameters, ground, load = predicted_world(Config())
     assert parameters.half_gauge == robot.geometry.half_gauge
-    assert parameters.contact_length == 2 * robot.contact_half_length
+    assert parameters.contact_length == robot.parameters.contact_length
     assert parameters.sprocket_radius == robot.geometry.sprocket_radius
     assert (ground.along, ground.across) == pytest.approx((Ground().along, Ground().across))
     assert load.slope == load.pull == 0

@@ -11,12 +11,23 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from results import assert_same
 
-from sim import Drive, LaserScanner, Limits, Pull, Randomization, Reflex, RobotParameters, SensorNoise, TraverseConfig
+from sim import (
+    Drive,
+    Ground,
+    LaserScanner,
+    Limits,
+    Pull,
+    Randomization,
+    Reflex,
+    RobotParameters,
+    SensorNoise,
+    TraverseConfig,
+)
 from sim.path_tracking.config import EnvConfig, TrackingReward
 from sim.task import from_options
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.traverse.config import CrossingReward
-from sim.traverse.states import Servos
+from sim.traverse.servos import Servos
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.icr_load import IcrLoad
@@ -243,3 +254,30 @@ def test_random_actions_never_leave_the_finite(name, robots, steps, options):
         assert np.isfinite(reward).all()
         for key, values in info.items():
             assert values.dtype == object or key.startswith("_") or np.isfinite(values).all(), key
+
+
+def test_masses_are_drawn_and_weigh():
+    crossing = gym.make_vec(TRAVERSE, num_envs=3, threads=1, course="flat", mass=(0.5, 2.0))
+    crossing.reset(seed=0, options={"mass": [1.0, 1.5, None]})
+    for _ in range(12):
+        info = crossing.step(np.zeros((3, 6), np.float32))[-1]
+    light, heavy, drawn = info["load"].sum(axis=1)
+    assert light == pytest.approx(31.0 * 9.81, rel=0.01)
+    assert heavy == pytest.approx((31.0 + 0.5 * 23.8) * 9.81, rel=0.01)  # 23.8 kg are the chassis
+    assert abs(drawn - light) > 5
+    tracking = gym.make_vec(TRACKING, num_envs=2, threads=1, action="twist", randomization=Randomization(mass=(0.5, 2)))
+    uphill = tracking.reset(seed=0)[1]["true_pose"][0, 2]
+    tracking.reset(seed=0, options={"mass": [1.0, 1.6], "ground": Ground(slope=0.1, uphill=uphill)})
+    for _ in range(30):
+        info = tracking.step(np.tile(np.float32([0.5, 0.0]), (2, 1)))[-1]
+    robot = tracking.unwrapped.task.fleet.robot
+    chassis = robot.model.body("chassis").mass[0]
+    needed = (
+        np.array([1.0, 1.0 + 0.6 * chassis / robot.mass])
+        * robot.mass
+        * 9.81
+        * np.sin(0.1)
+        * robot.geometry.sprocket_radius
+    )
+    friction = 2 * tracking.unwrapped.task.fleet.drive.drive.motor.friction
+    np.testing.assert_allclose(info["torque"].sum(axis=1) - friction, needed, rtol=0.05)

@@ -7,14 +7,13 @@ import pytest
 from results import assert_same
 from scipy.spatial.transform import Rotation
 
-from sim import attitude
-from sim.attitude import rotation
 from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet, Setting
 from sim.ground.ground import Change, Ground, Patch
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import compiled, load_robot
+from sim.world import States
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import sprocket_speeds, track_speeds
 from trackslip.paper import COMMANDED_RADII, SPEEDS
@@ -45,7 +44,9 @@ def test_turning_agrees_with_theory_over_the_grid(robot, ratio):
     fleet = drive(robot, omega, ground=Ground(0.7, 0.7 * ratio), radius_error=0.0067)
     surface = omega * robot.geometry.sprocket_radius * 1.0067
     geometry = robot.geometry
-    theory = steady_twist(surface, line_contact(geometry.half_gauge, robot.contact_half_length, 0.7, 0.7 * ratio))
+    theory = steady_twist(
+        surface, line_contact(geometry.half_gauge, robot.parameters.contact_length / 2, 0.7, 0.7 * ratio)
+    )
     twist = fleet.twist()
     spread = surface[:, 1] - surface[:, 0]
     np.testing.assert_allclose(spread / twist[:, 2], spread / theory[:, 2], rtol=0.01)  # 2 (b + D)
@@ -147,7 +148,7 @@ def test_a_robot_on_locked_tracks_slides_and_spins_as_far_as_coulomb_friction_le
     np.testing.assert_allclose(pose[1:], 0.0, atol=1e-5)
     pose, _ = slid(parameters, friction, [0.0, 0.0, speed])
     chassis = robot.model.body("chassis")
-    inertia = rotation(chassis.iquat)[2] ** 2 @ chassis.inertia
+    inertia = Rotation.from_quat(chassis.iquat, scalar_first=True).as_matrix()[2] ** 2 @ chassis.inertia
     moment = friction * robot.mass * 9.81 * np.hypot(*robot.contact_points.T).mean()
     harder = 4e-4 if name == "shipped" else 1e-4
     assert pose[2] == pytest.approx(sliding_distance(speed, moment / inertia), abs=harder, rel=1e-3)
@@ -169,7 +170,7 @@ def known(fleet, rows=slice(None)):
     drive, shear = fleet.drive, fleet.shear
     of_drive = drive.omega, drive.angle, drive.torque, drive.energy, drive.saturated_time
     of_ground = () if shear is None else (shear.displacement, shear.share)
-    of_bodies = fleet.pose(), fleet.twist(), fleet.traction(), fleet.attitude(), fleet.friction(), fleet.batch.state
+    of_bodies = fleet.pose(), fleet.twist(), fleet.attitude(), fleet.friction(), fleet.batch.state
     return [np.array(values)[rows] for values in (*of_drive, *of_ground, *of_bodies)]
 
 
@@ -197,15 +198,22 @@ def test_strong_and_weak_robots_on_any_ground_drive_the_same_however_they_are_st
     assert_same([values[2:3] for values in together], driven([2], 1, [0.05] * 3))
 
 
-def test_axes_and_angles_are_those_of_the_rotation_and_its_left_side_goes_up_to_lean_right():
-    euler = np.random.default_rng(0).uniform(-1.2, 1.2, (50, 3))  # yaw, then nose down, then leaning to the right
-    turned = Rotation.from_euler("ZYX", euler)
+EULER = np.random.default_rng(0).uniform(-1.2, 1.2, (50, 3))  # yaw, then nose down, then leaning to the right
+TURNED = Rotation.from_euler("ZYX", EULER)
+
+
+def states(turned):
     quaternion = turned.as_quat(scalar_first=True)
-    np.testing.assert_allclose(attitude.rotation(quaternion), turned.as_matrix(), atol=1e-12)
-    np.testing.assert_allclose(attitude.heading(quaternion), euler[:, 0], atol=1e-12)
-    np.testing.assert_allclose(attitude.pitch(quaternion), -euler[:, 1], atol=1e-12)
-    np.testing.assert_allclose(attitude.roll(quaternion), euler[:, 2], atol=1e-12)
-    np.testing.assert_allclose(attitude.upright(quaternion), turned.as_matrix()[:, 2, 2], atol=1e-12)
+    return States(np.concatenate([np.zeros((*quaternion.shape[:-1], 3)), quaternion], axis=-1), np.zeros(6))
+
+
+def test_axes_and_angles_are_those_of_the_rotation_and_its_left_side_goes_up_to_lean_right():
+    state = states(TURNED)
+    np.testing.assert_allclose(state.rotation, TURNED.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(state.heading, EULER[:, 0], atol=1e-12)
+    np.testing.assert_allclose(state.pitch, -EULER[:, 1], atol=1e-12)
+    np.testing.assert_allclose(state.roll, EULER[:, 2], atol=1e-12)
+    np.testing.assert_allclose(state.upright, TURNED.as_matrix()[:, 2, 2], atol=1e-12)
     left_up = Rotation.from_euler("x", 0.2)
     assert left_up.as_matrix()[2, 1] > 0
-    assert attitude.roll(left_up.as_quat(scalar_first=True)) == pytest.approx(0.2)
+    assert states(left_up).roll == pytest.approx(0.2)

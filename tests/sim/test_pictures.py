@@ -12,7 +12,7 @@ import pytest
 
 from sim import build_tracked, load_tracked
 from sim.opengl import Pictures
-from sim.robot.tracked_view import TrackedView
+from sim.robot.looks import TrackedView
 from trackslip.errors import InvalidValueError, TrackslipError
 
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"

@@ -73,7 +73,7 @@ def short_path():
 
 def theoretical_law(robot):
     """A constant ICR from theory alone: nothing identified."""
-    contact = line_contact(robot.geometry.half_gauge, robot.contact_half_length, 0.70, 0.775)
+    contact = line_contact(robot.geometry.half_gauge, robot.parameters.contact_length / 2, 0.70, 0.775)
     yaw_rate = steady_twist([0.1, 0.14], contact)[2]
     half_gauge = robot.geometry.half_gauge
     return ConstantIcr(0.04 / (2 * yaw_rate) - half_gauge, half_gauge, 0.0067)

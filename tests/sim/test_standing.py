@@ -39,6 +39,7 @@ def test_robots_of_any_shape_have_their_numbers_stand_and_turn_as_theory_says(sh
     parameters = RobotParameters(**shape)
     robot, gauge = load_robot(parameters=parameters), 2 * parameters.half_gauge
     assert robot.geometry.half_gauge == pytest.approx(parameters.half_gauge)
+    assert robot.geometry.sprocket_radius == parameters.sprocket_radius
     assert robot.mass == pytest.approx(parameters.mass)
     surface = 0.1 + np.array([[-0.1, 0.1], [0.2, -0.2]]) * min(gauge, 0.4)
     fleet = Fleet(robot, np.zeros((2, 3)), Ground(0.6, 0.7), 0.0, STRONG)

@@ -1,7 +1,6 @@
 """Quasi-static motion of a tracked robot: the theory that the simulator is compared with.
 
-The ground acts on each sliding element of track against its sliding velocity s, with the force of maximum dissipation
-within an elliptic limit (mu_along along the track, mu_across across it):
+The ground acts on each sliding element of track against its sliding velocity s, within an elliptic limit of friction:
 
     F = -g N (mu_along^2 s_x, mu_across^2 s_y) / sqrt((mu_along s_x)^2 + (mu_across s_y)^2)
 

@@ -111,12 +111,8 @@ def line_contact(
     Raises:
         InvalidValueError: if a value is not positive, or the centre of mass lifts part of a track.
     """
-    require_positive("half_gauge", half_gauge)
     require_positive("half_length", half_length)
-    segment = (np.arange(points) + 0.5) / points * 2 - 1
-    x = np.tile(segment * half_length, 2)
-    y = np.repeat([half_gauge, -half_gauge], points)
-    return Contact(x, y, along, across, centre_of_mass)
+    return wheel_contact(half_gauge, (0.0,), 2 * half_length, along, across, centre_of_mass, points)
 
 
 def wheel_contact(
@@ -135,6 +131,7 @@ def wheel_contact(
         patch_length: length of a wheel's contact [m].
         points: number of points per patch.
     """
+    require_positive("half_gauge", half_gauge)
     require_positive("patch_length", patch_length)
     segment = (np.arange(points) + 0.5) / points - 0.5
     middle = np.repeat(np.tile(axles, 2), points)

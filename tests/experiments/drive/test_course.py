@@ -70,7 +70,7 @@ def test_a_path_is_followed_to_its_end(tmp_path):
 @pytest.mark.parametrize(("asked", "angles"), [("0.5,0.2", [0.5, 0.5, 0.2, 0.2]), ("down", [0.0] * 4)])
 def test_flippers_as_asked(asked, angles):
     run = driven(robot="rescue", flippers=asked, duration=0.5)
-    np.testing.assert_allclose(run.state.flippers[-1], angles, atol=0.06)
+    np.testing.assert_allclose(run.angles[-1], angles, atol=0.06)
 
 
 def test_explosions_and_drivers_that_stop_end_a_run_by_name():

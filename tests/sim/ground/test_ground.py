@@ -5,8 +5,8 @@ import pytest
 
 from sim import Fleet, Pull
 from sim.drive.drive import tireless
+from sim.fleet_ground import PadFriction
 from sim.ground.ground import Change, Ground, Patch, friction_angle
-from sim.ground.pad_friction import PadFriction
 from sim.ground.shear import LARGEST, LEAST_SHARE
 from trackslip.kinematics import track_slip
 from trackslip.skid_theory import Load, line_contact, steady_twist

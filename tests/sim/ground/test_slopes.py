@@ -36,7 +36,8 @@ def test_driving_uphill_takes_the_weight_and_the_motors_pay(robot):
     fleet.command([3.0, 3.0])
     fleet.advance(3.0)
     weight = robot.mass * 9.81 * np.sin(slope)
-    assert fleet.traction().sum() == pytest.approx(weight, rel=0.01)
+    fleet.advance(fleet.period)
+    assert fleet.mean_traction.sum() == pytest.approx(weight, rel=0.01)
     torque = fleet.drive.torque
     motor = Motor()
     # at its sprocket: the pull at the real radius, and what the gear loses
@@ -54,7 +55,7 @@ def test_a_robot_leans_to_its_heavier_side(robot):
     fleet.advance(0.5)
     roll = fleet.attitude()[0, 1]
     assert roll == pytest.approx(-0.04 * 0.002 / (0.168**2 - 0.12 * 0.002), rel=0.05)
-    assert fleet.now.lean(robot.lrf_height)[0] == pytest.approx(-robot.lrf_height * np.sin(roll), rel=0.02)
+    assert fleet.state.lean(robot.lrf_height)[0] == pytest.approx(-robot.lrf_height * np.sin(roll), rel=0.02)
 
 
 def test_lateral_speed_is_in_the_truth_and_as_theory_says():

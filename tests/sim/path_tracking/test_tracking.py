@@ -4,7 +4,7 @@ import pytest
 from sim import Fleet, Ground, LaserScanner, Pilot, Pull, Randomization, RobotParameters, closed_loop
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.named import NAMED_GROUNDS
-from sim.path_tracking.config import Reward
+from sim.path_tracking.config import TrackingReward
 from sim.path_tracking.tracking import TERMS
 from trackslip import se2
 from trackslip.controllers.error_feedback import LinearTimeVarying
@@ -143,7 +143,7 @@ def test_a_reference_ends_with_truncation_and_leaving_it_with_termination():
 
 
 def test_rewards_are_the_sum_of_their_terms():
-    env = PathTrackingEnv(reward=Reward(weight_position=2.0, heading_scale=0.1), reference="slalom")
+    env = PathTrackingEnv(reward=TrackingReward(weight_position=2.0, heading_scale=0.1), reference="slalom")
     env.reset(seed=0, options={"start_error": (0.1, 0.1, 0.2)})
     env.action_space.seed(0)
     previous = np.zeros(2)

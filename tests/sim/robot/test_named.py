@@ -3,10 +3,10 @@
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tracked_files import ROBOT, write_robot
 
 from sim import Fleet, Ground, RobotParameters, build_tracked, load_robot
-from sim.attitude import rotation
 from sim.drive.drive import tireless
 from sim.robot.looks import robot_looks
 from sim.robot.named import ROBOTS, load_parameters, load_tracked
@@ -40,7 +40,7 @@ def test_a_tracked_robot_on_flat_ground_has_the_mass_matrix_of_its_model(name):
     mass, centre, inertia = rigid_inertia(made, looks.rest[7:])
     robot = load_robot(parameters=parameters)
     body = robot.model.body("chassis")
-    axes = rotation(body.iquat)
+    axes = Rotation.from_quat(body.iquat, scalar_first=True).as_matrix()
     np.testing.assert_allclose((parameters.mass, robot.mass), mass, rtol=1e-12)
     np.testing.assert_allclose(body.ipos, centre, atol=1e-12)
     np.testing.assert_allclose(axes @ np.diag(body.inertia) @ axes.T, inertia, atol=1e-9)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from sim import Fleet, Ground, load_robot
-from sim.attitude import rotation
 from sim.drive.drive import tireless
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters
@@ -143,7 +143,7 @@ def test_a_yaw_inertia_moves_mass_along_the_ground():
     for robot in (WARTHOG, replace(HUSKY, inertia=(4.0, 6.0, 8.0, 0.3, -0.2, 0.1), yaw_inertia=12.0)):
         model = load_robot(parameters=robot).model
         body = model.body("chassis")
-        axes = rotation(body.iquat)
+        axes = Rotation.from_quat(body.iquat, scalar_first=True).as_matrix()
         inertia = axes @ np.diag(body.inertia) @ axes.T
         assert inertia[2, 2] == pytest.approx(robot.yaw_inertia)
         if robot.inertia:  # second moments grow by half along x and y, and not along z

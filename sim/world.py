@@ -1,0 +1,183 @@
+"""Worlds: N simulations of one model in a batch, and the states of their robots."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco import batch
+from numpy.typing import NDArray
+
+from sim.restorable import Restorable
+from trackslip import se2
+from trackslip.errors import require
+from trackslip.kinematics import Array, columns
+
+
+class _Silence:
+    """What the engine's log was set to, for the whole process, before the first of the threads that silence it."""
+
+    lock = threading.Lock()
+    threads = 0
+    before: mujoco.MjLogConfig
+
+
+@contextmanager
+def quietly() -> Iterator[None]:
+    """Silence the engine's warnings, on the console and in MUJOCO_LOG.TXT; the caller reads their counters."""
+    with _Silence.lock:
+        if _Silence.threads == 0:
+            _Silence.before, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+            quiet.logto_console = quiet.logto_file = False
+            quiet.set()
+        _Silence.threads += 1
+    try:
+        yield
+    finally:
+        with _Silence.lock:
+            _Silence.threads -= 1
+            if _Silence.threads == 0:
+                _Silence.before.set()
+
+
+@dataclass(frozen=True)
+class States:
+    """States of robots, (...) each: of N robots now, or of N robots at T moments."""
+
+    qpos: Array  # (..., nq) positions of all joints
+    qvel: Array  # (..., nv) their velocities
+    free: tuple[int, int] = (0, 0)
+    """First numbers of the chassis' pose in qpos, and of its velocity in qvel."""
+
+    @property
+    def position(self) -> Array:
+        """Positions (..., 3) of the chassis [m]."""
+        return self.qpos[..., self.free[0] : self.free[0] + 3]
+
+    @property
+    def quaternion(self) -> Array:
+        """Attitudes (..., 4) of the chassis: w, x, y, z."""
+        return self.qpos[..., self.free[0] + 3 : self.free[0] + 7]
+
+    @property
+    def velocity(self) -> Array:
+        """Velocities (..., 3) of the chassis in the world [m/s]."""
+        return self.qvel[..., self.free[1] : self.free[1] + 3]
+
+    @property
+    def rate(self) -> Array:
+        """Angular velocities (..., 3) of the chassis in its own frame [rad/s]."""
+        return self.qvel[..., self.free[1] + 3 : self.free[1] + 6]
+
+    @property
+    def rotation(self) -> Array:
+        """Axes of the chassis in the world: forwards, to the left and up are the columns of matrices (..., 3, 3)."""
+        w, x, y, z = np.moveaxis(self.quaternion, -1, 0)
+        rows = (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        )
+        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+    @property
+    def heading(self) -> Array:
+        """Headings (...), from -pi to pi [rad]."""
+        w, x, y, z = columns(self.quaternion)
+        return np.reshape(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)), self.qpos.shape[:-1])
+
+    @property
+    def upright(self) -> Array:
+        """Cosines (...) of the angles between the vertical of the chassis and that of the world."""
+        _, x, y, _ = columns(self.quaternion)
+        return np.reshape(1 - 2 * (x * x + y * y), self.qpos.shape[:-1])
+
+    @property
+    def pitch(self) -> Array:
+        """Angles (...) by which the chassis points upwards [rad]."""
+        return np.asarray(np.arcsin(np.clip(self.rotation[..., 2, 0], -1.0, 1.0)))
+
+    @property
+    def roll(self) -> Array:
+        """Angles (...) by which the chassis leans to its right [rad]."""
+        left, up = np.moveaxis(self.rotation[..., 2, 1:], -1, 0)
+        return np.asarray(np.arctan2(left, up))
+
+    @property
+    def twist(self) -> Array:
+        """Twists (..., 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
+        along = se2.rotate(-self.heading, self.velocity[..., :2])
+        return np.concatenate([along, self.rate[..., 2:]], axis=-1)
+
+    def lean(self, height: float) -> Array:
+        """Offset (...) to the left, at a height above the ground [m], of what is above the middle of the chassis."""
+        x, y, z = np.moveaxis(self.rotation[..., 2], -1, 0)
+        along, heading = (height - self.position[..., 2]) / z, self.heading
+        return np.asarray(along * (np.cos(heading) * y - np.sin(heading) * x))
+
+
+class World(Restorable):
+    """N simulations of one robot, each in its own world; rows are bitwise independent."""
+
+    def __init__(self, model: mujoco.MjModel, size: int, threads: int, free: tuple[int, int] = (0, 0)) -> None:
+        """Make `size` simulations of a model on `threads` worker threads, 0 for one per processor; `free` as of States.
+
+        Raises InvalidValueError for fewer than one simulation or a negative number of threads.
+        """
+        require(size >= 1, "size", size, "at least 1")
+        require(threads >= 0, "threads", threads, "0 (one per processor) or more")
+        self.size = size
+        self.batch = batch.Batch(model, size, nthread=threads)
+        if model.nkey:
+            self.batch.qpos[0], self.batch.ctrl[0] = model.key_qpos[0], model.key_ctrl[0]
+        self._fresh = self.batch.state[0].copy()  # of a robot that has not moved yet
+        self.state = States(self.batch.qpos, self.batch.qvel, free)
+        """The robots' states (N, ...), live."""
+
+    def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com: Array) -> bool:
+        """Scale mass and inertia of a body by (R,), and shift its centre of mass by (R, 2) forward and to the left [m].
+
+        The belts must not rest meanwhile: the engine would conclude that they never move. Returns whether this changes
+        anything.
+        """
+        model, names = self.batch.model, ("body_mass", "body_inertia", "body_ipos")
+        if self.batch.expanded(names[0]) is None and (mass == 1).all() and not com.any():
+            return False
+        masses, inertias, centres = (self.batch.expand(name) for name in names)
+        masses[rows, body] = model.body_mass[body] * mass
+        inertias[rows, body] = model.body_inertia[body] * mass[:, None]
+        centres[rows, body, :2] = model.body_ipos[body, :2] + com
+        self.batch.set_const(ids=rows)
+        return True
+
+    def get_state(self) -> dict[str, Any]:
+        """See Restorable; with the engine's state, and the fields of its model that differ between simulations."""
+        expanded = {name: self.batch.expanded(name) for name in batch.MODEL_FIELDS}
+        model = {name: values.copy() for name, values in expanded.items() if values is not None}
+        engine = {"state": self.batch.state.copy(), "warning": self.batch.warning.copy(), "model": model}
+        return super().get_state() | {"engine": engine}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """See Restorable; what the engine derives from a state is up to date after the next step."""
+        super().set_state(state)
+        of, engine = self.batch, state["engine"]
+        of.state[:], of.warning[:] = engine["state"], engine["warning"]
+        for name in batch.MODEL_FIELDS:
+            if name in engine["model"]:
+                of.expand(name)[...] = engine["model"][name]
+            elif of.expanded(name) is not None:
+                plain = of.model.opt if name.startswith("opt.") else of.model
+                of.expand(name)[...] = getattr(plain, name.split(".")[-1])
+
+    def _place_at(self, rows: np.ndarray, poses: Array, height: Array | float = 0.0) -> None:
+        """Reset the robots `rows` (R,), upright at poses (R, 3) [m, m, rad], their frames at heights (R,) [m]."""
+        self.batch.state[rows] = self._fresh
+        half, zero = poses[:, 2] / 2, np.zeros(len(rows))
+        place = [*poses[:, :2].T, np.broadcast_to(height, zero.shape), np.cos(half), zero, zero, np.sin(half)]
+        first = self.state.free[0]
+        self.batch.qpos[rows, first : first + 7] = np.stack(place, axis=-1)
