@@ -115,3 +115,12 @@ def test_every_example_is_tested_and_short():
     assert {path.stem for path in FOLDER.glob("*.py")} == tested
     for path in FOLDER.glob("*.py"):
         assert len(path.read_text().splitlines()) <= 70, path
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("updates", [2, pytest.param(20, marks=pytest.mark.slow)])
+def test_ppo_in_one_file(run, updates):
+    pytest.importorskip("torch")
+    rewards = numbers(r"mean reward (\S+) per", run("ppo_in_one_file", steps=1024 * updates, robots=16))
+    assert len(rewards) == updates
+    assert updates == 2 or rewards[-1] > rewards[1] + 0.1  # the first ones have robots near their start
