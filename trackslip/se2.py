@@ -170,5 +170,5 @@ def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:
     divisor = np.where(turn == 0, 1.0, turn)
     small = np.abs(turn) < _SMALL_TURN
     d_along = np.where(small, turn * (-1 / 3 + turn**2 / 30 - turn**4 / 840), (np.cos(turn) - along) / divisor)
-    d_across = np.where(turn == 0, 0.5, (np.sin(turn) - across) / divisor)
+    d_across = np.where(small, 0.5 - turn**2 / 8 + turn**4 / 144, (np.sin(turn) - across) / divisor)
     return along, across, d_along, d_across

@@ -72,6 +72,8 @@ def output_errors(what: str) -> Iterator[None]:
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else first_line(error)  # pyarrow's words are longer
         raise OutputError(f"{what}: can't be written ({reason})") from error
+    except RecursionError as error:  # of mkdir
+        raise OutputError(f"{what}: can't be written (its path is too deep)") from error
 
 
 @contextlib.contextmanager

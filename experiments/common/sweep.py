@@ -1,7 +1,6 @@
 """Sweeps: runs are driven fleet by fleet on any workers and stored as they end, so that a killed command resumes.
 
-A part of the store has the runs of a fleet: their rows as JSON, their logs as Parquet. A run is known by its id, a hash
-of everything its numbers depend on except the code.
+A part of the store has a fleet's runs: rows as JSON, logs as Parquet. A run's id is a hash of all but the code.
 """
 
 import contextlib
