@@ -81,6 +81,7 @@ def test_own_controller(run):
     assert float(errors["Proportional"]) < 20
 
 
+@pytest.mark.slow
 def test_closed_loop(run):
     none, identified, online = numbers(r"(\S+) mm rms", run("closed_loop"))
     assert max(identified, online) < none
@@ -98,6 +99,7 @@ def test_training(run):
     assert "after 2,048 periods" in run("training", steps=2048, robots=8)
 
 
+@pytest.mark.slow
 def test_read_a_sweep(run, tmp_path):
     pytest.importorskip("polars", reason="polars is not installed")
     printed = run("read_a_sweep", tmp_path)

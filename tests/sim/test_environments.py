@@ -59,11 +59,9 @@ SHORT = {"limits": Limits(time=1.2, stuck_time=0.4), "course": ("random", "rough
 @pytest.mark.parametrize(
     ("name", "options", "mode"),
     [
-        (TRACKING, DRAWN | {"max_episode_steps": 13}, AutoresetMode.NEXT_STEP),
         (TRACKING, DRAWN | COARSE, AutoresetMode.SAME_STEP),  # most to restart
         (TRACKING, DRAWN | TWIST | {"compensation": UNDER_LOAD}, AutoresetMode.DISABLED),
         (TRACKING, DRAWN | LEARNING | {"pose_source": "noisy"}, AutoresetMode.NEXT_STEP),
-        (TRAVERSE, SHORT, AutoresetMode.NEXT_STEP),
         (TRAVERSE, SHORT | {"max_episode_steps": 4}, AutoresetMode.SAME_STEP),
     ],
 )

@@ -25,6 +25,7 @@ def test_suites_have_every_run_once(suite, runs):
     assert len(set(cases)) == len(cases) == runs
 
 
+@pytest.mark.slow
 def test_a_run_is_the_same_in_any_company(tmp_path):
     """Whichever controllers, compensations and grounds share its fleet; all controllers meet the same noise."""
     path = tmp_path / "bow.csv"

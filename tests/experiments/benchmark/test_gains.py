@@ -111,6 +111,7 @@ def test_where_nothing_is_smooth_enough_the_defaults_stay():
     assert row["error"] == row["default_error"]
 
 
+@pytest.mark.slow
 def test_a_search_resumes_unless_the_controllers_have_changed(trackslip, short, tmp_path, monkeypatch):
     monkeypatch.setattr(tune, "TRAINING_PATHS", (str(tmp_path / "bend.csv"),))
     command = ("tune", "tuned_classes:Good", "tuned_classes:Other", *QUICK, "--evaluations", "12", "--out", "found")

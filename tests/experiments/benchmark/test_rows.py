@@ -44,6 +44,7 @@ def test_entries_are_compared_pair_by_pair():
         assert 0.0009 < low <= entry["behind"] <= high < 0.0011
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("paths", "grounds", "seeds"), [(1, 1, 32), (4, 1, 8), (8, 3, 3)])
 def test_intervals_of_paired_differences_and_gains_cover_as_they_should(paths, grounds, seeds):
     """Of a benchmark's suites; on the grounds of a seed the differences are nearly the same."""

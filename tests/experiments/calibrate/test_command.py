@@ -122,6 +122,7 @@ def test_another_log_is_predicted_with_a_clock_of_its_own(driven, tmp_path):
     assert test["calibrated"]["position_5s_median"] < 1.1 * test["before"]["position_5s_median"]
 
 
+@pytest.mark.slow
 def test_steady_rows_are_compared_in_their_own_terms(tmp_path):
     rng = np.random.default_rng(0)
     lines = ["omega_l,omega_r,v,w"]

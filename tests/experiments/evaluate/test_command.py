@@ -121,6 +121,7 @@ def test_positions_alone_are_enough(trackslip, files, tmp_path):
     assert models["none"]["after_seconds"]["5"]["heading"] is None
 
 
+@pytest.mark.slow
 def test_simulated_drives_come_back_and_another_ground_fits_worse(wander, tmp_path):
     def errors(*options):
         result = ran(tmp_path / f"out{len(options)}", "evaluate", str(wander), "--robot", "shipped", *options)
@@ -143,6 +144,7 @@ def test_commands_drive_the_robot_through_its_drive(wander, tmp_path):
     assert slow > 1.2 * shipped
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("without_figures")
 def test_folds_fit_laws_gains_and_the_robot_to_the_other_parts(wander, tmp_path):
     options = ("--folds", "2", "--law", "icr_radius", "--law", "none", "--robot", "shipped")

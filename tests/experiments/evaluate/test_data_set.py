@@ -78,6 +78,7 @@ def test_a_data_set_states_models_and_bounds(data_set, tmp_path):
     assert "Best after 1 s: " in (result.folder / "report.html").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("without_figures")
 def test_a_missed_bound_ends_with_1_and_the_page_is_written(data_set, tmp_path):
     path = data_set.with_name("broken.toml")

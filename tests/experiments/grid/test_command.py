@@ -44,6 +44,7 @@ def test_small_grid_then_identify_then_csv(trackslip, tmp_path):
             assert ours[key] == pytest.approx(theirs[key], rel=0.05, abs=0.002)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("without_figures")
 def test_errors_of_slip_are_those_of_the_chosen_motion_method(trackslip):
     result = trackslip("grid", *SMALL[:-1], "20", "--motion", "paper")
@@ -112,6 +113,7 @@ def test_a_robot_file_and_a_ground_that_overrides_its_own(trackslip, tmp_path):
     assert read_runs(other.folder / "runs.parquet")[0].metadata["radius_error"] == 0.0
 
 
+@pytest.mark.slow
 def test_a_robot_too_heavy_for_its_motors_is_named(trackslip):
     result = trackslip("grid", *SHORT, "--vary", "robot.mass=25,100")
     (warning,) = result.summary["warnings"]

@@ -72,6 +72,7 @@ def test_a_grid_in_the_shipped_world_meets_the_scans_of_reproduce(trackslip):
         np.testing.assert_array_equal(ours.range, theirs.range.astype(np.float32))  # as stored
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("without_figures")
 def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused):
     small = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8", "--executor", "inline")

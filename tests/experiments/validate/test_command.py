@@ -34,6 +34,7 @@ def test_the_page_begins_with_the_verdict(shipped):
     assert "nan" not in page
 
 
+@pytest.mark.slow
 def test_a_check_that_fails_ends_with_1_once_everything_is_written(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(checks, "GRAVITY", 12.0)
     monkeypatch.setattr(command, "check_energy", lambda *_: None)

@@ -54,6 +54,7 @@ def test_no_track_exceeds_its_limit(make):
         assert (np.abs(tracks) <= controller.track_speed + 1e-12).all()
 
 
+@pytest.mark.slow
 def test_linearised_and_nonlinear_prediction_drive_alike():
     """Near the path to second order of the error; from 0.2 m off, both come back within the same 4 s."""
     pytest.importorskip("casadi")

@@ -60,6 +60,7 @@ def test_plain_driving_tells_what_it_can(speeds, yaw_rates, tells, kind, noise):
     assert holds(found.gains.speed, 0.97) if tells != "turn" and kind != "headings" else found.gains.speed is None
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say():
     hits = []
     for seed in range(20):

@@ -76,6 +76,7 @@ def test_the_law_that_made_the_samples_is_the_best(name, law):
     require_within(found.laws[name], law)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "law"),
     [

@@ -47,6 +47,7 @@ def rms_deviation(estimate, poses):
     return np.sqrt(np.mean(error**2 / np.einsum("sii->si", estimate.covariance), axis=0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("track", "things", "where", "most_blind"),
     [

@@ -79,6 +79,7 @@ def test_runs_without_a_steady_stretch():
         steady_part(standing)
 
 
+@pytest.mark.slow
 def test_a_session_gives_as_much_as_its_commands_one_by_one():
     """Twenty minutes of commands of six seconds, as one run, and the first of them as a run each."""
     rng = np.random.default_rng(0)
