@@ -12,11 +12,15 @@ Characterization of a 2-D Laser Scanner for Mobile Robot Obstacle Negotiation, I
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from trackslip import se2
 from trackslip.kinematics import Array, wrap_angle
 
+SLACK = 0.2
+"""Margin around the plate, so that the beams need not be selected again for every scan [m]."""
 PULSE = 0.5
 """Separation below which echoes merge [m]: pulses of 3.3 ns, assumed."""
 MIN_SHARE = 0.25
@@ -26,25 +30,40 @@ SUBRAYS = 9
 _MIN_RANGE = 1e-3  # keeps the light from a surface at the scanner finite [m]
 
 
-def facing(centre: Array, origin: Array, heading: float, radius: float, bearings: Array, width: float) -> np.ndarray:
-    """Beams (N, W) that can hit what is within `radius` of `centre` (N, 3) [m]; the same number for every robot.
+@dataclass(frozen=True)
+class Aim:
+    """The beams that can hit plates near `centre`, whatever their headings; the same number for every robot."""
 
-    The beams start at `origin` (3,) [m] with equally spaced, ascending `bearings` (B,) from the world direction
-    `heading` and are `width` wide [rad].
-    """
-    x, y = (centre - origin)[:, :2].T
-    distance = np.hypot(x, y)
-    bearing = wrap_angle(np.arctan2(y, x) - heading)
-    spread = np.where(distance > radius, np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0)), np.pi)
-    spread = spread + width / 2
-    last = len(bearings) - 1
-    step = (bearings[-1] - bearings[0]) / last
-    low, high = ((edge - bearings[0]) / step for edge in (bearing - spread, bearing + spread))
-    around = np.abs(bearing) + spread > np.pi  # behind the scanner, where the bearing wraps
-    low, high = np.where(around, 0, np.clip(low, 0, last)), np.where(around, last, np.clip(high, 0, last))
-    first = np.floor(low).astype(int)
-    count = min(int((np.ceil(high) - first).max()), last) + 1
-    return np.asarray(np.minimum(first, last + 1 - count)[:, None] + np.arange(count))
+    centre: Array  # (N, 3) of the plates, when the beams were selected [m]
+    beams: np.ndarray  # (N, W) among the B of all
+    place: np.ndarray  # (N, W) the same among the N x B beams of all robots
+
+    @classmethod
+    def at(cls, centre: Array, origin: Array, heading: float, radius: float, bearings: Array, width: float) -> Aim:
+        """Select the beams to cast at plates around `centre` (N, 3) [m].
+
+        The beams start at `origin` (3,) [m] with equally spaced, ascending `bearings` (B,) from the world direction
+        `heading` and are `width` wide [rad]. While they are cast, each plate stays within `radius` of its centre [m].
+        """
+        radius += SLACK
+        x, y = (centre - origin)[:, :2].T
+        distance = np.hypot(x, y)
+        bearing = wrap_angle(np.arctan2(y, x) - heading)
+        spread = np.where(distance > radius, np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0)), np.pi)
+        spread = spread + width / 2
+        last = len(bearings) - 1
+        step = (bearings[-1] - bearings[0]) / last
+        low, high = ((edge - bearings[0]) / step for edge in (bearing - spread, bearing + spread))
+        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where the bearing wraps
+        low, high = np.where(around, 0, np.clip(low, 0, last)), np.where(around, last, np.clip(high, 0, last))
+        first = np.floor(low).astype(int)
+        count = min(int((np.ceil(high) - first).max()), last) + 1
+        beams = np.minimum(first, last + 1 - count)[:, None] + np.arange(count)
+        return cls(centre, beams, np.arange(len(centre))[:, None] * len(bearings) + beams)
+
+    def holds(self, centre: Array) -> bool:
+        """True if the selection is still valid for plates around `centre` (N, 3)."""
+        return bool(np.abs(centre - self.centre).max() <= SLACK / 2)
 
 
 def moved_back(origin: Array, rays: Array, pose: Array, twist: Array, lag: Array) -> tuple[Array, Array]:

@@ -11,15 +11,13 @@ from numpy.typing import ArrayLike
 from sim.fleet import Fleet
 from sim.restorable import Restorable
 from sim.robot.robot import SCANNED_GROUP
-from sim.scanner.beams import echo, facing, footprint, moved_back
+from sim.scanner.beams import Aim, echo, footprint, moved_back
 from sim.scanner.obstacles import Obstacles
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.errors import require
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
-
-_MARGIN = 0.01  # by which the plate may have moved on since its place was computed, a physics step ago [m]
 
 
 class ScannerFeed(Restorable):
@@ -76,7 +74,10 @@ class ScannerFeed(Restorable):
         self._standing = self._to_obstacles(standing, 0.0) if obstacles else None  # (B, K) [m], computed once
         # a plate moves for half the scan before the scan's time and half of it after: twice that is safe
         top_speed = fleet.drive.limit * robot.geometry.sprocket_radius
-        self._reach = robot.plate_radius + top_speed * scanner.scan_duration + _MARGIN
+        self._reach = robot.plate_radius + top_speed * scanner.scan_duration
+        self._aim: Aim | None = None
+        self._aimed_rays: Array = np.empty((fleet.size, 0, 1, 3))  # (N, W, K, 3)
+        self._aimed_origins: Array = np.empty((fleet.size, 0, 3))  # (N, W * K, 3)
         self._groups = (np.arange(6) == SCANNED_GROUP).astype(np.uint8)
         self._lrf = robot.model.body("lrf").id
 
@@ -87,28 +88,37 @@ class ScannerFeed(Restorable):
 
     def true_ranges(self) -> Array:
         """Ranges (N, B) without measurement errors, NaN where there is nothing [m]."""
-        mount = self._origin, self._heading
-        beams = facing(self._fleet.plate, *mount, self._reach, self.bearings, self._scanner.divergence)
-        plate = self._to_plates(beams)
+        aim = self._aimed()
+        plate = self._to_plates(aim)
         ranges = np.empty((self._fleet.size, len(self._rays)))
         if self._standing is None:
             ranges.fill(np.nan)
         else:
             around = np.fmin(self._standing, self._to_obstacles(self._walking, self._fleet.time))
-            plate = np.fmin(plate, around[beams])
+            plate = np.fmin(plate, around[aim.beams])
             ranges[:] = echo(around)
-        ranges[np.arange(len(ranges))[:, None], beams] = echo(plate)
+        ranges.ravel()[aim.place] = echo(plate)
         return ranges
 
-    def _to_plates(self, beams: np.ndarray) -> Array:
-        """Distances (N, W, K) along the rays of `beams` (N, W), NaN for a miss [m]."""
-        fleet, rays = self._fleet, self._rays[beams]
-        origins = np.broadcast_to(self._origin, rays.shape)
+    def _aimed(self) -> Aim:
+        """The beams to cast at the plates now."""
+        centre = self._fleet.plate
+        if self._aim is None or not self._aim.holds(centre):
+            width = self._scanner.divergence
+            self._aim = Aim.at(centre.copy(), self._origin, self._heading, self._reach, self.bearings, width)
+            self._aimed_rays = self._rays[self._aim.beams]
+            self._aimed_origins = np.empty(self._aimed_rays.shape).reshape(self._fleet.size, -1, 3)
+            self._aimed_origins[:] = self._origin
+        return self._aim
+
+    def _to_plates(self, aim: Aim) -> Array:
+        """Distances (N, W, K) along the rays of the selected beams, NaN for a miss [m]."""
+        fleet, rays, origins = self._fleet, self._aimed_rays, self._aimed_origins
         if self._scanner.scan_duration > 0:
-            origins, rays = moved_back(self._origin, rays, fleet.pose(), fleet.twist(), self._lag[beams])
-        all_of_each = (fleet.size, -1, 3)
+            origins, rays = moved_back(self._origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
+            origins = origins.reshape(fleet.size, -1, 3)
         distance, *_ = fleet.batch.ray(
-            origins.reshape(all_of_each), rays.reshape(all_of_each), geomgroup=self._groups, bodyexclude=self._lrf
+            origins, rays.reshape(fleet.size, -1, 3), geomgroup=self._groups, bodyexclude=self._lrf
         )
         distance[distance < 0] = np.nan
         return distance.reshape(rays.shape[:-1])
