@@ -140,7 +140,7 @@ def traversing(size: int, **options) -> tuple[TraverseVectorEnv, np.ndarray]:
     return env, np.zeros(env.action_space.shape, np.float32)
 
 
-@pytest.mark.parametrize(("size", "least"), [(1, 0.3), (25, 0.6), (256, 0.6)])
+@pytest.mark.parametrize(("size", "least"), [(1, 0.35), (25, 0.75), (256, 0.75)])
 def test_traverse(compare, size, least):
     """Robots that cross courses, whose motors read the ground in each sample; the bare engine has none."""
     env, still = traversing(size)
