@@ -44,8 +44,6 @@ def test_localization_of_a_scan_of_each_robot(benchmark, robot):
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_hundred_steps_of_a_controller(benchmark, name):
     """A hundred steps of a single robot, 5 cm beside a circle."""
-    if name == "mpc":
-        pytest.importorskip("casadi")
     pilot, path = controller(name, GEOMETRY, 0.3, 0.05), load_reference("circle")
     times = 0.05 * np.arange(100)
     poses = path.pose(times) + np.array([0.05, 0.0, 0.0])

@@ -14,20 +14,13 @@ from trackslip.se2 import compose
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference
 
 
-def need(name):
-    if name == "mpc":
-        pytest.importorskip("casadi")
-
-
 @pytest.fixture(params=CONTROLLERS)
 def make(request):
-    need(request.param)
     return CONTROLLERS[request.param]
 
 
 @pytest.fixture(params=[name for name in CONTROLLERS if name != "feedforward"])
 def feedback(request):
-    need(request.param)
     return CONTROLLERS[request.param]()
 
 
@@ -74,7 +67,6 @@ DRIVES = [
 
 @pytest.mark.parametrize(("name", "reference"), DRIVES)
 def test_start_errors_die_out_on_an_ideal_robot(name, reference):
-    need(name)
     feedback, reference = CONTROLLERS[name](), REFERENCES[reference]
     robots = 1 if name in OPTIMISING else 4
     pose = pose_with_error(reference.pose(0.0), start_errors(robots, np.random.default_rng(1)))
@@ -192,7 +184,6 @@ def test_gains_that_are_not_positive_are_refused_by_name(make):
 
 @pytest.mark.parametrize("name", ["dynamic_feedback", "path_following", "ltv_mpc", "mpc", "mppi"])
 def test_another_number_of_robots_needs_a_reset(name):
-    need(name)
     controller, reference = CONTROLLERS[name](), circle(1.0, 0.15, 20.0)
     controller.twist(0.0, np.zeros((3, 3)), reference)
     with pytest.raises(InvalidValueError, match="until reset"):
