@@ -64,7 +64,8 @@ class Horizon(Remembering, ABC):
             plans = self._shifted(self._kept["plans"], elapsed)
         (seen,) = np.isfinite(pose).all(axis=-1).ravel().nonzero()
         robots, better = pose.reshape(-1, 3)[seen], plans.reshape(-1, *shape[-2:]).copy()
-        better[seen] = self._improved(time, better[seen], robots, reference.pose(nodes), twists)
+        if seen.size:
+            better[seen] = self._improved(time, better[seen], robots, reference.pose(nodes), twists)
         self._kept["plans"] = better.reshape(shape)
         return twist_of_tracks(self._kept["plans"][..., 0, :], self.half_gauge)
 
