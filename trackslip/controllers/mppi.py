@@ -58,8 +58,8 @@ class PathIntegral(Horizon):
         chord = v * self.interval * (1 - (w * self.interval) ** 2 / 24)
         x = pose[0] - wanted[:, 0] + np.cumsum(chord * np.cos(middle), axis=-1)
         y = pose[1] - wanted[:, 1] + np.cumsum(chord * np.sin(middle), axis=-1)
-        turned, weights = wrap_angle(heading - wanted[:, 2]), self.weights
-        cost = (x**2 @ weights[:, 0] + y**2 @ weights[:, 1] + turned**2 @ weights[:, 2]) / self.temperature
-        cost += np.tensordot(deviations, plan - speeds) / self.noise**2
+        squares = np.stack([x**2, y**2, wrap_angle(heading - wanted[:, 2]) ** 2], axis=-1)
+        cost = (squares * self.weights).sum(axis=(1, 2)) / self.temperature
+        cost += ((plan - speeds) * deviations).sum(axis=(1, 2)) / self.noise**2
         weight = np.exp(cost.min() - cost)
-        return np.tensordot(weight / weight.sum(), sampled, 1)
+        return np.asarray((weight[:, None, None] * sampled).sum(axis=0) / weight.sum())
