@@ -35,6 +35,7 @@ class Careless(LinearTimeVarying):
 ALONE = ("--compensations", "none", "--grounds", "stone", "--plants", "nominal", "--gains", "default")
 
 
+@pytest.mark.usefixtures("with_figures")
 def test_rows_are_what_the_stored_runs_say(trackslip, short):
     options = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--seeds", "0", "3")
     options += ("--plants", "nominal")
