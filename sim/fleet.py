@@ -187,9 +187,6 @@ class Fleet(World):
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
         if periods == 0:
             return
-        if self.drive.drive.droop > 0:  # the next speeds depend on the torques
-            self._advance_within_limits(np.arange(self.size), self.drive, periods)
-            return
         before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
         torque = self.drive.torque_for(forecast, self._run(EVERYONE, forecast.mean))
         weak = self.drive.too_weak(forecast, torque)

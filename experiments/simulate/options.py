@@ -93,10 +93,6 @@ class DriveOptions:
 
     lag: OwnNumber = None
     """Time constant of the speed controller [s]."""
-    delay: OwnNumber = None
-    """Dead time between a command and the speed controller [s]."""
-    droop: OwnNumber = None
-    """Steady loss of speed per torque, of a controller that does not fully compensate its load [rad/s per N m]."""
     top_speed: OwnNumber = None
     """Largest speed of a track [m/s]."""
     torque_limit: OwnNumber = None

@@ -40,7 +40,7 @@ def test_files_hold_all_fields(tmp_path):
     assert load_course(str(path)) == Course((Stairs(-0.1, number=3), Rough(amplitude=0.05)), 2.0, 0.5, 7, 3.0)
     assert load_course(str(path), seed=8) == dataclasses.replace(load_course(str(path)), seed=8)
     parameters, ground = RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, mass=9.0), Ground(0.5, 0.6)
-    parameters = dataclasses.replace(parameters, drive=Drive(delay=0.05, droop=0.002, motor=Motor(friction=0.2)))
+    parameters = dataclasses.replace(parameters, drive=Drive(lag=0.07, motor=Motor(friction=0.2)))
     path.write_text(robot_file_text(parameters, ground, "made by hand"))
     assert load_parameters(path) == (parameters, ground)
     box = (MODELS / "box_robot.toml").read_text().replace('"box_', f'"{MODELS}/box_')

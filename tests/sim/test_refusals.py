@@ -34,7 +34,7 @@ WHEELS = Hull.from_wheels
 BLOCKS = partial(Blocks, length=1.0)
 
 REFUSED = [
-    (Drive, {"delay": -0.1}, "delay = -0.1: must be a finite number >= 0"),
+    (Drive, {"lag": -0.1}, "lag = -0.1: must be a finite number > 0"),
     (Motor, {"friction": 40.0}, "friction = 40.0: must be less than gear * stall_torque = 30 N m"),
     (Ground, {"along": -0.1}, "along = -0.1: must be a finite number > 0"),
     (Ground, {"patches": (PATCH(),) * 10_001}, "number of patches = 10001: must be at most 10000"),

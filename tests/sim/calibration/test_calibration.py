@@ -179,7 +179,7 @@ def test_drives_without_motion_or_headings_are_refused(change, message):
 
 GRIP = ("friction_ratio", "radius_left", "radius_right", "sensor_x", "sensor_y", "sensor_yaw", "clock")
 ICE = ("friction", "friction_ratio", "radius_error", "sensor_x", "clock")
-COMMANDS = ("friction_ratio", "radius_error", "lag", "delay", "sensor_x")
+COMMANDS = ("friction_ratio", "radius_error", "lag", "sensor_x")
 CASES = (
     ("shipped", Ground(), GRIP, "encoders", 0.003),
     ("husky", Ground(0.12, 0.12), ICE, "encoders", 0.01),
