@@ -1,4 +1,4 @@
-"""Jumps of poses: single wild ones, which come back, and lasting ones, as of a relocalisation or a placeholder."""
+"""Drives without wild poses, cut where poses jump for good, against dead reckoning."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from trackslip.identification.clocks import NEAR
 from trackslip.identification.gains import Gains, Steps
 from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.motion.jumps import MOST_WILD, find_jumps
 
-_MOST_WILD = 3  # successive poses that are wild, or placeholders, rather than a path of their own
 _OUTLYING = 10.0  # robust standard deviations: slip in bursts reaches 6, relocalisations of a few cm exceed it
 
 
@@ -34,7 +34,7 @@ def without_jumps(
     parts = list[PreparedDrive]()
     for first, end in pairwise([0, *lasting.tolist(), len(drive.time)]):
         rows = np.flatnonzero(good[first:end]) + first
-        if len(rows) > _MOST_WILD and np.ptp(drive.angles(drive.time[rows[[0, -1]]] + clock), axis=1).any():
+        if len(rows) > MOST_WILD and np.ptp(drive.angles(drive.time[rows[[0, -1]]] + clock), axis=1).any():
             parts.append(_part(drive, rows, clock))
     return parts, notes
 
@@ -45,9 +45,6 @@ def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: f
     Wheels that slip altogether move nothing, and a stamp may be off by a step: so much of a motion is no jump.
     """
     steps = Steps.of(drive, geometry, clock, margin=NEAR)
-    wild, lasting = list[int](), list[int]()
-    if len(steps.time) < 5:
-        return steps.rows[wild], steps.rows[lasting]
     speed, turn = gains.factors
     heading = turn * (steps.turn - steps.turn[:1])
     ahead = np.exp(0.5j * (heading[1:] + heading[:-1]))
@@ -55,36 +52,24 @@ def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: f
     path = path * np.exp(-1j * gains.heading)
     driven = np.append(np.zeros((2, 1)), np.cumsum(np.abs(np.diff([speed * steps.distance, heading])), axis=1), axis=1)
 
-    def too_far(first: np.ndarray, then: np.ndarray) -> Array:
-        """By how much motions between poses (n,) exceed what wheels and slip explain, (2, n) [m, rad]."""
-        missed = np.zeros((2, len(first)))
-        moved, by_wheels = np.zeros(1), path[then] - path[first]
+    def missed(first: np.ndarray, then: np.ndarray) -> tuple[Array, Array]:
+        size, by_wheels = np.zeros((2, len(first))), path[then] - path[first]
+        if steps.heading is not None:
+            size[1] = np.abs(steps.heading[then] - steps.heading[first] - heading[then] + heading[first])
         if steps.place is not None:
             moved = steps.place[then] - steps.place[first]
-            missed[0] = np.abs(np.abs(moved) - np.abs(by_wheels))
-        if steps.heading is not None:
-            missed[1] = np.abs(steps.heading[then] - steps.heading[first] - heading[then] + heading[first])
-            if steps.place is not None:
-                missed[0] = np.abs(moved - by_wheels * np.exp(1j * (steps.heading - heading)[first]))
+            size[0] = np.abs(np.abs(moved) - np.abs(by_wheels))
+            if steps.heading is not None:
+                size[0] = np.abs(moved - by_wheels * np.exp(1j * (steps.heading - heading)[first]))
         begin, end = np.maximum(first - 1, 0), np.minimum(then + 1, len(steps.time) - 1)
-        return np.stack([missed, driven[:, end] - driven[:, begin]])
+        return size, driven[:, end] - driven[:, begin]
 
-    step, last = np.arange(1, len(steps.time)), 0
-    missed, slip = too_far(step - 1, step)
+    if len(steps.time) < 2:
+        return steps.rows[:0], steps.rows[:0]
+    step = np.arange(1, len(steps.time))
     harmless = np.array([0.3 * geometry.half_gauge, 0.2])  # [m, rad], under a robust loss
-    limit = np.maximum(_OUTLYING * 1.4826 * np.median(missed, axis=1), harmless)
-    off = (missed - slip > limit[:, None]).any(axis=0)
-    for k in (np.flatnonzero(off) + 1).tolist() if off.mean() <= 0.1 else []:  # else they are noise
-        if k <= last:
-            continue
-        after = np.arange(k + 1, min(k + 1 + _MOST_WILD, len(steps.time)))
-        missed, slip = too_far(np.full(len(after), k - 1), after)
-        back = ~(missed - slip > limit[:, None]).any(axis=0)
-        if back.any():
-            last = int(after[np.argmax(back)])
-            wild += range(k, last)
-        else:
-            lasting.append(k)
+    limit = np.maximum(_OUTLYING * 1.4826 * np.median(missed(step - 1, step)[0], axis=1), harmless)
+    wild, lasting = find_jumps(len(steps.time), missed, limit)
     return steps.rows[wild], steps.rows[lasting]
 
 
