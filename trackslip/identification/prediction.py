@@ -54,7 +54,8 @@ class PredictionErrors:
         """Errors (n,) of predictions over ways (n,); NaN where not known."""
         known = (errors[np.isfinite(errors)] for errors in (position, heading))
         statistics = [Statistics.of(errors) if errors.size else None for errors in known]
-        return cls(len(way), float(way.mean()), *statistics)
+        count = int((np.isfinite(position) | np.isfinite(heading)).sum())
+        return cls(count, float(way.mean()), *statistics)
 
 
 @dataclass(frozen=True)
