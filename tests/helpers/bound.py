@@ -33,8 +33,8 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array
+from trackslip.localization.likelihood import View, in_axes, viewing_angle
 from trackslip.localization.scan import Plate, Scan
-from trackslip.localization.view import View, in_axes, viewing_angle
 
 MIN_ANGLE = np.radians(3.0)
 """The bound means little at smaller angles from edge-on [rad]."""

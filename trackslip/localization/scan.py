@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 from trackslip.localization.returns import Returns, best_of_each
 
+Points = NDArray[np.complex128]
+"""Points or directions of the scan plane, x + iy."""
 MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different objects [m]. It exceeds the length of the plate,
 whose returns can be that far apart when it is seen nearly edge-on."""

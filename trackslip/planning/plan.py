@@ -15,8 +15,7 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.planning.information import Expectation, PoseQuality, drive_to_measure, expected, rate_of
 from trackslip.planning.limits import TURNING, DriveLimits, Knowledge, first_knowledge
-from trackslip.planning.maneuvers import RATE, Maneuvers
-from trackslip.planning.route import PlacedRoute, Route, best_route, path, placed
+from trackslip.planning.route import RATE, Maneuvers, PlacedRoute, Route, best_route, path, placed
 
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
 """Laws that a drive can be planned for."""
