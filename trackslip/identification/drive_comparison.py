@@ -18,8 +18,7 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
 from trackslip.se2 import Mounting
 
-TODAY = "today"
-"""Name of the prediction without identification: dead reckoning without slip."""
+TODAY = "today"  # name of the prediction without identification: dead reckoning without slip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,8 +12,7 @@ from scipy.special import stdtrit
 from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
 
-FEWEST_BLOCKS = 6
-"""Independent parts of driving from which an interval can be told."""
+FEWEST_BLOCKS = 6  # independent parts of driving from which an interval can be told
 _SINGULAR = 1e-12  # smallest eigenvalue over the largest of what data tell
 _FEWEST_EFFECTIVE = 3.0  # with fewer, Student's t says nothing of a parameter, as of the sensor's place
 

@@ -16,10 +16,8 @@ from trackslip.metrics import rms
 
 FOLDS = 5
 """Parts of the driving, of every fifth block each, that are predicted by what the others tell."""
-HORIZONS = (1.0, 2.0, 5.0, 10.0)
-"""Times ahead [s]."""
-LEAST_ERROR = 1e-3
-"""Mean error, or difference of errors, that nobody notices [m, rad]."""
+HORIZONS = (1.0, 2.0, 5.0, 10.0)  # times ahead [s]
+LEAST_ERROR = 1e-3  # mean error, or difference of errors, that nobody notices [m, rad]
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")
 
 

@@ -17,8 +17,7 @@ from trackslip.localization.likelihood import EDGE_ON, viewing_angle
 from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Scan
 
-EVERY = 8
-"""Number of scans out of which one is located independently."""
+EVERY = 8  # number of scans out of which one is located independently
 
 
 class Follower:

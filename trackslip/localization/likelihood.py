@@ -33,8 +33,7 @@ from trackslip.localization.scan import Plate, Points
 EDGE_ON = np.radians(2.0)
 """Viewing angle below which a scan determines no pose: errors of the heading are three to five times as large as the
 likelihood's curvature says, because few beams graze the long face and the mirror image is nearly as likely [rad]."""
-UNKNOWN = 1e6
-"""Variance of what a scan does not determine."""
+UNKNOWN = 1e6  # variance of what a scan does not determine
 _BESIDE = 1e-12  # keeps a corner on the LRF from dividing by zero [m]
 _TINY = 1e-300  # keeps a beam that is parallel to a face from dividing by zero
 _DAMPING, _REFUSED = 1e-3, 1.0  # of steps: at first, and at least after one that led upwards
@@ -134,8 +133,7 @@ class PlateLikelihood:
     """Negative log likelihood of poses, with its derivatives and minima."""
 
     plate: Plate
-    huber: float
-    """Residual above which the loss of a range is linear [standard deviations]."""
+    huber: float  # residual above which the loss of a range is linear [standard deviations]
 
     def evaluate(self, beams: PlateBeams, pose: Array) -> Evaluation:
         """Cost, gradient and Gauss-Newton Hessian at poses (M, 3)."""

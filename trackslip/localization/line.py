@@ -10,8 +10,7 @@ from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
 from trackslip.localization.scan import MIN_RETURNS, Cluster, Plate, Scan, extract_plate
 
-MAX_STARTS = 6
-"""Maximum number of starts per cluster, reached with an expected pose."""
+MAX_STARTS = 6  # maximum number of starts per cluster, reached with an expected pose
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
 _WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it

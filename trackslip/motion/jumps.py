@@ -8,8 +8,7 @@ import numpy as np
 
 from trackslip.kinematics import Array
 
-MOST_WILD = 3
-"""Successive poses that are wild, or placeholders, rather than a path of their own."""
+MOST_WILD = 3  # successive poses that are wild, or placeholders, rather than a path of their own
 _NOISE = 0.1  # share of outlying motions above which all of them are noise
 
 Missed = Callable[[np.ndarray, np.ndarray], tuple[Array, Array]]

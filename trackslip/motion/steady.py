@@ -14,8 +14,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
 from trackslip.motion.steady_twist import within
 
-SETTLE = 1.5
-"""Default time from steady sprockets to a steady robot [s]."""
+SETTLE = 1.5  # default time from steady sprockets to a steady robot [s]
 _BLOCK = 0.5  # time over which sprocket speeds are averaged for comparison [s]
 _DRIFT = 0.05  # maximum change of a steady sprocket's mean speed, relative to the faster sprocket
 _SLOW = 0.2  # sprocket speed below which the maximum change is absolute, relative to the run's fastest

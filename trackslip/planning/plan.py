@@ -19,8 +19,7 @@ from trackslip.planning.route import RATE, Maneuvers, PlacedRoute, Route, best_r
 
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
 """Laws that a drive can be planned for."""
-PAPER_DURATION = 30.0
-"""Duration of each of the paper's runs [s]."""
+PAPER_DURATION = 30.0  # duration of each of the paper's runs [s]
 _EVALUATIONS, _FEWEST = 1000, 200  # of routes: fewer of those longer than _LONG
 _LONG = 120.0  # [s]
 _POSES = 1200  # that a search reckons with; of more, a part, as good as all

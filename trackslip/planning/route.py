@@ -18,8 +18,7 @@ import scipy.optimize
 from trackslip.kinematics import SIDES, Array, wrap_angle
 from trackslip.planning.limits import DriveLimits, Knowledge
 
-RATE = 50.0
-"""Commands per second; maneuvers take multiples of its period [Hz]."""
+RATE = 50.0  # commands per second; maneuvers take multiples of its period [Hz]
 TURNING = 0.65
 """Largest yaw rate, as a share of the fastest spin's [-]: the ICRs of real tracks move outwards with the yaw rate, so
 that faster spins would identify a law of unusual driving."""
