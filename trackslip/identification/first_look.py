@@ -19,10 +19,8 @@ from trackslip.identification.fitted import FEWEST_BLOCKS
 from trackslip.identification.gains import Gains, Steps, gains_of, windows_of
 from trackslip.identification.misread import (
     matches_of,
-    refuse_angles,
     refuse_cells,
-    refuse_headings,
-    refuse_sides,
+    refuse_readings,
     refuse_units,
 )
 from trackslip.identification.preparation import BLOCK, PreparedDrive
@@ -66,16 +64,13 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     """Look at drives; raises LogError, with one line that says what to do, where the log can't be used."""
     for drive in drives:
         refuse_cells(drive)
-    refuse_angles(drives, geometry)
     clock = median_offset(map(_checked_clock, drives))
     covered = [drive for drive in drives if len(Steps.of(drive, geometry, clock).time) > 1]
     if not covered:
         raise LogError(f"run {drives[0].name!r}: encoders were read at fewer than 2 of its poses: record both together")
-    for drive in covered:
-        refuse_headings(drive, geometry, clock)
     gains = gains_of(covered, geometry, clock)
     refuse_units(covered, gains, geometry)
-    refuse_sides(covered, geometry, clock)
+    refuse_readings(covered, geometry, clock)
     window = windows_of(covered, geometry, clock)
     turns = gains.factors[1] * window.turn
     left, right = float(turns.clip(min=0.0).sum()), float((-turns).clip(min=0.0).sum())

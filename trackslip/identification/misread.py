@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
 from trackslip.errors import LogError, counted
-from trackslip.identification.gains import Gains, Steps, Window, rms, windows_of
+from trackslip.identification.gains import Gains, Window, rms, windows_of
 from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 
@@ -57,53 +58,60 @@ def refuse_cells(drive: PreparedDrive) -> None:
             )
 
 
-def refuse_angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> None:
-    """Refuse angles of wheels where speeds belong: the motion follows their differences."""
-    by_differences = list[PreparedDrive]()
-    for drive in drives:
-        change = np.diff(drive.omega, axis=0, prepend=drive.omega[:1])
-        wraps = np.ptp(drive.omega) <= 2 * np.pi * (1 + _EXACTLY)
-        speeds = (wrap_angle(change) if wraps else change) / np.diff(drive.edges)[:, None]
-        by_differences.append(replace(drive, omega=speeds))
-    by_speeds, by_angles = (matches_of(windows_of(each, geometry, 0.0)) for each in (drives, by_differences))
-    if len(by_angles) and by_angles.mean() > max(_CLEARLY, by_speeds.mean() + _BETTER if len(by_speeds) else 0.0):
-        most = max(float(np.abs(drive.omega).max()) for drive in drives)
-        raise LogError(
-            f"columns omega_l and omega_r look like angles (up to {most:.3g}), not speeds: the robot moves as they "
-            "change: give their changes over time, in rad/s"
-        )
-
-
-def refuse_sides(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> None:
-    """Refuse swapped and reversed sides: those with which the wheels would match the poses much better."""
-
-    def matches(swapped: bool, signs: tuple[int, int]) -> Array:
-        others = [replace(drive, omega=(drive.omega * signs)[:, :: -1 if swapped else 1]) for drive in drives]
-        return matches_of(windows_of(others, geometry, clock))
-
-    now = matches(False, (1, 1))
+def refuse_readings(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> None:
+    """Refuse columns by which wheels and poses match much better if they are read otherwise."""
+    window = windows_of(drives, geometry, clock)
+    now = matches_of(window)
     if now.min(initial=1.0) > _CLEARLY:
         return
-    ways = [(swapped, signs) for swapped in (False, True) for signs in ((1, 1), *_SIGNS)][1:]
-    swapped, signs = best = max(ways, key=lambda way: float(matches(*way).sum()))
-    match = matches(*best)
-    if match.sum() < now.sum() + _BETTER or match.mean() < _CLEARLY:
-        return
-    steps = []
-    if signs in _SIGNS:
-        steps.append("change the sign of {}, for a bag by --reversed {}".format(*_SIGNS[signs]))
-    if swapped:
-        steps.append("exchange omega_l and omega_r")
-    advice = ", then ".join(steps)
+    ways = [(matches_of(windows_of(others, geometry, clock)), *way) for others, *way in _other_readings(drives)]
+    match, what, advice = max(ways, key=lambda way: float(way[0].sum()))
+    if match.sum() > now.sum() + _BETTER and match.mean() > _CLEARLY:
+        raise LogError(f"{what} (wheels and poses correlate by {now.mean():.2f}, else by {match.mean():.2f}): {advice}")
+    phi = np.concatenate([drive.pose[:, 2] for drive in drives])
+    if np.abs(phi).max() <= 1.01 and np.ptp(np.cumsum(window.turn)) > 2 * np.pi:
+        raise LogError("column phi, from -1 to 1, looks like the z of a quaternion: give phi = 2 atan2(z, w)")
+
+
+def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[tuple[list[PreparedDrive], str, str]]:
+    """The drives as other readings of their columns have them, what these would mean, and what to do then."""
     placed, headed = (any(np.isfinite(drive.pose[:, k]).any() for drive in drives) for k in (0, 2))
-    if signs[0] == signs[1] and not (placed and headed):  # positions or headings alone don't tell these apart
-        advice = "exchange omega_l and omega_r, or change the signs of both if they count backwards"
-    elif swapped and signs == (-1, -1):
-        advice += ", or turn phi by pi"
-    raise LogError(
-        f"tracks are swapped or encoders count backwards (correlation with the poses {now.mean():.2f}, "
-        f"{match.mean():.2f} otherwise): {advice}"
-    )
+    for swapped, signs in [*product((False, True), ((1, 1), *_SIGNS))][1:]:
+        steps = ["change the sign of {}, for a bag by --reversed {}".format(*_SIGNS[signs])] if signs in _SIGNS else []
+        advice = ", then ".join([*steps, "exchange omega_l and omega_r"] if swapped else steps)
+        if signs[0] == signs[1] and not (placed and headed):  # positions or headings alone don't tell these apart
+            advice = "exchange omega_l and omega_r, or change the signs of both if they count backwards"
+        elif swapped and signs == (-1, -1):
+            advice += ", or turn phi by pi"
+        others = [replace(drive, omega=(drive.omega * signs)[:, :: -1 if swapped else 1]) for drive in drives]
+        yield others, "tracks are swapped or encoders count backwards", advice
+    most = max(float(np.abs(drive.omega).max()) for drive in drives)
+    angles = f"columns omega_l and omega_r look like angles (up to {most:.3g}), not speeds"
+    yield [_by_differences(drive) for drive in drives], angles, "give their changes over time, in rad/s"
+    if placed and headed:
+        degrees = [_with_heading(drive, np.pi / 180) for drive in drives]
+        yield degrees, "column phi is in degrees", "multiply it by pi/180"
+        for others in (
+            [_with_heading(drive, -1.0) for drive in drives],
+            [_with_heading(drive, -1.0, np.pi / 2) for drive in drives],
+            [replace(drive, pose=drive.pose[:, [1, 0, 2]]) for drive in drives],
+        ):
+            turn = "change its sign, or exchange x and y if the wheels turn as it does"
+            yield others, "column phi runs clockwise by the course of x and y", turn
+
+
+def _by_differences(drive: PreparedDrive) -> PreparedDrive:
+    """The drive whose speeds are the changes of angles."""
+    change = np.diff(drive.omega, axis=0, prepend=drive.omega[:1])
+    wraps = np.ptp(drive.omega) <= 2 * np.pi * (1 + _EXACTLY)
+    return replace(drive, omega=(wrap_angle(change) if wraps else change) / np.diff(drive.edges)[:, None])
+
+
+def _with_heading(drive: PreparedDrive, factor: float, offset: float = 0.0) -> PreparedDrive:
+    """The drive with other headings."""
+    pose, known = drive.pose.copy(), np.isfinite(drive.pose[:, 2])
+    pose[known, 2] = np.unwrap(offset + factor * pose[known, 2])
+    return replace(drive, pose=pose)
 
 
 def matches_of(window: Window) -> Array:
@@ -123,39 +131,6 @@ def _alike(first: np.ndarray, second: np.ndarray) -> float:
     known = np.isfinite(first) & np.isfinite(second)
     size = rms(first[known]) * rms(second[known])
     return float(np.mean(first[known] * second[known]).real / size) if size > 0 else 0.0
-
-
-def refuse_headings(drive: PreparedDrive, geometry: RobotGeometry, clock: float) -> None:
-    """Refuse headings in degrees, clockwise, or the z of a quaternion, by the course of the path."""
-    steps = Steps.of(drive, geometry, clock)
-    ends = steps.ends(max(0.5, drive.interval))
-    if steps.place is None or steps.heading is None or len(ends) < _FEWEST:
-        return
-    chord = np.diff(steps.place[ends])
-    long = np.abs(chord) > max(0.5 * rms(chord), 1e-9)
-    phi, direction = ((steps.heading[ends[1:]] + steps.heading[ends[:-1]]) / 2)[long], np.angle(chord[long])
-    if len(phi) < _FEWEST:
-        return
-
-    def agreement(values: Array) -> float:
-        return float(np.abs(np.mean(np.exp(2j * (direction - values)))))
-
-    right = agreement(phi)
-    clearly = max(_CLEARLY, right + _BETTER)
-    where = f"run {drive.name!r}: column phi (from {phi.min():.3g} to {phi.max():.3g})"
-    if right > _CLEARLY:
-        return
-    if agreement(np.radians(phi)) > clearly:
-        raise LogError(f"{where} is in degrees by the course of x and y: multiply it by pi/180")
-    if agreement(-phi) > clearly:
-        raise LogError(
-            f"{where} runs clockwise by the course of x and y: change its sign, or exchange x and y if the wheels turn "
-            "as it does"
-        )
-    if np.abs(phi).max() <= 1.01:
-        cosine = 1 - 2 * np.clip(phi, -1, 1) ** 2  # of the heading, whatever the sign of w
-        if np.corrcoef(2 * cosine**2 - 1, np.cos(2 * direction))[0, 1] > _CLEARLY:
-            raise LogError(f"{where} looks like the z of a quaternion: give phi = 2 atan2(z, w)")
 
 
 def refuse_units(drives: Sequence[PreparedDrive], gains: Gains, geometry: RobotGeometry) -> None:
