@@ -44,7 +44,7 @@ def found():
 
 def test_the_answer_is_what_people_look_for_with_intervals_and_next_commands(found, two_drives):
     about = {"config": {"out": "out/mine"}}
-    for each, gain in ((found, "yaw rate at radii not fitted to"), (two_drives, "5 s ahead, position")):
+    for each, gain in ((found, "yaw rate at left-out radii: "), (two_drives, "5 s ahead, position")):
         answer = page(each, "Laws", "trackslip identify", about).answer
         assert answer.heading == f"Best law: {each.best}"
         facts = dict(answer.facts)
