@@ -123,7 +123,6 @@ def test_whatever_is_fixed_to_the_world_is_terrain_by_default():
         ({"terrain": "box", "friction": (0.7, 0.9)}, "friction = (0.7, 0.9): must be equal along and across"),
         ({"load": "half"}, "load = 'half': must be a finite number > 0"),
         ({"width": 0.5}, "width = 0.5: must be less than 0.4 m"),
-        ({"width": 0.1, "lines": 10}, "lines = 10"),
         ({"segments": 0}, "segments = 0: must be a whole number from 1 to 40"),
         ({"terrain": ["stairs"]}, "terrain = 'stairs': must be a geom of the spec, such as ground"),
         ({"terrain": [plane().geom("ground")]}, "terrain = 'ground': must be a geom of the spec"),
