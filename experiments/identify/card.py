@@ -64,7 +64,7 @@ def error_today_and_now(result: Identification) -> str:
         before, after = (cv.get(name) for name in ("none", result.best))
         if before is None or after is None:
             return ""
-        return f"yaw rate at radii not fitted to {1e3 * before.yaw_rate:.3g} -> {1e3 * after.yaw_rate:.3g} mrad/s (rms)"
+        return f"yaw rate at left-out radii: {1e3 * before.yaw_rate:.3g} -> {1e3 * after.yaw_rate:.3g} mrad/s (rms)"
     today, now = (result.drive.errors.get(name, {}) for name in (TODAY, result.best))
     if not now:
         return ""

@@ -46,6 +46,7 @@ def wander(tmp_path_factory):
     return ran(tmp_path_factory.mktemp("wander") / "out", "wander", "--drives", "2", "--duration", "12").folder
 
 
+@pytest.mark.usefixtures("with_figures")
 def test_the_true_law_is_right_and_none_is_not(trackslip, files):
     true = f"{files / 'true.json'}:icr_radius"
     result = trackslip("evaluate", str(files / "two.parquet"), "--law", true, "--law", "none", "--pdf")
@@ -145,7 +146,6 @@ def test_commands_drive_the_robot_through_its_drive(wander, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("without_figures")
 def test_folds_fit_laws_gains_and_the_robot_to_the_other_parts(wander, tmp_path):
     options = ("--folds", "2", "--law", "icr_radius", "--law", "none", "--robot", "shipped")
     options += ("--ground.across", "0.9", "--free", "friction_ratio")
