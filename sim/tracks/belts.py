@@ -234,7 +234,7 @@ class BatchBelts:
         simulation that diverges stops; its last step repeats.
         """
         where = np.arange(len(self._surface))[rows]
-        before, goal = self._batch.state[where].copy(), self._motors.goal(where)
+        before, goal = self._batch.state[where], self._motors.goal(where)
         self._put(where, goal)
         recorded = self._batch.rollout(steps, record=("sensordata", "xmat"), ids=where)
         speeds = np.repeat(goal[:, None, self._motor], steps, axis=1)

@@ -46,8 +46,8 @@ def test_a_robot_on_a_slope_accelerates_by_what_torque_is_left(preset, mass, siz
         limit = torque * mass * downhill * radius / 2
         belts.set([0.2, 0.2], torque_limit=limit, inertia=share * mass * radius**2 / 2)
         before = data.qvel[0]
-        step(model, data, belts, 0.5)
-        expected = 0.5 * (torque - 1) * downhill / (1 + share)
+        step(model, data, belts, 0.3)
+        expected = 0.3 * (torque - 1) * downhill / (1 + share)
         assert data.qvel[0] - before == pytest.approx(expected, rel=0.03)
         np.testing.assert_allclose(belts.motors().torque, limit, rtol=1e-6)
 
@@ -59,7 +59,7 @@ def test_impulse_and_energy_are_balanced(preset, share):
     mass, force = share * 25.0, 0.15 * 25.0 * G  # of each belt
     belts.set([5.0, 5.0], torque_limit=force * RADIUS, inertia=mass * RADIUS**2)
     impulse, work, lost, h = np.zeros(2), np.zeros(2), 0.0, model.opt.timestep
-    for _ in range(200):
+    for _ in range(120):
         before = belts.motors().speed
         belts.step(data)
         motor, reading = belts.motors(), belts.read(data)
@@ -80,7 +80,7 @@ def test_turns_need_the_torque_of_theory_and_stop_without_it():
         model, data, belts = robot()
         step(model, data, belts, 0.3)
         belts.set(speeds, torque_limit=torque * needed, inertia=1e-3)
-        step(model, data, belts, 1.0)
+        step(model, data, belts, 0.7)
         turned.append(data.qvel[5])
     assert turned[0] < 0.05
     assert turned[1] == pytest.approx(steady_twist(speeds, contact)[2], rel=0.03)
@@ -103,13 +103,13 @@ def test_a_row_of_a_batch_is_the_same_as_the_robot_alone():
     robots = batch.Batch(model, 3, nthread=2)
     fleet = belts.bind_batch(robots)
     fleet.set(np.tile([0.3, 0.2], (3, 1)), torque_limit=limits, inertia=0.01)
-    for _ in range(150):
+    for _ in range(60):
         fleet.step()
     readings = fleet.read()
     for row, limit in enumerate(limits):
         model, data, alone = robot(slope=0.1)
         alone.set([0.3, 0.2], torque_limit=limit, inertia=0.01)
-        step(model, data, alone, 150 * model.opt.timestep)
+        step(model, data, alone, 60 * model.opt.timestep)
         assert (robots.qpos[row] == data.qpos).all()
         for name, value in vars(alone.motors()).items():
             assert (getattr(fleet.motors(), name)[row] == value).all()
