@@ -59,7 +59,7 @@ def test_impulse_and_energy_are_balanced(preset, share):
     mass, force = share * 25.0, 0.15 * 25.0 * G  # of each belt
     belts.set([5.0, 5.0], torque_limit=force * RADIUS, inertia=mass * RADIUS**2)
     impulse, work, lost, h = np.zeros(2), np.zeros(2), 0.0, model.opt.timestep
-    for _ in range(120):
+    for _ in range(200):
         before = belts.motors().speed
         belts.step(data)
         motor, reading = belts.motors(), belts.read(data)
