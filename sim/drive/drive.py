@@ -56,7 +56,7 @@ class Drive(Checked):
         the line of torque over speed limits the others.
         """
         friction = self.motor.friction
-        driving = np.clip(self.torque_range(np.abs(speeds) / radius)[1] - friction, 0.0, None)
+        driving = np.maximum(self.torque_range(np.abs(speeds) / radius)[1] - friction, 0.0)
         return np.where(np.abs(speeds) > np.abs(goal) * _ROUNDING, self.torque_limit + friction, driving)
 
 

@@ -85,7 +85,7 @@ def test_the_needed_traction_is_the_slopes_component_and_the_pull(robot):
 def test_a_robot_that_knows_its_sideslip_keeps_to_a_line_across_the_slope(robot):
     """Straight across a slope of 10 deg, it crabs by C t; the heading that the controller holds must allow for it."""
     b = robot.geometry.half_gauge
-    line = SegmentedReference((0.0, 0.0, 0.0), [Segment(5.0, 0.15, 0.0)])
+    line = SegmentedReference((0.0, 0.0, 0.0), [Segment(8.0, 0.15, 0.0)])
     fleet = Fleet(robot, np.zeros((2, 3)), Ground(slope=TEN_DEGREES, uphill=np.pi / 2, shear=0.01))
     laws = FixedLaw(ConstantIcr(0.035, b, 0.004)), LoadedLaw(IcrLoad(0.035, b, 0.004, 0.085, 0.2))
     pilots = [Pilot(LinearTimeVarying(), [k], law) for k, law in enumerate(laws)]
