@@ -133,18 +133,8 @@ def plan_drive(
     if not np.isfinite(least_cost):
         allowed = f"longer, for a drive within the limits to determine the law {law}"
         raise InvalidValueError("duration", limits.duration, allowed)
-    return DrivePlan(
-        law,
-        expected_values,
-        limits,
-        knowledge,
-        poses,
-        known,
-        drive.maneuvers,
-        drive.start,
-        drive.places,
-        expectation_of(drive, poses, 1),
-    )
+    expectation = expectation_of(drive, poses, 1)
+    return DrivePlan(law, expected_values, limits, knowledge, poses, known, *vars(drive).values(), expectation)
 
 
 def evaluations(limits: DriveLimits) -> int:
@@ -172,11 +162,8 @@ def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict
 def usual_values(laws: LawFamily, knowledge: Knowledge) -> Array:
     """Parameters (q,) of a law for a robot of which only this is known."""
     values = laws.starts(knowledge.geometry.half_gauge)[0]
-    for k, name in enumerate(laws.names):
-        if name.startswith("offset"):
-            values[k] = knowledge.offset
-        elif name.startswith("radius_error"):
-            values[k] = knowledge.radius_error
+    for start in ("offset", "radius_error"):
+        values[[name.startswith(start) for name in laws.names]] = getattr(knowledge, start)
     return values
 
 
@@ -189,11 +176,8 @@ def paper_runs(geometry: RobotGeometry) -> list[Array]:
 def expected_of_paper(plan: DrivePlan) -> Expectation | None:
     """Errors to expect of the paper's runs; None if the robot is too large for them, or they determine nothing."""
     geometry, count = plan.knowledge.geometry, round(PAPER_DURATION * RATE)
-    merge = rate_of(plan.poses)
-    drives = [
-        drive_to_measure(np.tile(speeds, (count, 1)), RATE, plan.poses, geometry.sprocket_radius, merge)
-        for speeds in paper_runs(geometry)
-    ]
+    quality = RATE, plan.poses, geometry.sprocket_radius, rate_of(plan.poses)
+    drives = [drive_to_measure(np.tile(speeds, (count, 1)), *quality) for speeds in paper_runs(geometry)]
     if not drives:
         return None
     model = DriveModel(family(plan.law), geometry)
