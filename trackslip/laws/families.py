@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import Exponential, ExponentialSpeed
@@ -197,8 +197,7 @@ def drive_laws() -> tuple[str, ...]:
 
 def family(name: str) -> LawFamily:
     """The family called `name`; raises InvalidValueError if there is none."""
-    if name not in FAMILIES:
-        raise InvalidValueError("law", name, f"one of {', '.join(FAMILIES)}")
+    require(name in FAMILIES, "law", name, f"one of {', '.join(FAMILIES)}")
     return FAMILIES[name]
 
 
@@ -212,6 +211,5 @@ def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> 
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InvalidValueError(f"{name}.{key}", value, "a number")
         numbers[key] = float(value)
-        if not low <= numbers[key] <= high:
-            raise InvalidValueError(f"{name}.{key}", numbers[key], f"from {low:g} to {high:g}")
+        require(low <= numbers[key] <= high, f"{name}.{key}", numbers[key], f"from {low:g} to {high:g}")
     return model.build(numbers, geometry)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, require
 from trackslip.identification.path import DriveModel
 from trackslip.kinematics import SIDES, Array, RobotGeometry, twist_of_tracks
 from trackslip.laws.families import LawFamily, drive_laws, family
@@ -103,8 +103,7 @@ def plan_drive(
     Raises:
         InvalidValueError: for an unknown law, or an area or duration in which no drive determines the law.
     """
-    if law not in PLANNED_LAWS:
-        raise InvalidValueError("law", law, f"one of {', '.join(PLANNED_LAWS)}")
+    require(law in PLANNED_LAWS, "law", law, f"one of {', '.join(PLANNED_LAWS)}")
     least = 2 * max(TURNING * geometry.half_gauge, limits.clearance)
     if min(limits.area) <= least:
         allowed = f"more than {least:g} m long and wide, for the robot to turn"
