@@ -16,7 +16,7 @@ from trackslip.errors import LogError, TrackslipError
 COMPRESSED = [("ros1", "lz4"), ("sqlite3", "message"), ("mcap", "storage"), ("foxglove", "zstd")]
 LOG = wandered(duration=6.0)
 MESSAGES = in_order(joints_of(LOG), poses_of(LOG))
-LONG = wandered(duration=20.0)
+LONG = wandered(duration=30.0)
 
 
 def file_of(path):
