@@ -64,7 +64,10 @@ def refuse_readings(drives: Sequence[PreparedDrive], geometry: RobotGeometry, cl
     now = matches_of(window)
     if now.min(initial=1.0) > _CLEARLY:
         return
-    ways = [(matches_of(windows_of(others, geometry, clock)), *way) for others, *way in _other_readings(drives)]
+    ways = [
+        (matches_of(windows_of(others, geometry, clock)), what, advice)
+        for others, what, advice in _other_readings(drives)
+    ]
     match, what, advice = max(ways, key=lambda way: float(way[0].sum()))
     if match.sum() > now.sum() + _BETTER and match.mean() > _CLEARLY:
         raise LogError(f"{what} (wheels and poses correlate by {now.mean():.2f}, else by {match.mean():.2f}): {advice}")

@@ -85,8 +85,8 @@ def expected(
         prior[np.ix_(at, at)] += np.linalg.pinv(known.covariance, hermitian=True)
     path = model.path(values, data, np.zeros(0, int))
     data = replace(data, place=path.place, heading=path.heading)
-    variances = np.square([[poses.position, poses.position, poses.heading or 1.0], slip])
-    covariances = [_covariance(model, values, data, length, *variances, free, prior) for length in _LENGTHS]
+    white, per_way = np.square([[poses.position, poses.position, poses.heading or 1.0], slip])
+    covariances = [_covariance(model, values, data, length, white, per_way, free, prior) for length in _LENGTHS]
     covariance = min(covariances, key=lambda matrix: float(np.linalg.slogdet(matrix)[1]))
     errors = np.sqrt(np.diag(covariance))
     told = errors < _TOLD * model.prior[free]

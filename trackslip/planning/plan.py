@@ -133,7 +133,8 @@ def plan_drive(
         allowed = f"longer, for a drive within the limits to determine the law {law}"
         raise InvalidValueError("duration", limits.duration, allowed)
     expectation = expectation_of(drive, poses, 1)
-    return DrivePlan(law, expected_values, limits, knowledge, poses, known, *vars(drive).values(), expectation)
+    way, start, places = drive.maneuvers, drive.start, drive.places
+    return DrivePlan(law, expected_values, limits, knowledge, poses, known, way, start, places, expectation)
 
 
 def evaluations(limits: DriveLimits) -> int:
@@ -175,8 +176,9 @@ def paper_runs(geometry: RobotGeometry) -> list[Array]:
 def expected_of_paper(plan: DrivePlan) -> Expectation | None:
     """Errors to expect of the paper's runs; None if the robot is too large for them, or they determine nothing."""
     geometry, count = plan.knowledge.geometry, round(PAPER_DURATION * RATE)
-    quality = RATE, plan.poses, geometry.sprocket_radius, rate_of(plan.poses)
-    drives = [drive_to_measure(np.tile(speeds, (count, 1)), *quality) for speeds in paper_runs(geometry)]
+    radius, merge = geometry.sprocket_radius, rate_of(plan.poses)
+    runs = [np.tile(speeds, (count, 1)) for speeds in paper_runs(geometry)]
+    drives = [drive_to_measure(speeds, RATE, plan.poses, radius, merge) for speeds in runs]
     if not drives:
         return None
     model = DriveModel(family(plan.law), geometry)
