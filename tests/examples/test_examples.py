@@ -50,7 +50,8 @@ def test_animation(run, tmp_path):
     assert (tmp_path / "animation.gif").read_bytes().startswith(b"GIF8")
 
 
-def test_identify_from_python(run, tmp_path):
+def test_identify_from_python(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("experiments.common.page.drawn_plot", lambda plot, pdf=False: ())  # as the next test does
     printed = run("identify_from_python", tmp_path)
     assert printed.startswith("Slip laws from 8 steady samples")
     ((low, high),) = re.findall(r"offset is between (\S+) and (\S+)", printed)

@@ -45,9 +45,15 @@ def failing(capsys, tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def without_figures(monkeypatch):
-    """Write pages without their figures, which take most of the time; tests of the reports draw them."""
-    monkeypatch.setattr("experiments.common.page.drawn_plot", lambda plot, pdf=False: ())
+def with_figures():
+    """Draw the figures of the pages that a test writes."""
+
+
+@pytest.fixture(autouse=True)
+def _quick_pages(request, monkeypatch):
+    """Pages without their figures, which take most of the time, unless a test or a wider fixture draws them."""
+    if "with_figures" not in request.fixturenames:
+        monkeypatch.setattr("experiments.common.page.drawn_plot", lambda plot, pdf=False: ())
 
 
 _PROGRESS = re.compile(r"[^:]+: [\d.]+(/[\d.]+)? \w+.*")

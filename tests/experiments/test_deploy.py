@@ -1,8 +1,6 @@
 """`trackslip deploy`: output, files and refusals."""
 
 import json
-import shutil
-import subprocess
 
 import pytest
 from deployed import GEOMETRY, stored
@@ -66,29 +64,3 @@ def test_a_law_with_an_alarm_is_refused_unless_the_user_accepts(refused, tmp_pat
         assert said in refused("deploy", "laws.json", "--to", to)
     main(["deploy", "laws.json", "--accept"])
     assert "# ALARM: 3 parts are too few" in capsys.readouterr().out
-
-
-EXAMPLE = r"""
-#include <stdio.h>
-#include "slip.h"
-
-int main(void)
-{
-    const struct trackslip_omega omega = trackslip_sprocket_speeds(0.15, 0.12);
-    const struct trackslip_twist twist = trackslip_body_twist(omega.left, omega.right);
-    printf("%.4f %.4f rad/s, %.4f m/s %.4f rad/s\n", omega.left, omega.right, twist.v, twist.w);
-    return 0;
-}
-"""
-
-
-@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
-def test_a_program_in_c_prints_the_laws_speeds(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    main(["deploy", "--law", "icr_radius", "--to", "c", "--out", "slip.h"])
-    (tmp_path / "example.c").write_text(EXAMPLE)
-    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "example.c", "-o", "example", "-lm"]
-    subprocess.run(command, cwd=tmp_path, check=True)
-    printed = subprocess.run([tmp_path / "example"], capture_output=True, text=True, check=True).stdout
-    left, right = trackslip.load_laws()["icr_radius"].sprocket_speeds([0.15, 0.12], GEOMETRY)
-    assert printed == f"{left:.4f} {right:.4f} rad/s, 0.1500 m/s 0.1200 rad/s\n"

@@ -12,14 +12,13 @@ from trackslip.logs.logfile import read_runs
 from trackslip.skid_theory import line_contact, steady_turns
 
 
-@pytest.mark.usefixtures("without_figures")
 @pytest.mark.parametrize(
     ("name", "bound"),
     [("rescue", 0.01), pytest.param("a URDF", 0.05, marks=pytest.mark.slow)],  # whose mass lies to its left
 )
 def test_a_tracked_robot_is_identified_and_controlled(trackslip, tmp_path, name, bound):
     robot = ("--robot", name if name == "rescue" else str(write_robot(tmp_path)))
-    runs = trackslip("grid", *robot, "--radii", "0.6", "1.2", "--speeds", "0.1", "0.2", "--duration", "8", "--rrd")
+    runs = trackslip("grid", *robot, "--radii", "0.6", "1.2", "--speeds", "0.1", "0.2", "--duration", "8")
     laws = trackslip("identify", str(runs.folder))
     parameters, ground = load_parameters(robot[1])
     size = parameters.half_gauge, parameters.contact_length / 2
@@ -45,7 +44,7 @@ def test_a_robot_brings_its_own_drive_into_every_command(trackslip, refused, tmp
     circle = ("--reference", "circle", "--circle-duration", "2", "--circle-speed", "0.8", "--compensation", "none")
     runs = ("--radii", "1", "--speeds", "0.6", "--duration", "6")
     for options, drive in (
-        (("grid", *runs, "--drive.delay", "0.1"), replace(own, delay=0.1)),
+        (("grid", *runs, "--drive.lag", "0.1"), replace(own, lag=0.1)),
         (("track", *circle), own),
         (("wander", "--duration", "5", "--max-speed", "0.9"), own),
     ):

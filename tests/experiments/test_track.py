@@ -26,8 +26,9 @@ class Stubborn:
 """
 
 
-@pytest.mark.parametrize("controller", ["feedforward", "linear"])
-@pytest.mark.parametrize("localization", ["plate", "line", "truth"])
+@pytest.mark.parametrize(
+    ("controller", "localization"), [("linear", "plate"), ("feedforward", "line"), ("feedforward", "truth")]
+)
 def test_track(trackslip, controller, localization):
     options = ("--controller", controller, "--compensation", "icr", "--localization", localization)
     result = trackslip("track", *options, "--reference", "circle", "--circle-duration", "14", "--circle-radius", "1.0")

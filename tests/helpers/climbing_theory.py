@@ -1,17 +1,14 @@
-"""Climbing limits of tracked robots by statics with Coulomb friction: steepest slope, highest step, tipping over.
+"""The highest step that a tracked robot climbs slowly, by statics with Coulomb friction.
 
-Seen from its side, a track is the convex hull of its wheels. On a slope, friction holds up to tan(angle) = mu, and the
-robot tips over where its centre of mass is above the last point that touches.
-
-On a step, the robot touches the ground at its rear and the step's edge (or, below the edge, its face) further ahead.
-The belts push as hard as friction allows at both. The robot climbs as long as this push is not negative, until its
-centre of mass is above the edge; then it tips over onto the step. For a hull whose rear wheel of radius R stays on the
-ground and whose straight run lies on the edge, the centre of mass is above the edge of a step of
+Seen from its side, a track is the convex hull of its wheels. The robot touches the ground at its rear and the step's
+edge (or, below the edge, its face) further ahead. The belts push as hard as friction allows at both. The robot climbs
+as long as this push is not negative, until its centre of mass is above the edge; then it tips over onto the step. For a
+hull whose rear wheel of radius R stays on the ground and whose straight run lies on the edge, the centre of mass is
+above the edge of a step of
 
     h = R (1 - cos theta) + (a - c tan theta) sin theta
 
-at the pitch theta, with a the distance of the centre of mass ahead of the rear wheel's axis and c its height. The
-highest step is the maximum over theta.
+at the pitch theta, with a the distance of the centre of mass ahead of the rear wheel's axis and c its height.
 """
 
 from __future__ import annotations
@@ -23,8 +20,8 @@ import numpy as np
 from trackslip.kinematics import Array
 
 PITCHES = np.radians(np.arange(0.0, 85.0, 0.2))
-"""Pitches of a robot on a step that are examined, (P,) [rad]."""
-_HEIGHTS, _ROUNDS = 16, 5  # of the search for the highest step: each round divides the interval by the former
+_NORMALS = np.linspace(-np.pi / 2, 0, 500)  # angles of a hull's normals from below to ahead [rad]
+_OUTWARD = np.stack([np.cos(_NORMALS), np.sin(_NORMALS)], axis=-1)
 _TOUCHES = 1e-6  # tolerance of contact [m]
 
 
@@ -52,105 +49,52 @@ class SideView:
         return self.centre_of_mass[1] - self.ground
 
     @property
-    def standing(self) -> Array:
-        """The wheels that touch level ground, (S, 3) from rear to front [m]."""
-        standing = self.wheels[self.wheels[:, 1] - self.wheels[:, 2] < self.ground + _TOUCHES]
-        return standing[np.argsort(standing[:, 0])]
-
-    @property
     def touching(self) -> tuple[float, float]:
         """Rear and front x of the contact with level ground in the robot's frame [m]."""
-        return float(self.standing[0, 0]), float(self.standing[-1, 0])
+        x = self.wheels[self.wheels[:, 1] - self.wheels[:, 2] < self.ground + _TOUCHES, 0]
+        return float(x.min()), float(x.max())
 
 
 def highest_step(view: SideView, friction: float) -> float:
-    """The highest single step that the robot climbs slowly, limited by tipping over its edge or by friction [m].
+    """Height of the highest step that the robot climbs [m].
 
     `friction` is the coefficient between belt and ground, and belt and step [-].
     """
     low, high = 0.0, float((view.wheels[:, 1] + view.wheels[:, 2]).max() - view.ground + view.ahead)
-    for _ in range(_ROUNDS):
-        heights = np.linspace(low, high, _HEIGHTS + 1)[1:]
-        failing = ~climbs(view, friction, heights)
-        first = int(np.argmax(failing)) if failing.any() else _HEIGHTS - 1
-        low, high = (heights[first - 1] if first else low), heights[first]
-    return float((low + high) / 2)
+    while high - low > 1e-4:
+        middle = (low + high) / 2
+        low, high = (middle, high) if climbs(view, friction, middle) else (low, middle)
+    return low
 
 
-def climbs(view: SideView, friction: float, height: Array) -> np.ndarray:
-    """Mask (H,) of the heights [m] of single steps that the robot climbs slowly."""
-    push, over = push_on_step(view, friction, height)
-    on_the_way = np.cumsum(over, axis=1) == 0
-    return over.any(axis=1) & ((push >= 0) | ~on_the_way).all(axis=1)
+def climbs(view: SideView, friction: float, height: float) -> bool:
+    """Whether the robot climbs a step of `height` [m] slowly, from pitch to pitch."""
+    for pitch in PITCHES:
+        push, over = push_on_step(view, friction, height, pitch)
+        if over or push < 0:
+            return over
+    return False
 
 
-def push_on_step(view: SideView, friction: float, height: Array) -> tuple[Array, np.ndarray]:
-    """Forward push over the weight (H, P) of belts that slip on both contacts, and whether the robot is over the edge.
+def push_on_step(view: SideView, friction: float, height: float, pitch: float) -> tuple[float, bool]:
+    """Forward push over the weight of belts that slip on both contacts, and whether the robot is over the edge.
 
-    For steps of heights (H,) [m] and PITCHES (P,); (H, P) bool where the centre of mass has passed the edge. Where the
-    push at the edge would lift the rear, the rear pushes nothing.
+    Where the push at the edge would lift the rear, the rear pushes nothing.
     """
-    sin, cos = np.sin(PITCHES), np.cos(PITCHES)
-    wheels = _pitched(view.wheels[:, :2], sin, cos)  # (2, W, P)
-    radius = view.wheels[:, 2, None]
-    rear = np.argmin(wheels[1] - radius, axis=0)[None]  # the wheel that stands on the ground
-    origin = np.stack([np.take_along_axis(wheels[0], rear, 0), np.take_along_axis(wheels[1] - radius, rear, 0)])
-    ends, normal = _runs(view.wheels)
-    first, second = (_pitched(end, sin, cos) - origin for end in ends.swapaxes(0, 1))
-    contacts = [
-        _on_wheels(wheels - origin, radius, height),
-        _on_runs(first, second, _pitched(normal, sin, cos), height),
-    ]
-    places, angles, heights = (np.concatenate(parts) for parts in zip(*contacts, strict=True))  # (C, H, P) each
-    foremost = np.argmax(places, axis=0)[None]
-    edge, angle, touched = (np.take_along_axis(values, foremost, 0)[0] for values in (places, angles, heights))
-    centre = (_pitched(np.array([view.centre_of_mass]), sin, cos) - origin)[0, 0]
-    forwards = friction * np.cos(angle) - np.sin(angle)  # of the force on the robot, per normal force
-    upwards = friction * np.sin(angle) + np.cos(angle)
-    load = centre / (edge * upwards - touched * forwards)
-    return friction * np.maximum(1 - load * upwards, 0) + load * forwards, centre >= edge
-
-
-def _pitched(points: Array, sin: Array, cos: Array) -> Array:
-    """Points or directions (K, 2) of a robot at P pitches, (2, K, P)."""
-    x, z = points.T[:, :, None]
-    return np.stack([cos * x - sin * z, sin * x + cos * z])
-
-
-def _runs(wheels: Array) -> tuple[Array, Array]:
-    """The straight runs of the hull of wheels (W, 3): ends (K, 2, 2) [m] and outward normals (K, 2)."""
-    centre, radius = wheels[:, :2], wheels[:, 2]
-    i, k = np.nonzero(~np.eye(len(wheels), dtype=bool))
-    way = centre[k] - centre[i]
-    length = np.hypot(*way.T)
-    share = (radius[i] - radius[k]) / length
-    apart = np.abs(share) < 1  # neither wheel within the other
-    i, k, share, way = i[apart], k[apart], share[apart, None], (way / length[:, None])[apart]
-    normal = share * way + np.sqrt(1 - share**2) * np.column_stack([way[:, 1], -way[:, 0]])
-    beyond = (normal @ centre.T + radius).max(axis=1) - np.sum(normal * centre[i], axis=1) - radius[i]
-    outer = beyond < _TOUCHES
-    ends = np.stack([centre[j] + radius[j, None] * normal for j in (i, k)], axis=1)
-    return ends[outer], normal[outer]
-
-
-def _on_wheels(wheels: Array, radius: Array, height: Array) -> tuple[Array, Array, Array]:
-    """Where wheels (2, W, P) reach furthest ahead at or below heights (H,): place, angle of the normal to the vertical,
-    and height of that point, (W, H, P) [m, rad, m]; -inf where a wheel is above.
-    """
-    x, z, step = wheels[0][:, None], wheels[1][:, None], height[:, None]
-    above = (z - step) / radius[:, None]
-    angle = np.arccos(np.clip(above, 0, 1))
-    place = np.where(above <= 1, x + radius[:, None] * np.sin(angle), -np.inf)
-    return place, angle, np.minimum(z, step)
-
-
-def _on_runs(first: Array, second: Array, normal: Array, height: Array) -> tuple[Array, Array, Array]:
-    """The same for runs with ends (2, K, P) and outward normals (2, K, P), at the heights (H,) themselves."""
-    step = height[:, None]
-    (x0, z0), (x1, z1) = (end[:, :, None] for end in (first, second))
-    rise = z1 - z0
-    share = (step - z0) / np.where(rise == 0, np.inf, rise)
-    within = (rise != 0) & (share >= 0) & (share <= 1)
-    place = np.where(within, x0 + share * (x1 - x0), -np.inf)
-    angle = np.broadcast_to(np.arctan2(normal[0], -normal[1])[:, None], place.shape)
-    return place, angle, np.broadcast_to(step, place.shape)
+    turn = np.array([[np.cos(pitch), np.sin(pitch)], [-np.sin(pitch), np.cos(pitch)]])
+    wheels, radius = view.wheels[:, :2] @ turn, view.wheels[:, 2]
+    lowest = np.argmin(wheels[:, 1] - radius)
+    rear = wheels[lowest] - [0, radius[lowest]]
+    centre = (view.centre_of_mass @ turn - rear)[0]
+    outer = np.argmax(_OUTWARD @ wheels.T + radius, axis=1)
+    x, z = (wheels[outer] - rear + radius[outer, None] * _OUTWARD).T  # of the hull, from its lowest point to its front
+    if z[-1] > height:
+        edge, touched, angle = np.interp(height, z, x), height, np.interp(height, z, _NORMALS)
+    else:
+        edge, touched, angle = x[-1], z[-1], 0.0
+    normal = -np.array([np.cos(angle), np.sin(angle)])
+    force = normal + friction * np.array([normal[1], -normal[0]])
+    # forwards, upwards and moment about the rear contact: loads of the rear and of the edge, and the push that is left
+    system = [[friction, force[0], -1], [1, force[1], 0], [0, edge * force[1] - touched * force[0], 0]]
+    rear_load, front_load, push = np.linalg.solve(system, [0, 1, centre])
+    return float(push if rear_load > 0 else front_load * force[0]), bool(centre >= edge)

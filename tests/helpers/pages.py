@@ -1,4 +1,4 @@
-"""Markdown pages of the documentation and their code blocks.
+"""Markdown pages of the documentation: their code blocks, run and compared with what the page shows.
 
 A block is a fence with a language. A comment on the line above it may say what is special about it:
 
@@ -14,18 +14,21 @@ A block is a fence with a language. A comment on the line above it may say what 
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shlex
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+from experiments.cli import main, parse
 
 ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 LANGUAGES = ("python", "sh", "c", "xml", "toml", "csv", "text", "bibtex")
-DIRECTIVES = ("slow", "needs", "parsed only", "not run", "refused", "file")
-
-_FENCE = re.compile(r"^(```+|~~~+)\s*(\S*)\s*$")
-_COMMENT = re.compile(r"^<!-- ([a-z ]+?)(?:: (.+))? -->$")
+DIRECTIVES = ("", "slow", "needs", "parsed only", "not run", "refused", "file")
+_BLOCK = re.compile(r"(?:^<!-- ([a-z ]+)(?:: (.+))? -->\n)?^(```+|~~~+)(.*)\n((?:.*\n)*?)\3$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -33,77 +36,43 @@ class Block:
     """A code block."""
 
     line: int
-    """Line number of the fence, counted from 1."""
+    """Line number of its beginning, counted from 1."""
     language: str
     directive: str
-    """One of DIRECTIVES, or empty."""
+    """One of DIRECTIVES."""
     about: str
     """What the directive says: a file's name, a module, or a reason."""
     text: str
 
 
 def blocks(page: str) -> list[Block]:
-    """The fenced blocks of a page.
-
-    Raises:
-        ValueError: for a fence without an end, an unknown language or directive, or a file without a name.
-    """
-    found: list[Block] = []
-    lines = page.splitlines()
-    begin: int | None = None
-    fence = language = ""
-    for number, line in enumerate(lines):
-        match = _FENCE.match(line)
-        if begin is None and match:
-            begin, fence, language = number, match[1], match[2]
-        elif begin is not None and line.strip() == fence:
-            found.append(_block(lines, begin, number, language))
-            begin = None
-        elif begin is None and line.lstrip().startswith(("```", "~~~")):
-            raise ValueError(f"line {number + 1}: a fence must start its line and name only a language")
-    if begin is not None:
-        raise ValueError(f"line {begin + 1}: a fence without an end")
-    return found
-
-
-def _block(lines: list[str], begin: int, end: int, language: str) -> Block:
-    if language not in LANGUAGES:
-        raise ValueError(f"line {begin + 1}: language {language!r}, must be one of {', '.join(LANGUAGES)}")
-    match = _COMMENT.match(lines[begin - 1]) if begin else None
-    directive, about = (match[1], match[2] or "") if match else ("", "")
-    if directive and directive not in DIRECTIVES:
-        raise ValueError(f"line {begin}: {directive!r}, must be one of {', '.join(DIRECTIVES)}")
-    if directive not in ("", "refused") and not about:
-        raise ValueError(f"line {begin}: {directive!r} needs a reason or a name")
-    if language in ("toml", "csv") and directive != "file":
-        raise ValueError(f"line {begin + 1}: a file without a name")
-    return Block(begin + 1, language, directive, about, "\n".join(lines[begin + 1 : end]) + "\n")
+    """The fenced blocks of a page; raises ValueError for an unknown language or directive."""
+    parts = []
+    for match in _BLOCK.finditer(page):
+        directive, about, _, language, text = match.groups(default="")
+        line = page.count("\n", 0, match.start()) + 1
+        if language not in LANGUAGES or directive not in DIRECTIVES:
+            raise ValueError(f"line {line}: unknown language {language!r} or directive {directive!r}")
+        parts.append(Block(line, language, directive, about, text))
+    return parts
 
 
 def shown(page: Path, text: str) -> str:
-    """The one `text` block of a page that contains a text; raises ValueError unless there is exactly one."""
-    (found,) = [b.text for b in blocks(page.read_text(encoding="utf-8")) if b.language == "text" and text in b.text]
-    return found
+    """The one `text` block of a page that contains a text."""
+    (block,) = [b.text for b in blocks(page.read_text(encoding="utf-8")) if b.language == "text" and text in b.text]
+    return block
 
 
-def commands(text: str) -> list[str]:
-    """The commands of an `sh` block, one a line."""
-    joined = re.sub(r"\\\n\s*", "", text)
-    return [line.strip() for line in joined.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-
-
-def arguments(command: str) -> list[str]:
-    """The arguments of a `trackslip` command; raises ValueError for any other program."""
-    name, *rest = shlex.split(command, comments=True)
-    if name != "trackslip":
-        raise ValueError(f"{command!r}: not a trackslip command")
-    return rest
+def commands(text: str) -> list[list[str]]:
+    """Arguments of each `trackslip` command in an `sh` block."""
+    lines = [shlex.split(line, comments=True) for line in text.replace("\\\n", " ").splitlines()]
+    assert all(line[0] == "trackslip" for line in lines if line), text
+    return [line[1:] for line in lines if line]
 
 
 def links(page: str) -> list[str]:
     """Files that a page links to or shows."""
-    found = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page)
-    return [link for link in found if "://" not in link]
+    return [link for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page) if "://" not in link]
 
 
 def missing_line(text: str, printed: str) -> str | None:
@@ -111,6 +80,53 @@ def missing_line(text: str, printed: str) -> str | None:
     there = iter([line.split() for line in printed.splitlines() if line.strip()])
     for line in filter(None, map(str.strip, text.splitlines())):
         words = line.removesuffix("…").split()
-        if not any(words == (found[: len(words)] if line.endswith("…") else found) for found in there):
+        if not any(words == (row[: len(words)] if line.endswith("…") else row) for row in there):
             return line
     return None
+
+
+@dataclass
+class PageRunner:
+    """Runs the blocks of a page, in order, and compares what they print with what it shows."""
+
+    folder: Path
+    """Where the page's files are written: the working directory."""
+    captured: Callable[[], str]
+    """Gives what was printed since the last call."""
+    slow: bool = False
+    """Whether slow blocks are run, too; their commands are parsed anyhow."""
+    names: dict[str, Any] = field(default_factory=lambda: {"__name__": "__main__"})
+    printed: str | None = None
+    """By the block before, if it was run."""
+
+    def __post_init__(self) -> None:
+        (self.folder / "examples").symlink_to(ROOT / "examples")  # pages are read in a checkout
+
+    def run(self, block: Block) -> None:
+        """Run a block; raises AssertionError where a page shows what wasn't printed, or a command ends otherwise."""
+        if block.language == "text":
+            line = None if self.printed is None else missing_line(block.text, self.printed)
+            assert line is None, f"not printed: {line}\nprinted was:\n{self.printed}"
+            return
+        runs = self._runs(block)
+        if block.directive == "file":
+            (self.folder / block.about).write_text(block.text, encoding="utf-8")
+        if block.language == "python" and runs:
+            exec(compile(block.text, f"line {block.line}", "exec"), self.names)
+        elif block.language == "sh" and block.directive != "not run":
+            for words in commands(block.text):
+                self._command(words, block.directive) if runs else parse(words)
+        self.printed = self.captured() if runs else None
+
+    def _runs(self, block: Block) -> bool:
+        if block.directive == "needs":
+            return importlib.util.find_spec(block.about) is not None
+        return block.directive not in ("parsed only", "not run") and (self.slow or block.directive != "slow")
+
+    def _command(self, given: list[str], directive: str) -> None:
+        code = 0
+        try:
+            main(given)
+        except SystemExit as stop:
+            code = stop.code or 0
+        assert code == (2 if directive == "refused" else 0), given

@@ -11,12 +11,13 @@ import numpy as np
 from trackslip.errors import LogError, counted
 from trackslip.identification.gains import Gains, Window, rms, windows_of
 from trackslip.identification.preparation import PreparedDrive
-from trackslip.kinematics import Array, RobotGeometry, wrap_angle
+from trackslip.kinematics import Array, RobotGeometry
 
 _EXACTLY = 0.05  # error of a gain within which it is that of a unit: off ice, tracks lose no more of a distance
 _CLEARLY = 0.8  # correlation that leaves no doubt; wrong sides reach 0.6 on drives of two minutes (test_misread)
 _BETTER = 0.2  # correlation by which another reading must be better, in sum
-_FEWEST = 5  # windows that are compared, rows that are a habit
+_FEWEST = 5  # windows that are compared
+_SLOW = 0.2  # rms belt speed at which no robot turns so far between poses that its turn is ambiguous [m/s]
 _SPEED_UNITS = {
     np.radians(1): "omega_l and omega_r look like deg/s: multiply them by pi/180",
     2 * np.pi / 60: "omega_l and omega_r look like rpm: multiply them by 2 pi/60",
@@ -32,19 +33,7 @@ _DEGREE = 111_320.0  # of latitude, mean [m]
 
 
 def refuse_cells(drive: PreparedDrive) -> None:
-    """Refuse zeros in cells that should be empty, and readings that no wheel reaches: a counter began anew."""
-    wheels, zero = (drive.omega == 0).all(axis=1), (np.nan_to_num(drive.pose) == 0).all(axis=1)
-    poses = "x, y and phi" if drive.has_heading else "x and y"
-    for names, still, measured in (
-        (poses, zero, "pose was measured"),
-        ("omega_l and omega_r", wheels, "encoder was read"),
-    ):
-        alone = int(((still[1:-1] != still[:-2]) & (still[1:-1] != still[2:])).sum())
-        if alone > max(_FEWEST, 0.1 * len(still)):
-            raise LogError(
-                f"run {drive.name!r}: columns {names} go to 0 and back {alone:,} times: leave cells empty where no "
-                f"{measured}"
-            )
+    """Refuse readings that no wheel reaches: a counter began anew."""
     for name, speed in zip(("omega_l", "omega_r"), np.abs(drive.omega).T, strict=True):
         around = np.maximum(np.append(0.0, speed[:-1]), np.append(speed[1:], 0.0))
         usual = np.maximum(np.quantile(speed, 0.99), around)
@@ -62,22 +51,39 @@ def refuse_readings(drives: Sequence[PreparedDrive], geometry: RobotGeometry, cl
     """Refuse columns by which wheels and poses match much better if they are read otherwise."""
     window = windows_of(drives, geometry, clock)
     now = matches_of(window)
-    if now.min(initial=1.0) > _CLEARLY:
+    if len(now) and now.min() > _CLEARLY:
         return
-    ways = [
-        (matches_of(windows_of(others, geometry, clock)), what, advice)
-        for others, what, advice in _other_readings(drives)
-    ]
-    match, what, advice = max(ways, key=lambda way: float(way[0].sum()))
+    readings = [_angles(drives, geometry), *(_other_readings(drives) if len(now) else ())]
+    matches = [matches_of(windows_of(others, geometry, clock)) for others, *_ in readings]
+    best = int(np.argmax([match.sum() for match in matches]))
+    match, (_, what, advice) = matches[best], readings[best]
     if match.sum() > now.sum() + _BETTER and match.mean() > _CLEARLY:
-        raise LogError(f"{what} (wheels and poses correlate by {now.mean():.2f}, else by {match.mean():.2f}): {advice}")
+        before = now.mean() if len(now) else 0.0
+        raise LogError(f"{what} (wheels and poses correlate by {before:.2f}, else by {match.mean():.2f}): {advice}")
     phi = np.concatenate([drive.pose[:, 2] for drive in drives])
-    if np.abs(phi).max() <= 1.01 and np.ptp(np.cumsum(window.turn)) > 2 * np.pi:
+    if len(now) and np.abs(phi).max() <= 1.01 and np.ptp(np.cumsum(window.turn)) > 2 * np.pi:
         raise LogError("column phi, from -1 to 1, looks like the z of a quaternion: give phi = 2 atan2(z, w)")
 
 
-def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[tuple[list[PreparedDrive], str, str]]:
-    """The drives as other readings of their columns have them, what these would mean, and what to do then."""
+_Reading = tuple[list[PreparedDrive], str, str]
+"""Drives as another reading of their columns has them, what this would mean, and what to do then."""
+
+
+def _angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> _Reading:
+    """The drives with speeds that are, but for a factor, the changes of angles or of counters, which may begin anew."""
+    others = []
+    for drive in drives:
+        change, span = np.diff(drive.omega, axis=0, prepend=drive.omega[:1]), np.ptp(drive.omega, axis=0)
+        change -= span * np.round(change / np.maximum(span, 1e-9))
+        speeds = change / np.diff(drive.edges)[:, None]
+        others.append(replace(drive, omega=_SLOW / geometry.sprocket_radius / max(rms(speeds), 1e-9) * speeds))
+    most = max(float(np.abs(drive.omega).max()) for drive in drives)
+    what = f"columns omega_l and omega_r look like angles or ticks (up to {most:.3g}), not speeds"
+    return others, what, "give their changes over time, in rad/s"
+
+
+def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[_Reading]:
+    """The drives with sides or signs exchanged, or with other headings."""
     placed, headed = (any(np.isfinite(drive.pose[:, k]).any() for drive in drives) for k in (0, 2))
     for swapped, signs in [*product((False, True), ((1, 1), *_SIGNS))][1:]:
         steps = ["change the sign of {}, for a bag by --reversed {}".format(*_SIGNS[signs])] if signs in _SIGNS else []
@@ -88,9 +94,6 @@ def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[tuple[list[Prep
             advice += ", or turn phi by pi"
         others = [replace(drive, omega=(drive.omega * signs)[:, :: -1 if swapped else 1]) for drive in drives]
         yield others, "tracks are swapped or encoders count backwards", advice
-    most = max(float(np.abs(drive.omega).max()) for drive in drives)
-    angles = f"columns omega_l and omega_r look like angles (up to {most:.3g}), not speeds"
-    yield [_by_differences(drive) for drive in drives], angles, "give their changes over time, in rad/s"
     if placed and headed:
         degrees = [_with_heading(drive, np.pi / 180) for drive in drives]
         yield degrees, "column phi is in degrees", "multiply it by pi/180"
@@ -101,13 +104,6 @@ def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[tuple[list[Prep
         ):
             turn = "change its sign, or exchange x and y if the wheels turn as it does"
             yield others, "column phi runs clockwise by the course of x and y", turn
-
-
-def _by_differences(drive: PreparedDrive) -> PreparedDrive:
-    """The drive whose speeds are the changes of angles."""
-    change = np.diff(drive.omega, axis=0, prepend=drive.omega[:1])
-    wraps = np.ptp(drive.omega) <= 2 * np.pi * (1 + _EXACTLY)
-    return replace(drive, omega=(wrap_angle(change) if wraps else change) / np.diff(drive.edges)[:, None])
 
 
 def _with_heading(drive: PreparedDrive, factor: float, offset: float = 0.0) -> PreparedDrive:

@@ -6,17 +6,8 @@ import pytest
 from experiments.benchmark.cases import BenchmarkCase, planned_cases
 from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops
-from experiments.common.choices import CONTROLLER_NAMES, GROUND_NAMES, REFERENCE_NAMES
-from sim.ground.named import NAMED_GROUNDS, load_ground
+from sim.ground.named import load_ground
 from sim.stopwatch import Stopwatch
-from trackslip.controllers.named import CONTROLLERS
-from trackslip.trajectory.named import REFERENCES
-
-
-def test_suites_know_all_names():
-    assert tuple(CONTROLLERS) == CONTROLLER_NAMES
-    assert tuple(REFERENCES) == REFERENCE_NAMES
-    assert tuple(NAMED_GROUNDS) == GROUND_NAMES
 
 
 @pytest.mark.parametrize(("suite", "runs"), [("paper", 75), ("fair", 1344), ("full", 3024)])

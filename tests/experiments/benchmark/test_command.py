@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from browser import assert_fits
 
 from experiments.common.sweep import STORE
 from trackslip.logs.logfile import read_runs
@@ -36,6 +35,7 @@ class Careless(LinearTimeVarying):
 ALONE = ("--compensations", "none", "--grounds", "stone", "--plants", "nominal", "--gains", "default")
 
 
+@pytest.mark.usefixtures("with_figures")
 def test_rows_are_what_the_stored_runs_say(trackslip, short):
     options = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--seeds", "0", "3")
     options += ("--plants", "nominal")
@@ -73,7 +73,6 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     names = {path.stem for path in (result.folder / "figures").glob("*.svg")}
     assert {"leaderboard"} == names == set(re.findall(r'<figure id="(\w+)"', page))
     assert not (result.folder / STORE).exists()
-    assert_fits(page)  # last: it skips the test where there is no browser
 
 
 def test_controllers_that_misbehave_fail_alone(trackslip, short, tmp_path):

@@ -1,7 +1,6 @@
 """Tuned gains: files, which compensation takes which, and the search."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +10,7 @@ from experiments import tune
 from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import Gains
-from experiments.cli import main
 from experiments.common.lookup import controller, tunable
-from experiments.common.sweep import STORE, drive_fleet
 from experiments.tune import Config
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
@@ -111,33 +108,6 @@ def test_where_nothing_is_smooth_enough_the_defaults_stay():
     assert row["error"] == row["default_error"]
 
 
-@pytest.mark.slow
-def test_a_search_resumes_unless_the_controllers_have_changed(trackslip, short, tmp_path, monkeypatch):
-    monkeypatch.setattr(tune, "TRAINING_PATHS", (str(tmp_path / "bend.csv"),))
-    command = ("tune", "tuned_classes:Good", "tuned_classes:Other", *QUICK, "--evaluations", "12", "--out", "found")
-    driven = []
-
-    def counted(loops, cases):
-        driven.extend(case.controller for case in cases)
-        return drive_fleet(loops, cases)
-
-    def write(**filled):
-        sys.modules.pop("tuned_classes", None)
-        Path("tuned_classes.py").write_text(CLASSES.format(**filled))
-
-    monkeypatch.setattr(tune, "drive_fleet", counted)
-    write(across=15.0, works=False)
-    for _ in range(2):
-        with pytest.raises(SystemExit):  # of Other
-            main(list(command))
-    assert len([name for name in driven if "Good" in name]) == 12
-    write(across=150.0, works=True)
-    good, other = trackslip(*command).summary["gains"]
-    assert good["default_error"] == other["default_error"]
-    assert len([name for name in driven if "Good" in name]) == 24
-    assert not (Path("found") / STORE).exists()
-
-
 def test_a_search_without_a_candidate_that_drives_says_why(refused, short, tmp_path, monkeypatch):
     monkeypatch.setattr(tune, "TRAINING_PATHS", (str(tmp_path / "bend.csv"),))
     monkeypatch.setattr("sys.dont_write_bytecode", True)  # a refused command leaves nothing
@@ -149,7 +119,7 @@ def test_a_search_without_a_candidate_that_drives_says_why(refused, short, tmp_p
 
 def test_tuning_and_driving_with_the_gains(trackslip, short, tmp_path, monkeypatch):
     monkeypatch.setattr(tune, "TRAINING_PATHS", (str(tmp_path / "bend.csv"),))
-    tuned = trackslip("tune", "linear", *QUICK, "--evaluations", "24")
+    tuned = trackslip("tune", "linear", *QUICK, "--evaluations", "12")
     (row,) = tuned.summary["gains"]
     assert row["error"] < row["default_error"]
     assert "linear" in tuned.printed

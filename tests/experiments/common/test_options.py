@@ -4,13 +4,11 @@ The cases are generated from the options' fields: a new command or option is tes
 """
 
 import dataclasses
-import re
 import shlex
 import typing
 from pathlib import Path
 
 import pytest
-from docstring_parser import parse_from_object
 
 from experiments.cli import commands, config_module, parse
 from experiments.common.options import (
@@ -108,25 +106,3 @@ def test_an_option_without_effect_is_refused(name, exclusion, option):
     with pytest.raises(InvalidValueError) as refusal:
         dataclasses.replace(base, **given)
     assert "left out" in refusal.value.allowed or refusal.value.field == option
-
-
-def options_of(owner):
-    """Class and field of each option, nested ones included."""
-    hints = typing.get_type_hints(owner)
-    for field in dataclasses.fields(owner):
-        if dataclasses.is_dataclass(hints[field.name]):
-            yield from options_of(hints[field.name])
-        else:
-            yield owner, field
-
-
-@pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
-def test_every_option_is_explained_in_a_line_with_the_unit_of_numbers(config):
-    """tyro would break a line of help where the source does; a number without a unit has [-]."""
-    for owner, field in options_of(config):
-        documented = (option for cls in owner.__mro__[:-1] for option in parse_from_object(cls).params)
-        text = next(option.description for option in documented if option.arg_name == field.name)
-        assert text.endswith((".", "]")), field.name
-        assert "\n" not in text, field.name
-        if "float" in str(typing.get_type_hints(owner)[field.name]):
-            assert re.search(r"\[[^]]+\]", text), field.name

@@ -4,11 +4,14 @@ import math
 import re
 import xml.etree.ElementTree as ET
 
+import pytest
 from matplotlib.figure import Figure
 
-from experiments.common.page import Answer, Bullets, Page, Plot, Section, conditions
+from experiments.common.page import Answer, Bullets, Page, Plot, Section
 from experiments.common.results import FIGURES_FOLDER, REPORT_FILE
 from experiments.common.table import MISSING, Cell, Table, number, percent, significant
+
+pytestmark = pytest.mark.usefixtures("with_figures")
 
 
 def drawn() -> Figure:
@@ -79,22 +82,9 @@ def test_names_are_escaped_everywhere():
     elements(text)
 
 
-def test_captions_state_seed_ground_and_command():
-    stone = {"along": 0.7, "across": 0.778, "slope": 0.1, "uphill": 1.57, "shear": 0.01}
-    line = "seed 0 · ground: friction 0.7 along, 0.778 across, shear 10 mm, slope 0.1 rad, uphill 1.57 rad · trackslip"
-    assert conditions({"seed": 0, "ground": stone}, "trackslip") == line
-    grounds = {"stone": stone, "hill": stone}
-    assert conditions({"seed": [0, 1], "ground": grounds}, "") == "seed 0, 1 · grounds stone, hill"
-
-
 def test_numbers_as_printed():
     for unknown in (None, math.nan, math.inf):
         assert number(unknown, 2, "mm") == significant(unknown, "mm") == percent(unknown) == MISSING
     assert number(-1.256, 2, "mm") == "−1.26 mm"
     assert [significant(value) for value in (0.0, 0.00123, 4.56, 12345.6)] == ["0", "0.0012", "4.6", "12,346"]
     assert percent(0.0123) == "1.2 %"
-
-
-def test_how_it_was_made_leaves_out_options_that_were_not_given():
-    text = Page("A page", "", {"config": {"robot": None, "seed": 1}, "git": None}, []).html()
-    assert [name.text for name in elements(text).iter("dt")] == ["config.seed", "git"]

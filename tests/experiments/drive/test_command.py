@@ -70,6 +70,7 @@ def test_its_recording_has_the_course_the_robot_and_its_contacts(stored):
     assert component(file, "/run/slip/tracks", "scalars")[1].shape[1] == 6
 
 
+@pytest.mark.usefixtures("with_figures")
 def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
     course = tmp_path / "course.toml"
     course.write_text('friction = 0.9\n[[pieces]]\nkind = "ramp"\nangle = 0.2\nlength = 1.0\n')

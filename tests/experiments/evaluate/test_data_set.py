@@ -58,7 +58,7 @@ def data_set(tmp_path_factory):
     """A data set of the first commands of a Husky, whose bounds all hold."""
     folder = tmp_path_factory.mktemp("husky")
     table = pq.read_table(LOGS / "husky_windows.parquet")
-    pq.write_table(table.filter(pc.less(table["command"], 8)), folder / "log.parquet")
+    pq.write_table(table.filter(pc.less(table["command"], 4)), folder / "log.parquet")
     text = TOML.replace("log.csv", "log.parquet").replace('"ice"', '"asphalt"')
     text += 'law = ["icr_radius"]\nfree = ["friction_ratio"]\n'
     text += BOUND.format("icr_radius", 0.5) + BOUND.format("calibrated", 0.5)
@@ -79,7 +79,6 @@ def test_a_data_set_states_models_and_bounds(data_set, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("without_figures")
 def test_a_missed_bound_ends_with_1_and_the_page_is_written(data_set, tmp_path):
     path = data_set.with_name("broken.toml")
     path.write_text(data_set.read_text().partition("free")[0] + BOUND.format("today", 0.05))

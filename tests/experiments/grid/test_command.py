@@ -15,7 +15,6 @@ SHEAR = ("--radii", "1.0", "--speeds", "0.2", "--duration", "4", "--executor", "
 GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
 
 
-@pytest.mark.usefixtures("without_figures")
 def test_small_grid_then_identify_then_csv(trackslip, tmp_path):
     grid = trackslip("grid", *SMALL, "--seed", "3")
     results = {"manifest.json", "runs.parquet", "summary.json", "table.parquet"}
@@ -45,7 +44,6 @@ def test_small_grid_then_identify_then_csv(trackslip, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("without_figures")
 def test_errors_of_slip_are_those_of_the_chosen_motion_method(trackslip):
     result = trackslip("grid", *SMALL[:-1], "20", "--motion", "paper")
     (grid,) = result.summary["grids"]

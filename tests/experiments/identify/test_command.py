@@ -10,7 +10,6 @@ from trackslip.identification.identify import identify
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 
-pytestmark = pytest.mark.usefixtures("without_figures")
 ROBOT = RobotGeometry(half_gauge=0.3, sprocket_radius=0.08)
 ICR = ConstantIcr(0.09, 0.3, 0.015)
 OF_ROBOT = ("--half-gauge", "0.3", "--sprocket-radius", "0.08")

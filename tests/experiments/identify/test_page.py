@@ -9,7 +9,7 @@ import pytest
 from figures import assert_readable
 from identifications import GEOMETRY, driven, grid, identified
 
-from experiments.common.laws import law_looks, shown, symbol, with_interval
+from experiments.common.laws import shown, symbol, with_interval
 from experiments.common.page import Plot
 from experiments.identify import figures, tables
 from experiments.identify.card import LINES, print_card
@@ -17,7 +17,6 @@ from experiments.identify.library import identification_page
 from experiments.identify.page import page, print_all
 from experiments.identify.turns import Turns
 from trackslip.identification.first_look import Alarm
-from trackslip.laws.families import FAMILIES
 
 OF_STEADY = ["fig06_slip_laws", "fig05_slip_over_speed"]
 OF_DRIVES = ["drive_path"]
@@ -28,8 +27,8 @@ def plots(found):
 
 
 def text_of(found):
-    """The page's words, without figures and tags."""
-    bare = re.sub(r"<svg.*?</svg>|<style>.*?</style>|<[^>]*>", " ", identification_page(found), flags=re.DOTALL)
+    """The page's words, without tags."""
+    bare = re.sub(r"<style>.*?</style>|<[^>]*>", " ", identification_page(found), flags=re.DOTALL)
     return html.unescape(" ".join(bare.split()))
 
 
@@ -84,14 +83,6 @@ def test_values_have_the_digits_that_their_intervals_allow():
     assert with_interval(1.0, None) == "1 (no interval)"
 
 
-def test_laws_are_compared_by_rank(found):
-    table = tables.criteria_table(found.steady, GEOMETRY)
-    assert [row[0].text for row in table.rows] == [*found.steady.laws, "published"]
-    (row,) = [row for row in table.rows if row[0].mark]
-    assert row[0].text == found.best
-    assert float(row[table.header.index("rms")]) == pytest.approx(found.steady.laws[found.best].rms, abs=1e-5)
-
-
 def test_predictions_are_printed_in_metres_and_degrees(two_drives):
     drive = two_drives.drive
     table = tables.prediction_table(drive)
@@ -111,7 +102,7 @@ def test_predictions_are_printed_in_metres_and_degrees(two_drives):
 )
 def test_all_kinds_of_turns_have_a_page(twists):
     found = identified(driven(twists), ("icr", "icr_radius"))
-    assert re.findall(r'<figure id="(\w+)"', identification_page(found)) == OF_STEADY
+    assert plots(found) == OF_STEADY
     turns = Turns.of(found.samples, GEOMETRY)
     for figure in (*figures.fitted_laws(turns, found.steady), *figures.slip_against_speed(turns)):
         assert_readable(figure)
@@ -124,17 +115,7 @@ def test_few_straight_or_single_runs_have_a_page():
     assert "at observed radii from 1.25 to 1.25 m" in text_of(single)
     samples = driven([(0.1, 0.1), (0.1, 0.2)], errors=False)
     few = text_of(identified(samples, ("icr", "icr_radius"), determined=False))
-    assert "Bars: standard errors of measurement" in few
     assert "nan" not in few.lower().split()
-
-
-@pytest.mark.parametrize("method", ["steady", "drive"])
-def test_the_section_of_the_chosen_method_is_the_first(found, two_drives, method):
-    both = replace(found, drive=two_drives.drive, method=method, logs=two_drives.logs)
-    assert plots(both) == (OF_STEADY + OF_DRIVES if method == "steady" else OF_DRIVES + OF_STEADY)
-    words = text_of(both)
-    assert "run 'run 9' left out: it is 0.3 off" in words
-    assert ("these are for comparison" in words) == (method == "steady")
 
 
 def test_paths_are_predicted_without_slip_and_by_the_best_law(two_drives):
@@ -142,14 +123,6 @@ def test_paths_are_predicted_without_slip_and_by_the_best_law(two_drives):
     for axes, name in ((without, "none"), (best, two_drives.best)):
         assert [line.get_color() for line in axes.lines].count(shown(name).colour) >= 2  # a drive of 25 s
     assert figures.predicted_paths(replace(two_drives, logs=())) is None
-
-
-def test_every_family_is_shown_with_its_formula_and_symbols():
-    for name, family in FAMILIES.items():
-        assert name in law_looks()
-        assert shown(name).label == name
-        assert shown(name).formula != shown("a law of the user").formula
-        assert all(symbol(name, parameter) != parameter for parameter in family.names)
 
 
 def test_the_terminal_has_few_lines_whatever_there_is_to_say(found, two_drives, without_headings, capsys):

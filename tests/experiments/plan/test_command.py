@@ -41,6 +41,7 @@ def test_its_commands_are_those_of_a_robot_without_slip_and_its_bag_sends_them(t
     np.testing.assert_allclose(twists, np.column_stack([v, w]), atol=1e-4)
 
 
+@pytest.mark.usefixtures("with_figures")
 def test_its_page_answers_how_well_the_law_will_be_known_and_what_to_run_next(trackslip):
     result = trackslip("plan", *SHORT)
     assert {path.name for path in (result.folder / "figures").iterdir()} == {"plan_path.svg", "plan_belts.svg"}

@@ -1,34 +1,31 @@
 """`trackslip reproduce` in full against the numbers it must reach, and with a failing closed loop."""
 
 import json
-import re
 
 import numpy as np
 import pytest
 from bound import beside_bound
-from browser import assert_fits
 from command_runs import ran
 from figures import assert_readable
 from pages import ROOT, missing_line, shown
 from slip_data import slip_errors
 
 from experiments.cli import main
-from experiments.common.manifest import origin
 from experiments.reproduce import figures
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.identification.source import read_source
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import body_errors
-from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.trajectory.segmented import paper_reference
 
 
 @pytest.fixture(scope="module")
 def reproduced(tmp_path_factory):
-    """A whole reproduction."""
-    return ran(tmp_path_factory.mktemp("reproduce") / "out", "reproduce")
+    """A whole reproduction, whose figures are not drawn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("experiments.common.page.drawn_plot", lambda plot, pdf=False: ())
+        return ran(tmp_path_factory.mktemp("reproduce") / "out", "reproduce")
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +48,7 @@ def over_bound(logs):
         phi = log.truth.pose[:, 2]
         left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
         plate = log.truth.pose + log.truth.lean[:, None] * left
-        valid = log.is_valid
+        valid = np.flatnonzero(log.is_valid)[::5]
         error, bound = beside_bound(log.pose[valid], plate[valid], log.scans.plate, log.scans.scan)
         squares += np.sum(error**2, axis=0)
         bounds += np.einsum("sii->i", bound)
@@ -73,13 +70,11 @@ def test_localization_and_slip_errors(reproduced, summary):
     assert found["valid_fraction"] > 0.96  # the rest are edge-on views, which tell no heading
     assert found["rate_hz"] >= 10
     assert over_bound(grid_of(reproduced.folder)).max() < 1.1
-    for method, most in (("bundle", 0.0003), ("arc", 0.0004)):
-        errors = slip_errors(reproduced.folder, method)
+    arc, bundle = (slip_errors(reproduced.folder, method) for method in ("arc", "bundle"))
+    for errors, most in ((arc, 0.0004), (bundle, 0.0003)):
         assert errors.std(axis=0).max() < most
         assert np.abs(errors.mean(axis=0)).max() < 0.0002
-    assert summary["slip_error"]["outer"]["std"] == pytest.approx(
-        slip_errors(reproduced.folder, "bundle")[:, 1].std(), rel=1e-4
-    )
+    assert summary["slip_error"]["outer"]["std"] == pytest.approx(bundle[:, 1].std(), rel=1e-4)
 
 
 def test_compensation_pays(summary):
@@ -140,16 +135,6 @@ def test_slip_error_over_seeds(tmp_path, options):
     assert max(over_bound(grid_of(result.folder)).max() for result in results) < 1.1
 
 
-def test_the_report_has_the_papers_figures_and_fits_phone_and_desk(reproduced):
-    page = (reproduced.folder / "report.html").read_text()
-    names = re.findall(r'<figure id="(\w+)"', page)
-    assert [int(number) for number in re.findall(r"fig(\d\d)_", " ".join(names))] == [8, 10, 11, 12, 6, 5]
-    files = [path.stem for path in (reproduced.folder / "figures").iterdir()]
-    assert all(sum(file.startswith(f"{name}_") for file in files) == 2 for name in names)
-    assert page.index("from 1412 mm off the path to 11 mm") < page.index("<figure")
-    assert_fits(page)  # last: it skips the test where there is no browser
-
-
 def test_paths_and_errors_are_those_of_the_runs(reproduced):
     logs = [log for log in read_runs(reproduced.folder / "runs.parquet") if "controller" in log.metadata]
     runs = figures.runs_of(logs, "linear")
@@ -162,12 +147,6 @@ def test_paths_and_errors_are_those_of_the_runs(reproduced):
         rows = np.searchsorted(log.time, line.get_xdata())
         expected = body_errors(log.truth.pose, paper_reference().pose(log.time))[rows, 0]
         np.testing.assert_allclose(line.get_ydata(), factor * expected)
-
-
-def test_its_steady_runs_can_be_identified_from(reproduced):
-    source = read_source(reproduced.folder)
-    assert source.sampling.samples.run == tuple(f"radius={r} speed={v}" for r in COMMANDED_RADII for v in SPEEDS)
-    assert origin(source.logs)["seed"] == 0
 
 
 class Stubborn(LinearTimeVarying):
