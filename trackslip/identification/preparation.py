@@ -111,7 +111,7 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
         beyond=log.beyond,
         repeated=len(valid) - len(rows),
         interpolated=len(rows) - measured,
-        held=not counts_few_ticks(log.time, log.omega) and bool((means != log.omega[1:]).any()),
+        held=bool((means != log.omega[1:]).any()) and not counts_few_ticks(log.time, log.omega),
     )
 
 
@@ -239,8 +239,9 @@ def _between_readings(time: Array, omega: Array) -> Array:
 def counts_few_ticks(time: Array, omega: Array) -> bool:
     """True if nearly all speeds (T, 2) of a sprocket are small multiples of one angle a row, or of one speed."""
     for size in (np.abs(side * by) for side in omega[1:].T for by in (np.diff(time), 1.0)):
-        if (size > 1e-9).any():
-            ticks = size / np.quantile(size[size > 1e-9], 0.002)
+        turning = np.sort(size[size > 1e-9])
+        if len(turning):
+            ticks = size / turning[len(turning) // 500]  # the smallest, but for outliers
             near = np.round(ticks)
             exact = np.abs(ticks - near) < 0.02
             if exact.mean() > 0.97 and near[exact].max() <= 40 and (np.diff(near) != 0).mean() > 0.05:
