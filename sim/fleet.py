@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast
 from sim.drive.pull import Pull
 from sim.drive.saturation import advance_within_limits
-from sim.fleet_ground import EVERYONE, FleetGround, Rows, one_each, require_at_rest, require_held
+from sim.fleet_ground import EVERYONE, FleetGround, Rows, one_each, require_at_rest
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
 from sim.robot.parameters import SINK
@@ -187,9 +187,6 @@ class Fleet(World):
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
         if periods == 0:
             return
-        if self.drive.drive.droop > 0:  # the next speeds depend on the torques
-            self._advance_within_limits(np.arange(self.size), self.drive, periods)
-            return
         before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
         torque = self.drive.torque_for(forecast, self._run(EVERYONE, forecast.mean))
         weak = self.drive.too_weak(forecast, torque)
@@ -327,8 +324,6 @@ class Fleet(World):
         self._place_at(rows, start, height)
         self._lay_ground(rows)
         grounds, heading = [self.ground[k] for k in rows], start[:, 2]
-        held = self.drive.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows].mean(axis=1)
-        require_held(grounds, self.friction()[rows], heading, self.pull, self._weight[rows], held)
         self._ground.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(settling / self.robot.model.opt.timestep))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -195,27 +194,6 @@ class FleetGround(Restorable):
         if self._shear is not None:
             self._shear.restore(rows, *snapshot)
             self._share(rows)
-
-
-def require_held(
-    grounds: Sequence[Ground], friction: Array, heading: Array, pull: Pull, weight: Array, motors: Array
-) -> None:
-    """Raise InvalidValueError if one of R robots would slide down or be dragged backwards from rest.
-
-    They are on `grounds` (R,), with `friction` (R, 2) along and across the tracks where they stand, and with headings
-    (R,) [rad]. Each has a `weight` (R,) [N], and its `motors` (R,) hold both tracks together against a force [N].
-    """
-    robots = zip(grounds, friction, heading.tolist(), weight.tolist(), motors.tolist(), strict=True)
-    for ground, (along, across), phi, weighs, force in robots:
-        ground.require_parking((along, across), phi)
-        if pull.force == 0:
-            continue
-        normal, uphill = weighs * math.cos(ground.slope), ground.uphill - phi
-        sideways = math.tan(ground.slope) * math.sin(uphill) / across
-        held = min(float(along) * normal * math.sqrt(1 - sideways**2), force)
-        most = held - weighs * math.sin(ground.slope) * math.cos(uphill)
-        allowed = f"less than {most:.4g} N, not to drag the robot backwards from rest"
-        require(pull.force < most, "pull", pull.force, allowed)
 
 
 def require_at_rest(grounds: Sequence[Ground], heading: Array, speed: Array, lean: Array, pull: Pull) -> None:

@@ -193,7 +193,6 @@ class Replayer:
                 fleet.command(commanded[k])
                 fleet.advance(period)
             else:
-                fleet.command(measured[k])  # so that a drive with a dead time goes on at these speeds
                 fleet.follow(measured[k : k + 1])
             if k + 1 == round(RUN_UP / period):  # a robot that slides has slowed down
                 fleet.launch(twist)

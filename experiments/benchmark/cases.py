@@ -1,6 +1,5 @@
 """The runs of a benchmark: suites, what one run is, and the plants that differ from those the laws were made on."""
 
-import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -24,7 +23,6 @@ FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
 _GROUNDS = ("stone", "ice", "sticky")
-_CONTROLLERS = [name for name in CONTROLLER_NAMES if name != "mpc" or importlib.util.find_spec("casadi")]
 _UNSEEN = tuple(name for name in REFERENCE_NAMES if name not in TRAINING_PATHS)
 _PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
 _MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
@@ -44,8 +42,8 @@ _SECTION_4 = [
 ]
 SUITES = {
     "paper": Suite("nominal", "default", _SECTION_4),
-    "fair": Suite("drawn", "tuned", [(_CONTROLLERS, _THREE, _UNSEEN, ("stone",), ("random",), range(8))]),
-    "full": Suite("drawn", "tuned", [(_CONTROLLERS, _THREE, REFERENCE_NAMES, _GROUNDS, ("random",), range(3))]),
+    "fair": Suite("drawn", "tuned", [(CONTROLLER_NAMES, _THREE, _UNSEEN, ("stone",), ("random",), range(8))]),
+    "full": Suite("drawn", "tuned", [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, _GROUNDS, ("random",), range(3))]),
 }
 """Suites by name."""
 
@@ -101,7 +99,7 @@ class BenchmarkCase:
 
 
 def planned_cases(config: Config) -> list[BenchmarkCase]:
-    """Every run once; a suite has no `mpc` where CasADi is not installed."""
+    """Every run once."""
     options = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
     cases: dict[BenchmarkCase, None] = {}
     for design in SUITES[config.suite].designs:

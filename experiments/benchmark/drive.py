@@ -45,8 +45,8 @@ class ClosedLoops:
     """"nominal", the robot that the laws were identified on, or "drawn" around it."""
     gains: Gains = field(default_factory=Gains)
     """Gains of the controllers."""
-    sizes: ClassVar[tuple[int, int]] = (32, 400)
-    """Localization and controllers of a large fleet cost little more than those of a small one."""
+    sizes: ClassVar[tuple[int, int]] = (400, 400)
+    """A path is one fleet: localization and controllers of a large one cost little more than those of a small one."""
 
     @property
     def world(self) -> World:

@@ -113,7 +113,7 @@ def tested(config: Config, base: Candidate, fit: Calibration) -> Test | None:
 def fit_summary(fit: Calibration) -> dict[str, Any]:
     """A fit as an entry of a summary: parameters, their errors, what is left, and the values of the folds."""
     parameters = {
-        name: {**vars(estimate), "identifiable": not estimate.held} for name, estimate in fit.estimates.items()
+        name: {**vars(estimate), "identifiable": not estimate.vague} for name, estimate in fit.estimates.items()
     }
     folds = [{name: fold.value(name) for name in fit.estimates} for fold in fit.folds]
     summary = {"parameters": parameters, "correlation": fit.correlation, **fit.metrics}
@@ -142,8 +142,8 @@ def parameter_table(title: str, fit: Calibration) -> Table:
 
 def _parameter_text(name: str, estimate: Estimate) -> str:
     unit = (1e2, "%") if name.startswith("radius") else printed_unit(estimate.unit)
-    text = with_interval(estimate.value, None if estimate.held else (estimate.low, estimate.high), unit)
-    return text.replace("no interval", "held") if estimate.held else text
+    text = with_interval(estimate.value, None if estimate.vague else (estimate.low, estimate.high), unit)
+    return text.replace("no interval", "not told") if estimate.vague else text
 
 
 def error_table(fit: Calibration, test: Test | None) -> Table:
@@ -172,8 +172,8 @@ def _metric_rows(metrics: Sequence[dict[str, float]]) -> list[tuple[str, ...]]:
 
 
 def remarks(fit: Calibration, test: Test | None) -> list[str]:
-    """Lines on parameters that are held, and the clock of another log."""
-    lines = [f"{name} is held: {estimate.held}" for name, estimate in fit.estimates.items() if estimate.held]
+    """Lines on parameters that the target does not tell, and the clock of another log."""
+    lines = [f"{name}: {estimate.vague}" for name, estimate in fit.estimates.items() if estimate.vague]
     if test is not None and test.clock_offset != fit.candidate.clock:
         lines.append(f"the test log is predicted with --clock-offset={test.clock_offset:.3g}")
     return lines

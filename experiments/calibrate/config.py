@@ -13,7 +13,7 @@ from trackslip.kinematics import GEARS
 Parameter = Literal[
     "half_gauge", "contact_length", "radius_error", "radius_left", "radius_right", "friction", "friction_ratio",
     "shear", "com_x", "com_y", "com_height", "yaw_inertia", "sensor_x", "sensor_y", "sensor_yaw", "clock",
-    "lag", "delay", "droop",
+    "lag",
 ]  # fmt: skip
 
 OF_TURNS: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
@@ -23,7 +23,7 @@ ROBOT, GROUND = "robot.toml", "ground.toml"
 EXAMPLES = (
     ("to the paper's slips and radii", "trackslip calibrate"),
     ("to a log, each half of which is predicted", "trackslip calibrate --target log.csv --robot husky --folds 2"),
-    ("to obeyed commands", "trackslip calibrate --target log.csv --free lag delay clock"),
+    ("to obeyed commands", "trackslip calibrate --target log.csv --free friction_ratio lag clock"),
 )
 
 
@@ -43,7 +43,7 @@ class Config(ResultsOptions):
             f"{' '.join(OF_TURNS)}; for drives {' '.join(OF_DRIVES)}", f"{{{','.join(get_args(Parameter))}}} ..."
         ),
     ] = None
-    """Parameters to fit; friction_ratio is across / along, radii are relative errors; lag to droop need commands."""
+    """Parameters to fit; friction_ratio is across / along, radii are relative errors; lag needs commands."""
     robot: RobotSource = SHIPPED
     """Robot with the initial values, and with the values of the parameters that are not fitted."""
     ground: GroundOptions = field(default_factory=GroundOptions)

@@ -18,7 +18,7 @@ from experiments.common.plain_json import plain
 from trackslip.logs.file_format import FORMAT
 from trackslip.logs.runlog import RunLog
 
-_PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "casadi")
+_PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib")
 
 
 def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict[str, Any]:

@@ -29,7 +29,7 @@ STORE = ".runs"
 """Folder in the folder of results with what an unfinished command has done."""
 _EACH = 4  # fleets per worker at least, so that all end at about the same time, unless fleets would be too small
 _LONG = 2_000.0  # simulated time of a fleet, all robots together, above which another worker is worth its start [s]
-_AT_ONCE = 16_000.0  # longest time that a fleet drives, all robots together, for its logs to fit into memory [s]
+_AT_ONCE = 20_000.0  # longest time that a fleet drives, all robots together, for its logs to fit into memory [s]
 
 Row = dict[str, Any]
 """What is known of a run, by column: its name `run`, `id`, `error` (None unless it failed), and measurements."""
@@ -172,7 +172,7 @@ def fleets(runs: Sequence[RunT], workers: int, sizes: tuple[int, int]) -> list[t
     for same in alike.values():
         duration = same[0].duration
         count = -(-len(same) // min(size, max(1, int(_AT_ONCE / duration))))
-        count = max(count, min(workers, int(len(same) * duration / _LONG)))
+        count = max(count, min(-(-workers // len(alike)), int(len(same) * duration / _LONG)))
         ends = [round(len(same) * k / count) for k in range(count + 1)]
         split += [tuple(same[a:b]) for a, b in itertools.pairwise(ends)]
     return sorted(split, key=lambda fleet: -len(fleet) * fleet[0].duration)

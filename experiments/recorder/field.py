@@ -1,4 +1,4 @@
-"""The field of a robot run as its log describes it: ground, scanner and obstacles, of which only people move."""
+"""The field of a robot run as its log describes it: ground, scanner and obstacles."""
 
 import contextlib
 from collections.abc import Mapping, Sequence
@@ -10,15 +10,14 @@ import rerun as rr
 
 from experiments.recorder.model import send_geoms, send_paving
 from experiments.recorder.sensing import OTHER_COLOUR
-from experiments.recorder.stream import FIELD, Recording, about_vertical, at_height, paint, rgb
+from experiments.recorder.stream import FIELD, Recording, about_vertical, paint, rgb
 from experiments.recorder.traces import Traces
-from sim.scanner.obstacles import Walker
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import MALFORMED
 
 _FAR = 3.0  # to where patches without end are drawn around everything [m]
 _PATCH, _PATCH_COLOUR = 0.0005, "#4f6f78"  # half the thickness of a patch on the ground [m]
-_TALL = 1.0  # height of posts, walls and people [m]
+_TALL = 1.0  # height of posts and walls [m]
 
 
 def send_field(recording: Recording, traces: Traces, model: mujoco.MjModel, within: Array) -> None:
@@ -34,7 +33,7 @@ def send_field(recording: Recording, traces: Traces, model: mujoco.MjModel, with
         patches = metadata["ground"].get("patches") or ()
         _send_patches(recording, patches, within.min(axis=0) - _FAR, within.max(axis=0) + _FAR)
     with contextlib.suppress(*MALFORMED):
-        _send_obstacles(recording, metadata["obstacles"], traces)
+        _send_obstacles(recording, metadata["obstacles"])
 
 
 def _send_patches(recording: Recording, patches: Sequence[Mapping[str, Any]], low: Array, high: Array) -> None:
@@ -53,20 +52,15 @@ def _send_patches(recording: Recording, patches: Sequence[Mapping[str, Any]], lo
             recording.still(f"{FIELD}/patches/{k}", flat)
 
 
-def _send_obstacles(recording: Recording, obstacles: Mapping[str, Any], traces: Traces) -> None:
+def _send_obstacles(recording: Recording, obstacles: Mapping[str, Any]) -> None:
     """Send the obstacles that the log describes."""
-    posts, walls, walkers = (list(obstacles.get(kind) or ()) for kind in ("posts", "walls", "walkers"))
+    posts, walls = (list(obstacles.get(kind) or ()) for kind in ("posts", "walls"))
     if posts:
         recording.still(f"{FIELD}/posts", _cylinders([(p["x"], p["y"], p["radius"]) for p in posts]))
     if walls:
         ends = [([wall["x0"], wall["y0"]], [wall["x1"], wall["y1"]]) for wall in walls]
         around = [[[*a, 0.0], [*b, 0.0], [*b, _TALL], [*a, _TALL], [*a, 0.0]] for a, b in ends]
         recording.still(f"{FIELD}/walls", rr.LineStrips3D(around, **paint(OTHER_COLOUR, 0.01)))
-    for k, walker in enumerate(walkers):
-        turns_after = np.inf if walker.get("turns_after") is None else walker["turns_after"]  # JSON has no infinity
-        person, entity = Walker(**{**walker, "turns_after": turns_after}), f"{FIELD}/walkers/{k}"
-        recording.still(entity, _cylinders([(0.0, 0.0, person.radius)]))
-        recording.poses(entity, traces.time, at_height(person.place(traces.log.time), 0.0))
 
 
 def _cylinders(circles: list[tuple[float, float, float]]) -> rr.Cylinders3D:

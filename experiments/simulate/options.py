@@ -93,10 +93,6 @@ class DriveOptions:
 
     lag: OwnNumber = None
     """Time constant of the speed controller [s]."""
-    delay: OwnNumber = None
-    """Dead time between a command and the speed controller [s]."""
-    droop: OwnNumber = None
-    """Steady loss of speed per torque, of a controller that does not fully compensate its load [rad/s per N m]."""
     top_speed: OwnNumber = None
     """Largest speed of a track [m/s]."""
     torque_limit: OwnNumber = None
@@ -158,7 +154,7 @@ class Equipment(ResultsOptions):
     scanner: LaserScanner = field(default_factory=LaserScanner)
     """A line scanner modelled on the SICK LMS 200; the paper doesn't name its scanner."""
     obstacles: Annotated[str | None, default_is("nothing", "NAME|FILE")] = None
-    """Objects that the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file."""
+    """Objects that the scanner sees besides the plate: posts, room, occluded, or a .toml file."""
     pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
     """Load that the robot tows."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Literal
 
@@ -95,16 +95,6 @@ class RunTopics:
         if rest.any():
             yield _fixes("/fix", self._stamps(log.time[rest]), log.pose[rest, :2], errors[rest])
 
-    def gyro(self) -> Iterator[Publication]:
-        """The yaw rate of a gyroscope, stamped in the middle of the time that each reading covers."""
-        log = self._log
-        if log.gyro is not None and (rows := np.flatnonzero(np.isfinite(log.gyro[1:])) + 1).size:
-            stamps = self._stamps((log.time[rows] + log.time[rows - 1]) / 2)
-            unknown = np.tile(-np.eye(1, 9), (len(rows), 1))  # a first entry of -1 stands for "not measured"
-            fields = {"header": header(stamps, "base_link"), "angular_velocity": {"z": log.gyro[rows]}}
-            rest = {f"{name}_covariance": unknown for name in ("orientation", "linear_acceleration")}
-            yield Publication("/imu/data", "sensor_msgs/msg/Imu", stamps, fields | rest)
-
     def truth(self) -> Iterator[Publication]:
         """The true motion."""
         log, read = self._log, self._read
@@ -114,38 +104,30 @@ class RunTopics:
                 "/ground_truth", stamps, frames, log.truth.pose[read], _EXACT, log.truth.twist[read], _EXACT
             )
 
-    def scans(self, scans: tuple[Array, Scan] | None, duration: float | None) -> Iterator[Publication]:
-        """Scans, and the pose of the scanner; by default the log's own scans, if it has them in full.
-
-        `duration` is the time from a scan's first beam to its last [s], by default that of the scanner in the metadata.
-        """
+    def scans(self, scans: tuple[Array, Scan] | None) -> Iterator[Publication]:
+        """Scans, and the pose of the scanner; by default the log's own scans, if it has them in full."""
         log = self._log
         if scans is None and log.scans is not None and log.scans.full is not None:
             scans = log.time, replace(log.scans.scan, ranges=log.scans.full)
         if scans is None or not len(scans[0]):
             return
-        if duration is None:
-            scanner = log.metadata.get("scanner")
-            stated = scanner.get("scan_duration") if isinstance(scanner, Mapping) else None
-            duration = float(stated) if isinstance(stated, int | float) else 0.0
         time, scan = scans
         beams = len(scan.bearings)
         require(len(time) == len(scan.ranges), "scans", f"{len(time)} times", f"{len(scan.ranges)}, one per scan")
         require((np.diff(time) > 0).all(), "scans", "times that don't ascend", "in order of time")
         require(beams > 1, "scans", f"{beams} beams", "scans of at least 2")
-        stamps = self._stamps(time - duration / 2)
+        stamps = self._stamps(time)
         fields = {
             "header": header(stamps, "laser"),
             "angle_min": float(scan.bearings[0]),
             "angle_max": float(scan.bearings[-1]),
             "angle_increment": scan.beam_step,
-            "time_increment": duration / (beams - 1),
             "scan_time": float(np.median(np.diff(time))) if len(time) > 1 else 0.0,
             "range_max": float(scan.max_range),
             "ranges": np.where(np.isnan(scan.ranges), np.inf, scan.ranges).astype(np.float32),  # as in REP 117
         }
         yield Publication("/scan", "sensor_msgs/msg/LaserScan", stamps, fields)
-        begin = self._stamps(np.minimum(time[:1] - duration / 2, log.time[0]))
+        begin = self._stamps(np.minimum(time[:1], log.time[0]))
         mount = np.asarray(scan.mount, float)[None]
         yield transforms("/tf_static", begin, ("map", "laser"), mount, latched=True)
 

@@ -44,7 +44,6 @@ def write_bag(
     covariance: Array | None = None,
     readings: np.ndarray | None = None,
     scans: tuple[Array, Scan] | None = None,
-    scan_duration: float | None = None,
     start: int | None = None,
 ) -> None:
     """Write a run as a ROS 2 bag in the format MCAP, complete or not at all.
@@ -64,8 +63,6 @@ def write_bag(
         covariance: of the poses, (3, 3), where the log has none [m, m, rad].
         readings: (T,) bool, the rows with readings of the encoders; by default all.
         scans: times (S,) [s] and scans with ranges (S, B), if they aren't those of the log's rows.
-        scan_duration: time from a scan's first beam to its last; the scan's own time is in the middle, its stamp is
-            the first beam's [s]. By default that of the scanner in the log's metadata, else 0.
         start: stamp of t = 0 [s]; by default START, or 0 for a log with times since 1970.
 
     Raises:
@@ -86,9 +83,8 @@ def write_bag(
         *contents.encoders(),
         *contents.commands(),
         *contents.poses(poses, covariance),
-        *contents.gyro(),
         *contents.truth(),
-        *contents.scans(scans, scan_duration),
+        *contents.scans(scans),
     ]
     about = {} if geometry is None else {name: repr(value) for name, value in vars(geometry).items()}
     _write(Path(path), topics, {"run": log.run, **about})

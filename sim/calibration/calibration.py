@@ -6,7 +6,7 @@ drive and clock, too, errors are of motions over some seconds, and single ones m
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -39,13 +39,13 @@ class Estimate:
     value: float
     unit: str
     stderr: float
-    """Standard error; of a parameter that is held, that of its prior."""
+    """Standard error."""
     low: float
     """Lower end of the 95 % interval."""
     high: float
     """Its upper end."""
-    held: str = ""
-    """The reason if the target doesn't tell the parameter, and the fit keeps its first value."""
+    vague: str = ""
+    """The reason if the target doesn't tell the parameter, so that the prior does."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Calibration:
     estimates: dict[str, Estimate]
     """Each parameter that was free, by name."""
     correlation: dict[str, dict[str, float]]
-    """Correlation of each fitted parameter's error with the others' [-]."""
+    """Correlation of each parameter's error with the others' [-]."""
     cost: float
     """Half the loss that was minimised, and the logarithm of the errors' sizes."""
     metrics: dict[str, float]
@@ -81,8 +81,8 @@ def calibrate(
     """Fit parameters of a candidate to a target.
 
     Least squares under Cauchy's loss where the target is robust, with normal priors around the values of `base`.
-    Parameters that remain as vague as their priors, and don't differ from them significantly, are held there. Standard
-    errors are those of clusters (the sandwich of Huber and White) where the target is robust, else from the residuals.
+    What the target doesn't tell stays near its prior, and is as uncertain. Standard errors are those of clusters (the
+    sandwich of Huber and White) where the target is robust, else from the residuals.
 
     Args:
         target: what the robot did.
@@ -96,14 +96,10 @@ def calibrate(
         InvalidValueError: for names that are unknown, given twice or say the same, and too many for the target.
     """
     problem = _Problem(target, base, _checked(free, target))
-    held = dict[str, str]()
-    best = problem.minimum(problem.first, held)
+    best = problem.minimum()
     progress(1)
-    while (vague := problem.vaguest(best, held)) is not None:
-        held[vague[0]] = vague[1]
-        best = problem.minimum(np.where([name in held for name in problem.names], 0.0, best.scaled), held)
-    fit = problem.described(best, held)
-    return fit if folds is None else _with_folds(fit, problem, best, held, folds, progress)
+    fit = problem.described(best)
+    return fit if folds is None else _with_folds(fit, problem, best, folds, progress)
 
 
 def _checked(free: Sequence[str], target: Target) -> tuple[str, ...]:
@@ -173,8 +169,8 @@ class _Problem:
             slope[:, k] = (self.errors(moved) - errors) / (moved[k] - scaled[k])
         return _LinearErrors(scaled, errors, slope)
 
-    def sizes(self, errors: Array, free: np.ndarray) -> Array:
-        """Standard deviation (kinds,) of the errors of each kind, with the parameters `free` (p,) fitted."""
+    def sizes(self, errors: Array) -> Array:
+        """Standard deviation (kinds,) of the errors of each kind, with all parameters fitted."""
         layout, sizes = self._layout, self._layout.floor.copy()
         for kind in range(len(sizes)):
             rows = layout.kind == kind
@@ -184,7 +180,7 @@ class _Problem:
                 middle = np.searchsorted(np.cumsum(share[order]), share.sum() / 2)
                 sigma = _MAD * size[order[middle]]
             else:
-                sigma = np.sqrt(share @ size**2 / max(share.sum() * (1 - free.sum() / layout.share.sum()), 1.0))
+                sigma = np.sqrt(share @ size**2 / max(share.sum() * (1 - len(self.names) / layout.share.sum()), 1.0))
             sizes[kind] = max(sizes[kind], sigma)
         return sizes
 
@@ -195,27 +191,26 @@ class _Problem:
         fall = 1 / (1 + square / _CAUCHY**2)
         return share * np.stack([-(_CAUCHY**2) * np.log(fall), fall, -(fall**2) / _CAUCHY**2])
 
-    def cost(self, scaled: Array, free: np.ndarray) -> tuple[float, Array]:
+    def cost(self, scaled: Array) -> tuple[float, Array]:
         """Minus the log-likelihood, up to a constant, and the standard deviations (kinds,) of the errors."""
         errors, share = self.errors(scaled), self._layout.share
-        sigma = self.sizes(errors, free)
+        sigma = self.sizes(errors)
         size = sigma[self._layout.kind]
         loss = self.loss((errors / size) ** 2, share)[0].sum() + scaled @ scaled
         return float(share @ np.log(size) + loss / 2), sigma
 
-    def minimum(self, start: Array, held: Mapping[str, str]) -> _End:
-        """The minimum reached from `start` (p,), by models whose errors are linear in the parameters.
+    def minimum(self) -> _End:
+        """The minimum, by models whose errors are linear in the parameters.
 
         A model costs a simulation for each parameter. Least squares of the simulated errors take four times as many.
         """
-        free = np.array([name not in held for name in self.names])
-        scaled, (cost, sigma) = start, self.cost(start, free)
+        scaled, (cost, sigma) = self.first, self.cost(self.first)
         for _ in range(_ITERATIONS):
             model, before = self.linear(scaled), cost
-            step = self._linear_minimum(model, sigma, free) - scaled
+            step = self._linear_minimum(model, sigma) - scaled
             for part in (1.0, 0.5, 0.2):
                 trial = model.scaled + part * step
-                trial_cost, trial_sigma = self.cost(trial, free)
+                trial_cost, trial_sigma = self.cost(trial)
                 if trial_cost < cost:
                     scaled, cost, sigma = trial, trial_cost, trial_sigma
                     break
@@ -223,97 +218,69 @@ class _Problem:
                 break
         return _End(scaled, self.errors(scaled), model.slope, sigma, cost)
 
-    def _linear_minimum(self, model: _LinearErrors, sigma: Array, free: np.ndarray) -> Array:
+    def _linear_minimum(self, model: _LinearErrors, sigma: Array) -> Array:
         """Parameters (p,) of least loss if errors are linear, and of the sizes (kinds,) that are then left."""
         scaled = model.scaled
         for _ in range(_ROUNDS):
-            scaled = self.least_squares(model, scaled, sigma, free)
-            before, sigma = sigma, self.sizes(model(scaled), free)
+            scaled = self.least_squares(model, scaled, sigma)
+            before, sigma = sigma, self.sizes(model(scaled))
             if np.allclose(sigma, before, rtol=_SAME, atol=0.0):
                 break
         return scaled
 
-    def least_squares(
-        self, model: _LinearErrors, start: Array, sigma: Array, free: np.ndarray, out: np.ndarray | None = None
-    ) -> Array:
-        """Scaled parameters (p,) of least loss, of which those not `free` (p,) keep their values.
-
-        The errors `out` (n,) bool don't count.
-        """
-        if not free.any():
-            return start
-        size, share, count = sigma[self._layout.kind], self._layout.share, int(free.sum())
+    def least_squares(self, model: _LinearErrors, start: Array, sigma: Array, out: np.ndarray | None = None) -> Array:
+        """Scaled parameters (p,) of least loss; the errors `out` (n,) bool don't count."""
+        size, share, count = sigma[self._layout.kind], self._layout.share, len(self.names)
         share = share if out is None else np.where(out, 0.0, share)
-        slope = np.vstack([model.slope[:, free] / size[:, None], np.eye(count)])
+        slope = np.vstack([model.slope / size[:, None], np.eye(count)])
 
-        def at(values: Array) -> Array:
-            scaled = start.copy()
-            scaled[free] = values
-            return scaled
-
-        def rows(values: Array) -> Array:
-            return np.append(model(at(values)) / size, values)
+        def rows(scaled: Array) -> Array:
+            return np.append(model(scaled) / size, scaled)
 
         def loss(square: Array) -> Array:
             prior = [square[-count:], np.ones(count), np.zeros(count)]
             return np.hstack([self.loss(square[:-count], share), prior])
 
-        limits = self.low[free], self.high[free]
-        fit = scipy.optimize.least_squares(rows, start[free], lambda _: slope, limits, "dogbox", loss=loss)
-        return at(fit.x)
+        limits = self.low, self.high
+        return np.asarray(scipy.optimize.least_squares(rows, start, lambda _: slope, limits, "dogbox", loss=loss).x)
 
-    def covariance(self, end: _End, held: Mapping[str, str]) -> tuple[Array, Array]:
-        """Covariance (p, p) of the scaled parameters, and standard errors (p,) if the held ones were known.
-
-        The held ones may differ from their values as their priors say, and shift the others.
-        """
-        layout, fitted = self._layout, np.array([name not in held for name in self.names])
+    def covariance(self, end: _End) -> Array:
+        """Covariance (p, p) of the scaled parameters."""
+        layout, count = self._layout, len(self.names)
         size = end.sigma[layout.kind]
         unit, slope = end.errors / size, end.slope / size[:, None]
         _, weight, bend = self.loss(unit**2, layout.share)
         curved = np.bincount(layout.kind, weight + 2 * bend * unit**2) / np.bincount(layout.kind, weight)
         curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]  # of the loss, on average over a kind
-        matrix = (slope.T * curvature) @ slope + np.eye(len(fitted))
-        inverse = np.linalg.inv(matrix[np.ix_(fitted, fitted)])
-        known = inverse
-        if layout.robust:
-            part = slope[:, fitted]
-            score = np.zeros((layout.clusters, len(inverse)))
-            np.add.at(score, layout.cluster, part * (weight * unit)[:, None])
-            leverage = np.bincount(layout.cluster, curvature * np.einsum("ni,ij,nj->n", part, inverse, part))
-            score /= (1 - np.minimum(leverage, _MAX_LEVERAGE))[:, None]  # as if each cluster had been left out
-            known = inverse @ (score.T @ score + np.eye(len(inverse))) @ inverse
-        shift = -inverse @ matrix[np.ix_(fitted, ~fitted)]
-        covariance, alone = np.eye(len(fitted)), np.ones(len(fitted))
-        covariance[np.ix_(fitted, fitted)] = known + shift @ shift.T
-        covariance[np.ix_(fitted, ~fitted)], covariance[np.ix_(~fitted, fitted)] = shift, shift.T
-        alone[fitted] = np.sqrt(np.maximum(np.diag(inverse), np.diag(known)))  # few errors may look certain by chance
-        return covariance, alone
+        inverse = np.linalg.inv((slope.T * curvature) @ slope + np.eye(count))
+        if not layout.robust:
+            return inverse
+        score = np.zeros((layout.clusters, count))
+        np.add.at(score, layout.cluster, slope * (weight * unit)[:, None])
+        leverage = np.bincount(layout.cluster, curvature * np.einsum("ni,ij,nj->n", slope, inverse, slope))
+        score /= (1 - np.minimum(leverage, _MAX_LEVERAGE))[:, None]  # as if each cluster had been left out
+        return np.asarray(inverse @ (score.T @ score + np.eye(count)) @ inverse)
 
-    def vaguest(self, end: _End, held: Mapping[str, str]) -> tuple[str, str] | None:
-        """The parameter that the target tells least of those it doesn't tell, and why; None if it tells all."""
-        _, spread = self.covariance(end, held)
-        vague = (spread > _VAGUE) & (np.abs(end.scaled) < _SIGNIFICANT * spread)
-        vague &= [name not in held for name in self.names]
-        if not vague.any():
-            return None
-        k = int(np.argmax(np.where(vague, spread, 0.0)))
+    def vague(self, end: _End, spread: Array) -> dict[str, str]:
+        """Why the target doesn't tell parameters with standard errors (p,), by name; those that it tells lack."""
         slope = end.slope * np.sqrt(self._layout.share)[:, None] / end.sigma[self._layout.kind, None]
         strength = np.linalg.norm(slope, axis=0)
-        alike = np.abs(slope.T @ slope[:, k]) > _ALIKE * strength * strength[k]
-        others = [name for j, name in enumerate(self.names) if j != k and name not in held and alike[j]]
-        if strength[k] < 1 or not others:
-            return self.names[k], "the target does not tell it"
-        return self.names[k], f"the target does not tell it from {' and '.join(others)}"
+        alike = np.abs(slope.T @ slope) > _ALIKE * np.outer(strength, strength)
+        reasons = {}
+        for k in np.flatnonzero((spread > _VAGUE) & (np.abs(end.scaled) < _SIGNIFICANT * spread)):
+            others = [name for j, name in enumerate(self.names) if j != k and alike[j, k]]
+            apart = f" from {' and '.join(others)}" if strength[k] >= 1 and others else ""
+            reasons[self.names[k]] = f"the target does not tell it{apart}"
+        return reasons
 
-    def described(self, end: _End, held: Mapping[str, str]) -> Calibration:
+    def described(self, end: _End) -> Calibration:
         """The result of a fit."""
         target, base = self.target, self._base
-        covariance, _ = self.covariance(end, held)
+        covariance = self.covariance(end)
         spread = np.sqrt(np.diag(covariance))
-        free = len(self.names) - len(held)
+        vague = self.vague(end, spread)
         count = self._layout.clusters if self._layout.robust else self._layout.share.sum()
-        reach = float(scipy.stats.t.ppf(0.975, max(count - free, 1)))
+        reach = float(scipy.stats.t.ppf(0.975, max(count - len(self.names), 1)))
         estimates = {}
         for k, name in enumerate(self.names):
             parameter, sd = PARAMETERS[name], spread[k]
@@ -321,11 +288,11 @@ class _Problem:
             width = parameter.spread * (value if parameter.relative else parameter.size(base)) * sd
             ends_z = np.clip(end.scaled[k] + np.array([-reach, reach]) * sd, self.low[k], self.high[k])
             low, high = (parameter.unscaled(base, float(z)) for z in ends_z)
-            estimates[name] = Estimate(value, parameter.unit, float(width), low, high, held.get(name, ""))
-        known = [k for k, name in enumerate(self.names) if name not in held]
+            estimates[name] = Estimate(value, parameter.unit, float(width), low, high, vague.get(name, ""))
+        matrix = (covariance / np.outer(spread, spread)).tolist()
         correlation = {
-            self.names[a]: {self.names[b]: float(covariance[a, b] / (spread[a] * spread[b])) for b in known if b != a}
-            for a in known
+            name: {other: value for other, value in zip(self.names, row, strict=True) if other != name}
+            for name, row in zip(self.names, matrix, strict=True)
         }
         candidate = self.candidate(end.scaled)
         return Calibration(
@@ -338,17 +305,14 @@ class _Problem:
         )
 
 
-def _with_folds(
-    fit: Calibration, problem: _Problem, end: _End, held: Mapping[str, str], folds: np.ndarray, progress: Progress
-) -> Calibration:
+def _with_folds(fit: Calibration, problem: _Problem, end: _End, folds: np.ndarray, progress: Progress) -> Calibration:
     """The result with predictions of each fold by the candidates fitted to the others."""
     target = problem.target
     errors, before = np.full(len(end.errors), np.nan), np.full(len(end.errors), np.nan)
     first, candidates = problem.errors(np.zeros(len(problem.names))), []
-    free = np.array([name not in held for name in problem.names])
     for fold in np.unique(folds[folds >= 0]):
         out = folds == fold
-        candidates.append(problem.candidate(problem.least_squares(end, end.scaled, end.sigma, free, out)))
+        candidates.append(problem.candidate(problem.least_squares(end, end.scaled, end.sigma, out)))
         errors[out], before[out] = target.errors(candidates[-1])[out], first[out]
         progress(1)
     return replace(

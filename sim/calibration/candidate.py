@@ -16,7 +16,6 @@ from sim.robot.robot import compiled
 from trackslip.kinematics import RobotGeometry
 from trackslip.se2 import Mounting
 
-_G = 9.81
 _FARTHEST = 3.0  # from the base value [standard deviations of the prior]
 
 
@@ -149,13 +148,6 @@ def _yaw_inertia(candidate: Candidate) -> float:
     return float(np.square(axes[6:]) @ model.body_inertia[chassis])
 
 
-def _full_droop(candidate: Candidate) -> float:
-    """Droop at which a turn on the spot would take all of the top speed [rad/s per N m]."""
-    robot = candidate.robot
-    torque = candidate.ground.along * robot.mass * _G * robot.sprocket_radius / 2
-    return robot.drive.top_speed / robot.sprocket_radius / torque
-
-
 PARAMETERS = {
     "half_gauge": _field("robot", "half_gauge", 0.1, "m", relative=True),
     "contact_length": _field("robot", "contact_length", 0.15, "m", relative=True, write=_with_length),
@@ -174,11 +166,9 @@ PARAMETERS = {
     "sensor_yaw": _field("sensor", "yaw", 0.1, "rad"),
     "clock": _field("", "clock", 0.3, "s", low=-0.5, high=0.5),
     "lag": _field("drive", "lag", 1.0, "s", relative=True, high=1.0),
-    "delay": _field("drive", "delay", 0.2, "s", low=0.0),
-    "droop": _field("drive", "droop", 0.1, "rad/s per N m", low=0.0, size=_full_droop),
 }
 """Parameters that can be fitted, by name. Radii are relative errors, and lengths at the sensor's place in its frame."""
 OF_SENSOR = frozenset({"sensor_x", "sensor_y", "sensor_yaw", "clock"})
 """Parameters that don't change how the robot moves."""
-OF_DRIVE = frozenset({"lag", "delay", "droop"})
+OF_DRIVE = frozenset({"lag"})
 """Parameters that count where commands drive the robot."""

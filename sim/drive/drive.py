@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -12,7 +11,7 @@ import numpy as np
 
 from sim.drive.motor import Motor
 from sim.restorable import Restorable
-from trackslip.errors import Checked, checked, require, require_non_negative, require_positive
+from trackslip.errors import Checked, checked, require, require_positive
 from trackslip.kinematics import Array
 
 RADIUS_ERROR = 0.0066
@@ -27,10 +26,6 @@ class Drive(Checked):
 
     lag: float = checked(0.05, require_positive, 1.0, "s")
     """Time constant of the speed controller [s]."""
-    delay: float = checked(0.0, require_non_negative, 1.0, "s", stored_unless=0.0)
-    """Dead time between a command and the speed controller [s]."""
-    droop: float = checked(0.0, require_non_negative, 1.0, "rad/s per N m", stored_unless=0.0)
-    """Steady loss of speed per torque of the motor [rad/s per N m]."""
     top_speed: float = checked(0.3, require_positive, 10.0, "m/s")
     """Largest speed of a track [m/s] (paper, Sec. II)."""
     torque_limit: float = checked(8.0, require_positive)
@@ -59,7 +54,7 @@ def tireless(top_speed: float = Drive.top_speed) -> Drive:
     return Drive(top_speed=top_speed, torque_limit=1e6, motor=Motor(no_load_speed=1e6, stall_torque=1e6))
 
 
-_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time", "_past")
+_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time")
 _PARAMETERS = ("radius", "_decay", "_mean_decay")
 
 
@@ -99,9 +94,6 @@ class DriveState(Restorable):
         """Torques of the motors at the sprockets in the last period [N m]."""
         self.saturated_time = np.zeros((n, 2))
         """Time since the start that the motors spent at their limits [s]."""
-        whole = round(drive.delay / drive.period, 9)  # periods
-        self._late = whole - math.floor(whole)  # rest of the delay [periods]
-        self._past: Array = np.zeros((n, math.floor(whole) + 1, 2))  # set points in the last periods, the oldest first
         self.restart(np.arange(n), [drive.lag] * n)
 
     @property
@@ -143,48 +135,11 @@ class DriveState(Restorable):
         self.set_point[:] = limited
 
     def forecast(self, periods: int) -> Forecast:
-        """Forecast the speeds in the next `periods`, if the motors are strong enough and lose no speed under load."""
-        if self.drive.delay > 0:
-            return self._delayed(periods)
+        """Forecast the speeds in the next `periods`, if the motors are strong enough."""
         error = np.empty((periods + 1, *self.omega.shape))
         error[0], error[1:] = self._error, self._decay
         np.multiply.accumulate(error, axis=0, out=error)  # the same bits for any number of forecasts
         return Forecast(error + self.set_point, error[:-1] * self._mean_decay + self.set_point, error[-1])
-
-    def _delayed(self, periods: int) -> Forecast:
-        """The same with set points that come later, within a period."""
-        line = np.moveaxis(self._line(periods), 1, 0)
-        until, since = line[:periods], line[1 : periods + 1]
-        rest = self._decay ** (1 - self._late)  # of what was there before the set point changed
-        share = (rest - self._decay) / (1 - self._decay)  # of the old set point in one for the whole period
-        goal = since + share * (until - since)
-        omega = np.empty((periods + 1, *self.omega.shape))
-        omega[0] = self.omega
-        for k, aim in enumerate(goal):
-            omega[k + 1] = aim + (omega[k] - aim) * self._decay
-        # the integral of a set point that changes within a period is exact, too
-        mean = goal + (omega[:-1] - goal) * self._mean_decay + (self._late - share) * (until - since)
-        return Forecast(omega, mean, omega[-1] - self.set_point)
-
-    def torque_limits(self, rows: np.ndarray, omega: Array, goal: Array) -> tuple[Array, Array]:
-        """Smallest and largest torques (..., R, 2) [N m] of the robots `rows` (R,) at the end of a period.
-
-        They have speeds `omega` (..., R, 2), and without load would have those of `goal` [rad/s]. With droop, a motor
-        has the torque that its loss of speed stands for.
-        """
-        least, most = self.drive.torque_range(omega)
-        if self.drive.droop == 0:
-            return least, most
-        torque = (goal - omega) / self.sag(rows)
-        return np.clip(torque, least, most), np.clip(torque, least, most)
-
-    def sag(self, rows: np.ndarray) -> Array:
-        """Loss of speed (R, 1) at the end of a period over the torque in it [rad/s per N m]."""
-        return self.drive.droop * (1 - self._decay[rows])
-
-    def _line(self, periods: int) -> Array:
-        """Set points (N, Q + P, 2) in the Q last periods and the P next ones [rad/s]."""
-        return np.concatenate([self._past, np.repeat(self.set_point[:, None], periods, axis=1)], axis=1)
 
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
         """Motor torques (P, N, 2) at the sprockets that a forecast requires, for tractions (P, N, 2) [N] [N m]."""
@@ -203,8 +158,6 @@ class DriveState(Restorable):
     def accept(self, forecast: Forecast, torque: Array, saturated: Array | None = None) -> None:
         """Advance by a forecast with torques (P, N, 2) [N m], limited where `saturated` (P, N, 2)."""
         period = self.drive.period
-        if self.drive.delay > 0:
-            self._past = self._line(len(torque))[:, len(torque) :]
         self.omega, self.torque, self._error = forecast.omega[-1], torque[-1], forecast.error
         totals = np.empty((len(torque) + 1, *self._totals.shape))
         totals[0], rates = self._totals, totals[1:]

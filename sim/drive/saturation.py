@@ -36,18 +36,14 @@ def advance_within_limits(
     wanted = drive.forecast(1)
     (start, goal), belt = wanted.omega, wanted.mean[0].copy()
     rows, speed = np.arange(len(goal)), goal.copy()
-    if drive.drive.droop > 0:  # as with the last torques
-        speed = belt = goal - drive.sag(rows) * drive.torque
     motion = Forecast(np.stack([start, speed]), belt[None], wanted.error)
     asked = drive.torque_for(motion, run(rows, belt)[None])[0]
-    torque = np.clip(asked, *drive.torque_limits(rows, speed, goal))
+    torque = np.clip(asked, *drive.drive.torque_range(speed))
     carrying = mass * gravity * drive.radius  # torque of a track that carries the robot by itself
     tolerance = _TOLERANCE * np.minimum(drive.drive.torque_limit, carrying) + _ROUGHNESS * carrying
     weak = rows[(np.abs(asked - torque) > tolerance).any(axis=1)]
     if weak.size:
-        first = speed[weak]
-        if drive.drive.droop == 0:
-            first = _first_guess(start[weak], goal[weak], torque[weak] != asked[weak])
+        first = _first_guess(start[weak], goal[weak], torque[weak] != asked[weak])
         balance = _balance(drive.of(weak), start[weak], goal[weak], first, mass, tolerance[weak])
         _, torque[weak] = balance.solve(lambda going, omega: drive.radius[weak[going]] * run(weak[going], omega))
         speed[weak] = belt[weak] = balance.speed
@@ -74,7 +70,7 @@ def _balance(sprockets: DriveState, start: Array, goal: Array, speed: Array, mas
         below = omega < goal[rows]
         rise = []
         for each in (omega - _STEP, omega + _STEP):
-            least, most = sprockets.torque_limits(rows, each, goal[rows])
+            least, most = drive.torque_range(each)
             rise.append(required(rows, each, np.zeros_like(each)) - np.where(below, most, least))
         return (rise[1] - rise[0]) / (2 * _STEP)
 
@@ -86,6 +82,6 @@ def _balance(sprockets: DriveState, start: Array, goal: Array, speed: Array, mas
         slope=slope * (radius[:, :, None] * radius[:, None]),
         tolerance=tolerance,
         required=required,
-        limits=lambda rows, omega: sprockets.torque_limits(rows, omega, goal[rows]),
+        limits=lambda _, omega: drive.torque_range(omega),
         stiffness=stiffness,
     )

@@ -117,17 +117,6 @@ class Ground(Checked):
         downhill = size * math.sin(self.slope)
         return -downhill * math.cos(self.uphill), -downhill * math.sin(self.uphill), -size * math.cos(self.slope)
 
-    def require_parking(self, friction: Sequence[float] | Array, heading: float) -> None:
-        """Raise InvalidValueError if a robot with this heading [rad] would slide down from rest.
-
-        `friction` (2,): along and across the tracks, averaged over the pads where the robot stands.
-        """
-        steepest = friction_angle(friction, self.uphill - heading)
-        parked = f"to park with heading {round(heading, 3) + 0:g} rad"
-        require(
-            self.slope < steepest, "slope", self.slope, f"less than the friction angle, {steepest:.3g} rad, {parked}"
-        )
-
 
 def friction_angle(friction: Sequence[float] | Array, uphill: float) -> float:
     """Steepest slope [rad] on which a robot doesn't slide, if uphill is in the direction `uphill` [rad] in its frame.

@@ -18,7 +18,7 @@ from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
 from sim.task import MAX_WEIGHT
-from sim.terms import require_terms
+from sim.terms import OwnTerms
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
 from trackslip.laws.base import SlipLaw
 
@@ -73,7 +73,7 @@ class TrackingReward:
 
 
 @dataclass(frozen=True)
-class EnvConfig:
+class EnvConfig(OwnTerms):
     """A path-tracking task."""
 
     reference: str | tuple[str, ...] = "paper"
@@ -113,12 +113,6 @@ class EnvConfig:
     """Distance from the reference beyond which an episode terminates [m]."""
     reward: TrackingReward = field(default_factory=TrackingReward)
     """The reward of a step."""
-    own_rewards: dict[str, float] = field(default_factory=dict)
-    """Weights of own terms of the reward, by function MODULE:NAME; see `sim.terms`."""
-    own_observations: dict[str, float] = field(default_factory=dict)
-    """Scales of own elements at the end of the observation, by function."""
-    privileged: dict[str, float] = field(default_factory=dict)
-    """Scales of what only critics shall see, by function: info["privileged"]."""
     randomization: Randomization | str | None = None
     """Properties that vary between episodes; "typical" for Randomization.typical()."""
     robot: RobotSource = SHIPPED
@@ -127,6 +121,7 @@ class EnvConfig:
     """Servos and motors; None for the robot's own."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, value, choices in (
             ("action", self.action, _ACTIONS),
             ("pose_source", self.pose_source, _POSE_SOURCES),
@@ -160,7 +155,6 @@ class EnvConfig:
         require(abs(rate * PERIOD - 1) <= 1e-9, "scanner.rate", rate, f"{1 / PERIOD:g} Hz, once in a control period")
         known = not isinstance(self.randomization, str) or self.randomization == "typical"
         require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
-        require_terms(self.own_rewards, self.own_observations | self.privileged)
         self.drawn.require_standing(self.parameters)
         distance = self.drawn.start_distance
         require(distance[1] < self.off_path, "start_distance", distance, f"less than off_path = {self.off_path} m")

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim import terms
 from sim.fleet import Fleet
 from sim.path_tracking.config import PERIOD, EnvConfig, TrackingReward
 from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
@@ -19,6 +18,7 @@ from sim.restorable import Restorable
 from sim.robot.robot import load_robot
 from sim.scanner.feed import ScannerFeed
 from sim.task import Element, clipped_actions
+from sim.terms import Terms
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.file import SHIPPED
@@ -56,7 +56,8 @@ class PathTracking(Restorable):
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
         self.period = PERIOD
         """Control period [s]."""
-        self.observed = self.layout.elements + terms.elements(config.own_observations)
+        self._own = Terms(config)
+        self.observed = self.layout.elements + config.own_elements
         """Elements (n) of an observation."""
         self.commanded = _commanded(config, self.fleet.drive.limit)
         """Elements (2) of an action."""
@@ -146,7 +147,7 @@ class PathTracking(Restorable):
         self.truncated = (self._k >= self.last) & ~self.terminated
         change, self._action = action - self._action, action
         usual = reward_terms(self.config.reward, distance, turn, change, self.terminated)
-        self._terms = np.array([*usual, *terms.weighted(self, self.config.own_rewards).values()])
+        self._terms = np.array([*usual, *self._own.rewards(self).values()])
         self.reward = np.add.accumulate(self._terms)[-1]  # one by one: the same bits for any number of robots
 
     @property
@@ -178,7 +179,7 @@ class PathTracking(Restorable):
         twists = self.table.twists(self._reference, self._k)
         load = self._load if self.config.loads else None
         usual = self.layout.observation(self._seen_error, twists, self._omega, self._action, load)
-        return np.concatenate([usual, terms.scaled(self, self.config.own_observations)], axis=1)
+        return np.concatenate([usual, self._own.observed(self)], axis=1)
 
     def info(self) -> dict[str, Array]:
         """Further quantities by name, as arrays (N, ...), some of them the task's own; the keys are always the same."""
@@ -201,7 +202,7 @@ class PathTracking(Restorable):
             "friction": self.fleet.friction(),  # (N, 2) along and across, averaged over the pads [-]
             "success": self._success,  # whether the robot has always been within metrics.LOST of the reference
             **dict(zip(self._rewards, self._terms, strict=True)),
-            **({"privileged": terms.scaled(self, self.config.privileged)} if self.config.privileged else {}),
+            **self._own.info(self),
         }
 
 

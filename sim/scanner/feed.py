@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,13 +11,47 @@ from numpy.typing import ArrayLike
 from sim.fleet import Fleet
 from sim.restorable import Restorable
 from sim.robot.robot import SCANNED_GROUP
-from sim.scanner.beams import Aim, echo, footprint, moved_back
 from sim.scanner.obstacles import Obstacles
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.errors import require
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.scan import Scan
+
+_SLACK = 0.2  # around the plate, so that beams need not be selected again for every scan [m]
+
+
+@dataclass(frozen=True)
+class _Aim:
+    """The beams that can hit plates near `centre`, whatever their headings; the same number W for every robot."""
+
+    centre: Array  # (N, 3) of the plates, when the beams were selected [m]
+    beams: np.ndarray  # (N, W) among the B of all
+
+    @classmethod
+    def at(cls, centre: Array, origin: Array, heading: float, radius: float, bearings: Array) -> _Aim:
+        """Select the beams to cast at plates around `centre` (N, 3) [m].
+
+        The beams start at `origin` (3,) [m] with equally spaced, ascending `bearings` (B,) from the world direction
+        `heading` [rad]. Plates have no points beyond a `radius` around their centres [m].
+        """
+        radius += _SLACK
+        x, y = (centre - origin)[:, :2].T
+        distance = np.hypot(x, y)
+        bearing = wrap_angle(np.arctan2(y, x) - heading)
+        spread = np.where(distance > radius, np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0)), np.pi)
+        last = len(bearings) - 1
+        step = (bearings[-1] - bearings[0]) / last
+        low, high = ((edge - bearings[0]) / step for edge in (bearing - spread, bearing + spread))
+        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where the bearing wraps
+        low, high = np.where(around, 0, np.clip(low, 0, last)), np.where(around, last, np.clip(high, 0, last))
+        first = np.floor(low).astype(int)
+        count = min(int((np.ceil(high) - first).max()), last) + 1
+        return cls(centre, np.minimum(first, last + 1 - count)[:, None] + np.arange(count))
+
+    def holds(self, centre: Array) -> bool:
+        """True if the selection is still valid for plates around `centre` (N, 3)."""
+        return bool(np.abs(centre - self.centre).max() <= _SLACK / 2)
 
 
 class ScannerFeed(Restorable):
@@ -54,7 +88,7 @@ class ScannerFeed(Restorable):
         self._scanner, self._fleet = scanner, fleet
         self._random = [g.spawn(1)[0] for g in generators]
         every = np.broadcast_to(scanner.noise if noise is None else noise, (fleet.size,))
-        self._scanners = [dataclasses.replace(scanner, noise=float(deviation)) for deviation in every]
+        self._scanners = [replace(scanner, noise=float(deviation)) for deviation in every]
         robot = fleet.robot
         x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])
@@ -64,20 +98,14 @@ class ScannerFeed(Restorable):
         """Time between scans [s]."""
         self.bearings = scanner.bearings
         """Directions (B,) of the beams in the LRF's frame [rad]."""
-        direction = self._heading + self.bearings[:, None] + footprint(scanner.divergence)
-        self._rays = np.stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1)  # (B, K, 3)
-        self._lag = scanner.lag
+        direction = self._heading + self.bearings
+        self._rays = np.stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1)  # (B, 3)
         obstacles = obstacles or Obstacles()
         obstacles.require_clear(self._origin[:2])
-        self._walking = Obstacles(walkers=obstacles.walkers)
-        standing = dataclasses.replace(obstacles, walkers=())
-        self._standing = self._to_obstacles(standing, 0.0) if obstacles else None  # (B, K) [m], computed once
-        # a plate moves for half the scan before the scan's time and half of it after: twice that is safe
-        top_speed = fleet.drive.limit * robot.geometry.sprocket_radius
-        self._reach = robot.plate_radius + top_speed * scanner.scan_duration
-        self._aim: Aim | None = None
-        self._aimed_rays: Array = np.empty((fleet.size, 0, 1, 3))  # (N, W, K, 3)
-        self._aimed_origins: Array = np.empty((fleet.size, 0, 3))  # (N, W * K, 3)
+        self._around = obstacles.ranges(self._origin[:2], self._rays[:, :2])  # (B,) [m]
+        self._aim: _Aim | None = None
+        self._aimed_rays: Array = np.empty((fleet.size, 0, 3))  # (N, W, 3)
+        self._aimed_origins: Array = np.empty((fleet.size, 0, 3))  # (N, W, 3)
         self._groups = (np.arange(6) == SCANNED_GROUP).astype(np.uint8)
         self._lrf = robot.model.body("lrf").id
 
@@ -89,43 +117,23 @@ class ScannerFeed(Restorable):
     def true_ranges(self) -> Array:
         """Ranges (N, B) without measurement errors, NaN where there is nothing [m]."""
         aim = self._aimed()
-        plate = self._to_plates(aim)
-        ranges = np.empty((self._fleet.size, len(self._rays)))
-        if self._standing is None:
-            ranges.fill(np.nan)
-        else:
-            around = np.fmin(self._standing, self._to_obstacles(self._walking, self._fleet.time))
-            plate = np.fmin(plate, around[aim.beams])
-            ranges[:] = echo(around)
-        ranges.ravel()[aim.place] = echo(plate)
+        distance, *_ = self._fleet.batch.ray(
+            self._aimed_origins, self._aimed_rays, geomgroup=self._groups, bodyexclude=self._lrf
+        )
+        distance[distance < 0] = np.nan
+        ranges = np.tile(self._around, (self._fleet.size, 1))
+        np.put_along_axis(ranges, aim.beams, np.fmin(distance, self._around[aim.beams]), axis=1)
         return ranges
 
-    def _aimed(self) -> Aim:
+    def _aimed(self) -> _Aim:
         """The beams to cast at the plates now."""
         centre = self._fleet.plate
         if self._aim is None or not self._aim.holds(centre):
-            width = self._scanner.divergence
-            self._aim = Aim.at(centre.copy(), self._origin, self._heading, self._reach, self.bearings, width)
+            radius = self._fleet.robot.plate_radius
+            self._aim = _Aim.at(centre.copy(), self._origin, self._heading, radius, self.bearings)
             self._aimed_rays = self._rays[self._aim.beams]
-            self._aimed_origins = np.empty(self._aimed_rays.shape).reshape(self._fleet.size, -1, 3)
-            self._aimed_origins[:] = self._origin
+            self._aimed_origins = np.broadcast_to(self._origin, self._aimed_rays.shape).copy()
         return self._aim
-
-    def _to_plates(self, aim: Aim) -> Array:
-        """Distances (N, W, K) along the rays of the selected beams, NaN for a miss [m]."""
-        fleet, rays, origins = self._fleet, self._aimed_rays, self._aimed_origins
-        if self._scanner.scan_duration > 0:
-            origins, rays = moved_back(self._origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
-            origins = origins.reshape(fleet.size, -1, 3)
-        distance, *_ = fleet.batch.ray(
-            origins, rays.reshape(fleet.size, -1, 3), geomgroup=self._groups, bodyexclude=self._lrf
-        )
-        distance[distance < 0] = np.nan
-        return distance.reshape(rays.shape[:-1])
-
-    def _to_obstacles(self, obstacles: Obstacles, time: float) -> Array:
-        """Distances (B, K) along the rays of all beams, in a scan at `time` [s], NaN for a miss [m]."""
-        return obstacles.ranges(self._origin[:2], self._rays[..., :2], time + self._lag[:, None])
 
     def measure(self, true_ranges: Array) -> Array:
         """Measured ranges (N, ..., B) [m] of each robot's scanner, which has its own random numbers."""

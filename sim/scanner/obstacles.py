@@ -1,9 +1,8 @@
-"""Obstacles in the scanner's field: posts, walls and walkers, by name, or from a TOML file."""
+"""Obstacles in the scanner's field: posts and walls, by name, or from a TOML file."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,12 +11,8 @@ from trackslip.errors import Checked, checked, require, require_at_most, require
 from trackslip.kinematics import Array
 
 _MAX_COORDINATE = 1000.0  # largest coordinate [m]
-_MAX_RADIUS = 10.0  # largest radius of a post or a person [m]
-_MAX_SPEED = 20.0  # largest speed of a person along either axis [m/s]
-PERSON = 0.25
-"""Radius of a person [m]."""
-_MAX_STANDING = 10_000  # largest number of posts, and of walls
-_MAX_WALKERS = 100  # largest number of walkers, whose ranges must be computed for every scan
+_MAX_RADIUS = 10.0  # largest radius of a post [m]
+_MAX_NUMBER = 10_000  # largest number of posts, and of walls
 _MIN_DISTANCE = 0.01  # smallest distance of an obstacle from the scanner [m]
 
 
@@ -36,7 +31,7 @@ class Post(Checked):
         super().__post_init__()
         _require_coordinates(x=self.x, y=self.y)
 
-    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
+    def ranges(self, origin: Array, direction: Array) -> Array:
         """See `Obstacles.ranges`."""
         return _to_circle(np.array([self.x, self.y]) - origin, self.radius, direction)
 
@@ -59,7 +54,7 @@ class Wall:
         end = self.x1, self.y1
         require(end != (self.x0, self.y0), "x1, y1", end, "another place than x0, y0")
 
-    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
+    def ranges(self, origin: Array, direction: Array) -> Array:
         """See `Obstacles.ranges`; a beam parallel to the wall misses it."""
         start = np.array([self.x0, self.y0]) - origin
         side = np.array([self.x1 - self.x0, self.y1 - self.y0])
@@ -72,79 +67,36 @@ class Wall:
 
 
 @dataclass(frozen=True)
-class Walker(Checked):
-    """A person: an upright cylinder that walks in a straight line, or to and fro."""
-
-    x: float
-    """Start of the centre, in the world [m]."""
-    y: float
-    """Start of the centre, in the world [m]."""
-    vx: float
-    """Velocity along the world's x axis [m/s]."""
-    vy: float
-    """Velocity along the world's y axis [m/s]."""
-    radius: float = checked(PERSON, require_positive, _MAX_RADIUS, "m")
-    """Radius [m]."""
-    turns_after: float = math.inf
-    """Time after which the person turns round, again and again [s]."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_coordinates(x=self.x, y=self.y)
-        for name, speed in (("vx", self.vx), ("vy", self.vy)):
-            require(abs(speed) <= _MAX_SPEED, name, speed, f"from {-_MAX_SPEED:g} to {_MAX_SPEED:g} m/s")
-        require(self.turns_after > 0, "turns_after", self.turns_after, "a number > 0, or inf to walk straight on")
-
-    def place(self, time: Array) -> Array:
-        """Centre (..., 2) at times (...) since the start of the run [s] [m]."""
-        time = np.asarray(time, float)
-        if math.isfinite(self.turns_after):
-            there_and_back = 2 * self.turns_after
-            time = np.minimum(time % there_and_back, there_and_back - time % there_and_back)
-        return np.stack([self.x + self.vx * time, self.y + self.vy * time], axis=-1)
-
-    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
-        """See `Obstacles.ranges`."""
-        return _to_circle(self.place(time) - origin, self.radius, direction)
-
-
-@dataclass(frozen=True)
 class Obstacles:
     """Everything in the field, except the plate, that beams may hit."""
 
     posts: tuple[Post, ...] = ()
     walls: tuple[Wall, ...] = ()
-    walkers: tuple[Walker, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, limit in (("posts", _MAX_STANDING), ("walls", _MAX_STANDING), ("walkers", _MAX_WALKERS)):
-            require_at_most(f"number of {name}", len(getattr(self, name)), limit)
+        for name in ("posts", "walls"):
+            require_at_most(f"number of {name}", len(getattr(self, name)), _MAX_NUMBER)
 
-    def __bool__(self) -> bool:
-        return any(getattr(self, f.name) for f in fields(self))
-
-    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
+    def ranges(self, origin: Array, direction: Array) -> Array:
         """Distances (...) to the nearest obstacle, NaN where there is none [m].
 
-        The beams start at `origin` (2,) [m] in the directions (..., 2), unit vectors, each at its `time` since the
-        start of the run, which broadcasts against (...) [s]. The distance is 0 inside a post or a person.
+        The beams start at `origin` (2,) [m] in the directions (..., 2), unit vectors. The distance is 0 inside a post.
         """
         nearest = np.full(direction.shape[:-1], np.nan)
-        for f in fields(self):
-            for obstacle in getattr(self, f.name):
-                nearest = np.fmin(nearest, obstacle.ranges(origin, direction, time))
+        for obstacle in (*self.posts, *self.walls):
+            nearest = np.fmin(nearest, obstacle.ranges(origin, direction))
         return nearest
 
     def require_clear(self, scanner: Array) -> None:
-        """Raise InvalidValueError if an obstacle stands on the scanner (2,) [m]; a walker, at the start of the run."""
+        """Raise InvalidValueError if an obstacle stands on the scanner (2,) [m]."""
         angle = np.linspace(0.0, 2 * np.pi, 360)
         around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         x, y = np.round(scanner, 3) + 0.0
         allowed = f"at least {_MIN_DISTANCE:g} m away from the scanner, which is at ({x:g}, {y:g})"
-        for f in fields(self):
-            for k, obstacle in enumerate(getattr(self, f.name)):
-                near = (obstacle.ranges(scanner, around, np.zeros(1)) < _MIN_DISTANCE).any()
-                require(not near, f"{f.name}[{k}]", obstacle, allowed)
+        for name in ("posts", "walls"):
+            for k, obstacle in enumerate(getattr(self, name)):
+                near = (obstacle.ranges(scanner, around) < _MIN_DISTANCE).any()
+                require(not near, f"{name}[{k}]", obstacle, allowed)
 
 
 def _to_circle(centre: Array, radius: float, direction: Array) -> Array:
@@ -179,8 +131,6 @@ NAMED_OBSTACLES: dict[str, Obstacles] = {
             Wall(3.0, -2.0, -6.0, -2.0),
         )
     ),
-    # between the scanner and the circles, so that the plate is hidden at times
-    "walker": Obstacles(walkers=(Walker(-4.5, -0.7, 1.0, 0.0, turns_after=6.0),)),
     # it hides a part of every circle
     "occluded": Obstacles(posts=(Post(-1.61, -0.71),)),
 }
@@ -192,7 +142,7 @@ from x = -4.7 to 1.7 and up to y = 6.3. No obstacle stands in the way of a robot
 
 
 def load_obstacles(source: str) -> Obstacles:
-    """Load obstacles by name, or from a TOML file with tables `[[posts]]`, `[[walls]]` and `[[walkers]]`.
+    """Load obstacles by name, or from a TOML file with tables `[[posts]]` and `[[walls]]`.
 
     Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
     """

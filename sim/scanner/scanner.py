@@ -10,7 +10,6 @@ from trackslip.errors import (
     Checked,
     checked,
     require,
-    require_at_most,
     require_finite,
     require_non_negative,
     require_positive,
@@ -23,10 +22,6 @@ _MAX_BEAMS = 20_000  # largest number of beams in a scan
 _MIN_RATE = 5.0  # smallest scan rate [Hz]
 _MAX_ERROR = 0.5  # largest error of a range from a single cause [m]
 _MIN_STEP = 1e-6  # finest quantisation of ranges [m]
-_MAX_BEAM = 0.1  # largest divergence of a beam [rad]
-
-MIRROR_PERIOD = 1 / 75
-"""Time from the first beam of a scan to the last of a SICK LMS 200, whose mirror makes 75 revolutions a second [s]."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +44,9 @@ class LaserScanner(Checked):
     """Noisy ranges are rounded to multiples of this; 0 for no rounding [m]."""
     range_bias: float = checked(0.0, require_within, -_MAX_ERROR, _MAX_ERROR, "m")
     """Error common to all ranges [m]."""
-    divergence: float = checked(0.0, require_non_negative, _MAX_BEAM, "rad")
-    """Angle by which a beam widens, 4.4 mrad for the LMS 200; it causes mixed pixels at edges [rad]."""
-    scan_duration: float = checked(0.0, require_non_negative)
-    """Time from the first beam to the last; the scan's own time is in the middle [s]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_at_most("scan_duration", self.scan_duration, self.period, "s, the time between scans")
         opened, step, rounding = self.field_of_view, self.resolution, self.quantisation
         few_beams = f"at least field_of_view / {_MAX_BEAMS}, for at most that many beams"
         for valid, name, allowed in (
@@ -98,12 +88,6 @@ class LaserScanner(Checked):
         """Directions (B,) of the beams in the LRF's frame [rad]."""
         beams = round(self.field_of_view / self.resolution) + 1
         return (np.arange(beams) - (beams - 1) / 2) * self.resolution
-
-    @property
-    def lag(self) -> Array:
-        """Times (B,) of the beams, relative to the scan's [s]."""
-        beams = len(self.bearings)
-        return (np.arange(beams) / (beams - 1) - 0.5) * self.scan_duration
 
     @property
     def range_std(self) -> float:

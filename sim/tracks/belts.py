@@ -62,8 +62,8 @@ class _Map:
         moved: Floats = (surface[..., self.geoms[first], :] * direction).sum(axis=-1)
         return moved / (direction**2).sum(axis=-1)
 
-    def read(self, sensordata: Floats, axes: Floats, speeds: Floats) -> Reading:
-        """Reading from sensor data (..., S), the tracks' axes to the left (..., T, 3), and speeds (..., T)."""
+    def read(self, sensordata: Floats, xmat: Floats, speeds: Floats) -> Reading:
+        """Reading from sensor data (..., S), the matrices of all bodies (..., nbody, 9), and speeds (..., T)."""
         found = sensordata[..., self.first].astype(int)
         reported = np.minimum(found, self.slots)  # the first slots are filled first
         owner = np.repeat(np.arange(found.size), reported.ravel())  # (C,) the tracks of the contacts
@@ -71,7 +71,7 @@ class _Map:
         state, track = np.divmod(owner, len(self.names))
         start = state * sensordata.shape[-1] + self.first[track] + slot * SENSED_WIDTH
         sensed = np.take(sensordata, start + np.arange(SENSED_WIDTH)[:, None])
-        return read_contacts(sensed, owner, found - reported, axes, speeds)
+        return read_contacts(sensed, owner, found - reported, xmat[..., self.bodies, 1::3], speeds)
 
 
 class Belts:
@@ -143,8 +143,7 @@ class Belts:
 
     def read(self, data: mujoco.MjData) -> Reading:
         """Forces and motion (T,) of the tracks in the last step, at the belts' current speeds."""
-        axes = data.xmat.reshape(-1, 3, 3)[self._map.bodies, :, 1]
-        return self._map.read(data.sensordata, axes, self.speeds()).complete(self.names)
+        return self._map.read(data.sensordata, data.xmat, self.speeds()).complete(self.names)
 
     def bind_batch(self, batch: Any, motor: ArrayLike | None = None) -> BatchBelts:
         """Return the belts of a `mujoco.batch.Batch` of the model.
@@ -153,10 +152,6 @@ class Belts:
         of a robot's side with flippers, have one speed, and share its torque.
         """
         return BatchBelts(self._map, batch, np.arange(len(self.names)) if motor is None else np.asarray(motor, int))
-
-
-Record = tuple[Floats, Floats, Floats]
-"""Of R simulations in some steps: data of all sensors, the tracks' axes, and the belts' speeds."""
 
 
 class BatchBelts:
@@ -208,8 +203,7 @@ class BatchBelts:
             self._batch.state[tried] = state[tried]
             self._put(tried, speeds)
             self._batch.step(ids=tried)
-            reading = self._map.read(self._sensordata[tried], self._axes(self._xmat[tried]), speeds[:, self._motor])
-            return self._by_motor(reading.traction)
+            return self._by_motor(self._read(tried).traction)
 
         self._motors.advance(where, float(self._batch.model.opt.timestep), attempt)
 
@@ -231,49 +225,33 @@ class BatchBelts:
 
     def read(self) -> Reading:
         """Forces and motion (N, T) of the tracks in the last step, at the belts' current speeds."""
-        return self._map.read(self._sensordata, self._axes(self._xmat), self.speeds()).complete(self.names)
+        return self._read(slice(None)).complete(self.names)
 
-    def run(self, steps: int, rows: Any = slice(None)) -> Record:
+    def run(self, steps: int, rows: Any = slice(None)) -> Reading:
         """Advance the simulations `rows` by physics steps with the speeds or motors that are set.
 
-        Returns what `read_all` reads. A simulation that diverges stops; its last step repeats.
+        Returns forces and motion (R, steps, T) in each step, which may lack contacts: see `Reading.complete`. A
+        simulation that diverges stops; its last step repeats.
         """
         where = np.arange(len(self._surface))[rows]
-        before, goal = self._batch.state.copy(), self._motors.goal(where)
+        before, goal = self._batch.state[where].copy(), self._motors.goal(where)
         self._put(where, goal)
         recorded = self._batch.rollout(steps, record=("sensordata", "xmat"), ids=where)
         speeds = np.repeat(goal[:, None, self._motor], steps, axis=1)
-        record = recorded["sensordata"], self._axes(recorded["xmat"]), speeds
+        reading = self._map.read(recorded["sensordata"], recorded["xmat"], speeds)
         if self._motors.limited(where):
-            traction = self._by_motor(self._map.read(*record).traction)
+            traction = self._by_motor(reading.traction)
             weak = ~self._motors.hold(where, float(self._batch.model.opt.timestep), traction)
             if weak.any():
-                self._batch.state[where[weak]] = before[where[weak]]
-                for whole, own in zip(record, self._run_weak(steps, where[weak]), strict=True):
-                    whole[weak] = own
-        return record
+                self._batch.state[where[weak]] = before[weak]
+                for k in range(steps):
+                    self.step(where[weak])
+                    reading.put((weak, k), self._read(where[weak]))
+        return reading
 
-    def _run_weak(self, steps: int, where: NDArray[np.int_]) -> Record:
-        """Advance simulations whose motors can't hold their set points, step by step."""
-        records = []
-        for _ in range(steps):
-            self.step(where)
-            speeds = self._motors.speed[where][:, self._motor]
-            records.append((self._sensordata[where], self._axes(self._xmat[where]), speeds))
-        sensordata, axes, speeds = (np.stack(each, axis=1) for each in zip(*records, strict=True))
-        return sensordata, axes, speeds
-
-    def read_all(self, records: Sequence[Record], rows: Any = slice(None)) -> Reading:
-        """Forces and motion (R, steps, T) in each step of these runs, one after the other, of some of their rows.
-
-        Readings may lack contacts: see `Reading.complete`.
-        """
-        sensordata, axes, speeds = (np.concatenate(parts, axis=1)[rows] for parts in zip(*records, strict=True))
-        return self._map.read(sensordata, axes, speeds)
-
-    def _axes(self, xmat: Floats) -> Floats:
-        """The tracks' axes to the left (..., T, 3) from the matrices of all bodies (..., nbody, 9)."""
-        return xmat[..., self._map.bodies, 1::3]
+    def _read(self, rows: Any) -> Reading:
+        speeds = self._map.speeds(self._surface[rows])
+        return self._map.read(self._sensordata[rows], self._xmat[rows], speeds)
 
 
 def _speeds(speeds: ArrayLike, count: int) -> Floats:

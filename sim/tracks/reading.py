@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,21 @@ class Reading:
     missing: Floats
     """Largest share of the load (..., T) at contacts that the sensor had no room for [-]."""
 
+    @classmethod
+    def joined(cls, readings: Sequence[Reading]) -> Reading:
+        """Readings (N, steps, T) one after the other."""
+        names = vars(readings[0])
+        return cls(*(np.concatenate([getattr(each, name) for each in readings], axis=1) for name in names))
+
+    def __getitem__(self, rows: Any) -> Reading:
+        """The reading of some simulations."""
+        return Reading(*(values[rows] for values in vars(self).values()))
+
+    def put(self, rows: Any, other: Reading) -> None:
+        """Replace the reading of some simulations."""
+        for name, values in vars(other).items():
+            getattr(self, name)[rows] = values
+
     def complete(self, names: Sequence[str]) -> Reading:
         """This reading of the tracks `names` (T,); raises TrackslipError where it lacks contacts that matter."""
         if (self.missing > _COMPLETE).any():
@@ -70,7 +86,7 @@ def read_contacts(
         return sums.reshape(speeds.shape)
 
     # over a contact the belt moves square to the normal and to the wheels' axes; its direction in the contact's frame:
-    left = np.moveaxis(lateral, -1, 0).reshape(3, -1)[:, owner]
+    left = lateral.reshape(-1, 3)[owner].T
     first, second = _triple(left, normal, tangent), -(left * tangent).sum(axis=0)
     size = np.hypot(first, second)
     size[size == 0] = 1.0

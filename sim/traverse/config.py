@@ -9,7 +9,7 @@ from sim.drive.drive import Drive
 from sim.robot.named import RobotSource, load_tracked
 from sim.robot.tracked import TrackedRobot
 from sim.task import MAX_WEIGHT
-from sim.terms import require_terms
+from sim.terms import OwnTerms
 from sim.terrain import Course, load_course
 from sim.traverse.courses import OBSTACLES, require_kinds
 from sim.traverse.ftr_courses import FTR_COURSES
@@ -68,7 +68,7 @@ class CrossingReward:
 
 
 @dataclass(frozen=True)
-class TraverseConfig:
+class TraverseConfig(OwnTerms):
     """The task of crossing a course."""
 
     robot: RobotSource = "rescue"
@@ -105,12 +105,6 @@ class TraverseConfig:
     """Contact preset of the tracks."""
     reward: CrossingReward = field(default_factory=CrossingReward)
     """The reward of a step."""
-    own_rewards: dict[str, float] = field(default_factory=dict)
-    """Weights of own terms of the reward, by function MODULE:NAME; see `sim.terms`."""
-    own_observations: dict[str, float] = field(default_factory=dict)
-    """Scales of own elements at the end of the observation, by function."""
-    privileged: dict[str, float] = field(default_factory=dict)
-    """Scales of what only critics shall see, by function: info["privileged"]."""
     noise: SensorNoise = field(default_factory=SensorNoise)
     """Noise of the observations."""
     limits: Limits = field(default_factory=Limits)
@@ -119,6 +113,7 @@ class TraverseConfig:
     """Servos of belts and flippers; by default with the lag and the top speed of the motors in the robot's file."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, value, choices in (("action", self.action, _ACTIONS), ("flippers", self.flippers, _FLIPPERS)):
             require(value in choices, name, value, f"one of {', '.join(choices)}")
         valid = self.courses and all(isinstance(one, str | Course) for one in self.courses)
@@ -126,7 +121,6 @@ class TraverseConfig:
         for course in self.courses:
             if isinstance(course, str) and course not in DRAWN:
                 load_course(course, drawn=DRAWN)
-        require_terms(self.own_rewards, self.own_observations | self.privileged)
         require_range("mass", self.mass, *MASSES)
         require_range("difficulty", self.difficulty, 0.0, 1.0)
         require_kinds(self.kinds)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim import terms
 from sim.restorable import Restorable
 from sim.robot.belt_motors import BeltMotors
 from sim.task import Element, checked, clipped_actions
+from sim.terms import Terms
 from sim.terrain import Course, load_course
 from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingReward, TraverseConfig
 from sim.traverse.courses import MAX_BOXES, draw_course
@@ -115,7 +115,8 @@ class Crossing(Restorable):
         self.period = config.period
         """Control period [s]."""
         self.layout = CrossingLayout(self.world, config.noise)
-        self.observed = self.layout.elements + terms.elements(config.own_observations)
+        self._own = Terms(config)
+        self.observed = self.layout.elements + config.own_elements
         """Elements (n) of an observation."""
         self.difficulty = config.difficulty
         """Range from which the difficulty of the next courses is drawn [-]."""
@@ -217,8 +218,7 @@ class Crossing(Restorable):
         ended = np.where(running, self.outcome, Outcome.DRIVING)
         took = np.where(running, self.period, 0.0)
         self._terms = reward_terms(self.config.reward, gain, work, took, np.where(running[:, None], change, 0.0), ended)
-        own = terms.weighted(self, self.config.own_rewards)
-        self._terms |= {name: np.where(running, value, 0.0) for name, value in own.items()}
+        self._terms |= {name: np.where(running, value, 0.0) for name, value in self._own.rewards(self).items()}
         self.reward = sum(self._terms.values(), np.zeros(self.size))
         self.truncated = self.outcome == Outcome.TIME
         self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
@@ -226,7 +226,7 @@ class Crossing(Restorable):
     def observation(self) -> Array:
         """Observations (N, n), see `traverse.observation`."""
         usual = self.layout.observation(self.world, self._seed.tolist())
-        return np.concatenate([usual, terms.scaled(self, self.config.own_observations)], axis=1)
+        return np.concatenate([usual, self._own.observed(self)], axis=1)
 
     def info(self) -> dict[str, NDArray[Any]]:
         """Further quantities by name, as arrays (N, ...); the keys are always the same."""
@@ -246,7 +246,7 @@ class Crossing(Restorable):
             "penetration": self._penetration.copy(),  # largest so far [m]
             "work": self._work.copy(),  # of the belts so far [J]
             **{f"reward_{name}": value.copy() for name, value in self._terms.items()},
-            **({"privileged": terms.scaled(self, self.config.privileged)} if self.config.privileged else {}),
+            **self._own.info(self),
         }
 
 

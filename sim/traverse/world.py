@@ -15,6 +15,7 @@ from sim.robot.belt_motors import BeltMotors
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
+from sim.tracks import Reading
 from sim.traverse.contact import TrackContact
 from sim.traverse.footprint import Footprint
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
@@ -193,21 +194,20 @@ class Traverse(World):
         if not rows.size:
             return
         self.servo.command(command.speed, command.flippers)
-        before, records = self.batch.state.copy(), []
-        for _ in range(self._samples):
-            speed = self.servo.advance(self.sample)
-            limits = {} if self._motors is None else self._motors.at(self._belts.speeds()[:, :2], speed)
-            self._belts.set(speed, **limits)
-            self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
-            with quietly():  # a run that breaks down ends by name
-                records.append(self._belts.run(self._substeps, rows))
+        before, readings = self.batch.state.copy(), []
+        with quietly():  # a run that breaks down ends by name
+            for _ in range(self._samples):
+                speed = self.servo.advance(self.sample)
+                limits = {} if self._motors is None else self._motors.at(self._belts.speeds()[:, :2], speed)
+                self._belts.set(speed, **limits)
+                self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
+                readings.append(self._belts.run(self._substeps, rows))
         self.time[rows] += self.period
         broken = self._broken(rows)
         self.batch.state[broken] = before[broken]  # of a diverged run, the last finite one
-        fine = rows[~broken[rows]]
-        if fine.size:
-            reading = self._belts.read_all(records, ~broken[rows]).complete(self.track_names)
-            self.contact.put(fine, TrackContact.mean(reading, float(self.tracked.model.opt.timestep)))
+        fine = ~broken[rows]
+        reading = Reading.joined(readings)[fine].complete(self.track_names)
+        self.contact.put(rows[fine], TrackContact.mean(reading, float(self.tracked.model.opt.timestep)))
         self._judge(rows, broken)
 
     def elevation(self, points: Array) -> Array:

@@ -12,8 +12,6 @@ from trackslip.trajectory.named import load_reference
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_hundred_steps_of_a_controller(benchmark, name):
     """A hundred steps of a single robot, 5 cm beside a circle."""
-    if name == "mpc":
-        pytest.importorskip("casadi")
     pilot, path = controller(name, RobotGeometry(0.168, 0.06), 0.3, 0.05), load_reference("circle")
     times = 0.05 * np.arange(100)
     poses = path.pose(times) + np.array([0.05, 0.0, 0.0])

@@ -37,7 +37,7 @@ OPTIONS = [
         "to park with heading 0 rad: the robot tips",
     ),
     ("grid --obstacles forest", "obstacles = 'forest': must be one of posts"),
-    (f"{DRAG} --ground clay --pull 300", "not to drag the robot backwards from rest"),
+    (f"{DRAG} --ground clay --pull 300", "pull = 300.0: must be less, to park"),
     (f"{DRAG} --pull 160 --pull.height 0.6", "tips over"),
     # logs of real robots
     ("evaluate gone.toml", "gone.toml: No such file"),
@@ -104,7 +104,7 @@ OPTIONS = [
 TRACE = "run,t,omega_l,omega_r,x,y,phi\n" + "".join(f"a,{k / 20},2,3,{k / 100},0,0\n" for k in range(200))
 FILES = [
     ("grid --ground {}", "odd.toml", "along = [", "not TOML"),
-    ("grid --ground {}", "odd.toml", "slope = 0.9", "slope = 0.9: must be less than the friction angle, 0.611 rad"),
+    ("grid --ground {}", "odd.toml", "slope = 0.9", "slope = 0.9: must be less, to park with heading"),
     ("grid --ground {}", "odd.toml", '"two\\nlines" = 1', "two lines is unknown"),
     ("grid --robot {}", "odd.toml", "half_gauge = 0.01", "com_height = 0.12: must be at most 0.0125 m, to stand on"),
     ("identify {}", "log.csv", TRACE, "half_gauge = None: must be given (--half-gauge"),

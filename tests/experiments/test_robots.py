@@ -44,7 +44,7 @@ def test_a_robot_brings_its_own_drive_into_every_command(trackslip, refused, tmp
     circle = ("--reference", "circle", "--circle-duration", "2", "--circle-speed", "0.8", "--compensation", "none")
     runs = ("--radii", "1", "--speeds", "0.6", "--duration", "6")
     for options, drive in (
-        (("grid", *runs, "--drive.delay", "0.1"), replace(own, delay=0.1)),
+        (("grid", *runs, "--drive.lag", "0.1"), replace(own, lag=0.1)),
         (("track", *circle), own),
         (("wander", "--duration", "5", "--max-speed", "0.9"), own),
     ):

@@ -124,7 +124,7 @@ def test_transforms_lead_from_the_map_to_the_robot(log, tmp_path):
 
 
 def test_foxgloves_reader_decodes_every_topic(log, tmp_path):
-    write_bag(log, tmp_path / "bag", GEOMETRY, scan_duration=0.02)
+    write_bag(log, tmp_path / "bag", GEOMETRY)
     bag, count = read(tmp_path / "bag"), {}
     with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
         for _, channel, message, decoded in make_reader(file, True, [DecoderFactory()]).iter_decoded_messages():
@@ -136,8 +136,6 @@ def test_foxgloves_reader_decodes_every_topic(log, tmp_path):
             elif channel.topic == "/scan":
                 assert decoded.ranges == own.ranges.tolist()
     assert count == {topic: len(rows) for topic, rows in bag.items()}
-    assert_stamps(bag["/scan"], log.time - 0.01)  # of the first beam
-    assert bag["/scan"][0][1].time_increment == np.float32(0.02 / (BEAMS - 1))
 
 
 def test_poses_without_headings_are_fixes(log, tmp_path):

@@ -13,7 +13,7 @@ from sim.drive.motor import Motor
 from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import RobotParameters, robot_file_text
-from sim.scanner.obstacles import Obstacles, Post, Walker, Wall, load_obstacles
+from sim.scanner.obstacles import Obstacles, Post, Wall, load_obstacles
 from sim.terrain import Course, Ramp, Rough, Stairs, load_course
 from trackslip.errors import InvalidValueError, SettingsFileError
 
@@ -21,7 +21,6 @@ PAGE = ROOT / "docs" / "grounds_and_robots.md"
 MODELS = ROOT / "models"
 OBSTACLES = """posts = [{x = 1, y = 2.0}]
 walls = [{x0 = 0.0, y0 = 0.0, x1 = 1.0, y1 = 0.0}]
-walkers = [{x = 0.0, y = 5.0, vx = 1.2, vy = 0.0, turns_after = 3.0}]
 """
 COURSE = """width = 2
 friction = 0.5
@@ -34,13 +33,13 @@ pieces = [{kind = "stairs", rise = -0.1, number = 3, width = inf}, {kind = "roug
 def test_files_hold_all_fields(tmp_path):
     path = tmp_path / "any.toml"
     path.write_text(OBSTACLES)
-    expected = Obstacles((Post(1.0, 2.0),), (Wall(0.0, 0.0, 1.0, 0.0),), (Walker(0.0, 5.0, 1.2, 0.0, turns_after=3.0),))
+    expected = Obstacles((Post(1.0, 2.0),), (Wall(0.0, 0.0, 1.0, 0.0),))
     assert load_obstacles(str(path)) == expected
     path.write_text(COURSE)
     assert load_course(str(path)) == Course((Stairs(-0.1, number=3), Rough(amplitude=0.05)), 2.0, 0.5, 7, 3.0)
     assert load_course(str(path), seed=8) == dataclasses.replace(load_course(str(path)), seed=8)
     parameters, ground = RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, mass=9.0), Ground(0.5, 0.6)
-    parameters = dataclasses.replace(parameters, drive=Drive(delay=0.05, droop=0.002, motor=Motor(friction=0.2)))
+    parameters = dataclasses.replace(parameters, drive=Drive(lag=0.07, motor=Motor(friction=0.2)))
     path.write_text(robot_file_text(parameters, ground, "made by hand"))
     assert load_parameters(path) == (parameters, ground)
     box = (MODELS / "box_robot.toml").read_text().replace('"box_', f'"{MODELS}/box_')
@@ -99,7 +98,7 @@ MISTAKES = [
     (load_tracked, ROBOT.replace("[-0.2, 0.1, 0.1], ", ""), "from 2 to 100 wheels"),
     (load_tracked, ROBOT.replace("[-0.2", '["a"'), "hull[0] = 'a': must be a number"),
     # obstacles
-    (load_obstacles, "[[trees]]\nx = 1.0", "trees is unknown; known are posts, walls, walkers"),
+    (load_obstacles, "[[trees]]\nx = 1.0", "trees is unknown; known are posts, walls"),
     # courses
     (load_course, "pieces = 3", "pieces = 3: must be a list of tables"),
     (load_course, "[[pieces]]\nangle = 1", "pieces[0]: kind = None: must be one of flat, ramp, step, stairs"),
@@ -125,7 +124,7 @@ def test_a_mistake_is_one_line_with_file_and_field(tmp_path, load, text, message
     ("load", "known"),
     [
         (load_ground, "ground = .*: must be one of stone, concrete"),
-        (load_obstacles, "obstacles = .*one of posts, room, walker, occluded, or"),
+        (load_obstacles, "obstacles = .*one of posts, room, occluded, or"),
         (load_course, "course = .*must be one of arena, cross_beams, .*, or a .toml file"),
         (load_tracked, r"robot = .*one of shipped, rescue, box, husky, warthog, maxxii, or a \.toml file"),
     ],

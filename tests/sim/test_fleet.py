@@ -174,16 +174,14 @@ def known(fleet, rows=slice(None)):
     return [np.array(values)[rows] for values in (*of_drive, *of_ground, *of_bodies)]
 
 
-@pytest.mark.parametrize(
-    ("grounds", "late"), [(COULOMB, {}), (SHEARING, {"delay": 0.01, "droop": 0.03})], ids=["Coulomb", "shear"]
-)
-def test_strong_and_weak_robots_on_any_ground_drive_the_same_however_they_are_stepped(robot, grounds, late):
+@pytest.mark.parametrize("grounds", [COULOMB, SHEARING], ids=["Coulomb", "shear"])
+def test_strong_and_weak_robots_on_any_ground_drive_the_same_however_they_are_stepped(robot, grounds):
     """At any number of threads, in steps of any length, and alone; some motors are too weak."""
     commands = np.array([[2.0, 3.0], [3.0, -1.0], [3.0, 3.0], [0.5, 1.0]])
     start = np.array([[0.1 * k, 0.0, 3.0 + 0.2 * k] for k in range(4)])  # some turn through pi
 
     def driven(rows, threads, steps):
-        weak, shears = Drive(torque_limit=3.0, **late), grounds is SHEARING
+        weak, shears = Drive(torque_limit=3.0), grounds is SHEARING
         fleet = Fleet(robot, start[rows], [grounds[k] for k in rows], 0.01, weak, threads, shears=shears)
         for sign in (1.0, -0.7, 0.7):  # at last the belts are at their set points to the last bit
             fleet.command(sign * commands[rows])

@@ -52,15 +52,6 @@ def test_another_ground_and_another_drive_show(driven):
     assert missed(driven, replay(driven, slow, GROUND, inputs="commands"))[0].max() > 0.02
 
 
-def test_a_drive_with_a_dead_time_goes_on_at_the_speeds_it_had():
-    late = replace(ROBOT, drive=Drive(delay=0.3))
-    fleet = Fleet(load_robot(parameters=late), np.zeros((1, 3)), GROUND, 0.0)
-    log = open_loop(fleet, np.array([[3.0, 4.0]]), 4.0, period=0.05)[0].between(40, 80)
-    position, heading = missed([log], replay([log], late, GROUND, inputs="commands"))
-    assert position[0] < 0.001
-    assert heading[0] < 0.001
-
-
 def test_sensors_and_clocks_are_those_of_the_log(driven):
     sensor, late = Mounting(0.2, -0.1, 0.3), 0.2
     shift = round(late / 0.05)

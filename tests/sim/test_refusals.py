@@ -12,7 +12,7 @@ from sim.drive.motor import Motor
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import Change, Ground, Patch
 from sim.path_tracking.config import TrackingReward
-from sim.scanner.obstacles import Post, Walker, Wall
+from sim.scanner.obstacles import Post, Wall
 from sim.terrain import Beams, Blocks, Course, Flat, HeightField, Ramp, Rough, Stairs
 from sim.tracks.hull import Hull
 from sim.traverse.courses import draw_course
@@ -34,7 +34,7 @@ WHEELS = Hull.from_wheels
 BLOCKS = partial(Blocks, length=1.0)
 
 REFUSED = [
-    (Drive, {"delay": -0.1}, "delay = -0.1: must be a finite number >= 0"),
+    (Drive, {"lag": -0.1}, "lag = -0.1: must be a finite number > 0"),
     (Motor, {"friction": 40.0}, "friction = 40.0: must be less than gear * stall_torque = 30 N m"),
     (Ground, {"along": -0.1}, "along = -0.1: must be a finite number > 0"),
     (Ground, {"patches": (PATCH(),) * 10_001}, "number of patches = 10001: must be at most 10000"),
@@ -46,10 +46,8 @@ REFUSED = [
     (LaserScanner, {"dropout": 1.0}, "dropout = 1.0: must be at least 0 and less than 1"),
     (LaserScanner, {"field_of_view": 7.0}, "field_of_view = 7.0: must be greater than the resolution"),
     (LaserScanner, {"quantisation": 1e-320}, "quantisation = 1e-320: must be 0, or at least 1e-06 m"),
-    (LaserScanner, {"scan_duration": 0.06}, "scan_duration = 0.06: must be at most 0.05 s, the time between scans"),
     (partial(Post, NAN), {"y": 0.0}, "x = nan: must be a finite number"),
     (partial(Wall, 0.0, 1.0, 0.0), {"y1": 1.0}, "must be another place than x0, y0"),
-    (partial(Walker, 0.0, 0.0, INF), {"vy": 0.0}, "vx = inf: must be from -20 to 20 m/s"),
     (WHEELS, {"wheels": [(0.01 * k, 0.1, 0.1) for k in range(101)]}, "must be from 2 to 100 wheels"),
     (WHEELS, {"wheels": [(0.0, 0.1, 0.1), (0.01, 0.1, 0.05)]}, "two wheels or more that don't lie inside one another"),
     (WHEELS, {"wheels": [(0.0, 0.1, 0.1), (0.3, 0.1, -0.1)]}, "must be finite, with radii of at least"),

@@ -22,7 +22,7 @@ COARSE = {"pose_source": "scanner", "scanner": LaserScanner(resolution=0.01, dro
 LEARNING = {"loads": True, "pull": Pull(10.0, since=1.0), "pose_source": "noisy", "compensation": "online_cold"}
 ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=3, threads=2, max_episode_steps=15)
 STATES = [
-    (BATCH, TRACKING, DRAWN | {"drive": Drive(delay=0.127, droop=0.05)}, {"reference": "circle"}),
+    (BATCH, TRACKING, DRAWN | {"drive": Drive(lag=0.127, torque_limit=3.0)}, {"reference": "circle"}),
     (ALONE, TRACKING, TWIST | COARSE | {"compensation": UNDER_LOAD}, {"ground": CHANGING}),
     (BATCH, TRACKING, TWIST | LEARNING, {"ground": CHANGING}),
     (BATCH, TRAVERSE, {"course": ("random", "rough"), "limits": Limits(time=1.2, stuck_time=0.4), "period": 0.2}, {}),

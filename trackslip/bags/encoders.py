@@ -187,14 +187,15 @@ def joined(name: str, encoders: Encoders, poses: Poses) -> RunLog:
     Poses take the speeds of the next reading.
     """
     read, start = encoders.stamp, int(encoders.stamp[0])
-    within = (poses.stamp >= read[0]) & (poses.stamp <= read[-1]) & np.isfinite(poses.pose).any(axis=1)
+    measured = np.isfinite(poses.pose).any(axis=1)
+    within = measured & (poses.stamp >= read[0]) & (poses.stamp <= read[-1])
     stamp = np.union1d(read, poses.stamp[within])
     valid = np.isin(stamp, poses.stamp[within])
     pose = np.full((len(stamp), 3), np.nan)
     pose[valid] = poses.pose[within]
     headed = np.isfinite(pose[:, 2])
     pose[headed, 2] = np.unwrap(pose[headed, 2])
-    others = np.column_stack([seconds(poses.stamp, start), poses.pose])[~within]
+    others = np.column_stack([seconds(poses.stamp, start), poses.pose])[measured & ~within]
     return RunLog(
         run=name,
         time=seconds(stamp, start),

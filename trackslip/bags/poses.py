@@ -120,8 +120,10 @@ def _headings(name: str, poses: SpacePoses, notes: list[str]) -> Array:
         return heading
     heading[good] = headings(poses.turn[good], name, notes)
     known = heading[np.isfinite(heading)]
-    if len(known) and np.ptp(known) == 0 and np.ptp(poses.place[:, :2], axis=0).max() > _MIN_WAY:
-        notes.append(f"{name}: its heading never changes although it moves: read without headings")
+    placed = np.isfinite(poses.place[:, 0])
+    moves = not placed.any() or np.ptp(poses.place[placed, :2], axis=0).max() > _MIN_WAY
+    if len(known) and np.ptp(known) == 0 and moves:
+        notes.append(f"{name}: its heading never changes: read without headings")
         heading[:] = np.nan
     return heading
 

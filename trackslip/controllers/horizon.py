@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +12,6 @@ from trackslip.controllers.base import Remembering
 from trackslip.errors import require_whole
 from trackslip.kinematics import Array, track_speeds, twist_of_tracks
 from trackslip.trajectory.base import Reference
-
-Improve = Callable[[Array, Array], Array]
-"""Makes a better plan (K, 2) of a plan (K, 2) and the pose (3,) of a robot."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +51,7 @@ class Horizon(Remembering, ABC):
         return weights
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`.
-
-        Raises TrackslipError if a library that the law needs is not installed.
-        """
+        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`."""
         pose = np.asarray(pose, float)
         nodes = time + self.interval * np.arange(self.intervals + 1)
         twists = reference.twist((nodes[1:] + nodes[:-1]) / 2)  # (K, 2), means
@@ -69,15 +62,19 @@ class Horizon(Remembering, ABC):
             plans = np.broadcast_to(np.clip(wanted, -self.track_speed, self.track_speed), shape)
         else:
             plans = self._shifted(self._kept["plans"], elapsed)
-        improve = self._improve(time, reference.pose(nodes), twists)
-        robots = zip(plans.reshape(-1, *shape[-2:]), pose.reshape(-1, 3), strict=True)
-        improved = [improve(plan, at) if np.isfinite(at).all() else plan for plan, at in robots]
-        self._kept["plans"] = np.reshape(improved, shape)
+        (seen,) = np.isfinite(pose).all(axis=-1).ravel().nonzero()
+        robots, better = pose.reshape(-1, 3)[seen], plans.reshape(-1, *shape[-2:]).copy()
+        if seen.size:
+            better[seen] = self._improved(time, better[seen], robots, reference.pose(nodes), twists)
+        self._kept["plans"] = better.reshape(shape)
         return twist_of_tracks(self._kept["plans"][..., 0, :], self.half_gauge)
 
     @abstractmethod
-    def _improve(self, time: float, poses: Array, twists: Array) -> Improve:
-        """What improves plans at `time` [s], for a reference of poses (K + 1, 3) and mean twists (K, 2)."""
+    def _improved(self, time: float, plans: Array, pose: Array, poses: Array, twists: Array) -> Array:
+        """Better plans (R, K, 2) of plans (R, K, 2) at `time` [s], of robots at poses (R, 3).
+
+        The reference has poses (K + 1, 3) at the ends of the intervals, and mean twists (K, 2).
+        """
 
     def _shifted(self, plans: Array, elapsed: float) -> Array:
         """Plans (..., K, 2), shifted by `elapsed` [s]; their last speeds are held."""

@@ -1,36 +1,84 @@
-"""Nonlinear model predictive control of the unicycle, with CasADi (optional: `pip install -e ".[mpc]"`).
+"""Model predictive control with the limits of the tracks, linear time-varying and nonlinear.
 
-M. Diehl, H. G. Bock and J. P. Schlöder, "A real-time iteration scheme for nonlinear optimization in optimal feedback
-control", SIAM J. Control and Optimization 43(5), 2005.
+F. Kühne, J. M. Gomes da Silva Jr. and W. F. Lages, "Mobile robot trajectory tracking using model predictive control",
+II IEEE Latin-American Robotics Symposium 2005; M. Diehl, H. G. Bock and J. P. Schlöder, "A real-time iteration scheme
+for nonlinear optimization in optimal feedback control", SIAM J. Control and Optimization 43(5), 2005.
 """
 
 from __future__ import annotations
 
+from abc import ABC
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 
-from trackslip.controllers.horizon import Horizon, Improve
-from trackslip.errors import TrackslipError, require_whole
-from trackslip.kinematics import Array, advance, track_speeds, twist_of_tracks
+from trackslip import se2
+from trackslip.controllers.horizon import Horizon
+from trackslip.errors import require_whole
+from trackslip.kinematics import Array, track_speeds, twist_of_tracks
+from trackslip.metrics import body_errors
+
+_SHARES = np.append(0.5 ** np.arange(20), 0.0)  # of a Newton step that are tried
+_STILL = 1e-10  # change of all unknowns below which a solution stands
 
 
 @dataclass(frozen=True)
-class ModelPredictive(Horizon):
-    """Minimises the predicted errors over a horizon, subject to the speed limit of both tracks.
-
-    The state is the pose; the inputs are the track speeds (v -+ half_gauge w), held for an interval, so that without
-    slip the motion is an arc and the limits are bounds. The deviations of position, heading and track speeds from the
-    reference are minimised by least squares with multiple shooting. Each call takes a few Gauss-Newton steps from the
-    shifted plan of the previous call (real-time iteration) and drives the first twist of the new plan.
-
-    If the problem of a robot cannot be solved, it keeps its shifted plan or, without one, the twist of the reference.
-    """
+class _LeastSquares(Horizon, ABC):
+    """Minimises the squares of predicted errors and of deviations of the track speeds, by a linearised motion."""
 
     speed_scale: float = 0.12
     """Deviation of a track speed from the reference that costs as much [m/s]."""
+
+    def _driven(self, pose: Array, plans: Array) -> tuple[Array, Array]:
+        """Poses (R, K, 3) after each interval of plans (R, K, 2) from poses (R, 3), and derivatives (R, 3 K, 2 K)."""
+        motion = np.zeros((*plans.shape[:-1], 3))
+        motion[..., ::2] = self.interval * twist_of_tracks(plans, self.half_gauge)
+        starts = np.zeros_like(motion)
+        starts[..., 2] = pose[:, None, 2] + np.cumsum(motion[..., 2], axis=1) - motion[..., 2]
+        reached, _, by_motion = se2.drive(starts, motion)
+        reached[..., :2] = pose[:, None, :2] + np.cumsum(reached[..., :2], axis=1)
+        by_speeds = by_motion[..., ::2] @ (self.interval * twist_of_tracks(np.eye(2), self.half_gauge).T)
+        # A turn in interval j also turns the way from there to the end of interval k.
+        x, y, _ = np.moveaxis(reached[:, :, None] - reached[:, None], -1, 0)  # (R, K, K)
+        effect = np.repeat(by_speeds[:, None], self.intervals, axis=1)  # (R, k, j, 3, 2)
+        effect[..., 0, :] -= y[..., None] * by_speeds[:, None, :, 2]
+        effect[..., 1, :] += x[..., None] * by_speeds[:, None, :, 2]
+        effect *= np.tri(self.intervals)[:, :, None, None]
+        return reached, effect.swapaxes(2, 3).reshape(-1, 3 * self.intervals, 2 * self.intervals)
+
+    def _optimum(self, plans: Array, deviation: Array, effect: Array, wanted: Array) -> Array:
+        """The best plans (R, K, 2), if poses deviate by (R, K, 3) from the reference with the present plans.
+
+        `effect` (R, 3 K, 2 K) is that of their change, `wanted` (K, 2) are the reference's track speeds.
+        """
+        root = np.sqrt(self.weights).reshape(-1, 1)
+        effect, deviation = root * effect, root * deviation.reshape(len(plans), -1, 1)
+        transposed, speeds = effect.swapaxes(1, 2), plans.reshape(len(plans), -1, 1)
+        hessian = transposed @ effect + np.eye(wanted.size) / self.speed_scale**2
+        right = transposed @ (effect @ speeds - deviation) + wanted.reshape(-1, 1) / self.speed_scale**2
+        return bounded_optimum(hessian, right[..., 0], self.track_speed).reshape(plans.shape)
+
+
+@dataclass(frozen=True)
+class LinearPredictive(_LeastSquares):
+    """Minimises the errors predicted by the motion linearised about the reference, subject to the tracks' limits."""
+
+    def _improved(self, time: float, plans: Array, pose: Array, poses: Array, twists: Array) -> Array:
+        wanted = track_speeds(twists, self.half_gauge)
+        way, effect = self._driven(np.zeros((1, 3)), wanted[None])  # in the frame of the reference's pose
+        x, y, turn = np.moveaxis(-body_errors(pose, poses[0])[:, None], -1, 0)  # (R, 1) each
+        x, y = x - turn * way[..., 1], y + turn * way[..., 0]
+        deviation = np.stack([x, y, np.broadcast_to(turn, x.shape)], axis=-1)
+        return self._optimum(np.broadcast_to(wanted, plans.shape), deviation, effect, wanted)
+
+
+@dataclass(frozen=True)
+class ModelPredictive(_LeastSquares):
+    """Minimises the errors predicted by the unicycle's motion, subject to the tracks' limits.
+
+    Each call takes a few Gauss-Newton steps from the shifted plan of the previous call (real-time iteration).
+    """
+
     iterations: int = 3
     """Gauss-Newton steps per call [-]."""
 
@@ -38,81 +86,33 @@ class ModelPredictive(Horizon):
         super().__post_init__()
         require_whole("iterations", self.iterations, 1, 100)
 
-    @cached_property
-    def _program(self) -> _Program:
-        return _Program(self)
-
-    def _improve(self, time: float, poses: Array, twists: Array) -> Improve:
-        wanted = {"wanted_poses": poses, "wanted_speeds": track_speeds(twists, self.half_gauge)}
-        return partial(self._improved, self._program, **wanted)
-
-    def _improved(
-        self, program: _Program, plan: Array, pose: Array, wanted_poses: Array, wanted_speeds: Array
-    ) -> Array:
-        """The plan (K, 2) after Gauss-Newton steps from `pose` (3,), unchanged if one of them fails."""
-        origin = np.array([*wanted_poses[0, :2], 2 * np.pi * np.round((pose[2] - wanted_poses[0, 2]) / (2 * np.pi))])
-        wanted = wanted_poses - [*origin[:2], 0.0]
-        poses, speeds = self._driven(pose - origin, plan), plan
+    def _improved(self, time: float, plans: Array, pose: Array, poses: Array, twists: Array) -> Array:
+        pose, wanted = pose.copy(), track_speeds(twists, self.half_gauge)
+        pose[:, 2] = poses[0, 2] + se2.wrap_angle(pose[:, 2] - poses[0, 2])
         for _ in range(self.iterations):
-            found = program.step(poses, speeds, wanted, wanted_speeds)
-            if found is None:
-                return plan
-            poses, speeds = found
-        return np.clip(speeds, -self.track_speed, self.track_speed)
-
-    def _driven(self, pose: Array, plan: Array) -> Array:
-        """Poses (K + 1, 3) along a plan (K, 2) from `pose` (3,)."""
-        poses = [pose]
-        for twist in twist_of_tracks(plan, self.half_gauge):
-            poses.append(advance(poses[-1], twist, self.interval))
-        return np.array(poses)
+            reached, effect = self._driven(pose, plans)
+            plans = self._optimum(plans, reached - poses[1:], effect, wanted)
+        return plans
 
 
-class _Program:
-    """The quadratic program of a Gauss-Newton step; its unknowns are (V_l, V_r, x, y, phi) of each interval."""
+def bounded_optimum(hessian: Array, right: Array, bound: float) -> Array:
+    """The u (R, n) within +-`bound` that minimise u H u / 2 - b u, for H (R, n, n) or (1, n, n) and b (R, n).
 
-    def __init__(self, controller: ModelPredictive) -> None:
-        try:
-            import casadi
-        except ImportError:
-            raise TrackslipError('model predictive control needs CasADi: pip install -e ".[mpc]"') from None
-        count = controller.intervals
-        poses, wanted_poses = casadi.SX.sym("poses", 3, count + 1), casadi.SX.sym("wanted_poses", 3, count + 1)
-        speeds, wanted_speeds = casadi.SX.sym("speeds", 2, count), casadi.SX.sym("wanted_speeds", 2, count)
-        unknowns = casadi.vec(casadi.vertcat(speeds, poses[:, 1:]))
-        wanted = casadi.vec(casadi.vertcat(wanted_speeds, wanted_poses[:, 1:]))
-        gauge, interval = controller.half_gauge, controller.interval
-        ends = [_arc(casadi, poses[:, k], speeds[:, k], gauge, interval) for k in range(count)]
-        gaps = casadi.vec(poses[:, 1:] - casadi.horzcat(*ends))
-        matrix = casadi.jacobian(gaps, unknowns)
-        of_speeds = np.full((count, 2), controller.speed_scale**-2)
-        self._hessian = casadi.diag(casadi.DM(np.concatenate([of_speeds, controller.weights], axis=1).ravel()))
-        self._linearised = casadi.Function(
-            "linearised",
-            [poses, speeds, wanted_poses, wanted_speeds],
-            [-casadi.mtimes(self._hessian, wanted), matrix, casadi.mtimes(matrix, unknowns) - gaps],
-        )
-        quiet = {"print_iter": False, "print_header": False, "print_info": False, "error_on_fail": False}
-        shape = {"h": self._hessian.sparsity(), "a": matrix.sparsity()}
-        self._solver: Any = casadi.conic("gauss_newton", "qrqp", shape, quiet)
-        self._bound = np.tile([controller.track_speed] * 2 + [np.inf] * 3, count)
-
-    def step(
-        self, poses: Array, speeds: Array, wanted_poses: Array, wanted_speeds: Array
-    ) -> tuple[Array, Array] | None:
-        """Better poses (K + 1, 3) and track speeds (K, 2); None if the solver fails."""
-        gradient, matrix, right = self._linearised(poses.T, speeds.T, wanted_poses.T, wanted_speeds.T)
-        bounds = {"lba": right, "uba": right, "lbx": -self._bound, "ubx": self._bound}
-        solution = self._solver(h=self._hessian, g=gradient, a=matrix, **bounds)
-        found = np.asarray(solution["x"]).reshape(-1, 5)
-        if not (self._solver.stats()["success"] and np.isfinite(found).all()):
-            return None
-        return np.concatenate([poses[:1], found[:, 2:]]), found[:, :2]
-
-
-def _arc(casadi: Any, pose: Any, speeds: Any, half_gauge: float, interval: float) -> Any:
-    """`kinematics.advance` symbolically, with sinc as a series: within 2e-8 of it for turns up to 0.4 rad."""
-    half_turn = (speeds[1] - speeds[0]) / (2 * half_gauge) * interval / 2
-    chord = (speeds[0] + speeds[1]) / 2 * interval * (1 - half_turn**2 / 6 + half_turn**4 / 120)
-    heading = pose[2] + half_turn
-    return pose + casadi.vertcat(chord * casadi.cos(heading), chord * casadi.sin(heading), 2 * half_turn)
+    By projected Newton steps: D. P. Bertsekas, SIAM J. Control and Optimization 20(2), 1982.
+    """
+    optimum = np.linalg.solve(hessian, right[..., None])[..., 0]
+    (rows,) = np.nonzero(np.abs(optimum).max(axis=1) > bound)
+    optimum = np.clip(optimum, -bound, bound)
+    hessian = np.broadcast_to(hessian, (len(right), *hessian.shape[1:]))
+    while rows.size:
+        h, u = hessian[rows], optimum[rows]
+        slope = (h @ u[..., None])[..., 0] - right[rows]
+        free = (np.abs(u) < bound) | (u * slope > 0)
+        reduced = np.where(free[:, :, None] & free[:, None], h, np.eye(u.shape[1]))
+        newton = np.linalg.solve(reduced, np.where(free, -slope, 0.0)[..., None])[..., 0]
+        changes = np.clip(u + _SHARES[:, None, None] * newton, -bound, bound) - u  # (shares, rows, n)
+        costs = (changes * ((h @ changes[..., None])[..., 0] / 2 + slope)).sum(axis=-1)
+        change = changes[costs.argmin(axis=0), np.arange(len(rows))]
+        optimum[rows] = np.clip(u + change, -bound, bound)
+        rows = rows[np.abs(change).max(axis=1) > _STILL]
+    return optimum

@@ -9,11 +9,10 @@ applications to autonomous driving", IEEE Trans. Robotics 34(6), 2018.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from trackslip.controllers.horizon import Horizon, Improve
+from trackslip.controllers.horizon import Horizon
 from trackslip.errors import require_whole
 from trackslip.kinematics import Array, track_speeds, twist_of_tracks, wrap_angle
 
@@ -43,13 +42,14 @@ class PathIntegral(Horizon):
         require_whole("samples", self.samples, 2, 10_000)
         require_whole("seed", self.seed, 1)
 
-    def _improve(self, time: float, poses: Array, twists: Array) -> Improve:
+    def _improved(self, time: float, plans: Array, pose: Array, poses: Array, twists: Array) -> Array:
         generator = np.random.default_rng([self.seed, round(1e6 * time) % 2**63])
         half = generator.normal(0.0, self.noise, ((self.samples + 1) // 2, self.intervals, 2))
         deviations, speeds = np.concatenate([half, -half]), track_speeds(twists, self.half_gauge)  # (M, K, 2), (K, 2)
-        return partial(self._improved, deviations=deviations, wanted=poses[1:], speeds=speeds)
+        better = [self._averaged(*each, deviations, poses[1:], speeds) for each in zip(plans, pose, strict=True)]
+        return np.reshape(better, plans.shape)
 
-    def _improved(self, plan: Array, pose: Array, deviations: Array, wanted: Array, speeds: Array) -> Array:
+    def _averaged(self, plan: Array, pose: Array, deviations: Array, wanted: Array, speeds: Array) -> Array:
         """The plan (K, 2) of a robot at `pose` (3,), averaged over samples that differ from it by `deviations`."""
         sampled = np.clip(plan + deviations, -self.track_speed, self.track_speed)  # (M, K, 2)
         v, w = np.moveaxis(twist_of_tracks(sampled, self.half_gauge), -1, 0)  # (M, K)

@@ -6,8 +6,7 @@ from trackslip.controllers.base import Controller
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.error_feedback import Feedforward, Kanayama, LinearTimeVarying, OffsetPoint, Samson
 from trackslip.controllers.lqr import Lqr
-from trackslip.controllers.ltv_mpc import LinearPredictive
-from trackslip.controllers.mpc import ModelPredictive
+from trackslip.controllers.mpc import LinearPredictive, ModelPredictive
 from trackslip.controllers.mppi import PathIntegral
 from trackslip.controllers.path_following import PathFollowing
 from trackslip.controllers.steering import PurePursuit, RegulatedPurePursuit, Stanley

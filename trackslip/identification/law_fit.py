@@ -139,6 +139,9 @@ def held_parameters(
     if not drives.known[0].any():
         lengths = [name for name in model.family.names if name.startswith(("radius_error", "turn_loss"))]
         held |= dict.fromkeys(("sensor_x", "sensor_y", "drift", *lengths), "no positions were measured")
+    if np.diff(drives.first).max() <= 2:
+        ends = ("sensor_x", "sensor_y", "drift", "clock_offset")
+        held |= dict.fromkeys(ends, "poses at both ends of runs don't tell it")
     if not lag:
         held["lag"] = "not asked for"
     if "offset_left" in model.names:

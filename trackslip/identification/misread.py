@@ -10,12 +10,13 @@ import numpy as np
 from trackslip.errors import LogError, counted
 from trackslip.identification.gains import Gains, Steps, Window, rms, windows_of
 from trackslip.identification.preparation import PreparedDrive
-from trackslip.kinematics import Array, RobotGeometry, wrap_angle
+from trackslip.kinematics import Array, RobotGeometry
 
 _EXACTLY = 0.05  # error of a gain within which it is that of a unit: off ice, tracks lose no more of a distance
 _CLEARLY = 0.8  # correlation that leaves no doubt; wrong sides reach 0.6 on drives of two minutes (test_misread)
 _BETTER = 0.2  # correlation by which another reading must be better, in sum
-_FEWEST = 5  # windows that are compared, rows that are a habit
+_FEWEST = 5  # windows that are compared
+_SLOW = 0.2  # rms belt speed at which no robot turns so far between poses that its turn is ambiguous [m/s]
 _SPEED_UNITS = {
     np.radians(1): "omega_l and omega_r look like deg/s: multiply them by pi/180",
     2 * np.pi / 60: "omega_l and omega_r look like rpm: multiply them by 2 pi/60",
@@ -31,19 +32,7 @@ _DEGREE = 111_320.0  # of latitude, mean [m]
 
 
 def refuse_cells(drive: PreparedDrive) -> None:
-    """Refuse zeros in cells that should be empty, and readings that no wheel reaches: a counter began anew."""
-    wheels, zero = (drive.omega == 0).all(axis=1), (np.nan_to_num(drive.pose) == 0).all(axis=1)
-    poses = "x, y and phi" if drive.has_heading else "x and y"
-    for names, still, measured in (
-        (poses, zero, "pose was measured"),
-        ("omega_l and omega_r", wheels, "encoder was read"),
-    ):
-        alone = int(((still[1:-1] != still[:-2]) & (still[1:-1] != still[2:])).sum())
-        if alone > max(_FEWEST, 0.1 * len(still)):
-            raise LogError(
-                f"run {drive.name!r}: columns {names} go to 0 and back {alone:,} times: leave cells empty where no "
-                f"{measured}"
-            )
+    """Refuse readings that no wheel reaches: a counter began anew."""
     for name, speed in zip(("omega_l", "omega_r"), np.abs(drive.omega).T, strict=True):
         around = np.maximum(np.append(0.0, speed[:-1]), np.append(speed[1:], 0.0))
         usual = np.maximum(np.quantile(speed, 0.99), around)
@@ -61,16 +50,17 @@ def refuse_angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> N
     """Refuse angles of wheels where speeds belong: the motion follows their differences."""
     by_differences = list[PreparedDrive]()
     for drive in drives:
-        change = np.diff(drive.omega, axis=0, prepend=drive.omega[:1])
-        wraps = np.ptp(drive.omega) <= 2 * np.pi * (1 + _EXACTLY)
-        speeds = (wrap_angle(change) if wraps else change) / np.diff(drive.edges)[:, None]
-        by_differences.append(replace(drive, omega=speeds))
+        change, span = np.diff(drive.omega, axis=0, prepend=drive.omega[:1]), np.ptp(drive.omega, axis=0)
+        change -= span * np.round(change / np.maximum(span, 1e-9))  # counters that begin anew
+        speeds = change / np.diff(drive.edges)[:, None]
+        slow = _SLOW / geometry.sprocket_radius / max(rms(speeds), 1e-9)  # whatever the unit
+        by_differences.append(replace(drive, omega=slow * speeds))
     by_speeds, by_angles = (matches_of(windows_of(each, geometry, 0.0)) for each in (drives, by_differences))
     if len(by_angles) and by_angles.mean() > max(_CLEARLY, by_speeds.mean() + _BETTER if len(by_speeds) else 0.0):
         most = max(float(np.abs(drive.omega).max()) for drive in drives)
         raise LogError(
-            f"columns omega_l and omega_r look like angles (up to {most:.3g}), not speeds: the robot moves as they "
-            "change: give their changes over time, in rad/s"
+            f"columns omega_l and omega_r look like angles or ticks (up to {most:.3g}), not speeds: the robot moves as "
+            "they change: give their changes over time, in rad/s"
         )
 
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trackslip.errors import LogError, counted
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.checks import unwrapped
 from trackslip.logs.runlog import Refused, RunLog, none_usable
 from trackslip.motion.steady import STANDING
 
 BLOCK = 10.0
 """Duration of the blocks of driving whose slip is taken to be independent, at least [s]."""
+_FEW = 5  # rows that may be zero by chance
 _MAX_ROWS = 200_000  # encoder intervals that are used in all: memory for more is short; more are merged
 
 
@@ -74,12 +75,17 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
     step = float(np.median(np.diff(log.time)))
     if step > 10.0:  # more than of any log of a robot that drives
         raise LogError(f"run {log.run!r}: t rises by {step:.3g} per row: are these ms or ns? It must be in seconds")
+    if not log.is_valid.any() and log.gyro is not None and log.beyond is None:
+        log = replace(log, pose=_turned_by(log.gyro, log), valid=None, gyro=None)
     valid = np.flatnonzero(log.is_valid)
     rows = valid[_changing(log, valid)]
     if len(rows) < 2 and (log.beyond is None or len(log.beyond) < 2):
         raise LogError(f"run {log.run!r}: {counted(len(rows), 'pose')} while it drives, needs at least 2")
     if not np.abs(log.omega[1:]).max() > STANDING:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
+    headed = np.isfinite(log.pose[rows, 2]).any()
+    zero = (np.nan_to_num(log.pose[rows]) == 0).all(axis=1)
+    _refuse_zeros(log.run, "x, y and phi" if headed else "x and y", zero, "pose was measured")
     time, pose = measured_poses(log.time[rows], log.pose[rows])
     measured = len(time)
     usual = float(np.median(np.diff(time if len(time) > 1 or log.beyond is None else log.beyond[:, 0])))
@@ -88,6 +94,7 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
     headed = np.isfinite(pose[:, 2])
     pose[headed, 2] = unwrapped(pose[headed, 2])
     means = interval_means(log.time, log.omega)
+    _refuse_zeros(log.run, "omega_l and omega_r", (means == 0).all(axis=1), "encoder was read")
     edges, omega = merged(log.time, means, max_rows)
     steady = log.command is not None and len(log.command) > 0 and not np.ptp(log.command, axis=0).any()
     return PreparedDrive(
@@ -106,6 +113,25 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
     )
 
 
+def _turned_by(gyro: Array, log: RunLog) -> Array:
+    """Poses (T, 3) without positions, with headings by a gyro (T,) [rad/s] less its bias, by the sprockets' turns."""
+    columns = np.column_stack([log.omega @ [-1, 1], np.ones(len(log.time))])
+    read = np.isfinite(gyro)
+    fit = np.linalg.lstsq(columns[read], gyro[read])[0]
+    rate = np.where(read, gyro - fit[1], columns[:, 0] * fit[0])
+    heading = np.append(0.0, np.cumsum(rate[1:] * np.diff(log.time)))
+    return np.column_stack([np.full((len(heading), 2), np.nan), heading])
+
+
+def _refuse_zeros(run: str, columns: str, zero: np.ndarray, measured: str) -> None:
+    """Refuse rows (n,) bool that are zero, or not, alone between others again and again."""
+    alone = int(((zero[1:-1] != zero[:-2]) & (zero[1:-1] != zero[2:])).sum())
+    if alone > max(_FEW, 0.1 * len(zero)):
+        raise LogError(
+            f"run {run!r}: columns {columns} go to 0 and back {alone:,} times: leave cells empty where no {measured}"
+        )
+
+
 def _changing(log: RunLog, rows: np.ndarray) -> np.ndarray:
     """(n,) bool: false for poses of rows (n,) that were held, equal to the one before although the sprockets turned.
 
@@ -118,15 +144,56 @@ def _changing(log: RunLog, rows: np.ndarray) -> np.ndarray:
 
 
 def measured_poses(time: Array, pose: Array) -> tuple[Array, Array]:
-    """The poses that were measured, of which others were interpolated linearly: the knots, where the slope changes."""
-    rates = np.diff(np.nan_to_num(pose), axis=0) / np.diff(time)[:, None]
-    change, size = np.abs(np.diff(rates, axis=0)), np.abs(rates[1:]) + np.abs(rates[:-1])
-    moving = size.max(axis=1) > 1e-6
-    straight = (change <= 1e-3 * size.max(axis=1, keepdims=True)).all(axis=1)  # but for rounding in the log
-    if moving.sum() < 10 or straight[moving].mean() < 0.5:
+    """The poses that were measured, of which the others were interpolated linearly: the ends of straight stretches.
+
+    Where a stretch ends between two rows, the pose was measured where both lines meet.
+    """
+    finite = np.nan_to_num(pose)
+    first, last = _straight_stretches(time, finite, _resolution(finite))
+    inside = last - first > 1
+    if (last - first)[inside].sum() < max(10, 0.5 * len(time)):
         return time, pose
-    knots = np.concatenate([[0], 1 + np.flatnonzero(~straight | ~moving), [len(time) - 1]])
-    return time[knots], pose[knots]
+    time, pose = time.copy(), pose.copy()
+    rate = (finite[last] - finite[first]) / np.maximum(time[last] - time[first], 1e-300)[:, None]
+    for k in np.flatnonzero(inside[:-1] & inside[1:]):
+        end, begin, bend = last[k], first[k + 1], rate[k] - rate[k + 1]
+        step = finite[begin] - finite[end] - rate[k + 1] * (time[begin] - time[end])
+        later = np.clip(step @ bend / (bend @ bend), 0.0, time[begin] - time[end])
+        time[end] += later
+        pose[end] += rate[k] * later
+    rows = np.unique(np.concatenate([first[:1], last, first[1:][~(inside[:-1] & inside[1:])]]))
+    return time[rows], pose[rows]
+
+
+def _straight_stretches(time: Array, pose: Array, resolution: Array) -> tuple[np.ndarray, np.ndarray]:
+    """First and last rows of stretches, each as long as can be, of poses (n, 3) on a line, to what was rounded off.
+
+    Each goes on while some line from its first pose passes all later ones (J. O'Rourke, *An on-line algorithm for
+    fitting straight lines between data ranges*, 1981).
+    """
+    firsts, begin, bounds = [0], 0, [(-np.inf, np.inf)] * 3
+    times, poses, spans = time.tolist(), pose.tolist(), resolution.tolist()
+    for row in range(1, len(times)):
+        step = times[row] - times[begin]
+        changes = zip(bounds, poses[row], poses[begin], spans, strict=True)
+        narrower = [
+            (max(low, (now - then - span) / step), min(high, (now - then + span) / step))
+            for (low, high), now, then, span in changes
+        ]
+        if any(low > high for low, high in narrower):
+            firsts.append(row)
+            begin, narrower = row, [(-np.inf, np.inf)] * 3
+        bounds = narrower
+    return np.array(firsts), np.append(firsts[1:], len(times)) - 1
+
+
+def _resolution(pose: Array) -> Array:
+    """The decimal place (3,) to which each column of poses (n, 3) was rounded, at least 1e-6."""
+    columns = np.column_stack([pose, wrap_angle(pose[:, 2])])  # headings may be unwrapped, before or after
+    places = 10.0 ** -np.arange(7)
+    rounded = [(np.abs(columns - place * np.round(columns / place)) < 1e-8).all(axis=0) for place in places]
+    x, y, *phi = places[np.where(np.any(rounded, axis=0), np.argmax(rounded, axis=0), -1)]
+    return np.array([x, y, max(phi)])
 
 
 def interval_means(time: Array, omega: Array) -> Array:

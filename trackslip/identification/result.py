@@ -27,6 +27,7 @@ from trackslip.logs.runlog import Refused, RunLog
 Method = Literal["steady", "drive"]
 """Ways to identify laws: from stretches of constant sprocket speeds, or from whole drives."""
 _REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
+_VAGUE = 0.5  # half width of an interval of a multiplier that says nothing: 1 is no slip, tracks have up to 2 [-]
 _UNSTORED = ("name", "law", "fit", "missed", "pairs", "notes")  # fields of fits
 
 
@@ -53,7 +54,14 @@ class Identification:
     def alarms(self) -> tuple[Alarm, ...]:
         """Reasons not to trust the best law as it is."""
         drive = self.drive.alarms if self.drive is not None and self.method == "drive" else ()
-        return (*self._unstated_multiplier(), *drive, *self._contradiction())
+        return (*self._unstated_multiplier(), *self._untold(), *drive, *self._contradiction())
+
+    def _untold(self) -> list[Alarm]:
+        """An alarm if the driving says hardly anything of D."""
+        times = self.answer.get("wheel_separation_multiplier")
+        if times is None or not times.error > _VAGUE:
+            return []
+        return [Alarm("turns", "the driving doesn't tell D: drive turns to both sides")]
 
     def _unstated_multiplier(self) -> list[Alarm]:
         """An alarm if odometry was taken as encoders, whose multiplier nobody stated."""

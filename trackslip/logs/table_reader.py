@@ -74,8 +74,9 @@ class _Reader:
     def __init__(self, table: pa.Table, source: str) -> None:
         table = _named(_with_heading(table, source), source)
         columns = Columns(table, source)
-        headings_alone = "phi" in table.column_names and not {"x", "y"} & set(table.column_names)
-        columns.require(REQUIRED if headings_alone else (*REQUIRED, "x", "y"))
+        given = set(table.column_names)
+        turns_alone = given & {"phi", "gyro"} and not given & {"x", "y"}
+        columns.require(REQUIRED if turns_alone else (*REQUIRED, "x", "y"))
         self._table, self._source, self._columns = table, source, columns
         self._metadata = stored_metadata(table.schema.metadata, source)
         cells = [*map(columns.cells, _NAMES[:_VALID]), columns.boolean("valid")]
@@ -115,6 +116,9 @@ class _Reader:
             rows = rows[~self._left_out(name, rows, self._damaged[rows], [*_OMEGA, 0], "row")]
             time = self._values[rows, 0]
             starts = restarts(time)
+            if starts.size and np.mean([self._has_both(part) for part in np.split(rows, starts)]) < _MOST:
+                self._notes.append(f"run {name!r}: rows are not in the order of t, and are sorted")
+                rows, starts = rows[np.argsort(time, kind="stable")], starts[:0]
             if starts.size:
                 k = starts[0]
                 back = f"goes back from {time[k - 1]:.12g} s to {time[k]:.12g} s: read as {starts.size + 1} runs"
@@ -129,6 +133,11 @@ class _Reader:
             except LogError as error:
                 self._refused.append(Refused.of(part, error))
         return runs
+
+    def _has_both(self, rows: np.ndarray) -> bool:
+        """True for rows with encoder readings and poses: a drive, rather than readings of one sensor."""
+        read = np.isfinite(self._values[rows])
+        return bool(min(read[:, _OMEGA].all(axis=1).sum(), read[:, [*_POSE, _GYRO]].any(axis=1).sum()) > 1)
 
     def _run(self, name: str, rows: np.ndarray, metadata: Mapping[str, Any]) -> RunLog:
         """A run of rows under one clock."""

@@ -138,7 +138,7 @@ def test_simulated_drives_come_back_and_another_ground_fits_worse(wander, tmp_pa
 
 def test_commands_drive_the_robot_through_its_drive(wander, tmp_path):
     slow = tmp_path / "slow.toml"
-    slow.write_text("radius_error = 0.0066\n[drive]\nlag = 0.3\ndelay = 0.2\n")
+    slow.write_text("radius_error = 0.0066\n[drive]\nlag = 0.5\n")
     options = ("--robot", str(slow), "--robot", "shipped", "--inputs", "commands")
     models = ran(tmp_path / "out", "evaluate", str(wander), *options).summary["models"]
     slow, shipped = (models[name]["after_seconds"]["1"]["position"]["rms"] for name in ("robot", "robot_2"))

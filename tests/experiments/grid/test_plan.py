@@ -52,8 +52,8 @@ def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
     ("duration", "ratios", "workers", "count", "largest"),
     [
         *((30, 40, *rest) for rest in ((1, 8, 125), (2, 8, 125), (3, 12, 84), (4, 16, 63), (64, 16, 63))),
-        *((duration, 1, 2, count, 25) for duration, count in ((30, 1), (79, 1), (160, 2), (300, 2), (3600, 7))),
-        *((duration, 1, 1, -(-25 // most), most) for duration, most in ((120, 25), (1800, 8), (3600, 4))),
+        *((duration, 1, 2, count, 25) for duration, count in ((30, 1), (79, 1), (160, 2), (300, 2), (3600, 5))),
+        *((duration, 1, 1, -(-25 // most), most) for duration, most in ((120, 25), (1800, 11), (3600, 5))),
     ],
 )
 def test_fleets_are_large_but_every_worker_has_some_and_logs_fit_into_memory(duration, ratios, workers, count, largest):

@@ -83,7 +83,7 @@ def test_failed_runs_are_rows_and_are_driven_again(trackslip, tmp_path):
     result = trackslip(*arguments)
     rows = pq.read_table(result.folder / "table.parquet").to_pylist()
     assert [row["error"] is None for row in rows] == [True, True, False, False]
-    assert rows[2]["error"].startswith("slope = 0.9: must be less than the friction angle")
+    assert rows[2]["error"].startswith("slope = 0.9: must be less, to park")
     assert rows[2]["slip_l"] is None
     assert len(logs(result.folder)) == 2
     assert [failure["run"] for failure in result.summary["failures"]] == [row["run"] for row in rows[2:]]

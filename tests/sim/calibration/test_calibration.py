@@ -104,17 +104,17 @@ def test_parameters_are_found_again_in_steady_rows_although_one_is_wrong(truth, 
     assert ("lateral_rms" in fit.metrics) == ("sensor_x" in truth)
 
 
-def test_what_is_held_widens_the_intervals_of_the_others():
-    """Only the product of ratio and length matters: the ratio is as uncertain as the prior of the length, 15 %."""
+def test_what_is_not_told_widens_the_intervals_of_the_others():
+    """Only the product of ratio and length matters: their priors, 30 and 15 %, leave 13 % of the ratio unknown."""
     target = rows(BASE, rng=np.random.default_rng(3), noise=0.002)
     fit = calibrate(target, BASE, ("friction_ratio", "contact_length", "radius_error"))
-    held = {name: estimate.held for name, estimate in fit.estimates.items() if estimate.held}
-    assert held == {"contact_length": "the target does not tell it from friction_ratio"}
-    assert fit.candidate.robot.contact_length == BASE.robot.contact_length
+    vague = {name: estimate.vague for name, estimate in fit.estimates.items() if estimate.vague}
+    assert vague == {"contact_length": "the target does not tell it from friction_ratio"}
+    assert fit.candidate.robot.contact_length == pytest.approx(BASE.robot.contact_length, rel=0.01)
     alone = calibrate(target, BASE, ("friction_ratio", "radius_error")).estimates["friction_ratio"]
     ratio = fit.estimates["friction_ratio"]
-    assert ratio.value == pytest.approx(alone.value, rel=1e-3)
-    assert ratio.stderr == pytest.approx(np.hypot(alone.stderr, 0.15 * alone.value), rel=0.05)
+    assert ratio.value == pytest.approx(alone.value, rel=0.01)
+    assert ratio.stderr == pytest.approx(0.3 * 0.15 / np.hypot(0.3, 0.15) * alone.value, rel=0.05)
 
 
 def test_folds_are_predicted_by_fits_to_the_others():
@@ -179,7 +179,7 @@ def test_drives_without_motion_or_headings_are_refused(change, message):
 
 GRIP = ("friction_ratio", "radius_left", "radius_right", "sensor_x", "sensor_y", "sensor_yaw", "clock")
 ICE = ("friction", "friction_ratio", "radius_error", "sensor_x", "clock")
-COMMANDS = ("friction_ratio", "radius_error", "lag", "delay", "sensor_x")
+COMMANDS = ("friction_ratio", "radius_error", "lag", "sensor_x")
 CASES = (
     ("shipped", Ground(), GRIP, "encoders", 0.003),
     ("husky", Ground(0.12, 0.12), ICE, "encoders", 0.01),
@@ -201,6 +201,6 @@ def recovered(robot, ground, free, inputs, noise, seed):
 def test_intervals_contain_the_truth(case):
     """Of about 60 intervals of 95 %, at least 88 % do."""
     pairs = [pair for seed in range(200, 210) for pair in recovered(*case, seed).values()]
-    inside = [estimate.low <= truth <= estimate.high for estimate, truth in pairs if not estimate.held]
+    inside = [estimate.low <= truth <= estimate.high for estimate, truth in pairs if not estimate.vague]
     assert len(inside) >= 30
     assert np.mean(inside) >= 0.88, np.mean(inside)

@@ -132,11 +132,10 @@ def test_belts_of_a_batch_run_and_read_every_step(robot):
     speeds = np.array([[0.1, 0.3], [0.2, 0.2]])
     for live in (stepped, run):
         live.set(speeds)
-    readings = run.read_all([run.run(20)])
+    readings = run.run(20)
     for k in range(20):
         pair[0].step()
         for name, values in vars(stepped.read()).items():
             np.testing.assert_array_equal(getattr(readings, name)[:, k], values, err_msg=name)
     np.testing.assert_array_equal(pair[0].state, pair[1].state)
-    only = run.read_all([run.run(3, rows=[1])])
-    assert only.load.shape == (1, 3, 2)
+    assert run.run(3, rows=[1]).load.shape == (1, 3, 2)

@@ -114,7 +114,8 @@ def without_poses(path, heading=None, **others):
     return read(path, messages, poses=[])
 
 
-def test_an_orientation_without_positions_gives_headings_alone_and_without_one_there_is_the_gyro(tmp_path):
+@pytest.mark.parametrize("unfilled", [None, 0.0])
+def test_an_orientation_without_positions_gives_headings_alone_and_without_one_there_is_the_gyro(tmp_path, unfilled):
     found = without_poses(tmp_path)
     (log,) = found.runs
     assert "poses: /imu/data (headings of an IMU); gyro: /imu/data" in found.taken[0]
@@ -122,7 +123,7 @@ def test_an_orientation_without_positions_gives_headings_alone_and_without_one_t
     heading, true = log.pose[log.has_heading, 2], np.interp(log.time, LOG.time, YAW)[log.has_heading]
     np.testing.assert_allclose(heading - heading[0], true - true[0], atol=0.01)
     require_true(log)
-    found = without_poses(tmp_path / "without", heading=[None] * len(TIME))
+    found = without_poses(tmp_path / "without", heading=[unfilled] * len(TIME))
     (log,) = found.runs
     assert "; no poses; gyro: /imu/data" in found.taken[0]
     assert not log.is_valid.any()

@@ -1,7 +1,5 @@
 """The linear quadratic regulator, and the model predictive controller that is one near the reference."""
 
-import sys
-
 import numpy as np
 import pytest
 from linearised import error_gains, pose_with_error
@@ -9,7 +7,6 @@ from scipy.linalg import solve_discrete_are
 
 from trackslip.controllers.lqr import Lqr, error_dynamics
 from trackslip.controllers.mpc import ModelPredictive
-from trackslip.errors import TrackslipError
 from trackslip.kinematics import advance, track_speeds
 from trackslip.metrics import body_errors
 from trackslip.trajectory.segmented import circle, paper_reference
@@ -55,26 +52,15 @@ def test_gains_do_not_fade_towards_the_end():
     np.testing.assert_allclose(last[[0, 1, 1], [1, 0, 1]], 0.0, atol=1e-12)
 
 
-def test_without_casadi_one_line_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "casadi", None)
-    with pytest.raises(TrackslipError, match=r'pip install -e "\.\[mpc\]"'):
-        ModelPredictive().twist(0.0, np.zeros(3), paper_reference())
-
-
-class TestWithCasadi:
-    @pytest.fixture(autouse=True)
-    def _casadi(self):
-        pytest.importorskip("casadi")
-
-    @pytest.mark.parametrize("speed", [0.15, -0.15])
-    def test_near_the_reference_a_long_horizon_is_the_linear_quadratic_regulator(self, speed):
-        """The same errors and inputs weighed over the same intervals, where no limit is near."""
-        controller = ModelPredictive(intervals=60, interval=0.25, final_weight=1.0, iterations=2)
-        reference = circle(1.0, speed, 60.0)
-        a, b = error_dynamics(reference.twist(5.0), controller.interval)
-        scales = np.array([controller.position_scale, controller.position_scale, controller.heading_scale])
-        tracks = track_speeds(np.eye(2), controller.half_gauge).T / controller.speed_scale
-        q, r = np.diag(scales**-2), tracks.T @ tracks
-        cost = solve_discrete_are(a, b, q, r)
-        wanted = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
-        np.testing.assert_allclose(error_gains(controller, 5.0, reference, h=1e-4), -wanted, rtol=2e-3, atol=2e-3)
+@pytest.mark.parametrize("speed", [0.15, -0.15])
+def test_near_the_reference_a_long_horizon_is_the_linear_quadratic_regulator(speed):
+    """The same errors and inputs weighed over the same intervals, where no limit is near."""
+    controller = ModelPredictive(intervals=60, interval=0.25, final_weight=1.0, iterations=2)
+    reference = circle(1.0, speed, 60.0)
+    a, b = error_dynamics(reference.twist(5.0), controller.interval)
+    scales = np.array([controller.position_scale, controller.position_scale, controller.heading_scale])
+    tracks = track_speeds(np.eye(2), controller.half_gauge).T / controller.speed_scale
+    q, r = np.diag(scales**-2), tracks.T @ tracks
+    cost = solve_discrete_are(a, b, q, r)
+    wanted = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
+    np.testing.assert_allclose(error_gains(controller, 5.0, reference, h=1e-4), -wanted, rtol=2e-3, atol=2e-3)

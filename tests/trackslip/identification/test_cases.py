@@ -9,12 +9,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pytest
-from plain_drives import HUSKY, Drive, Robot, drive_of, log_of, measured, table_of, weaving
+from plain_drives import ENCODER_STEP, HUSKY, Drive, Robot, drive_of, log_of, measured, table_of, weaving
 
 from trackslip.errors import LogError
 from trackslip.identification.identify import identify
 from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
+from trackslip.logs.table_reader import runs_from_table
 
 DRIVE = drive_of()
 TIME, POSE = measured(DRIVE)
@@ -46,14 +47,15 @@ def file_of(path, table):
     return path
 
 
-@pytest.mark.parametrize("rate", [1.0, 2.0, 10.0])
-def test_interpolated_poses(rate):
-    """Poses at the encoders' rows, linear between those that were measured."""
+@pytest.mark.parametrize(("rate", "late", "digits"), [(1.0, 0.0, 9), (2.0, 0.0, 9), (10.0, 0.0, 9), (1.0, 0.007, 3)])
+def test_interpolated_poses(rate, late, digits):
+    """Poses at the encoders' rows, linear between those that were measured, at these rows or between them."""
     time, pose = measured(DRIVE, pose_step=1 / rate)
-    between = np.column_stack([np.interp(DRIVE.time, time, column) for column in pose.T])
+    between = np.column_stack([np.interp(DRIVE.time, time + late, column) for column in pose.T]).round(digits)
     found, knots = answer(log_of(DRIVE, DRIVE.time, between)), answer(log_of(DRIVE, time, pose))
     require_true(found, offset=0.0025, error=0.002)
     assert found.answer["offset"].value == pytest.approx(knots.answer["offset"].value, abs=2e-4)
+    assert found.answer["radius_error"].value == pytest.approx(knots.answer["radius_error"].value, abs=2e-4)
     assert any(note.startswith("poses are interpolated") for note in found.warnings)
 
 
@@ -73,9 +75,15 @@ def test_encoders_that_count_otherwise(factor):
     require_true(answer(log), replace(HUSKY, radius_error=0.97 / factor - 1), offset=0.001, error=0.001 / factor)
 
 
-def test_start_and_end_poses():
+@pytest.mark.parametrize(
+    "robot",
+    [
+        Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075),
+        Robot(half_gauge=0.15, radius=0.05, offset=0.012, radius_error=0.002, unequal=-0.006),
+    ],
+)
+def test_start_and_end_poses(robot):
     """Five squares to each side; on closed squares, ε isn't told, but the difference of its sides is."""
-    robot = Robot(half_gauge=0.1, radius=0.042, offset=0.004, radius_error=0.0025, unequal=0.0075)
     logs = []
     for k in range(10):
         turn = np.pi / 8 * (1 if k < 5 else -1)
@@ -86,7 +94,7 @@ def test_start_and_end_poses():
     found = answer(*logs, robot=robot)
     require_true(found, robot, offset=0.007)
     left, right = (found.answer[f"{side}_wheel_radius_multiplier"].value for side in ("left", "right"))
-    assert left - right == pytest.approx(0.015, abs=0.002)
+    assert left - right == pytest.approx(2 * robot.unequal, abs=0.002)
 
 
 def test_wheels_and_headings_alone():
@@ -98,6 +106,24 @@ def test_wheels_and_headings_alone():
     assert 1 / HUSKY.turn_gain == pytest.approx(1.754, abs=5e-4)
     assert found.answer["wheel_separation_multiplier"].value == pytest.approx(1 / HUSKY.turn_gain, abs=5e-4)
     assert found.drive.look.gains.speed is None
+
+
+def test_wheels_and_a_gyro_alone():
+    """The gyro has a bias and measures nothing for a while."""
+    turned = np.gradient(DRIVE.pose[:, 2], ENCODER_STEP) + 0.02
+    turned[2000:2050] = np.nan
+    table = table_of(DRIVE, DRIVE.time, DRIVE.pose, "a").drop_columns(["x", "y", "phi"])
+    (log,) = runs_from_table(table.append_column("gyro", pa.array(turned, from_pandas=True)), "gyro.csv").runs
+    found = answer(log)
+    assert found.answer["wheel_separation_multiplier"].value == pytest.approx(1 / HUSKY.turn_gain, abs=2e-3)
+    assert found.alarms == ()
+
+
+def test_straights_alone_tell_no_multiplier():
+    drive = drive_of(commands=(np.tile([0.6, 0.2], 20), np.zeros(40)), hold=3.0)
+    found = answer(log_of(drive, *measured(drive)))
+    assert [alarm.kind for alarm in found.alarms] == ["turns"]
+    assert found.answer["radius_error"].value == pytest.approx(HUSKY.radius_error, abs=1e-3)
 
 
 def test_all_poses_of_a_long_and_a_short_drive_are_used():

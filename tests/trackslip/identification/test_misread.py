@@ -39,9 +39,14 @@ def test_poses_in_other_units(change, match):
     refused(match, pose=change(POSE))
 
 
+def counts(omega: np.ndarray, per_turn: int) -> np.ndarray:
+    """Ticks counted by each row."""
+    return np.floor(np.cumsum(omega * ENCODER_STEP, axis=0) * per_turn / (2 * np.pi))
+
+
 def ticks(drive: Drive, per_turn: int, wraps: int = 0) -> np.ndarray:
     """Speeds by a counter with ticks; one of so many steps is not unwrapped."""
-    count = np.floor(np.cumsum(drive.omega * ENCODER_STEP, axis=0) * per_turn / (2 * np.pi))
+    count = counts(drive.omega, per_turn)
     change = np.diff(count % wraps if wraps else count, axis=0, prepend=0.0)
     return change * 2 * np.pi / per_turn / ENCODER_STEP
 
@@ -53,8 +58,11 @@ def ticks(drive: Drive, per_turn: int, wraps: int = 0) -> np.ndarray:
         (lambda w: np.degrees(w), "look like deg/s"),
         (lambda w: w * 60 / (2 * np.pi), "look like rpm"),
         (lambda w: w / (2 * np.pi), "look like turns per second: .*, or omega_l and omega_r look like m/s"),
-        (lambda w: np.cumsum(w * ENCODER_STEP, axis=0), r"look like angles \(up to .*\), not speeds"),
+        (lambda w: np.cumsum(w * ENCODER_STEP, axis=0), r"look like angles or ticks \(up to .*\), not speeds"),
         (lambda w: (np.cumsum(w * ENCODER_STEP, axis=0) + np.pi) % (2 * np.pi) - np.pi, "look like angles"),
+        (lambda w: counts(w, 2048), "look like angles or ticks"),
+        (lambda w: (counts(w, 2048) + 2**15) % 2**16 - 2**15, "look like angles or ticks"),
+        (lambda w: counts(w, 2048) % 2048, "look like angles or ticks"),
         (lambda w: w * (np.arange(len(w)) % 4 == 0)[:, None], "columns omega_l and omega_r go to 0 and back .* times"),
     ],
 )
@@ -81,9 +89,10 @@ def test_held_readings_count_once():
     assert found.gains.turn.value == pytest.approx(HUSKY.turn_gain, rel=0.01)
 
 
-def test_zeros_for_missing_poses():
+@pytest.mark.parametrize("every", [5, 50])
+def test_zeros_for_missing_poses(every):
     pose = np.zeros((len(DRIVE.time), 3))
-    pose[::5] = POSE
+    pose[::every] = POSE[:: every // 5]
     refused("columns x, y and phi go to 0 and back .* times: leave cells empty", time=DRIVE.time, pose=pose)
 
 

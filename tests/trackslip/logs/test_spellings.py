@@ -130,6 +130,21 @@ def test_any_number_of_rows_of_one_time_is_one(order):
     np.testing.assert_array_equal(run.pose[run.is_valid, 1], 2 * np.arange(0, 50, 5))
 
 
+@pytest.mark.parametrize("order", [np.argsort, lambda posed: np.random.default_rng(0).permutation(len(posed))])
+def test_rows_of_one_sensor_after_those_of_another_are_sorted(order):
+    """All rows with encoders before all with poses, or in no order."""
+    time = 0.02 * np.arange(1200)
+    posed = np.arange(1200) % 6 == 5
+    rows = order(posed)
+    wheels, place = np.where(posed, np.nan, 1.0)[rows], np.where(posed, time, np.nan)[rows]
+    cells = {"t": time[rows], "omega_l": wheels, "omega_r": wheels, "x": place, "y": place}
+    table = pa.table({name: pa.array(values, from_pandas=True) for name, values in cells.items()})
+    (run,) = (found := runs_from_table(table, "sensors.csv")).runs
+    assert found.notes[0].endswith("rows are not in the order of t, and are sorted")
+    np.testing.assert_array_equal(run.time, time[:-1])
+    np.testing.assert_array_equal(run.is_valid, posed[:-1])
+
+
 def test_poses_far_from_any_encoder_are_kept_apart(tmp_path):
     late = [["a", 100 + 0.1 * k, "", "", k, 0, 0] for k in range(5)]
     early = [["a", -100 + 0.1 * k, "", "", k, 0, ""] for k in range(3)]
