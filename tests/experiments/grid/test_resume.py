@@ -103,10 +103,3 @@ def test_a_failing_run_does_not_take_its_fleet_with_it(trackslip, monkeypatch):
         result = trackslip("grid", *SWEEP)
     assert {row["error"] for row in result.summary["runs"]} == {None, "MemoryError: too wide"}
     assert len(logs(result.folder)) == 4
-
-
-def test_a_radius_too_tight_for_some_robots_is_a_run_that_fails(trackslip):
-    result = trackslip("grid", *SHORT[3:], "--radii", "0.25", "1", "--vary", "robot.half_gauge=0.168,0.3")
-    (failure,) = result.summary["failures"]
-    assert failure["run"] == "radius=0.25 speed=0.2 robot.half_gauge=0.3"
-    assert failure["error"].startswith("radii = 0.25: must be greater than the half gauge, 0.3 m")
