@@ -49,7 +49,7 @@ def test_json_is_a_file_of_laws_to_the_last_bit(name, tmp_path):
 
 
 def test_intervals_are_those_that_are_stored():
-    fit = {"values": VALUES["icr_radius"], "interval95": {"offset": [0.04, 0.05]}}
+    fit = {"values": VALUES["icr_radius"], "interval95": {"offset": [0.04, 0.05], "radius_error": [0.0, None]}}
     laws = stored(slip_laws={"icr_radius": fit})
     intervals = json.loads(TARGETS["json"](laws, "icr_radius"))["slip_laws"]["icr_radius"]["interval95"]
     assert intervals == {"offset": [0.04, 0.05], "radius_error": None}
