@@ -20,8 +20,7 @@ from trackslip.se2 import wrap_angle as wrap_angle
 SIDES = np.array([-1.0, 1.0])  # (2,) track speeds are v + SIDES * b * w: the left track is slower when w > 0
 
 
-GEARS = (1e-4, 1e4)
-"""Turns of an encoder per turn of the sprocket, at least and at most."""
+GEARS = (1e-4, 1e4)  # turns of an encoder per turn of the sprocket, at least and at most
 _SIZES = (1e-3, 100.0)  # of robots: anything else is a mistake of units [m]
 
 

@@ -12,10 +12,8 @@ from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
 
-TRANSIENT = 12.0
-"""Time by which an initial error has decayed; the paper's arc begins then [s]."""
-LOST = 0.5
-"""Distance from the reference above which a run has failed [m]."""
+TRANSIENT = 12.0  # time by which an initial error has decayed; the paper's arc begins then [s]
+LOST = 0.5  # distance from the reference above which a run has failed [m]
 _TURNING = 1e-6  # yaw rate above which a reference turns [rad/s]
 
 

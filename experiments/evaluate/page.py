@@ -19,8 +19,8 @@ from experiments.evaluate.prediction import AHEAD, Prediction, winner
 from sim.calibration.calibration import Calibration
 from trackslip.errors import counted
 from trackslip.identification.drive_comparison import TODAY
+from trackslip.identification.prediction import PredictionErrors
 from trackslip.laws.file import NO_SLIP
-from trackslip.odometry.evaluation import RelativeErrors
 
 _HEADER = ("ahead", "model", "pairs", "position", "90 %", "rms [m]", "heading", "90 %", "rms [deg]", "rate")
 _NOTE = (
@@ -115,7 +115,7 @@ class Report:
         return line if better else ""
 
 
-def _cells(errors: RelativeErrors) -> list[str]:
+def _cells(errors: PredictionErrors) -> list[str]:
     """Median, 90 % and rms of position [m] and heading [deg]."""
     cells = []
     for part, factor, digits in ((errors.position, 1.0, 3), (errors.heading, degrees(1.0), 2)):
@@ -124,12 +124,12 @@ def _cells(errors: RelativeErrors) -> list[str]:
     return cells
 
 
-def _rate(errors: RelativeErrors, length: float, unit: str) -> str:
+def _rate(errors: PredictionErrors, length: float, unit: str) -> str:
     """Errors per metre or per second ahead."""
-    if unit == "m":
-        return f"{percent(errors.position_per_way)}, {significant(degrees(errors.heading_per_way), '°/m')}"
-    position, heading = (part.mean / length if part else nan for part in (errors.position, errors.heading))
-    return f"{significant(position, 'm/s')}, {significant(degrees(heading), '°/s')}"
+    over = errors.way if unit == "m" else length
+    position, heading = (part.mean / over if part else nan for part in (errors.position, errors.heading))
+    forwards = percent(position) if unit == "m" else significant(position, "m/s")
+    return f"{forwards}, {significant(degrees(heading), f'°/{unit}')}"
 
 
 @style.styled

@@ -10,8 +10,9 @@ import numpy as np
 
 from experiments.evaluate.models import Model
 from trackslip.errors import LogError
+from trackslip.identification.prediction import PredictionErrors
 from trackslip.logs.runlog import RunLog
-from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, RelativeErrors, errors_of
+from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, errors_of
 from trackslip.odometry.trajectory_errors import Trajectory
 
 AHEAD = (*((length, "s") for length in LENGTHS), (10.0, "m"))
@@ -28,7 +29,7 @@ class Prediction:
     """Of the first part of the log; those of the others have the same label and name."""
     errors: OdometryErrors
 
-    def ahead(self, length: float, unit: str) -> RelativeErrors | None:
+    def ahead(self, length: float, unit: str) -> PredictionErrors | None:
         """Errors after a distance [m] or a time [s]; None if there are few pairs."""
         errors = (self.errors.after_metres if unit == "m" else self.errors.after_seconds).get(length)
         return errors if errors is not None and errors.count >= _MIN_PAIRS else None

@@ -71,11 +71,11 @@ def error_today_and_now(result: Identification) -> str:
     ahead = min(now, key=lambda horizon: abs(horizon - _AHEAD))
     old, new, parts = today[ahead], now[ahead], []
     cm = 1e2 / new.way
-    if old.position_median is not None and new.position_median is not None:
-        per_metre = f"{cm * old.position_median:.2g} -> {cm * new.position_median:.2g} cm per metre"
-        parts.append(f"position {old.position_median:.3f} -> {new.position_median:.3f} m ({per_metre})")
-    if old.heading_median is not None and new.heading_median is not None:
-        parts.append(f"heading {math.degrees(old.heading_median):.1f} -> {math.degrees(new.heading_median):.1f}°")
+    if old.position is not None and new.position is not None:
+        per_metre = f"{cm * old.position.median:.2g} -> {cm * new.position.median:.2g} cm per metre"
+        parts.append(f"position {old.position.median:.3f} -> {new.position.median:.3f} m ({per_metre})")
+    if old.heading is not None and new.heading is not None:
+        parts.append(f"heading {math.degrees(old.heading.median):.1f} -> {math.degrees(new.heading.median):.1f}°")
     return f"{ahead:g} s ahead, {' and '.join(parts)} (median)"
 
 

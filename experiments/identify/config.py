@@ -20,7 +20,7 @@ from experiments.common.options import (
 from experiments.simulate.options import Method
 from trackslip.identification.source import MULTIPLIERS
 from trackslip.kinematics import GEARS
-from trackslip.motion.constant_speed import SETTLE
+from trackslip.motion.steady import SETTLE
 
 EXAMPLES = (
     ("from a stored grid", "trackslip identify out/grid"),

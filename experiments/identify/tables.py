@@ -88,8 +88,8 @@ def prediction_table(drive: DriveComparison) -> Table:
     for name in [*today, *drive.laws]:
         cells = []
         for errors in map(drive.errors[name].get, ahead):
-            sizes = [(getattr(errors, f"{key}_median", None), *unit) for key, unit in _UNITS.items()]
-            known = [number(factor * value, digits) for value, factor, digits in sizes if value is not None]
+            sizes = [(getattr(errors, key, None), *unit) for key, unit in _UNITS.items()]
+            known = [number(factor * each.median, digits) for each, factor, digits in sizes if each is not None]
             cells.append(pair(known) if known else MISSING)
         rows.append((law_cell(name, name == drive.best, formula=False), *cells, number(drive.score.get(name), 2)))
     title = "Held-out prediction, median error of position [m] | heading [deg]"

@@ -83,7 +83,8 @@ class Obstacles:
         The beams start at `origin` (2,) [m] in the directions (..., 2), unit vectors. The distance is 0 inside a post.
         """
         nearest = np.full(direction.shape[:-1], np.nan)
-        for obstacle in (*self.posts, *self.walls):
+        obstacles: tuple[Post | Wall, ...] = (*self.posts, *self.walls)
+        for obstacle in obstacles:
             nearest = np.fmin(nearest, obstacle.ranges(origin, direction))
         return nearest
 

@@ -16,8 +16,8 @@ import numpy as np
 from beside import rectangle
 
 from trackslip.kinematics import Array
+from trackslip.localization.likelihood import viewing_angle
 from trackslip.localization.scan import Plate, Scan
-from trackslip.localization.view import viewing_angle
 
 MIN_ANGLE = np.radians(3.0)
 """The bound means little at smaller angles from edge-on [rad]."""

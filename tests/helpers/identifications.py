@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.identification.result import Identification
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.steady_comparison import CrossValidation, SteadyComparison, left_out
+from trackslip.identification.steady_comparison import CrossValidation, SteadyComparison
 from trackslip.identification.steady_fit import fit_law
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.icr import ConstantIcr
@@ -40,7 +40,7 @@ def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determine
     laws = {name: fit_law(name, samples, GEOMETRY) for name in names}
     if not determined:
         laws = {name: replace(law, aicc=None) for name, law in laws.items()}
-    predicted = {name: left_out(law) if determined else None for name, law in laws.items()}
+    predicted = {name: law.fit.left_out() if determined else None for name, law in laws.items()}
     comparison = SteadyComparison(
         samples=samples,
         laws=laws,

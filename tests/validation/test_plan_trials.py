@@ -30,8 +30,8 @@ from trackslip.laws.families import FAMILIES
 from trackslip.metrics import rms
 from trackslip.planning.information import PoseQuality
 from trackslip.planning.limits import DriveLimits
-from trackslip.planning.maneuvers import RATE
 from trackslip.planning.plan import PAPER_DURATION, DrivePlan, expected_of_paper, paper_runs, plan_drive
+from trackslip.planning.route import RATE
 
 pytestmark = pytest.mark.slow
 GEOMETRY = RobotGeometry(0.168, 0.06)

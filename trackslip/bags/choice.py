@@ -57,5 +57,4 @@ class BagChoice:
             require(len(parts) == 3 and all(parts) and parts[1] != parts[2], "poses", self.poses, _TF)
 
 
-AUTOMATIC = BagChoice()
-"""The topics and joints that leave no doubt."""
+AUTOMATIC = BagChoice()  # the topics and joints that leave no doubt

@@ -25,8 +25,7 @@ _ALONG = 0.98  # component of an axis that is one of the IMU's own: it is mounte
 class Imu:
     """Readings of the gyro of an IMU, all by one clock."""
 
-    source: str
-    """Its topic and frame, in words."""
+    source: str  # its topic and frame, in words
     stamp: np.ndarray  # (n,) int: stamps in the headers, ascending [ns]
     rate: Array  # (n, 3) about the axes of its frame [rad/s]
 

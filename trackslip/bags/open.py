@@ -72,10 +72,8 @@ class Topic:
     """A topic in a bag."""
 
     name: str
-    type: str
-    """Name of the message type, as in `sensor_msgs/msg/JointState`."""
-    count: int
-    """Number of messages."""
+    type: str  # name of the message type, as in `sensor_msgs/msg/JointState`
+    count: int  # number of messages
 
 
 @dataclass(frozen=True)
@@ -83,13 +81,10 @@ class Bag:
     """A recording of any format."""
 
     name: str
-    path: Path
-    """Its file, or the folder of a ROS 2 bag."""
-    topics: dict[str, Topic]
-    """By name, in alphabetical order."""
+    path: Path  # its file, or the folder of a ROS 2 bag
+    topics: dict[str, Topic]  # by name, in alphabetical order
     read: Read = field(repr=False)
-    notes: tuple[str, ...] = ()
-    """What is missing, one line each."""
+    notes: tuple[str, ...] = ()  # what is missing, one line each
 
     def topic(self, name: str, kind: str | None = None) -> Topic:
         """The topic of a name; raises LogError for an unknown name, or messages of another type than `kind`."""

@@ -26,8 +26,7 @@ class Scans(Stamped):
     """Scans, all with the same beams, stamped by their first rays."""
 
     ranges: np.ndarray  # (S, B) float32, as published [m]
-    first: Any
-    """The first message, with angles, limits and frame."""
+    first: Any  # the first message, with angles, limits and frame
 
 
 def read_scans(bag: Bag, name: str | None, notes: list[str]) -> Scans:

@@ -20,8 +20,7 @@ _SHORTEST = 500_000  # usual interval, half that of the fastest controllers, whi
 class Stamped:
     """Readings by one clock."""
 
-    source: str
-    """The topic, or tf:PARENT:CHILD."""
+    source: str  # the topic, or tf:PARENT:CHILD
     stamp: np.ndarray  # (N,) int: stamps in the headers, ascending [ns]
     delay: Array  # times from the stamps of the messages to their recording [s]
 

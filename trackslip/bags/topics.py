@@ -24,10 +24,8 @@ POSE_TYPES = (
 )
 """Types of messages that poses are read from, besides transforms."""
 _TICKS = re.compile(r"std_msgs/msg/U?Int\d+(MultiArray)?")
-Sides = tuple[tuple[str, ...], tuple[str, ...]]
-"""Names of the joints on the left and on the right."""
-WHEELS: Sides = ("left wheels",), ("right wheels",)
-"""What stands for the joints in odometry."""
+Sides = tuple[tuple[str, ...], tuple[str, ...]]  # names of the joints on the left and on the right
+WHEELS: Sides = ("left wheels",), ("right wheels",)  # what stands for the joints in odometry
 
 # Words in the names of topics, joints and frames, as ROS packages of robots and localization use them.
 _WANTED = r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|waypoint|plan\b"
@@ -72,8 +70,7 @@ _MARKS = {
 class PoseSource:
     """A topic or a pair of frames that states poses."""
 
-    name: str
-    """The topic, or tf:PARENT:CHILD."""
+    name: str  # the topic, or tf:PARENT:CHILD
     origin: PoseOrigin
 
 

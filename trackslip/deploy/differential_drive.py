@@ -7,8 +7,7 @@ from trackslip.errors import require
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import NO_SLIP, StoredLaws, number, text
 
-CONTROLLER = "diff_drive_controller"
-"""Name of a controller, unless a robot has given it another."""
+CONTROLLER = "diff_drive_controller"  # name of a controller, unless a robot has given it another
 _MEANING = (
     "2 b, distance between the tracks' centre lines [m]",
     "r, radius of the sprockets [m]",

@@ -14,8 +14,7 @@ from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.checks import unwrapped
 
-NEAR = 2.0
-"""Offset that a fit finds by itself from a start value [s]: its prior (`path.EXTRAS`)."""
+NEAR = 2.0  # offset that a fit finds by itself from a start value [s]: its prior (`path.EXTRAS`)
 _GRID = 0.1  # step of the common grid [s]; gains allow for as much
 _HALF = 0.5  # half of the time over which velocities are taken [s]: noise of 2 cm is 3 cm/s then
 _FITS = 0.5  # share of the variance that a clock explains at least

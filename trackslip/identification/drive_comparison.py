@@ -18,8 +18,7 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
 from trackslip.se2 import Mounting
 
-TODAY = "today"
-"""Name of the prediction without identification: dead reckoning without slip."""
+TODAY = "today"  # name of the prediction without identification: dead reckoning without slip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,8 +126,8 @@ def _alarms(law: DriveFit, errors: Mapping[str, Mapping[float, PredictionErrors]
         return [*alarms, Alarm("blocks", f"{what}: drive for a minute or more")]
     for name, kind, others in ((TODAY, "worse", "the robot does today"), (GAINS, "gains", "two gains do")):
         for (ahead, ours), what in product(errors[law.name].items(), ("position", "heading")):
-            median, other = (getattr(each, f"{what}_median") for each in (ours, errors[name][ahead]))
-            if median is not None and other is not None and median > 1.1 * other + LEAST_ERROR:
+            now, then = (getattr(each, what) for each in (ours, errors[name][ahead]))
+            if now is not None and then is not None and now.median > 1.1 * then.median + LEAST_ERROR:
                 line = f"{ahead:g} s ahead, law {law.name} predicts the {what} worse than {others}: don't use it"
                 alarms.append(Alarm(kind, line))
                 break

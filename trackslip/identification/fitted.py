@@ -12,8 +12,8 @@ from scipy.special import stdtrit
 from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
 
-FEWEST_BLOCKS = 6
-"""Independent parts of driving from which an interval can be told."""
+FEWEST_BLOCKS = 6  # independent parts of driving from which an interval can be told
+_SINGULAR = 1e-12  # smallest eigenvalue over the largest of what data tell
 _FEWEST_EFFECTIVE = 3.0  # with fewer, Student's t says nothing of a parameter, as of the sensor's place
 
 
@@ -60,6 +60,17 @@ def uncertainty(
         "interval95": dict(zip(names, zip(low.tolist(), high.tolist(), strict=True), strict=True)),
         "correlation": correlation,
     }
+
+
+def newton_steps(rest: Array, score: np.ndarray) -> np.ndarray:
+    """Steps (G, f) of f parameters from minima without G parts of the data to the minimum of all, by Newton's method.
+
+    `rest` (G, f, f) are the normal equations without each part, `score` (G, f) their right sides of each part. Steps
+    are 0 where the rest tells nothing.
+    """
+    scale = np.sqrt(np.maximum(np.einsum("gaa->ga", rest), 1e-200))
+    inverse = np.linalg.pinv(rest / scale[:, :, None] / scale[:, None, :], rcond=_SINGULAR, hermitian=True)
+    return np.asarray(np.einsum("gab,gb->ga", inverse, score / scale) / scale)
 
 
 def cr3(apart: Array) -> Array:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackslip.identification.fitted import Gain, cr3, student
+from trackslip.identification.fitted import Gain, cr3, newton_steps, student
 from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
@@ -228,7 +228,7 @@ def _regression(
     score = np.zeros(hessian.shape[:2], fit.dtype)
     np.add.at(score, number, (weight * (values - columns @ fit))[:, None] * columns)
     normal = hessian.sum(axis=0) + np.diag(np.multiply(prior, scale**2) + 1e-12)
-    without = fit - np.linalg.solve(normal - hessian, score[..., None])[..., 0]
+    without = fit - newton_steps(normal - hessian, score)
     return _Regression(fit, without, float(student(hessian, normal)[0]))
 
 

@@ -17,8 +17,7 @@ from trackslip.identification.source import ReadOptions, Source, read_source, so
 from trackslip.identification.steady_comparison import compare_laws
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import Refused, RunLog
-from trackslip.motion.constant_speed import SETTLE
-from trackslip.motion.steady import turning_stretches
+from trackslip.motion.steady import SETTLE, turning_stretches
 from trackslip.se2 import Mounting
 
 _BESIDE = ("none", "icr_radius")  # laws of whole drives beside those of steady stretches

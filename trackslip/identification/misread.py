@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
 from trackslip.errors import LogError, counted
-from trackslip.identification.gains import Gains, Steps, Window, rms, windows_of
+from trackslip.identification.gains import Gains, Window, rms, windows_of
 from trackslip.identification.preparation import PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
@@ -46,54 +47,70 @@ def refuse_cells(drive: PreparedDrive) -> None:
             )
 
 
-def refuse_angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> None:
-    """Refuse angles of wheels where speeds belong: the motion follows their differences."""
-    by_differences = list[PreparedDrive]()
+def refuse_readings(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> None:
+    """Refuse columns by which wheels and poses match much better if they are read otherwise."""
+    window = windows_of(drives, geometry, clock)
+    now = matches_of(window)
+    if len(now) and now.min() > _CLEARLY:
+        return
+    readings = [_angles(drives, geometry), *(_other_readings(drives) if len(now) else ())]
+    matches = [matches_of(windows_of(others, geometry, clock)) for others, *_ in readings]
+    best = int(np.argmax([match.sum() for match in matches]))
+    match, (_, what, advice) = matches[best], readings[best]
+    if match.sum() > now.sum() + _BETTER and match.mean() > _CLEARLY:
+        before = now.mean() if len(now) else 0.0
+        raise LogError(f"{what} (wheels and poses correlate by {before:.2f}, else by {match.mean():.2f}): {advice}")
+    phi = np.concatenate([drive.pose[:, 2] for drive in drives])
+    if len(now) and np.abs(phi).max() <= 1.01 and np.ptp(np.cumsum(window.turn)) > 2 * np.pi:
+        raise LogError("column phi, from -1 to 1, looks like the z of a quaternion: give phi = 2 atan2(z, w)")
+
+
+_Reading = tuple[list[PreparedDrive], str, str]
+"""Drives as another reading of their columns has them, what this would mean, and what to do then."""
+
+
+def _angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> _Reading:
+    """The drives with speeds that are, but for a factor, the changes of angles or of counters, which may begin anew."""
+    others = []
     for drive in drives:
         change, span = np.diff(drive.omega, axis=0, prepend=drive.omega[:1]), np.ptp(drive.omega, axis=0)
-        change -= span * np.round(change / np.maximum(span, 1e-9))  # counters that begin anew
+        change -= span * np.round(change / np.maximum(span, 1e-9))
         speeds = change / np.diff(drive.edges)[:, None]
-        slow = _SLOW / geometry.sprocket_radius / max(rms(speeds), 1e-9)  # whatever the unit
-        by_differences.append(replace(drive, omega=slow * speeds))
-    by_speeds, by_angles = (matches_of(windows_of(each, geometry, 0.0)) for each in (drives, by_differences))
-    if len(by_angles) and by_angles.mean() > max(_CLEARLY, by_speeds.mean() + _BETTER if len(by_speeds) else 0.0):
-        most = max(float(np.abs(drive.omega).max()) for drive in drives)
-        raise LogError(
-            f"columns omega_l and omega_r look like angles or ticks (up to {most:.3g}), not speeds: the robot moves as "
-            "they change: give their changes over time, in rad/s"
-        )
+        others.append(replace(drive, omega=_SLOW / geometry.sprocket_radius / max(rms(speeds), 1e-9) * speeds))
+    most = max(float(np.abs(drive.omega).max()) for drive in drives)
+    what = f"columns omega_l and omega_r look like angles or ticks (up to {most:.3g}), not speeds"
+    return others, what, "give their changes over time, in rad/s"
 
 
-def refuse_sides(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> None:
-    """Refuse swapped and reversed sides: those with which the wheels would match the poses much better."""
-
-    def matches(swapped: bool, signs: tuple[int, int]) -> Array:
-        others = [replace(drive, omega=(drive.omega * signs)[:, :: -1 if swapped else 1]) for drive in drives]
-        return matches_of(windows_of(others, geometry, clock))
-
-    now = matches(False, (1, 1))
-    if now.min(initial=1.0) > _CLEARLY:
-        return
-    ways = [(swapped, signs) for swapped in (False, True) for signs in ((1, 1), *_SIGNS)][1:]
-    swapped, signs = best = max(ways, key=lambda way: float(matches(*way).sum()))
-    match = matches(*best)
-    if match.sum() < now.sum() + _BETTER or match.mean() < _CLEARLY:
-        return
-    steps = []
-    if signs in _SIGNS:
-        steps.append("change the sign of {}, for a bag by --reversed {}".format(*_SIGNS[signs]))
-    if swapped:
-        steps.append("exchange omega_l and omega_r")
-    advice = ", then ".join(steps)
+def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[_Reading]:
+    """The drives with sides or signs exchanged, or with other headings."""
     placed, headed = (any(np.isfinite(drive.pose[:, k]).any() for drive in drives) for k in (0, 2))
-    if signs[0] == signs[1] and not (placed and headed):  # positions or headings alone don't tell these apart
-        advice = "exchange omega_l and omega_r, or change the signs of both if they count backwards"
-    elif swapped and signs == (-1, -1):
-        advice += ", or turn phi by pi"
-    raise LogError(
-        f"tracks are swapped or encoders count backwards (correlation with the poses {now.mean():.2f}, "
-        f"{match.mean():.2f} otherwise): {advice}"
-    )
+    for swapped, signs in [*product((False, True), ((1, 1), *_SIGNS))][1:]:
+        steps = ["change the sign of {}, for a bag by --reversed {}".format(*_SIGNS[signs])] if signs in _SIGNS else []
+        advice = ", then ".join([*steps, "exchange omega_l and omega_r"] if swapped else steps)
+        if signs[0] == signs[1] and not (placed and headed):  # positions or headings alone don't tell these apart
+            advice = "exchange omega_l and omega_r, or change the signs of both if they count backwards"
+        elif swapped and signs == (-1, -1):
+            advice += ", or turn phi by pi"
+        others = [replace(drive, omega=(drive.omega * signs)[:, :: -1 if swapped else 1]) for drive in drives]
+        yield others, "tracks are swapped or encoders count backwards", advice
+    if placed and headed:
+        degrees = [_with_heading(drive, np.pi / 180) for drive in drives]
+        yield degrees, "column phi is in degrees", "multiply it by pi/180"
+        for others in (
+            [_with_heading(drive, -1.0) for drive in drives],
+            [_with_heading(drive, -1.0, np.pi / 2) for drive in drives],
+            [replace(drive, pose=drive.pose[:, [1, 0, 2]]) for drive in drives],
+        ):
+            turn = "change its sign, or exchange x and y if the wheels turn as it does"
+            yield others, "column phi runs clockwise by the course of x and y", turn
+
+
+def _with_heading(drive: PreparedDrive, factor: float, offset: float = 0.0) -> PreparedDrive:
+    """The drive with other headings."""
+    pose, known = drive.pose.copy(), np.isfinite(drive.pose[:, 2])
+    pose[known, 2] = np.unwrap(offset + factor * pose[known, 2])
+    return replace(drive, pose=pose)
 
 
 def matches_of(window: Window) -> Array:
@@ -113,39 +130,6 @@ def _alike(first: np.ndarray, second: np.ndarray) -> float:
     known = np.isfinite(first) & np.isfinite(second)
     size = rms(first[known]) * rms(second[known])
     return float(np.mean(first[known] * second[known]).real / size) if size > 0 else 0.0
-
-
-def refuse_headings(drive: PreparedDrive, geometry: RobotGeometry, clock: float) -> None:
-    """Refuse headings in degrees, clockwise, or the z of a quaternion, by the course of the path."""
-    steps = Steps.of(drive, geometry, clock)
-    ends = steps.ends(max(0.5, drive.interval))
-    if steps.place is None or steps.heading is None or len(ends) < _FEWEST:
-        return
-    chord = np.diff(steps.place[ends])
-    long = np.abs(chord) > max(0.5 * rms(chord), 1e-9)
-    phi, direction = ((steps.heading[ends[1:]] + steps.heading[ends[:-1]]) / 2)[long], np.angle(chord[long])
-    if len(phi) < _FEWEST:
-        return
-
-    def agreement(values: Array) -> float:
-        return float(np.abs(np.mean(np.exp(2j * (direction - values)))))
-
-    right = agreement(phi)
-    clearly = max(_CLEARLY, right + _BETTER)
-    where = f"run {drive.name!r}: column phi (from {phi.min():.3g} to {phi.max():.3g})"
-    if right > _CLEARLY:
-        return
-    if agreement(np.radians(phi)) > clearly:
-        raise LogError(f"{where} is in degrees by the course of x and y: multiply it by pi/180")
-    if agreement(-phi) > clearly:
-        raise LogError(
-            f"{where} runs clockwise by the course of x and y: change its sign, or exchange x and y if the wheels turn "
-            "as it does"
-        )
-    if np.abs(phi).max() <= 1.01:
-        cosine = 1 - 2 * np.clip(phi, -1, 1) ** 2  # of the heading, whatever the sign of w
-        if np.corrcoef(2 * cosine**2 - 1, np.cos(2 * direction))[0, 1] > _CLEARLY:
-            raise LogError(f"{where} looks like the z of a quaternion: give phi = 2 atan2(z, w)")
 
 
 def refuse_units(drives: Sequence[PreparedDrive], gains: Gains, geometry: RobotGeometry) -> None:

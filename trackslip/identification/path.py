@@ -40,8 +40,7 @@ EXTRAS: dict[str, Extra] = {
     "gyro_bias": Extra("rad/s", 0.01, 0.05, -1.0, 1.0, "bias of the gyro"),
     "gyro_scale": Extra("", 0.02, 0.03, -0.5, 0.5, "error of the gyro's scale"),
 }
-GYRO = ("gyro_bias", "gyro_scale")
-"""The last of them, for drives with a gyro."""
+GYRO = ("gyro_bias", "gyro_scale")  # the last of them, for drives with a gyro
 
 
 @dataclass(frozen=True)

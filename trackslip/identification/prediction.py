@@ -16,25 +16,44 @@ from trackslip.metrics import rms
 
 FOLDS = 5
 """Parts of the driving, of every fifth block each, that are predicted by what the others tell."""
-HORIZONS = (1.0, 2.0, 5.0, 10.0)
-"""Times ahead [s]."""
-LEAST_ERROR = 1e-3
-"""Mean error, or difference of errors, that nobody notices [m, rad]."""
+HORIZONS = (1.0, 2.0, 5.0, 10.0)  # times ahead [s]
+LEAST_ERROR = 1e-3  # mean error, or difference of errors, that nobody notices [m, rad]
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")
 
 
 @dataclass(frozen=True)
+class Statistics:
+    """Statistics of errors."""
+
+    rms: float
+    mean: float
+    median: float
+    p90: float  # error that 90 % of them stay below
+    largest: float
+
+    @classmethod
+    def of(cls, errors: Array) -> Statistics:
+        """Statistics of errors (n,) >= 0."""
+        mean, p90 = float(errors.mean()), float(np.quantile(errors, 0.9))
+        return cls(rms(errors), mean, float(np.median(errors)), p90, float(errors.max()))
+
+
+@dataclass(frozen=True)
 class PredictionErrors:
-    """Errors of predictions for one horizon."""
+    """Errors of predictions, all over the same time or distance."""
 
     count: int  # number of predictions, which overlap
-    position_rms: float | None  # root mean square error of the position [m]; None without positions
-    position_median: float | None  # median error of the position [m]; None without positions
-    position_p90: float | None  # error of the position that 90 % of the predictions stay below [m]
-    heading_rms: float | None  # root mean square error of the heading [rad]; None without headings
-    heading_median: float | None  # median absolute error of the heading [rad]; None without headings
-    heading_p90: float | None  # absolute error of the heading that 90 % of the predictions stay below [rad]
-    way: float  # median way of the belts [m]
+    way: float  # mean way of the belts [m]
+    position: Statistics | None  # errors of positions [m]; None without positions
+    heading: Statistics | None  # absolute errors of headings [rad]; None without headings
+
+    @classmethod
+    def of(cls, way: Array, position: Array, heading: Array) -> PredictionErrors:
+        """Errors (n,) of predictions over ways (n,); NaN where not known."""
+        known = (errors[np.isfinite(errors)] for errors in (position, heading))
+        statistics = [Statistics.of(errors) if errors.size else None for errors in known]
+        count = int((np.isfinite(position) | np.isfinite(heading)).sum())
+        return cls(count, float(way.mean()), *statistics)
 
 
 @dataclass(frozen=True)
@@ -99,14 +118,8 @@ class Pairs:
 
     def summaries(self, error: Array) -> dict[float, PredictionErrors]:
         """PredictionErrors by horizon [s] of errors (n, 3)."""
-        size, summaries = sizes(error), {}
-        for horizon in np.unique(self.horizon).tolist():
-            rows = self.horizon == horizon
-            position, heading = (part[np.isfinite(part)] for part in size[rows].T)
-            count = max(len(position), len(heading))
-            way = float(np.median(self.way[rows]))
-            summaries[horizon] = PredictionErrors(count, *_summary(position), *_summary(heading), way)
-        return summaries
+        every = {horizon: self.horizon == horizon for horizon in np.unique(self.horizon).tolist()}
+        return {h: PredictionErrors.of(self.way[rows], *sizes(error)[rows].T) for h, rows in every.items()}
 
     def criteria(self, errors: Mapping[str, Array]) -> list[Criterion]:
         """Errors (n, 3) by law as a criterion for each horizon.
@@ -133,13 +146,6 @@ class Pairs:
 def sizes(error: Array) -> Array:
     """Sizes (n, 2) of errors (n, 3) of position [m] and heading [rad]."""
     return np.column_stack([np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])])
-
-
-def _summary(size: Array) -> tuple[float | None, float | None, float | None]:
-    """Root mean square, median and 90 % quantile of errors (n,); None without any."""
-    if not len(size):
-        return None, None, None
-    return rms(size), float(np.median(size)), float(np.quantile(size, 0.9))
 
 
 def _headings(drives: Drives, path: Path) -> Array:

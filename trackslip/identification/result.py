@@ -79,20 +79,16 @@ class Identification:
 
     def _contradiction(self) -> list[Alarm]:
         """An alarm if steady stretches and whole drives have values of a law that exclude each other, far apart."""
-        if self.steady is None or self.drive is None:
+        both = [by.laws[REFERENCE] for by in (self.steady, self.drive) if by is not None and REFERENCE in by.laws]
+        if len(both) < 2:
             return []
-        steady, drive = (by.laws.get(REFERENCE) for by in (self.steady, self.drive))
-        if steady is None or drive is None:
-            return []
-        apart = []
+        (steady, drive), apart = both, []
         for name, change in zip(drive.values, FAMILIES[REFERENCE].limits(self.geometry.half_gauge)[2], strict=True):
-            lows, highs = zip(*(fit.interval95.get(name, (-np.inf, np.inf)) for fit in (steady, drive)), strict=True)
+            lows, highs = zip(*(fit.interval95.get(name, (-np.inf, np.inf)) for fit in both), strict=True)
             if max(lows) > min(highs) and abs(steady.values[name] - drive.values[name]) > 0.1 * change:
                 apart.append(f"{name} {steady.values[name]:.3g} and {drive.values[name]:.3g}")
-        line = (
-            f"steady stretches and whole drives contradict each other ({', '.join(apart)}): look at both in the report"
-        )
-        return [Alarm("contradiction", line)] if apart else []
+        contradict = f"steady stretches and whole drives contradict each other ({', '.join(apart)})"
+        return [Alarm("contradiction", f"{contradict}: look at both in the report")] if apart else []
 
     @property
     def answer(self) -> dict[str, Gain]:
@@ -171,10 +167,8 @@ class Identification:
         return file
 
     def __repr__(self) -> str:
-        if self.method == "drive" and self.drive is not None:
-            source = counted(len(self.drive.look.drives), "drive")
-        else:
-            source = counted(len(self.samples), "steady sample")
+        drive = self.drive if self.method == "drive" else None
+        source = counted(len(drive.look.drives), "drive") if drive else counted(len(self.samples), "steady sample")
         size = f"b = {self.geometry.half_gauge:g} m, r = {self.geometry.sprocket_radius:g} m"
         lines = [f"Slip laws from {source} ({size}); best: {self.best}"]
         lines += [f"ALARM: {alarm.line}" for alarm in self.alarms]
@@ -187,23 +181,19 @@ class Identification:
 
 
 def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
-    """A parameter, or the mean of those of both sides, with the ends of its 95 % interval; 0 if the law has none.
+    """A parameter, or the mean of those of both sides, with its 95 % interval; 0 if the law has none.
 
     The ends are NaN where nothing was fitted.
     """
     names = [name for name in fit.values if name == key or name.startswith(f"{key}_{side}")]
     value = float(np.mean([fit.values[name] for name in names])) if names else 0.0
-    names = [name for name in names if name in fit.stderr]
-    if not names:
+    fitted = [name for name in names if name in fit.stderr]
+    if not fitted:
         return Gain(value, np.nan, np.nan)
-    rows = [list(fit.stderr).index(name) for name in names]
-    share = np.array([fit.stderr[name] for name in names]) / len(names)
-    error = float(np.sqrt(share @ fit.correlation[np.ix_(rows, rows)] @ share))
-    widths = [
-        np.abs(np.subtract(fit.interval95[name], fit.values[name])).max() for name in names
-    ]  # one end: at a limit
-    wide = float(np.max(np.array(widths) / np.maximum(share * len(names), 1e-300)))
-    return Gain(value, value - wide * error, value + wide * error)
+    rows = [list(fit.stderr).index(name) for name in fitted]
+    half = [np.abs(np.subtract(fit.interval95[name], fit.values[name])).max() for name in fitted]  # one end: at a limit
+    wide = float(np.sqrt(half @ fit.correlation[np.ix_(rows, rows)] @ half)) / len(names)
+    return Gain(value, value - wide, value + wide)
 
 
 def identification_to_json(result: Identification) -> dict[str, Any]:

@@ -10,10 +10,12 @@ import numpy as np
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
 from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, track_slip, track_speeds
 from trackslip.logs.runlog import Refused, RunLog, none_usable
-from trackslip.motion.constant_speed import SETTLE
-from trackslip.motion.methods import MOTION_METHODS, best_method
+from trackslip.motion.arc import arc
+from trackslip.motion.bundle import bundle
+from trackslip.motion.filtered import paper
 from trackslip.motion.steady import (
     MARGIN,
+    SETTLE,
     STANDING,
     SteadyPart,
     load_pieces,
@@ -21,7 +23,10 @@ from trackslip.motion.steady import (
     steady_part,
     steady_parts,
 )
+from trackslip.motion.steady_twist import MotionMethod
 
+MOTION_METHODS: dict[str, MotionMethod] = {"paper": paper, "arc": arc, "bundle": bundle}
+"""Methods that find the twist of a steady run: first the paper's as printed, last the most accurate."""
 _REPEATED = 0.01  # difference of the angles of a command and its repeats (test_steady) [rad]
 _KEPT = np.array([[0.2, 0.0], [1.8, 1.8]])  # least and most share of speed, yaw rate (test_steady)
 
@@ -218,3 +223,8 @@ def _sample(part: SteadyPart, geometry: RobotGeometry, method: str) -> SlipSampl
     return SlipSamples.of(
         part.omega[None], steady.twist[None], geometry, [part.name], steady.covariance[None], lateral, load
     )
+
+
+def best_method(log: RunLog) -> str:
+    """The most accurate method that a run allows: from its ranges if it has any, else from its poses."""
+    return "arc" if log.scans is None else "bundle"

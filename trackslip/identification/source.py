@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +20,7 @@ from trackslip.logs.logfile import read_table, runs_file
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.logs.table import LATERAL, REQUIRED, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
-from trackslip.motion.constant_speed import SETTLE
+from trackslip.motion.steady import SETTLE
 
 MULTIPLIERS = (0.1, 10.0)
 """wheel_separation_multipliers that a robot may have: ICRs within ten times the gauge."""
@@ -37,9 +38,7 @@ class ReadOptions:
     settle: float = SETTLE  # time after the sprockets have become steady that is left out of each run [s]
     motion: str | None = None  # name of a motion method; None for the most accurate that each run allows
     bag: BagChoice = AUTOMATIC  # topics to read from bags
-    multiplier: float | None = None
-    """wheel_separation_multiplier by which odometry taken as encoders was computed [-]; None if there is none to undo,
-    or it isn't known."""
+    multiplier: float | None = None  # wheel_separation_multiplier of odometry taken as encoders, if known [-]
 
     def __post_init__(self) -> None:
         require_within("gear", self.gear, *GEARS)
@@ -74,10 +73,8 @@ class Source:
         if not steady:
             number = counted(len(self.logs), "run")
             raise LogError(f"{self.name}: {number} in closed loop; slip is identified from steady runs")
-        try:
+        with _naming(self.name):
             sampling = usable_samples(steady, self.geometry, self.reading.settle, self.reading.motion, self.refused)
-        except LogError as error:
-            raise _of(self.name, error) from error
         return replace(sampling, notes=(*self.notes, *sampling.notes))
 
 
@@ -93,16 +90,14 @@ def read_source(
 
     is_bag = holds_bags(path)
     file = path if is_bag else runs_file(path)
-    try:
-        if is_bag:
-            _refuse_choice_of_runs(chosen, "bags")
-            geometry = _geometry(reading, None, path)  # before a long bag is read
-            read = read_bags(path, replace(reading.bag, wheels=geometry))
-            return source_of_runs(read.runs, reading, str(path), read)
-        refuse_choice(path, reading.bag)
-        return _of_table(file, reading, chosen)
-    except LogError as error:
-        raise _of(str(file), error) from error
+    with _naming(file):
+        if not is_bag:
+            refuse_choice(path, reading.bag)
+            return _of_table(file, reading, chosen)
+        _refuse_choice_of_runs(chosen, "bags")
+        geometry = _geometry(reading, None, path)  # before a long bag is read
+        read = read_bags(path, replace(reading.bag, wheels=geometry))
+        return source_of_runs(read.runs, reading, str(path), read)
 
 
 def _refuse_choice_of_runs(chosen: object, kind: str) -> None:
@@ -111,9 +106,13 @@ def _refuse_choice_of_runs(chosen: object, kind: str) -> None:
         raise LogError(f"holds {kind}, not runs of a sweep: --where must be left out")
 
 
-def _of(name: str, error: LogError) -> LogError:
-    """The error with the name of its source in front."""
-    return error if name in str(error) else LogError(f"{name}: {error}")
+@contextmanager
+def _naming(source: object) -> Iterator[None]:
+    """Put the name of the source in front of a LogError that lacks it."""
+    try:
+        yield
+    except LogError as error:
+        raise error if str(source) in str(error) else LogError(f"{source}: {error}") from error
 
 
 def source_of_runs(
@@ -122,21 +121,20 @@ def source_of_runs(
     name: str = "the runs",
     left_out: ReadRuns | None = None,
 ) -> Source:
-    """Runs in memory, called `name` in messages.
+    """Runs in memory, called `name` in messages; what reading has `left_out` is listed with what cannot be used.
 
-    What reading has `left_out` is listed with what cannot be used. Raises LogError if there are no runs or they differ
-    in what matters to slip, InvalidValueError if neither `reading` nor the runs state the geometry.
+    Raises LogError if there are no runs or they differ in what matters to slip, InvalidValueError if neither `reading`
+    nor the runs state the geometry.
     """
     if not runs:
         raise LogError(f"{name}: there are none")
     left_out = left_out or ReadRuns()
     notes = (*left_out.notes, *_require_one_setting(runs, name))
     geometry = _geometry(reading, runs[0].metadata.get("geometry"), name)
-    known: dict[str, Any] = {"geometry": asdict(geometry)}
-    if reading.multiplier is not None:
-        known["multiplier"] = reading.multiplier
-    logs = [replace(log, omega=reading.sprocket_speeds(log.omega), metadata=log.metadata | known) for log in runs]
-    return Source(name, geometry, reading, tuple(logs), refused=left_out.refused, notes=notes, taken=left_out.taken)
+    known = {"geometry": asdict(geometry), "multiplier": reading.multiplier}
+    known = {key: value for key, value in known.items() if value is not None}
+    logs = tuple(replace(log, omega=reading.sprocket_speeds(log.omega), metadata=log.metadata | known) for log in runs)
+    return Source(name, geometry, reading, logs, refused=left_out.refused, notes=notes, taken=left_out.taken)
 
 
 def _of_table(file: Path, reading: ReadOptions, chosen: Callable[[Path], Collection[str]] | None) -> Source:
@@ -164,15 +162,14 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
     values = np.stack([columns.cells(name).values for name in SAMPLE_COLUMNS], axis=-1)
     if not len(values):
         raise LogError("no rows")
-    omega, twist = reading.sprocket_speeds(values[:, :2]), values[:, 2:]
-    lateral = columns.optional((LATERAL,))
+    omega, lateral = reading.sprocket_speeds(values[:, :2]), columns.optional((LATERAL,))
     refused, usable = list[Refused](), list[SlipSamples]()
     for k, row in enumerate(values):
         name, left = f"row {k + 1}", None if lateral is None else lateral[[k], 0]
         try:
             for column in np.flatnonzero(np.isnan(row)):
                 raise LogError(columns.complaint(SAMPLE_COLUMNS[column], k).removeprefix(f"{name}, "))
-            usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name], lateral=left))
+            usable.append(SlipSamples.of(omega[[k]], row[None, 2:], geometry, [name], lateral=left))
         except LogError as error:
             refused.append(Refused.of(name, error))
     return Sampling.of(usable, refused)

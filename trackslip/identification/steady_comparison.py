@@ -18,7 +18,6 @@ from trackslip.metrics import rms
 
 BASELINES = ("none", "exponential", "icr")
 """Laws that are always reported, for others to be compared with."""
-_FOLDS = 10  # most parts of a cross-validation (Kohavi, 1995)
 _NEGLIGIBLE = 1e-3  # relative error of the track speeds that no ground and no encoder repeats, and no law need predict
 
 
@@ -32,7 +31,7 @@ class CrossValidation:
 
     @classmethod
     def of(cls, twist: Array | None, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation | None:
-        """Errors of the twists (n, 2) that `left_out` predicts."""
+        """Errors of the twists (n, 2) that fits without each radius predict."""
         if twist is None:
             return None
         v, w = (rms(column) for column in (twist - samples.twist).T)
@@ -70,7 +69,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     known = {name: law for name, law in laws.items() if not law.notes}
     if not known.keys() - {"none"}:
         raise LogError(next(why for why in warnings if why.startswith("law icr:")))
-    predicted = {name: left_out(law) for name, law in laws.items()}
+    predicted = {name: law.fit.left_out() for name, law in laws.items()}
     choice = choose(known, lambda some: _ranked(some, predicted))
     assert choice is not None
     order = sorted(laws, key=lambda name: (laws[name].aicc or np.inf, laws[name].scatter))
@@ -81,29 +80,6 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
         validation={name: CrossValidation.of(twist, samples, geometry) for name, twist in predicted.items()},
         warnings=tuple(warnings),
     )
-
-
-def left_out(law: SteadyFit) -> Array | None:
-    """Twists (n, 2) of runs by fits without the runs of their radius; None where the rest are too few for a fit.
-
-    Of fewer than three radii, a run or every tenth run is left out instead.
-    """
-    fit, samples = law.fit, law.fit.samples
-    radii = samples.by_command(fit.geometry)
-    labels = folds(radii if radii.max() >= 2 else np.arange(len(radii)))
-    if 2 * (len(labels) - np.bincount(labels).max()) <= len(fit.values):
-        return None
-    law_of_run = fit.family.law(fit.without(labels)[labels], fit.geometry)
-    return np.broadcast_to(law_of_run.twist(samples.omega, fit.geometry), samples.twist.shape)
-
-
-def folds(labels: np.ndarray) -> np.ndarray:
-    """Folds (n,) of a cross-validation: groups (n,) or, where there are many, about equal numbers of neighbours."""
-    size = np.bincount(labels)
-    if len(size) <= _FOLDS:
-        return labels
-    fold = (np.cumsum(size) - size) * _FOLDS // len(labels)
-    return np.unique(fold[labels], return_inverse=True)[1]
 
 
 def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]) -> Choice:

@@ -21,7 +21,7 @@ from scipy.optimize import brentq, least_squares
 from scipy.special import stdtrit
 
 from trackslip.errors import LogError, counted
-from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, cr3, uncertainty
+from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, cr3, newton_steps, uncertainty
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.families import LawFamily, family
@@ -30,6 +30,7 @@ from trackslip.metrics import rms
 _EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
 _SETTLED = 1e-4  # relative change of the scatter at which a fit has converged; of chi-square, its square
 _SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_steady)
+_FOLDS = 10  # most parts of a cross-validation (Kohavi, 1995)
 _VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_steady)
 
 
@@ -66,12 +67,11 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, vague: boo
         raise LogError(notes[0])
     values = dict(zip(names, fit.values.tolist(), strict=True))
     limits = model.limits(geometry.half_gauge)[:2]
-    predicted = fit.family.law(fit.values, geometry).twist(samples.omega, geometry)
     return SteadyFit(
         name=name,
         law=model.build(values, geometry),
         values=values,
-        rms=rms(samples.relative_errors(predicted, geometry)),
+        rms=rms(samples.relative_errors(fit.predicted(fit.values), geometry)),
         scatter=fit.scatter,
         aicc=fit.aicc,
         fit=fit,
@@ -117,22 +117,24 @@ class Fit:
     @cached_property
     def missed(self) -> Array:
         """Residuals (n, 2) along the axes."""
-        return self._missed(self.values[None])[0]
+        return self._missed(self.values)
 
     @property
     def freedom(self) -> int:
         """Degrees of freedom."""
         return self.missed.size - len(self.values)
 
+    def predicted(self, values: Array) -> Array:
+        """Twists (n, 2) of the runs by a law with values (p,), or by one for each run (n, p)."""
+        twist = self.family.law(values, self.geometry).twist(self.samples.omega, self.geometry)
+        return np.broadcast_to(twist, self.samples.twist.shape)  # of laws without parameters, too
+
     def _missed(self, values: Array) -> Array:
-        """Residuals (m, n, 2) along the axes, by laws with values (m, p)."""
-        twist = self.family.law(values[:, None], self.geometry).twist(self.samples.omega, self.geometry)
-        twist = np.broadcast_to(twist, (len(values), *self.samples.twist.shape))  # of laws without parameters, too
-        return np.einsum("nij,mnj->mni", self.axes, self.samples.twist - twist)
+        return np.einsum("nij,nj->ni", self.axes, self.samples.twist - self.predicted(values))
 
     def _slopes(self, values: Array) -> Array:
-        """Derivatives (m, n, 2, p) of what laws with values (m, p) predict along the axes."""
-        return self.axes @ self.family.twist_slopes(values, self.samples.omega, self.geometry)
+        """Derivatives (n, 2, p) of what a law predicts along the axes."""
+        return self.axes @ self.family.twist_slopes(values[None], self.samples.omega, self.geometry)[0]
 
     def minimum(self) -> Fit:
         """The minimum of chi-square at this scatter, from these values."""
@@ -142,10 +144,10 @@ class Fit:
         error = np.sqrt(self.variance)
 
         def residual(values: Array) -> Array:
-            return np.nan_to_num(self._missed(values[None])[0] / error, nan=1e8, posinf=1e8, neginf=-1e8).ravel()
+            return np.nan_to_num(self._missed(values) / error, nan=1e8, posinf=1e8, neginf=-1e8).ravel()
 
         def jacobian(values: Array) -> Array:
-            return -(self._slopes(values[None])[0] / error[..., None]).reshape(-1, len(values))
+            return -(self._slopes(values) / error[..., None]).reshape(-1, len(values))
 
         result = least_squares(
             residual, self.values, jacobian, (low, high), "dogbox", _SETTLED**2, x_scale=scale, max_nfev=50
@@ -164,31 +166,20 @@ class Fit:
         low, high = np.log(_EXACT), np.log(1 + np.sqrt(np.sum(self.missed**2)))
         return float(np.exp(brentq(excess, low, high))) if excess(low) > 0 else 0.0
 
-    def _normal(self, values: Array, used: Array) -> tuple[Array, Array, Array]:
-        """Normal equations (m, p, p), right sides (m, p) and units (m, p) of the parameters, at values (m or 1, p).
+    @cached_property
+    def _normal(self) -> tuple[Array, Array]:
+        """Normal equations (n, p, p) of the runs and their right sides (n, p)."""
+        slope = self._slopes(self.values)
+        weighted = (slope / self.variance[..., None]).swapaxes(1, 2)
+        return weighted @ slope, (weighted @ self.missed[..., None])[..., 0]
 
-        They are those of the runs used (m, n). In the units, the diagonals are 1.
-        """
-        slope = self._slopes(values)
-        weighted = slope / self.variance[..., None]
-        normal = np.einsum("mn,mnpq->mpq", used, np.einsum("mnkp,mnkq->mnpq", weighted, slope))
-        pull = np.einsum("mn,mnp->mp", used, np.einsum("mnkp,mnk->mnp", weighted, self._missed(values)))
-        unit = 1 / np.sqrt(np.maximum(np.einsum("mpp->mp", normal), 1e-300))
-        return normal * unit[:, :, None] * unit[:, None, :], pull * unit, unit
-
-    def without(self, labels: np.ndarray, steps: int = 4) -> Array:
-        """Values (G, p) without the runs of each label (n,), by steps of Gauss and Newton from those of all runs.
-
-        With four of them, errors of laws that fit are right to 1e-3.
-        """
-        used = (labels != np.arange(labels.max() + 1)[:, None]).astype(float)  # (G, n)
+    def without(self, labels: np.ndarray) -> Array:
+        """Values (G, p) without the runs of each label (n,)."""
+        out = (labels == np.arange(labels.max() + 1)[:, None]).astype(float)  # (G, n)
+        normal, pull = self._normal
+        rest = np.einsum("gn,npq->gpq", 1 - out, normal)
         low, high, _ = self.family.limits(self.geometry.half_gauge)
-        values = self.values[None]
-        for _ in range(steps):
-            normal, pull, unit = self._normal(values, used)
-            regular = normal + np.eye(len(low)) / _SINGULAR
-            values = np.clip(values + np.linalg.solve(regular, pull[..., None])[..., 0] * unit, low, high)
-        return values
+        return np.clip(self.values - newton_steps(rest, out @ pull), low, high)
 
     @cached_property
     def covariance(self) -> Array:
@@ -197,16 +188,29 @@ class Fit:
         Repeats of a command may share what the law does not know. Standard errors are at least those by leaving out a
         command each (CR3, as in `windows`), or a run each where commands are few.
         """
-        (normal,), _, (unit,) = self._normal(self.values[None], np.ones((1, len(self.samples))))
-        if len(unit) and not np.linalg.cond(normal) < _SINGULAR:
+        normal = self._normal[0].sum(axis=0)
+        unit = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        scaled = normal * np.outer(unit, unit)
+        if len(unit) and not np.linalg.cond(scaled) < _SINGULAR:
             return np.full(normal.shape, np.inf)
-        covariance = np.linalg.inv(normal) * np.outer(unit, unit)
+        covariance = np.linalg.inv(scaled) * np.outer(unit, unit)
         labels = self.samples.by_command(self.geometry)
         if labels.max() + 1 < FEWEST_BLOCKS:
             labels = np.arange(len(labels))
-        variance = np.diag(cr3(self.without(labels, steps=1) - self.values))
+        variance = np.diag(cr3(self.without(labels) - self.values))
         wider = np.sqrt(np.fmax(1.0, variance / np.diag(covariance)))  # as it is if there are few
         return covariance * np.outer(wider, wider)
+
+    def left_out(self) -> Array | None:
+        """Twists (n, 2) of runs by fits without the runs of their radius; None where the rest are too few for a fit.
+
+        Of fewer than three radii, a run or every tenth run is left out instead.
+        """
+        radii = self.samples.by_command(self.geometry)
+        labels = folds(radii if radii.max() >= 2 else np.arange(len(radii)))
+        if 2 * (len(labels) - np.bincount(labels).max()) <= len(self.values):
+            return None
+        return self.predicted(self.without(labels)[labels])
 
     @property
     def aicc(self) -> float | None:
@@ -221,16 +225,18 @@ class Fit:
         """A parameter that the samples do not determine by its standard error (p,), and why; empty if there is none."""
         limits = self.family.limits(self.geometry.half_gauge)
         for key, value, spread, low, high, scale in zip(self.family.names, self.values, error, *limits, strict=True):
-            at_limit = value in (low, high)
-            if not at_limit and spread < max(_VAGUE * scale, abs(value) / 2):
+            if value not in (low, high) and spread < max(_VAGUE * scale, abs(value) / 2):
                 continue
-            if self.samples.by_command(self.geometry).max() == 0:
-                why = "it takes runs of different radii"
-            elif at_limit:
-                why = f"no value {'above' if value == low else 'below'} {value:.4g} fits, so they don't follow this law"
-            elif np.isinf(spread):
-                why = "others make up for any value of it"
-            else:
-                why = f"its standard error is {spread:.2g}"
+            is_one_radius = self.samples.by_command(self.geometry).max() == 0
+            why = "it takes runs of different radii" if is_one_radius else f"its standard error is {spread:.2g}"
             return f"the {len(self.samples)} samples don't determine {key} (the fit stopped at {value:.3g}): {why}"
         return ""
+
+
+def folds(labels: np.ndarray) -> np.ndarray:
+    """Folds (n,) of a cross-validation: groups (n,) or, where there are many, about equal numbers of neighbours."""
+    size = np.bincount(labels)
+    if len(size) <= _FOLDS:
+        return labels
+    fold = (np.cumsum(size) - size) * _FOLDS // len(labels)
+    return np.unique(fold[labels], return_inverse=True)[1]

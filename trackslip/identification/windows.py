@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import eigh
 
-from trackslip.identification.fitted import cr3, student
+from trackslip.identification.fitted import cr3, newton_steps, student
 from trackslip.identification.path import DriveModel, Path
 from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, wrap_angle
@@ -186,9 +186,7 @@ class WindowFit:
         """
         out = blocks.astype(float)
         rest = self._normal - np.einsum("fg,gab->fab", out, self.blocks)
-        scale = np.maximum(np.sqrt(np.einsum("faa->fa", rest)), 1e-100)
-        inverse = np.linalg.pinv(rest / scale[:, :, None] / scale[:, None, :], hermitian=True)
-        step = np.einsum("fab,fb->fa", inverse, out @ self.score / scale) / scale
+        step = newton_steps(rest, out @ self.score)
         values = np.tile(self.values, (len(out), 1))
         values[:, self.free] += step @ (self._inverse @ self._normal).T
         low, high, _ = self.model.limits

@@ -129,8 +129,7 @@ _RADIUS_SIDES = {"radius_error_left": _RADIUS_ERROR, "radius_error_right": _RADI
 _PROGRAMS = ("json", "c", "python")
 _EVERYTHING = ("ros2_control", "ros_control", *_PROGRAMS)
 
-GAINS = "two_gains"
-"""Family of the gains that people compute by hand: the yardstick of all others."""
+GAINS = "two_gains"  # family of the gains that people compute by hand: the yardstick of all others
 FAMILIES: dict[str, LawFamily] = {
     "none": LawFamily("no slip", {}, _build(NoSlip), _EVERYTHING),
     "exponential": LawFamily("exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential), of_drives=False),

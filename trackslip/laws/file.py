@@ -18,8 +18,7 @@ from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.families import FAMILIES, family, law_from_values
 from trackslip.logs.file_format import FORMAT, known_manifest, require_known_format
 
-NO_SLIP = "none"
-"""Name of the law of a robot that doesn't slip."""
+NO_SLIP = "none"  # name of the law of a robot that doesn't slip
 SHIPPED = Path(__file__).parent / "laws.json"
 """Laws of the default robot on the default ground, made by `trackslip reproduce`."""
 

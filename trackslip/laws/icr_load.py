@@ -12,8 +12,7 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import require_between
 from trackslip.laws.icr import ConstantIcr, IcrLaw
 
-MAX_COMPLIANCE = 1.2
-"""Largest slip per traction over load [-]."""
+MAX_COMPLIANCE = 1.2  # largest slip per traction over load [-]
 MAX_LOAD = 0.8
 """Largest magnitude of traction over load [-]; with the largest compliance, a track still moves."""
 

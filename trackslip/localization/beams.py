@@ -8,8 +8,7 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import Rows
-from trackslip.localization.scan import MIN_NOISE, Cluster, Scan, places_of
-from trackslip.localization.view import Points
+from trackslip.localization.scan import MIN_NOISE, Cluster, Points, Scan, places_of
 
 _OUTWARDS = np.array([[-1.0], [1.0]])  # signs of bearings outwards from the middle, right and left
 _MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]

@@ -13,12 +13,11 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import Locator, PoseEstimate
+from trackslip.localization.likelihood import EDGE_ON, viewing_angle
 from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Scan
-from trackslip.localization.view import EDGE_ON, viewing_angle
 
-EVERY = 8
-"""Number of scans out of which one is located independently."""
+EVERY = 8  # number of scans out of which one is located independently
 
 
 class Follower:

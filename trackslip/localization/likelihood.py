@@ -28,16 +28,68 @@ from trackslip import se2
 from trackslip.kinematics import Array
 from trackslip.localization.base import Rows
 from trackslip.localization.beams import Edges, PlateBeams
-from trackslip.localization.scan import Plate
-from trackslip.localization.view import View, in_axes
+from trackslip.localization.scan import Plate, Points
 
-UNKNOWN = 1e6
-"""Variance of what a scan does not determine."""
+EDGE_ON = np.radians(2.0)
+"""Viewing angle below which a scan determines no pose: errors of the heading are three to five times as large as the
+likelihood's curvature says, because few beams graze the long face and the mirror image is nearly as likely [rad]."""
+UNKNOWN = 1e6  # variance of what a scan does not determine
+_BESIDE = 1e-12  # keeps a corner on the LRF from dividing by zero [m]
 _TINY = 1e-300  # keeps a beam that is parallel to a face from dividing by zero
 _DAMPING, _REFUSED = 1e-3, 1.0  # of steps: at first, and at least after one that led upwards
 _CONVERGED = 1e-2  # a climb ends with a step that promises less; what is left promises about the square of that
 _ROW, _COLUMN = np.triu_indices(3)  # of a Hessian's six elements
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # their places
+
+
+@dataclass(frozen=True)
+class View:
+    """Places of plates along and across their axes, seen from the LRF."""
+
+    plate: Plate
+    place: Points  # (M,) the centre, along + i across [m]
+    axis: Points  # (M,) direction of the long axis in the LRF's frame
+
+    @classmethod
+    def of(cls, plate: Plate, pose: Array) -> View:
+        """The view of plates at poses (M, 3) in the LRF's frame."""
+        centre, axis = np.empty((2, len(pose)), complex)
+        centre.real, centre.imag = pose[:, 0], pose[:, 1]
+        np.cos(pose[:, 2], out=axis.real)
+        np.sin(pose[:, 2], out=axis.imag)
+        return cls(plate, centre * axis.conj(), axis)
+
+    def silhouette(self, ahead: Points) -> Array:
+        """The outermost corners, right and left, seen in the directions `ahead` (M,).
+
+        Returns (4, 2, M): their bearings from `ahead` [rad], which thus do not wrap, and the derivatives of these with
+        respect to the place along and across the plate's axes and the heading.
+        """
+        half = complex(self.plate.length, self.plate.thickness) / 2
+        from_centre = np.array([[half], [half.conjugate()], [-half], [-half.conjugate()]])
+        corners = from_centre + self.place + _BESIDE  # (4, M)
+        bearing = np.angle(corners * (self.axis * ahead.conj()))
+        outermost = np.stack([bearing.argmin(axis=0), bearing.argmax(axis=0)])  # (2, M)
+        inverse = 1 / np.take_along_axis(corners, outermost, axis=0)  # a bearing is the imaginary part of the logarithm
+        by_heading = inverse * from_centre[outermost, 0]
+        seen = np.take_along_axis(bearing, outermost, axis=0)
+        return np.stack([seen, inverse.imag, inverse.real, by_heading.real])
+
+
+def viewing_angle(pose: Array) -> Array:
+    """Angles (S,) between plates at poses (S, 3) in the LRF's frame and the line of sight: 0 is edge-on [rad]."""
+    off = pose[:, 2] - np.arctan2(pose[:, 1], pose[:, 0])
+    return np.abs((off + np.pi / 2) % np.pi - np.pi / 2)
+
+
+def in_axes(heading: Array) -> Array:
+    """Matrices (M, 3, 3) that turn changes of (x, y, phi) into those along and across plates of `heading` (M,)."""
+    axes = np.zeros((len(heading), 3, 3))
+    axes[:, 0, 0] = axes[:, 1, 1] = np.cos(heading)
+    axes[:, 0, 1] = np.sin(heading)
+    axes[:, 1, 0] = -axes[:, 0, 1]
+    axes[:, 2, 2] = 1.0
+    return axes
 
 
 @dataclass(frozen=True)
@@ -81,8 +133,7 @@ class PlateLikelihood:
     """Negative log likelihood of poses, with its derivatives and minima."""
 
     plate: Plate
-    huber: float
-    """Residual above which the loss of a range is linear [standard deviations]."""
+    huber: float  # residual above which the loss of a range is linear [standard deviations]
 
     def evaluate(self, beams: PlateBeams, pose: Array) -> Evaluation:
         """Cost, gradient and Gauss-Newton Hessian at poses (M, 3)."""

@@ -17,11 +17,10 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate, Rows
 from trackslip.localization.beams import PlateBeams
-from trackslip.localization.initial_poses import MAX_STARTS, portions, starts
-from trackslip.localization.likelihood import UNKNOWN, Evaluation, PlateLikelihood
+from trackslip.localization.likelihood import EDGE_ON, UNKNOWN, Evaluation, PlateLikelihood, in_axes, viewing_angle
+from trackslip.localization.line import MAX_STARTS, portions, starts
 from trackslip.localization.returns import best_of_each
 from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
-from trackslip.localization.view import EDGE_ON, in_axes, viewing_angle
 
 _HUBER = 3.0  # residual above which the loss of a range is linear [standard deviations]
 _SCREENING = 4  # iterations from every start before the best one is selected

@@ -41,8 +41,7 @@ class RawScans:
     bearings: Array  # (B,) of the beams in the scanner's frame, equally spaced, ascending [rad]
     ranges: np.ndarray  # (S, B) float32, NaN for no return [m]
     lag: Array  # (B,) from the first ray to each beam [s]
-    max_range: float
-    """Nothing farther away gives a return [m]."""
+    max_range: float  # nothing farther away gives a return [m]
 
     @classmethod
     def measured(cls, time: Array, ranges: np.ndarray, message: Any, upside_down: bool = False) -> RawScans:
@@ -93,8 +92,7 @@ class FollowedPlate:
     time: Array  # (S,) when the beams met the plate [s]
     estimate: PoseEstimate  # (S,) headings unwrapped, with the end ahead that leads when the sprockets turn forwards
     cluster: Cluster  # (S,) the returns from the plate
-    scanner: Scan
-    """Bearings and noise of the scanner, without ranges."""
+    scanner: Scan  # bearings and noise of the scanner, without ranges
     notes: tuple[str, ...]  # a line for each doubt
 
 

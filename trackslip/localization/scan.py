@@ -6,19 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 from trackslip.localization.returns import Returns, best_of_each
 
+Points = NDArray[np.complex128]  # points or directions of the scan plane, x + iy
 MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different objects [m]. It exceeds the length of the plate,
 whose returns can be that far apart when it is seen nearly edge-on."""
 FINER_GAPS = (0.25, 0.1)
 """Smaller gaps, tried where MAX_GAP does not separate the plate from a close object [m]."""
-MIN_RETURNS = 3
-"""Minimum number of returns for a pose."""
+MIN_RETURNS = 3  # minimum number of returns for a pose
 MIN_NOISE = 0.5e-3
 """Noise assumed for a perfect scanner, because the plate is never a perfect rectangle [m]."""
 _ABOUT = 0.15  # distance of returns from the expected plate: more than the error of a tracker [m]

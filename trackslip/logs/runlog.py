@@ -19,10 +19,8 @@ MALFORMED = (TrackslipError, LookupError, TypeError, ValueError, AttributeError,
 """Errors from metadata of runs that are not as trackslip writes them."""
 _OPTIONAL = ("command", "twist_command", "icr", "covariance", "valid", "load", "gyro", "truth", "scans")
 _NUMBERS_AND_NAMES = re.compile(r"'[^']*'|[-+]?\d[\d.,e+-]*")
-MAX_YAW_RATE = 100.0
-"""Yaw rate above which a gyro's reading is none [rad/s]."""
-MEASURED = 0.99
-"""Share of a time that a gyro must have measured for its turn to count [-]."""
+MAX_YAW_RATE = 100.0  # yaw rate above which a gyro's reading is none [rad/s]
+MEASURED = 0.99  # share of a time that a gyro must have measured for its turn to count [-]
 
 
 @dataclass(frozen=True)
@@ -44,12 +42,9 @@ class Truth:
 class ScanLog:
     """The returns of each scan that were attributed to the plate."""
 
-    scan: Scan
-    """The scanner, without ranges: (0, B)."""
-    plate: Plate
-    """The plate that was scanned."""
-    cluster: Cluster
-    """One cluster per row of the log, without returns where none was found."""
+    scan: Scan  # the scanner, without ranges: (0, B)
+    plate: Plate  # the plate that was scanned
+    cluster: Cluster  # one cluster per row of the log, without returns where none was found
     full: Array | None = None  # (T, B) all ranges of the scans, NaN for no return [m]
 
     @property
@@ -157,10 +152,8 @@ class RunLog:
 class Refused:
     """A run that cannot be read, gave no sample or was excluded from the fits."""
 
-    run: str
-    """Name of the run, or of its steady stretch."""
-    reason: str
-    """The reason for its exclusion."""
+    run: str  # name of the run, or of its steady stretch
+    reason: str  # the reason for its exclusion
 
     @classmethod
     def of(cls, run: str, error: LogError) -> Refused:

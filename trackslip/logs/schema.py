@@ -10,10 +10,8 @@ from dataclasses import dataclass
 
 import pyarrow as pa
 
-PURE = "1"
-"""Unit of a pure number."""
-NO_UNIT = ""
-"""Unit of a column that is not a number."""
+PURE = "1"  # unit of a pure number
+NO_UNIT = ""  # unit of a column that is not a number
 
 
 @dataclass(frozen=True)
@@ -82,8 +80,7 @@ _ALL = (
     Column("w", "rad/s", "yaw rate of a steady sample"),
     *_tracks("slip", PURE, "slip i = 1 - V / (r omega) of a steady sample"),
 )
-COLUMNS = {column.name: column for column in _ALL}
-"""Columns by name."""
+COLUMNS = {column.name: column for column in _ALL}  # columns by name
 
 
 def with_units(table: pa.Table) -> pa.Table:

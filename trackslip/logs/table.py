@@ -24,8 +24,7 @@ from trackslip.logs.schema import with_units
 REQUIRED = ("t", "omega_l", "omega_r")
 """Columns of any log of a robot; it has x and y, phi or all three, too. Without `run`, it is one run."""
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
-LATERAL = "lateral"
-"""Speed to the left, of samples that have it [m/s]."""
+LATERAL = "lateral"  # speed to the left, of samples that have it [m/s]
 BLOCKS: dict[str, tuple[str, ...]] = {  # columns of fields of a RunLog
     "command": ("omega_cmd_l", "omega_cmd_r"),
     "twist_command": ("v_cmd", "w_cmd"),
@@ -49,8 +48,7 @@ SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Places of the elements of a covariance among COVARIANCE."""
 CONTACT = "contact"
 SHEAR = "shear"
-SCANNED = "scanned"
-"""Key of the scanner in the metadata of a run."""
+SCANNED = "scanned"  # key of the scanner in the metadata of a run
 _RANGES, _ALL_RANGES = "ranges", "all_ranges"
 _OF_SCANS = ("first_beam", "lost", "hidden_first", "hidden_last")
 _METADATA_KEY = b"trackslip"  # of the description of runs in the metadata of a file

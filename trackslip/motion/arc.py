@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy
 
 from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
+from trackslip.motion.jumps import find_jumps
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
 MIN_ARC_POSES = 12  # minimum number of valid poses for an arc
 _SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # weights of position [m] and heading [rad]
 _HUBER = 3.0  # residual above which the loss is linear [_SCALE, or the spread of the residuals if larger]
-_WILD = 3  # successive poses off the arc that are wild: more of them are a jump
+_OF_MEDIAN = 7  # poses whose medians are compared: three wild ones among them do not matter
 _LEAST_JUMP = np.array([0.05, np.radians(3.0)])  # smaller ones hardly change the twist [m, rad]
-_JUMP = 4.0  # difference of two medians of seven poses that is no chance [standard deviations of a pose]
-_OF_MEDIAN = np.array(
-    [0.8493, 1.4826]
-)  # standard deviation over the median size of two coordinates, and of the heading
-_UNEVEN = 0.1  # the same, relative to the motion between them: slip may vary a little [-]
+_JUMP = 4.0  # difference of two such medians that is no chance [standard deviations of a pose]
+_TO_DEVIATION = np.array([0.8493, 1.4826])  # standard deviation over the median size of two coordinates, of one
+_UNEVEN = 0.1  # share of the motion between them by which slip may vary [-]
 _ITERATIONS = 50
 _CONVERGED = 1e-10
 
@@ -58,27 +56,28 @@ def _fitted(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 
 
 def _require_no_jump(run: str, time: Array, pose: Array, on_arc: Array) -> None:
-    """Raise LogError where poses (T, 3) step away from their arc (T, 3) and stay there longer than a few wild ones."""
+    """Raise LogError where medians of poses (T, 3) step away from their arc (T, 3) and stay there."""
     fresh = np.append(True, (np.diff(pose, axis=0) != 0).any(axis=1))  # held poses lag behind, then catch up
+    count = fresh.sum() // _OF_MEDIAN
     time, on_arc, off = time[fresh], on_arc[fresh], (pose - on_arc)[fresh]
     off[:, 2] = wrap_angle(off[:, 2])
-    noise = _OF_MEDIAN / np.sqrt(2) * np.median(_sizes(np.diff(off, axis=0)), axis=0)
-    width = 2 * _WILD + 1
-    lasting = scipy.ndimage.median_filter(off, (width, 1))[_WILD:-_WILD]
-    step = _sizes(lasting[width:] - lasting[:-width])
-    motion = _sizes(on_arc[width:] - on_arc[:-width])[_WILD:-_WILD]
-    excess = (step / np.maximum(np.maximum(_LEAST_JUMP, _JUMP * noise), _UNEVEN * motion)).max(axis=1, initial=0.0)
-    if excess.max(initial=0.0) > 1:
-        k = int(excess.argmax())
+    noise = _TO_DEVIATION / np.sqrt(2) * np.median(_sizes(np.diff(off, axis=0)), axis=1)
+    off, on_arc = (np.median(np.split(part[: count * _OF_MEDIAN], count), axis=1) for part in (off, on_arc))
+
+    def missed(first: np.ndarray, then: np.ndarray) -> tuple[Array, Array]:
+        return _sizes(off[then] - off[first]), _UNEVEN * _sizes(on_arc[then] - on_arc[first])
+
+    for k in find_jumps(count, missed, np.maximum(_LEAST_JUMP, _JUMP * noise), most_wild=0)[1][:1]:
+        way, turn = missed(np.array([k - 1]), np.array([k]))[0][:, 0]
         raise LogError(
-            f"run {run!r}: its poses jump by {step[k, 0]:.2g} m and {np.degrees(step[k, 1]):.2g}° about "
-            f"t = {time[k + _WILD + width]:.12g} s and stay there; if they don't, check the units (m, rad)"
+            f"run {run!r}: its poses jump by {way:.2g} m and {np.degrees(turn):.2g}° about "
+            f"t = {time[k * _OF_MEDIAN]:.12g} s and stay there; if they don't, check the units (m, rad)"
         )
 
 
 def _sizes(change: Array) -> Array:
-    """Distances and turns (T, 2) of changes of poses (T, 3), neither negative."""
-    return np.column_stack([np.hypot(change[:, 0], change[:, 1]), np.abs(change[:, 2])])
+    """Distances and turns (2, T) of changes of poses (T, 3), neither negative."""
+    return np.stack([np.hypot(change[:, 0], change[:, 1]), np.abs(change[:, 2])])
 
 
 def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:

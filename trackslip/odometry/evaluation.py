@@ -9,11 +9,11 @@ import numpy as np
 
 from trackslip import se2
 from trackslip.errors import LogError, counted
-from trackslip.identification.prediction import trailing_heading
+from trackslip.identification.prediction import PredictionErrors, trailing_heading
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.logs.runlog import MEASURED, RunLog
 from trackslip.odometry.slip_odometry import SlipOdometry
-from trackslip.odometry.trajectory_errors import Statistics, Trajectory, errors_after_metres, errors_after_seconds
+from trackslip.odometry.trajectory_errors import Trajectory, errors_after_metres, errors_after_seconds
 from trackslip.se2 import Mounting
 
 LENGTHS = (1.0, 2.0, 5.0, 10.0)
@@ -22,36 +22,12 @@ _MIN_POSES = 2
 
 
 @dataclass(frozen=True)
-class RelativeErrors:
-    """Errors at the ends of stretches of one length, from every start."""
-
-    position: Statistics  # errors of positions [m]
-    heading: Statistics | None  # absolute errors of headings [rad]; None if none were measured
-    count: int  # number of stretches, which overlap
-    position_per_way: float  # sum of the position errors over the distance driven; NaN at rest [-]
-    heading_per_way: float
-    """Sum of the heading errors over the distance driven; NaN if none were measured [rad/m]."""
-
-    @classmethod
-    def of(cls, way: Array, position: Array, heading: Array) -> RelativeErrors:
-        """Errors of stretches (n,), see `errors_between`."""
-        turned = np.isfinite(heading)
-        return cls(
-            Statistics.of(position),
-            Statistics.of(heading[turned]) if turned.any() else None,
-            len(way),
-            _ratio(position, way),
-            _ratio(heading[turned], way[turned]),
-        )
-
-
-@dataclass(frozen=True)
 class OdometryErrors:
     """Errors of odometry by one law."""
 
-    after_metres: Mapping[float, RelativeErrors]
+    after_metres: Mapping[float, PredictionErrors]
     """By the way driven [m]."""
-    after_seconds: Mapping[float, RelativeErrors]
+    after_seconds: Mapping[float, PredictionErrors]
     """By the time passed [s]."""
     trajectories: tuple[Trajectory, ...]
     """The compared trajectories."""
@@ -94,13 +70,13 @@ def errors_of(trajectories: Sequence[Trajectory], notes: Sequence[str] = ()) -> 
     """Errors of estimated trajectories, as `odometry_errors` gives those of odometry; raises LogError without any."""
     if not trajectories:
         raise LogError(notes[0] if notes else "no drives")
-    notes, errors = list(notes), {"m": dict[float, RelativeErrors](), "s": dict[float, RelativeErrors]()}
+    notes, errors = list(notes), {"m": dict[float, PredictionErrors](), "s": dict[float, PredictionErrors]()}
     for unit, errors_after in (("m", errors_after_metres), ("s", errors_after_seconds)):
         short = []
         for length in LENGTHS:
             every = np.concatenate([errors_after(drive, length) for drive in trajectories], axis=1)
             if every.size:
-                errors[unit][length] = RelativeErrors.of(*every)
+                errors[unit][length] = PredictionErrors.of(*every)
             else:
                 short.append(f"{length:g}")
         if short:
@@ -152,8 +128,3 @@ def _readings(log: RunLog, time: Array) -> Array | None:
     turned, measured = (np.diff(np.interp(time, log.time, sums)) for sums in log.gyro_sums.T)
     step = np.diff(time)
     return np.append(np.nan, np.where(measured >= MEASURED * step, turned / step, np.nan))
-
-
-def _ratio(errors: Array, way: Array) -> float:
-    """Sum of errors (n,) over the sum of ways (n,); NaN at rest."""
-    return float(errors.sum() / way.sum()) if way.sum() > 0 else float("nan")

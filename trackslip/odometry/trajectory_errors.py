@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, OutputError
 from trackslip.kinematics import Array, wrap_angle
-from trackslip.metrics import rms
 from trackslip.se2 import rotate
 
 _TOLERANCE = 0.1  # how far the length of a stretch may be from the one wanted [of that length], as evo has it
@@ -44,23 +43,6 @@ class Trajectory:
         if not self.has_heading:
             return best_fit(self.estimated, self.measured)
         return from_pose(self.estimated, self.measured, int(np.isfinite(self.measured[:, 2]).argmax()))
-
-
-@dataclass(frozen=True)
-class Statistics:
-    """Statistics of errors."""
-
-    rms: float
-    mean: float
-    median: float
-    p90: float  # error that 90 % of them stay below
-    largest: float
-
-    @classmethod
-    def of(cls, errors: Array) -> Statistics:
-        """Statistics of errors (n,) >= 0."""
-        mean, p90 = float(errors.mean()), float(np.quantile(errors, 0.9))
-        return cls(rms(errors), mean, float(np.median(errors)), p90, float(errors.max()))
 
 
 def errors_after_metres(drive: Trajectory, length: float) -> Array:

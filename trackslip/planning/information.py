@@ -14,7 +14,7 @@ from trackslip.identification.preparation import Drives, PreparedDrive, merged
 from trackslip.identification.windows import Windows, residuals
 from trackslip.kinematics import Array
 from trackslip.odometry.uncertainty import LawErrors
-from trackslip.planning.maneuvers import RATE
+from trackslip.planning.route import RATE
 
 _LENGTHS = (2.0, 10.0)  # of windows [s], for fine and for coarse poses
 _TOLD = 0.5  # share of the prior's width that a standard error has at most where the driving tells a parameter

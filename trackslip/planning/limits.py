@@ -17,8 +17,7 @@ TURNING = 2.0
 _BOUNDS = {"max_speed": (1e-3, 10.0, "m/s"), "acceleration": (1e-3, 100.0, "m/s^2"), "duration": (10.0, 3600.0, "s")}
 _SIDES = (1e-3, 1000.0, "m")  # of an area
 _MOST_OFFSET = 100.0  # of a track's ICR from the track [m]
-MOST_DOUBT = 0.9
-"""Largest relative error of what is known of a robot [-]."""
+MOST_DOUBT = 0.9  # largest relative error of what is known of a robot [-]
 _PATH_LAW = "icr_radius"  # by which paths are predicted
 _DEVIATIONS = 4.0  # of errors of an earlier identification that the area allows for
 _LEAST_REACH, _LEAST_RADIUS, _LEAST_PULL = 0.01, 0.005, 0.0005  # doubts that always remain [-]

@@ -15,13 +15,11 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.planning.information import Expectation, PoseQuality, drive_to_measure, expected, rate_of
 from trackslip.planning.limits import TURNING, DriveLimits, Knowledge, first_knowledge
-from trackslip.planning.maneuvers import RATE, Maneuvers
-from trackslip.planning.route import PlacedRoute, Route, best_route, path, placed
+from trackslip.planning.route import RATE, Maneuvers, PlacedRoute, Route, best_route, path, placed
 
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
 """Laws that a drive can be planned for."""
-PAPER_DURATION = 30.0
-"""Duration of each of the paper's runs [s]."""
+PAPER_DURATION = 30.0  # duration of each of the paper's runs [s]
 _EVALUATIONS, _FEWEST = 1000, 200  # of routes: fewer of those longer than _LONG
 _LONG = 120.0  # [s]
 _POSES = 1200  # that a search reckons with; of more, a part, as good as all

@@ -59,8 +59,7 @@ class Turns:
 
     radius: Array  # (M,) driven [m]
     belts: Array  # (M, 2) speeds of the belts, in units of the yaw rate [m]
-    half_gauge: float
-    """Half the distance between the tracks [m]."""
+    half_gauge: float  # half the distance between the tracks [m]
 
     @property
     def slip(self) -> Array:

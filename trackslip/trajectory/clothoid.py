@@ -22,12 +22,9 @@ _NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2  # on [0, 1]
 class PathPiece:
     """A straight, an arc or a clothoid."""
 
-    length: float
-    """Arc length [m]."""
-    start_curvature: float = 0.0
-    """Curvature at its start, positive to the left [1/m]."""
-    end_curvature: float = 0.0
-    """Curvature at its end [1/m]."""
+    length: float  # arc length [m]
+    start_curvature: float = 0.0  # curvature at its start, positive to the left [1/m]
+    end_curvature: float = 0.0  # curvature at its end [1/m]
 
     def __post_init__(self) -> None:
         require_positive("length", self.length)

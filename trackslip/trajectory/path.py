@@ -15,10 +15,8 @@ from trackslip.trajectory.base import cell
 
 Complex = NDArray[np.complexfloating[Any, Any]]
 
-MAX_LENGTH = 1000.0
-"""Maximum length of a path [m]."""
-STEP = 0.005
-"""Maximum spacing of the knots of a path [m]."""
+MAX_LENGTH = 1000.0  # maximum length of a path [m]
+STEP = 0.005  # maximum spacing of the knots of a path [m]
 _MIN_KNOT_SPACING = 1e-6  # a curve that needs closer knots has a cusp [m]
 _MAX_TURN = 0.1  # between neighbouring knots [rad]
 _CLOSE = 1e-12  # error of the arc length between knots [m]

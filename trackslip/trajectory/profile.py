@@ -13,8 +13,7 @@ from trackslip.kinematics import Array
 from trackslip.trajectory.base import PiecewiseReference
 from trackslip.trajectory.path import PlanarPath
 
-MIN_SPEED = 1e-3
-"""Minimum speed that the tightest bend of a path must allow [m/s]."""
+MIN_SPEED = 1e-3  # minimum speed that the tightest bend of a path must allow [m/s]
 _MIN_ACCELERATION = 1e-4  # [m/s^2]
 _WITHIN = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # points of a cell without its ends, where the curvature may jump
 

@@ -19,14 +19,10 @@ from trackslip.trajectory.profile import LIMITS, MotionLimits
 class Segment:
     """A piece of constant curvature, driven at constant acceleration."""
 
-    duration: float
-    """Time from its start to its end [s]."""
-    start_speed: float
-    """Speed at its start [m/s]."""
-    end_speed: float
-    """Speed at its end [m/s]."""
-    curvature: float = 0.0
-    """Curvature, positive to the left [1/m]."""
+    duration: float  # time from its start to its end [s]
+    start_speed: float  # speed at its start [m/s]
+    end_speed: float  # speed at its end [m/s]
+    curvature: float = 0.0  # curvature, positive to the left [1/m]
 
     def __post_init__(self) -> None:
         require_positive("duration", self.duration)
@@ -56,8 +52,7 @@ class SegmentedReference(PiecewiseReference):
         return self._curvatures[k]
 
 
-PAPER_START = (0.0, 0.0, np.pi / 2)
-"""First pose of the paper's path [m, m, rad]."""
+PAPER_START = (0.0, 0.0, np.pi / 2)  # first pose of the paper's path [m, m, rad]
 
 
 def paper_reference(start: ArrayLike = PAPER_START) -> SegmentedReference:

@@ -18,14 +18,10 @@ from trackslip.trajectory.base import Reference
 from trackslip.trajectory.path import MAX_LENGTH, ParametricPath
 from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
 
-COLUMNS = ("x", "y", "yaw", "v")
-"""Of a file [m, m, rad, m/s]; the last two are optional."""
-MIN_POINTS, MAX_POINTS = 3, 10_000
-"""Allowed number of waypoints."""
-MAX_COORDINATE = 100.0
-"""Maximum absolute coordinate of a waypoint [m]."""
-MIN_SPACING = 1e-3
-"""Minimum distance between neighbouring waypoints [m]."""
+COLUMNS = ("x", "y", "yaw", "v")  # of a file [m, m, rad, m/s]; the last two are optional
+MIN_POINTS, MAX_POINTS = 3, 10_000  # allowed number of waypoints
+MAX_COORDINATE = 100.0  # maximum absolute coordinate of a waypoint [m]
+MIN_SPACING = 1e-3  # minimum distance between neighbouring waypoints [m]
 _ALONG = np.cos(np.radians(45))  # between a chord and the headings at its ends, at most
 
 

@@ -157,7 +157,7 @@ def test_a_drive_is_chosen_by_itself(trackslip, refused, tmp_path):
 def test_a_drive_without_headings_and_with_a_sensor_that_is_given(trackslip, tmp_path):
     log = written_drive(wandered(headings=False, duration=24.0), tmp_path / "log.csv", COLUMNS[:-1])
     result = trackslip("identify", log, *OF_DRIVES, "--sensor", "0.0", "-0.001", "0.0")
-    assert result.summary["prediction"]["icr_radius"]["2"]["heading_rms"] is None
+    assert result.summary["prediction"]["icr_radius"]["2"]["heading"] is None
     law = result.summary["drive"]["laws"]["icr_radius"]
     assert (law["held"]["sensor_y"], law["extras"]["sensor_y"]) == ("given", -0.001)
 

@@ -86,7 +86,7 @@ def test_predictions_are_printed_in_metres_and_degrees(two_drives):
     assert [row[0].text for row in table.rows] == ["today", "two_gains", *drive.laws]
     errors, at = drive.errors["none"][2.0], table.header.index("2 s")
     position, turn = floats(table.rows[-1][at])
-    assert (position, turn) == pytest.approx((errors.position_median, np.degrees(errors.heading_median)), abs=6e-2)
+    assert (position, turn) == pytest.approx((errors.position.median, np.degrees(errors.heading.median)), abs=6e-2)
 
 
 @pytest.mark.parametrize(

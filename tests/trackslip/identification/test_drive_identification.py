@@ -38,7 +38,7 @@ def test_a_drive_gives_laws_intervals_and_predictions():
     assert found.alarms == ()
     low, high = found.intervals["icr_radius"]["offset"]
     assert low < ICR.offset < high
-    assert found.drive.errors["icr_radius"][2.0].heading_rms < found.drive.errors["none"][2.0].heading_rms
+    assert found.drive.errors["icr_radius"][2.0].heading.rms < found.drive.errors["none"][2.0].heading.rms
     assert "2 drives" in repr(found)
     assert found.best in repr(found)
     with pytest.raises(TrackslipError, match="there are no steady samples"):

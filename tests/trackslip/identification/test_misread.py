@@ -17,9 +17,12 @@ def refused(match, **log):
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        (lambda pose: pose * [1, 1, 180 / np.pi], r"column phi \(from .* to .*\) is in degrees by the course"),
-        (lambda pose: np.pi / 2 - pose * [0, 0, 1] + (pose - np.pi / 2) * [1, 1, 0], "phi .* runs clockwise"),
-        (lambda pose: pose[:, [1, 0, 2]], "phi .* runs clockwise .*, or exchange x and y"),
+        (lambda pose: pose * [1, 1, 180 / np.pi], r"column phi is in degrees .*: multiply it by pi/180"),
+        (
+            lambda pose: np.pi / 2 - pose * [0, 0, 1] + (pose - np.pi / 2) * [1, 1, 0],
+            "phi runs clockwise by the course",
+        ),
+        (lambda pose: pose[:, [1, 0, 2]], "phi runs clockwise .*, or exchange x and y"),
         (lambda pose: pose * [1, 1, 0] + np.sin(pose / 2) * [0, 0, 1], r"looks like the z of a quaternion: give phi ="),
         (lambda pose: pose * [1000, 1000, 1], "x and y look like mm: divide them by 1000"),
         (lambda pose: pose * [1000, 1000, np.nan], "x and y look like mm: divide them by 1000"),

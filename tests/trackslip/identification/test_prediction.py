@@ -34,11 +34,11 @@ def test_the_true_law_predicts_exactly(heading):
     summaries = pairs.summaries(pairs.errors(model(), TRUTH))
     assert tuple(summaries) == HORIZONS
     for errors in summaries.values():
-        assert errors.position_median <= errors.position_p90 <= 1e-4
-        assert (errors.heading_rms is None) != heading
+        assert errors.position.median <= errors.position.p90 <= 1e-4
+        assert (errors.heading is None) != heading
     without = pairs.summaries(pairs.errors(model("none"), TRUTH[:, 2:]))
     if heading:
-        assert without[2.0].heading_rms > without[1.0].heading_rms > 0.03
+        assert without[2.0].heading.rms > without[1.0].heading.rms > 0.03
 
 
 def test_pairs_are_a_horizon_apart_in_one_drive_in_motion():
@@ -135,8 +135,8 @@ def test_what_the_robot_has_today_knows_no_delay_and_no_gains():
     found = compared(*(drive_log(seed, 40, late, STILL, law=ConstantIcr(0.08, 0.168, -0.1)) for seed in (1, 2)))
     today, gains, none, best = (found.errors[name][2.0] for name in ("today", "two_gains", "none", "icr_radius"))
     assert list(found.errors)[:2] == ["today", "two_gains"]
-    assert best.position_rms < 1e-3 < none.position_rms < today.position_rms
-    assert best.heading_rms < gains.heading_rms < none.heading_rms
+    assert best.position.rms < 1e-3 < none.position.rms < today.position.rms
+    assert best.heading.rms < gains.heading.rms < none.heading.rms
 
 
 def test_poses_too_short_for_any_horizon_give_no_score():

@@ -5,6 +5,7 @@ import pytest
 from bound import pose_bound
 
 from trackslip.errors import LogError
+from trackslip.identification.samples import best_method
 from trackslip.kinematics import advance
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Plate, extract_plate
@@ -12,7 +13,6 @@ from trackslip.logs.logfile import read_runs, write_parquet
 from trackslip.logs.runlog import RunLog, ScanLog
 from trackslip.motion.arc import arc, poses_on_arc
 from trackslip.motion.bundle import bundle
-from trackslip.motion.methods import best_method
 
 TWIST = np.array([0.2, 0.25])
 WINDOW = (1.0, 29.0)

@@ -8,8 +8,7 @@ from trackslip.identification.samples import usable_samples
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.constant_speed import SETTLE
-from trackslip.motion.steady import MARGIN, steady_part, steady_parts
+from trackslip.motion.steady import MARGIN, SETTLE, steady_part, steady_parts
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAW = ConstantIcr(0.045, 0.168, 0.01)

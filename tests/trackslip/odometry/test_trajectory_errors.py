@@ -8,9 +8,9 @@ from evo.core.units import Unit
 from evo.tools import file_interface
 
 from trackslip.errors import InvalidValueError, OutputError
+from trackslip.identification.prediction import Statistics
 from trackslip.kinematics import advance, wrap_angle
 from trackslip.odometry.trajectory_errors import (
-    Statistics,
     Trajectory,
     best_fit,
     errors_after_metres,

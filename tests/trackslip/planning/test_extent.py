@@ -11,8 +11,7 @@ from sim.wander.motion import LawMotion, SlipVariation
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 from trackslip.planning.limits import DriveLimits, first_knowledge
-from trackslip.planning.maneuvers import RATE, Maneuvers
-from trackslip.planning.route import extent, path
+from trackslip.planning.route import RATE, Maneuvers, extent, path
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(0.3, 0.5, (3.0, 3.0), 60.0)

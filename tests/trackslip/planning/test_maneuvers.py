@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackslip.planning.limits import DriveLimits
-from trackslip.planning.maneuvers import RATE, TURNING, Maneuvers, longest_spin
+from trackslip.planning.route import RATE, TURNING, Maneuvers, longest_spin
 
 LIMITS = DriveLimits(max_speed=0.3, acceleration=0.5, area=(3.0, 3.0), duration=60.0)
 WAYS = st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4)), min_size=1, max_size=8)

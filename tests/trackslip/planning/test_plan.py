@@ -15,9 +15,8 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning import plan as planning
 from trackslip.planning.information import PoseQuality, drive_to_measure, expected
 from trackslip.planning.limits import DriveLimits, first_knowledge
-from trackslip.planning.maneuvers import RATE
 from trackslip.planning.plan import PLANNED_LAWS, paper_runs, plan_drive
-from trackslip.planning.route import path
+from trackslip.planning.route import RATE, path
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(max_speed=0.3, acceleration=0.5, area=(3.0, 3.0), duration=40.0)
