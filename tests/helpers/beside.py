@@ -64,6 +64,7 @@ def drive(
     beams: int = 361,
     fov: float = np.pi,
     scan_duration: float = 0.0,
+    clockwise: bool = False,
     dropout: float = 0.0,
     quantisation: float = 0.0,
     jitter: float = 0.0,
@@ -85,7 +86,7 @@ def drive(
         return compose(at(time), np.asarray(place, float))
 
     time = np.arange(0.1, encoder_time[-1] - 0.1, 1 / rate)
-    increment = fov / (beams - 1)
+    increment = (fov / (beams - 1)) * (-1 if clockwise else 1)
     first = -increment * (beams - 1) / 2
     bearings = first + increment * np.arange(beams)
     step = scan_duration / (beams - 1)
