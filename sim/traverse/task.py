@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.restorable import Restorable
-from sim.robot.belt_motors import BeltMotors
 from sim.task import Element, checked, clipped_actions
 from sim.terms import Terms
 from sim.terrain import Course, load_course
@@ -109,7 +108,6 @@ class Crossing(Restorable):
             boxes=max((MAX_BOXES if one == RANDOM else FTR_BOXES for one in self._drawn), default=0),
             preset=config.preset,
             servos=config.servos_of(robot),
-            motors=BeltMotors.of(robot),
             limits=config.limits,
             period=config.period,
             sample=SAMPLE,

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from deployed import stored
 from slip_data import GEOMETRY, grid
 
 from trackslip.errors import LogError
@@ -28,6 +29,8 @@ def test_laws_survive_their_file(tmp_path):
         ("{}", "no slip laws"),
         ('{"geometry": {"half_gauge": "abc", "sprocket_radius": 1}, "slip_laws": {}}', "no slip laws"),
         ("[1, 2]", "no slip laws"),
+        ('{"a": ' * 100_000, "no"),
+        ('{"format": 99}', "reads formats up to"),
         (
             '{"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06},'
             ' "slip_laws": {"icr_radius": {"values": {"offset": 0.04, "radius_error": 1e308}}}}',
@@ -56,3 +59,13 @@ def test_laws_of_another_robot_are_refused():
     assert load_laws(SHIPPED, GEOMETRY)
     with pytest.raises(LogError, match=r"the robot has 0\.3 m"):
         load_laws(SHIPPED, RobotGeometry(0.3, 0.06))
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [({}, "steady"), ({"method": "drive"}, "drive"), ({"laws": {}}, "drive"), ({"laws": {}, "drive": {}}, "short")],
+)
+def test_the_fit_of_a_law_is_that_of_the_method(change, expected):
+    fits = {name: {"icr": {"values": {"offset": 0.04}, "of": name}} for name in ("short", "steady", "drive")}
+    content = {"slip_laws": fits["short"], "laws": fits["steady"], "drive": {"laws": fits["drive"]}, "method": "steady"}
+    assert stored({"icr": {"offset": 0.04}}, **content | change).fit("icr")["of"] == expected
