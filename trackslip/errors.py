@@ -81,34 +81,29 @@ def require(allowed: object, field: str, value: object, what: str) -> None:
 
 def require_positive(field: str, value: float, most: float = float("inf"), unit: str = "") -> None:
     """Raise InvalidValueError unless `value` is finite, greater than zero and at most `most`."""
-    if not _true(lambda: value > 0.0 and _finite(value)):
-        raise InvalidValueError(field, value, "a finite number > 0")
+    require(_true(lambda: value > 0.0 and _finite(value)), field, value, "a finite number > 0")
     require_at_most(field, value, most, unit)
 
 
 def require_non_negative(field: str, value: float, most: float = float("inf"), unit: str = "") -> None:
     """Raise InvalidValueError unless `value` is finite, at least zero and at most `most`."""
-    if not _true(lambda: value >= 0.0 and _finite(value)):
-        raise InvalidValueError(field, value, "a finite number >= 0")
+    require(_true(lambda: value >= 0.0 and _finite(value)), field, value, "a finite number >= 0")
     require_at_most(field, value, most, unit)
 
 
 def require_at_most(field: str, value: float, limit: float, unit: str = "") -> None:
     """Raise InvalidValueError for a value above `limit`."""
-    if not _true(lambda: value <= limit):
-        raise InvalidValueError(field, value, f"at most {limit:g} {unit}".strip())
+    require(_true(lambda: value <= limit), field, value, f"at most {limit:g} {unit}".strip())
 
 
 def require_within(field: str, value: float, low: float, high: float, unit: str = "") -> None:
     """Raise InvalidValueError unless `value` is from `low` to `high`."""
-    if not _true(lambda: low <= value <= high):
-        raise InvalidValueError(field, value, f"from {low:g} to {high:g} {unit}".strip())
+    require(_true(lambda: low <= value <= high), field, value, f"from {low:g} to {high:g} {unit}".strip())
 
 
 def require_finite(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite."""
-    if not _true(lambda: _finite(value)):
-        raise InvalidValueError(field, value, "a finite number")
+    require(_true(lambda: _finite(value)), field, value, "a finite number")
 
 
 def require_range(field: str, ends: Any, low: float, high: float) -> None:

@@ -25,7 +25,7 @@ from trackslip.laws.file import NO_SLIP
 _HEADER = ("ahead", "model", "pairs", "position", "90 %", "rms [m]", "heading", "90 %", "rms [deg]", "rate")
 _NOTE = (
     "All models predict the same motion: from every measured pose to the one nearest to the time or distance ahead. "
-    "Errors contain the noise of both poses. Rates: mean errors over time, or over distance by the encoders."
+    "Errors contain the noise of both poses. Rates: mean errors over the time or the distance ahead."
 )
 _DOTS = "Dots: medians. Lines: to the errors that 90 % stay below."
 _BEGINS = "The drive that goes far and turns most. Every path begins at its first measured pose, or fits all positions."
@@ -126,8 +126,7 @@ def _cells(errors: PredictionErrors) -> list[str]:
 
 def _rate(errors: PredictionErrors, length: float, unit: str) -> str:
     """Errors per metre or per second ahead."""
-    over = errors.way if unit == "m" else length
-    position, heading = (part.mean / over if part else nan for part in (errors.position, errors.heading))
+    position, heading = (part.mean / length if part else nan for part in (errors.position, errors.heading))
     forwards = percent(position) if unit == "m" else significant(position, "m/s")
     return f"{forwards}, {significant(degrees(heading), f'°/{unit}')}"
 

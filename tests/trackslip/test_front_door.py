@@ -32,7 +32,7 @@ def steady_run(radius, speed=0.2, duration=12.0, metadata=None):
 
 @pytest.fixture(scope="module")
 def runs():
-    return [steady_run(radius, speed) for radius in (0.6, 0.9, 1.3, 2.0, 3.0) for speed in (0.1, 0.2)]
+    return [steady_run(radius, speed) for radius in (0.6, 1.0, 2.0) for speed in (0.1, 0.2)]
 
 
 @pytest.fixture(scope="module")
@@ -67,26 +67,6 @@ def test_intervals_cover_the_law_that_was_driven(found):
     for name, (low, high) in found.intervals["icr_radius"].items():
         assert low < getattr(LAW, name) < high
     assert set(found.intervals) == set(found.laws)
-
-
-def install(tmp_path, monkeypatch, entry_point):
-    """Put a distribution with an entry point for reports before all others."""
-    about = tmp_path / "drawer-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: drawer\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text(f"[trackslip.reports]\nidentification = {entry_point}\n")
-    monkeypatch.syspath_prepend(tmp_path)
-
-
-def test_reports_are_drawn_by_whoever_offers_to(found, tmp_path, monkeypatch):
-    entry_point = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["trackslip.reports"]
-    install(tmp_path, monkeypatch, entry_point["identification"])
-    file = found.report(tmp_path)
-    assert file == tmp_path / "report.html"
-    html = file.read_text()
-    assert html.startswith("<!DOCTYPE html>")
-    assert ">best</span>" in html
-    assert str(tmp_path) not in html
 
 
 def test_extras_are_installed_from_a_checkout():

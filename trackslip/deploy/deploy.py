@@ -17,7 +17,7 @@ from trackslip.deploy.differential_drive import (
 )
 from trackslip.deploy.facts import alarms_of, json_text
 from trackslip.deploy.programs import c_text, python_text
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import TrackslipError, require
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import read_stored, stored_laws
 
@@ -77,8 +77,7 @@ def deployed(
     accept: bool = False,
 ) -> Deployed:
     """A law for another program, chosen as by `deploy_law`."""
-    if to not in TARGETS:
-        raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
+    require(to in TARGETS, "to", to, f"one of {', '.join(TARGETS)}")
     if isinstance(source, str | Path):
         stored = read_stored(Path(source))
     else:

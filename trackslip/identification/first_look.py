@@ -70,8 +70,9 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
         raise LogError(f"run {drives[0].name!r}: encoders were read at fewer than 2 of its poses: record both together")
     gains = gains_of(covered, geometry, clock)
     refuse_units(covered, gains, geometry)
-    refuse_readings(covered, geometry, clock)
     window = windows_of(covered, geometry, clock)
+    matches = matches_of(window)
+    refuse_readings(covered, window, matches, geometry, clock)
     turns = gains.factors[1] * window.turn
     left, right = float(turns.clip(min=0.0).sum()), float((-turns).clip(min=0.0).sum())
     duration = float(sum(drive.time[-1] - drive.time[0] for drive in covered))
@@ -84,7 +85,7 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
         right,
         duration,
         (*_notes(covered, gains, left, right), *(line for _, lines in cut for line in lines)),
-        tuple(_alarms(covered, gains, duration, matches_of(window))),
+        tuple(_alarms(covered, gains, duration, matches)),
     )
 
 

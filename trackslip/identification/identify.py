@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
-from trackslip.errors import InvalidValueError, LogError
+from trackslip.errors import LogError, require
 from trackslip.identification.drive_comparison import DriveComparison, compare_drives
 from trackslip.identification.first_look import first_look
 from trackslip.identification.preparation import drives_of
@@ -69,8 +69,7 @@ def identify_source(
     lag: bool = False,
 ) -> Identification:
     """Identify laws from a source that was read, like `identify`; `step(1.0)` is called after each stage or law."""
-    if method not in (None, "steady", "drive"):
-        raise InvalidValueError("method", method, "steady or drive")
+    require(method in (None, "steady", "drive"), "method", method, "steady or drive")
     if method == "drive" and not source.logs:
         raise LogError("holds steady samples, not traces: only method steady can be used")
     if method == "steady" or not source.logs:

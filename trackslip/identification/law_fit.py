@@ -59,20 +59,11 @@ def fit_drives(
     start: Mapping[str, float] | None = None,
     lag: bool = False,
 ) -> DriveFit:
-    """Fit a law to whole drives, or to windows of them.
+    """Fit a law to whole drives, as `drives_of` prepares them; raises InvalidValueError for an unknown law.
 
-    Args:
-        name: of the law.
-        drives: as `drives_of` prepares them.
-        geometry: nominal geometry of the robot.
-        sensor: place and yaw of the sensor on the robot, if known; else estimated.
-        reference: a fit of REFERENCE to the same drives, which saves fitting it again.
-        start: values of REFERENCE and extras to start from, by name; by default gains and clock by regression. Without
-            radius_error among them, the driving doesn't tell it, and it is taken to be small.
-        lag: whether to estimate how far the motion lags behind the belts.
-
-    Raises:
-        InvalidValueError: for an unknown law.
+    A `sensor` that is known isn't estimated, a `lag` of the motion behind the belts only if asked for. `reference`, a
+    fit of REFERENCE to the same drives, saves fitting it again; it begins with values by name from `start`, by default
+    gains and clock by regression. Without radius_error among them, that is taken to be small.
     """
     if reference is None:
         reference = _reference(Drives.of(drives), geometry, sensor, start, lag)
@@ -124,7 +115,7 @@ def _lengths(drives: Drives) -> list[float]:
 def _size(fit: DriveFit) -> float:
     """Mean errors of position and heading over the horizons that are compared, as one number; 0 without any."""
     size, horizon = sizes(fit.missed), fit.pairs.horizon
-    ahead = set(np.unique(horizon)) & set(_COMPARED) or set(np.unique(horizon))
+    ahead = set(horizon) & set(_COMPARED) or set(horizon)
     columns = [column[np.isfinite(column)] for h in sorted(ahead) for column in size[horizon == h].T]
     return float(np.exp(np.mean([np.log(column.mean() + 1e-12) for column in columns if len(column)] or [-np.inf])))
 
@@ -161,9 +152,8 @@ def _means(model: DriveModel, sensor: Mounting | None) -> Array:
 
 def _law_start(name: str, geometry: RobotGeometry, reference: Mapping[str, float]) -> list[float]:
     """Values of a law that move a robot nearly as the reference does."""
-    start = FAMILIES[name].starts(geometry.half_gauge)[0].tolist()
-    by_name = dict(zip(FAMILIES[name].names, start, strict=True))
-    return [reference.get(key.removesuffix("_left").removesuffix("_right"), by_name[key]) for key in by_name]
+    starts = zip(FAMILIES[name].names, FAMILIES[name].starts(geometry.half_gauge)[0].tolist(), strict=True)
+    return [reference.get(key.removesuffix("_left").removesuffix("_right"), value) for key, value in starts]
 
 
 def _described(fit: WindowFit, held: Mapping[str, str], pairs: Pairs) -> DriveFit:

@@ -47,10 +47,10 @@ def refuse_cells(drive: PreparedDrive) -> None:
             )
 
 
-def refuse_readings(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> None:
-    """Refuse columns by which wheels and poses match much better if they are read otherwise."""
-    window = windows_of(drives, geometry, clock)
-    now = matches_of(window)
+def refuse_readings(
+    drives: Sequence[PreparedDrive], window: Window, now: Array, geometry: RobotGeometry, clock: float
+) -> None:
+    """Refuse columns of drives, which match like `now` in their windows, but much better if they are read otherwise."""
     if len(now) and now.min() > _CLEARLY:
         return
     readings = [_angles(drives, geometry), *(_other_readings(drives) if len(now) else ())]

@@ -43,7 +43,7 @@ class PredictionErrors:
     """Errors of predictions, all over the same time or distance."""
 
     count: int  # number of predictions, which overlap
-    way: float  # mean way of the belts [m]
+    way: float  # median way of the belts [m]
     position: Statistics | None  # errors of positions [m]; None without positions
     heading: Statistics | None  # absolute errors of headings [rad]; None without headings
 
@@ -53,7 +53,7 @@ class PredictionErrors:
         known = (errors[np.isfinite(errors)] for errors in (position, heading))
         statistics = [Statistics.of(errors) if errors.size else None for errors in known]
         count = int((np.isfinite(position) | np.isfinite(heading)).sum())
-        return cls(count, float(way.mean()), *statistics)
+        return cls(count, float(np.median(way)), *statistics)
 
 
 @dataclass(frozen=True)

@@ -96,20 +96,22 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
     means = interval_means(log.time, log.omega)
     _refuse_zeros(log.run, "omega_l and omega_r", (means == 0).all(axis=1), "encoder was read")
     edges, omega = merged(log.time, means, max_rows)
-    steady = log.command is not None and len(log.command) > 0 and not np.ptp(log.command, axis=0).any()
+    interval = float(np.median(np.diff(time))) if len(time) > 1 else usual
+    command = None if log.command is None or np.ptp(log.command, axis=0).any() else tuple(log.command[0].tolist())
+    gyro = None if log.gyro_sums is None else np.column_stack([log.time, log.gyro_sums])
     return PreparedDrive(
         log.run,
         edges,
         omega,
         time,
         pose,
-        float(np.median(np.diff(time))) if len(time) > 1 else usual,
-        gyro=None if log.gyro_sums is None else np.column_stack([log.time, log.gyro_sums]),
-        command=tuple(log.command[0].tolist()) if steady and log.command is not None else None,
+        interval,
+        gyro,
+        command,
         beyond=log.beyond,
         repeated=len(valid) - len(rows),
         interpolated=len(rows) - measured,
-        held=not counts_few_ticks(log.time, log.omega) and bool((means != log.omega[1:]).any()),
+        held=bool((means != log.omega[1:]).any()) and not counts_few_ticks(log.time, log.omega),
     )
 
 
@@ -236,20 +238,16 @@ def _between_readings(time: Array, omega: Array) -> Array:
 
 
 def counts_few_ticks(time: Array, omega: Array) -> bool:
-    """True if sprocket speeds (T, 2) are multiples of one angle a row, or of one speed, and few of them."""
-    step = np.diff(time)
-    return any(_of_few(np.abs(side * by)) for side in omega[1:].T for by in (step, 1.0))
-
-
-def _of_few(size: Array) -> bool:
-    """True if nearly all sizes (n,) are multiples, up to 40, of the smallest one, and change often."""
-    turning = size[size > 1e-9]
-    if not len(turning):
-        return False
-    ticks = size / np.quantile(turning, 0.002)
-    near = np.round(ticks)
-    exact = np.abs(ticks - near) < 0.02
-    return bool(exact.mean() > 0.97 and near[exact].max() <= 40 and (np.diff(near) != 0).mean() > 0.05)
+    """True if nearly all speeds (T, 2) of a sprocket are small multiples of one angle a row, or of one speed."""
+    for size in (np.abs(side * by) for side in omega[1:].T for by in (np.diff(time), 1.0)):
+        turning = np.sort(size[size > 1e-9])
+        if len(turning):
+            ticks = size / turning[len(turning) // 500]  # the smallest, but for outliers
+            near = np.round(ticks)
+            exact = np.abs(ticks - near) < 0.02
+            if exact.mean() > 0.97 and near[exact].max() <= 40 and (np.diff(near) != 0).mean() > 0.05:
+                return True
+    return False
 
 
 def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:
@@ -281,19 +279,19 @@ class Drives:
     def of(cls, drives: Sequence[PreparedDrive]) -> Drives:
         """The drives in a row."""
         length = np.array([drive.edges[-1] - drive.edges[0] + 1.0 for drive in drives])  # and a pause
-        shift = np.cumsum(length) - length - [drive.edges[0] for drive in drives]
-        gyros: list[Array] = []
-        for drive, later in zip(drives, shift, strict=True):
+        shifts = np.cumsum(length) - length - [drive.edges[0] for drive in drives]
+        shifted, gyros = [*zip(drives, shifts.tolist(), strict=True)], list[Array]()
+        for drive, later in shifted:
             if drive.gyro is not None:
                 gyros.append(drive.gyro + np.append(later, gyros[-1][-1, 1:] if gyros else (0.0, 0.0)))
         pose = np.concatenate([drive.pose for drive in drives])
         return cls(
             tuple(drives),
-            edges=np.concatenate([drive.edges + later for drive, later in zip(drives, shift, strict=True)]),
+            edges=np.concatenate([drive.edges + later for drive, later in shifted]),
             omega=np.concatenate([np.append(drive.omega, np.zeros((1, 2)), axis=0) for drive in drives])[:-1],
             begins=np.cumsum([0, *(len(drive.edges) for drive in drives[:-1])]),
             gyro=np.concatenate(gyros) if gyros else None,
-            time=np.concatenate([drive.time + later for drive, later in zip(drives, shift, strict=True)]),
+            time=np.concatenate([drive.time + later for drive, later in shifted]),
             place=np.nan_to_num(pose[:, 0]) + 1j * np.nan_to_num(pose[:, 1]),
             heading=np.nan_to_num(pose[:, 2]),
             known=np.isfinite(pose[:, [0, 2]]).T,

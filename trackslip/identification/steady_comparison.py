@@ -53,7 +53,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     Raises LogError if the samples determine no law of turning.
     """
     laws, warnings = dict[str, SteadyFit](), list[str]()
-    sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
+    sides = np.sign(np.diff(samples.omega, axis=1)[:, 0] * samples.omega.sum(axis=1))
     one_sided = min((sides > 0).sum(), (sides < 0).sum()) < 2
     unloaded = samples.load is None or np.ptp(samples.load) < 1e-3
     slow = not turns_fast(samples.omega, geometry)
@@ -92,12 +92,14 @@ def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]
     fit = next(iter(laws.values())).fit
     samples, scatter = fit.samples, max(_NEGLIGIBLE, min(law.scatter for law in laws.values()))
     weight = 1 / (fit.measurement.mean(axis=1) + scatter**2)
-    twists = {name: twist for name in laws if (twist := predicted[name]) is not None}
-    if twists and len(samples) >= FEWEST_BLOCKS:
-        relative = {name: samples.relative_errors(twist, fit.geometry) ** 2 for name, twist in twists.items()}
-        errors = {name: weight / weight.mean() * each.mean(axis=1) for name, each in relative.items()}
+    errors = {
+        name: weight / weight.mean() * np.mean(samples.relative_errors(twist, fit.geometry) ** 2, axis=1)
+        for name in laws
+        if (twist := predicted[name]) is not None
+    }
+    if errors and len(samples) >= FEWEST_BLOCKS:
         criterion = Criterion(errors, np.arange(len(samples)), _NEGLIGIBLE**2)
-        choice = ranked({name: laws[name] for name in twists}, [criterion])
+        choice = ranked({name: laws[name] for name in errors}, [criterion])
         assert choice is not None
         why = "it is the simplest of those that predict left-out radii as well as any, within a standard error"
         return replace(choice, reason=why)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
 from trackslip.laws.exponential import Exponential, ExponentialSpeed
@@ -98,9 +98,10 @@ class LawFamily:
         return np.array([half_gauge if p.unit == "m" else 1.0 for p in self.parameters.values()])
 
 
-def _build(kind: Callable[..., SlipLaw], gauge: bool = False) -> Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]:
-    """Builds laws of a kind from their parameters and, with `gauge`, the robot's half gauge."""
-    return lambda p, geometry: kind(**p, half_gauge=geometry.half_gauge) if gauge else kind(**p)
+def _build(kind: Callable[..., SlipLaw]) -> Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]:
+    """Builds laws of a kind from their parameters and, if it has one, the robot's half gauge."""
+    has_gauge = "half_gauge" in kind.__dataclass_fields__  # type: ignore[attr-defined]
+    return lambda p, geometry: kind(**p, half_gauge=geometry.half_gauge) if has_gauge else kind(**p)
 
 
 _ALPHA_OUTER = Parameter((0.05,), -2.0, 0.99, 0.1, "", "α", "slip at zero radius")
@@ -139,50 +140,43 @@ FAMILIES: dict[str, LawFamily] = {
         _build(ExponentialSpeed),
         of_drives=False,
     ),
-    "icr": LawFamily(
-        "constant ICR", {"offset": _OFFSET}, _build(ConstantIcr, gauge=True), _EVERYTHING, of_drives=False
-    ),
+    "icr": LawFamily("constant ICR", {"offset": _OFFSET}, _build(ConstantIcr), _EVERYTHING, of_drives=False),
     "icr_radius": LawFamily(
-        "constant ICR, with an error of the effective sprocket radius",
-        _RADIUS,
-        _build(ConstantIcr, gauge=True),
-        _EVERYTHING,
+        "constant ICR, with an error of the effective sprocket radius", _RADIUS, _build(ConstantIcr), _EVERYTHING
     ),
     GAINS: LawFamily(
         "constant ICR, from gains of speed and yaw rate by regression",
         _RADIUS,
-        _build(ConstantIcr, gauge=True),
+        _build(ConstantIcr),
         _EVERYTHING,
         of_runs=False,
         of_drives=False,
     ),
-    "turn_loss": LawFamily(
-        "constant ICR, with a loss of speed in turns", _LOSS, _build(TurnLoss, gauge=True), _PROGRAMS
-    ),
+    "turn_loss": LawFamily("constant ICR, with a loss of speed in turns", _LOSS, _build(TurnLoss), _PROGRAMS),
     "turn_loss_sides": LawFamily(
         "constant ICR, with a loss of speed in turns and ε of each side",
         {"offset": _OFFSET, **_RADIUS_SIDES, "turn_loss": _TURN_LOSS},
-        _build(TurnLossSides, gauge=True),
+        _build(TurnLossSides),
         _PROGRAMS,
         two_sided=True,
     ),
     "centrifugal": LawFamily(
         "constant ICR, with a loss of speed in turns and slip in proportion to the lateral acceleration",
         _LOSS | {"centrifugal_slip": _CENTRIFUGAL_SLIP},
-        _build(Centrifugal, gauge=True),
+        _build(Centrifugal),
         fast=True,
     ),
     "icr_load": LawFamily(
         "constant ICR, with slip in proportion to the traction",
         _RADIUS | {"compliance": _COMPLIANCE, "turn_compliance": _TURN_COMPLIANCE},
-        _build(IcrLoad, gauge=True),
+        _build(IcrLoad),
         loaded=True,
         of_drives=False,
     ),
     "icr_sides": LawFamily(
         "constant ICR, left and right different",
         {"offset_left": _OFFSET, "offset_right": _OFFSET, **_RADIUS_SIDES},
-        _build(IcrSides, gauge=True),
+        _build(IcrSides),
         _EVERYTHING,
         two_sided=True,
     ),
@@ -197,8 +191,7 @@ def drive_laws() -> tuple[str, ...]:
 
 def family(name: str) -> LawFamily:
     """The family called `name`; raises InvalidValueError if there is none."""
-    if name not in FAMILIES:
-        raise InvalidValueError("law", name, f"one of {', '.join(FAMILIES)}")
+    require(name in FAMILIES, "law", name, f"one of {', '.join(FAMILIES)}")
     return FAMILIES[name]
 
 
@@ -212,6 +205,5 @@ def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> 
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InvalidValueError(f"{name}.{key}", value, "a number")
         numbers[key] = float(value)
-        if not low <= numbers[key] <= high:
-            raise InvalidValueError(f"{name}.{key}", numbers[key], f"from {low:g} to {high:g}")
+        require(low <= numbers[key] <= high, f"{name}.{key}", numbers[key], f"from {low:g} to {high:g}")
     return model.build(numbers, geometry)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, LogError, OutputError
+from trackslip.errors import InvalidValueError, LogError, OutputError, require
 from trackslip.files import read_json, reason
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import NoSlip, SlipLaw
@@ -39,8 +39,7 @@ class StoredLaws:
         Raises InvalidValueError for another name, LogError if the file doesn't state the best law.
         """
         if name is not None:
-            if name not in self.laws:
-                raise InvalidValueError("law", name, f"one of {', '.join(self.laws)} (in {self.name})")
+            require(name in self.laws, "law", name, f"one of {', '.join(self.laws)} (in {self.name})")
             return name
         best, identified = self.content.get("best"), [name for name in self.laws if name != NO_SLIP]
         if isinstance(best, str) and best in self.laws:

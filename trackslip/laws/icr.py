@@ -31,6 +31,19 @@ class IcrLaw(SlipLaw):
         require_between(self, self.offsets, -self.half_gauge, np.inf, allowed)
         require_between(self, self.radius_errors, -1, np.inf, "finite and > -1")
 
+    @cached_property
+    def _reach(self) -> Array:
+        """b + D (..., 2) of the left and right track, or (..., 1) where both have the same [m]."""
+        return self._of_tracks(self.offsets) + np.asarray(self.half_gauge, float)[..., None]
+
+    @cached_property
+    def _scale(self) -> Array:
+        """1 + epsilon (..., 2) of the left and right track, or (..., 1) where both have the same."""
+        return 1 + self._of_tracks(self.radius_errors)
+
+    def _of_tracks(self, names: tuple[str, ...]) -> Array:
+        return np.stack(np.broadcast_arrays(*(np.asarray(getattr(self, name), float) for name in names)), axis=-1)
+
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...), driving forwards or turning in place."""
         direction = np.arctan(np.asarray(kappa, float))  # finite for infinite curvature
@@ -43,31 +56,21 @@ class IcrLaw(SlipLaw):
             return 1 - track_speeds(twist, self.half_gauge) / commanded
 
 
-def of_both_sides(left: ArrayLike, right: ArrayLike) -> Array:
-    """Values (..., 2) of the left and the right track from those of each (...)."""
-    return np.stack(np.broadcast_arrays(left, right), axis=-1)
-
-
 class _ConstantIcrs(IcrLaw):
     """Commanded track speeds V are linear in the twist, with D and epsilon of each track.
 
     (1 + epsilon) V = v -+ (b + D) w
     """
 
-    @cached_property
-    def _tracks(self) -> tuple[Array, Array]:
-        """-+ (b + D) and 1 + epsilon (..., 2) of the left and right track, or (..., 1) where both have the same."""
-        raise NotImplementedError
-
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
-        twist, (arms, scale) = np.asarray(twist, float), self._tracks
-        return (twist[..., :1] + arms * twist[..., 1:]) / (geometry.sprocket_radius * scale)
+        twist = np.asarray(twist, float)
+        return (twist[..., :1] + SIDES * self._reach * twist[..., 1:]) / (geometry.sprocket_radius * self._scale)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce."""
-        arms, scale = self._tracks
-        left, right = np.moveaxis(geometry.sprocket_radius * scale * np.asarray(omega, float), -1, 0)
+        arms = SIDES * self._reach
+        left, right = np.moveaxis(geometry.sprocket_radius * self._scale * np.asarray(omega, float), -1, 0)
         w = (right - left) / (arms[..., 1] - arms[..., 0])
         return np.stack([right - arms[..., 1] * w, w], axis=-1)
 
@@ -87,11 +90,6 @@ class ConstantIcr(_ConstantIcrs):
     radius_error: float = 0.0
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     records_icr: ClassVar[bool] = True
-
-    @cached_property
-    def _tracks(self) -> tuple[Array, Array]:
-        reach, scale = np.asarray(self.half_gauge + self.offset), np.asarray(1 + self.radius_error)
-        return SIDES * reach[..., None], scale[..., None]
 
 
 @dataclass(frozen=True)
@@ -114,8 +112,3 @@ class IcrSides(_ConstantIcrs):
 
     offsets = ("offset_left", "offset_right")
     radius_errors = ("radius_error_left", "radius_error_right")
-
-    @cached_property
-    def _tracks(self) -> tuple[Array, Array]:
-        reach = of_both_sides(self.offset_left, self.offset_right) + self.half_gauge
-        return SIDES * reach, of_both_sides(self.radius_error_left, self.radius_error_right) + 1

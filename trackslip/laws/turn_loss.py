@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.base import require_between
-from trackslip.laws.icr import IcrLaw, of_both_sides
+from trackslip.laws.icr import IcrLaw
 
 _MIN_LOSS, _MAX_LOSS = -8.0, 1.0  # between these, v grows with the belts' mean speed at every difference
 _ITERATIONS = 60
@@ -28,20 +27,10 @@ class _SpeedLost(IcrLaw):
         allowed = f"between {_MIN_LOSS:g} and {_MAX_LOSS:g}, where sprocket speeds are unique"
         require_between(self, ("turn_loss",), _MIN_LOSS, _MAX_LOSS, allowed)
 
-    @cached_property
-    def _scale(self) -> Array:
-        """1 + epsilon (..., 2) of the left and right track, or (..., 1) where both have the same."""
-        raise NotImplementedError
-
-    @property
-    def _reach(self) -> Array:
-        """b + D (...) [m]."""
-        return np.asarray(self.half_gauge + np.asarray(self.offset))
-
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2)."""
         v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-        v, difference, loss = np.broadcast_arrays(v, self._reach * w, self.turn_loss)
+        v, difference, loss = np.broadcast_arrays(v, self._reach[..., 0] * w, self.turn_loss)
         mean = _mean_speed(v, difference, loss)
         return (mean[..., None] + SIDES * difference[..., None]) / (geometry.sprocket_radius * self._scale)
 
@@ -50,7 +39,7 @@ class _SpeedLost(IcrLaw):
         belt = geometry.sprocket_radius * self._scale * np.asarray(omega, float)
         mean, difference = (belt[..., 1] + belt[..., 0]) / 2, (belt[..., 1] - belt[..., 0]) / 2
         v = mean * (1 - self.turn_loss * _sine(difference, mean) ** 2)
-        return np.stack(np.broadcast_arrays(v, difference / self._reach), axis=-1)
+        return np.stack(np.broadcast_arrays(v, difference / self._reach[..., 0]), axis=-1)
 
 
 @dataclass(frozen=True)
@@ -73,10 +62,6 @@ class TurnLoss(_SpeedLost):
     turn_loss: float = 0.0
     """g: share of the speed that is lost in a turn about the middle of the robot [-]."""
 
-    @cached_property
-    def _scale(self) -> Array:
-        return 1 + np.asarray(self.radius_error)[..., None]
-
 
 @dataclass(frozen=True)
 class TurnLossSides(_SpeedLost):
@@ -94,10 +79,6 @@ class TurnLossSides(_SpeedLost):
     """g: share of the speed that is lost in a turn about the middle of the robot [-]."""
 
     radius_errors = ("radius_error_left", "radius_error_right")
-
-    @cached_property
-    def _scale(self) -> Array:
-        return 1 + of_both_sides(self.radius_error_left, self.radius_error_right)
 
 
 @dataclass(frozen=True)

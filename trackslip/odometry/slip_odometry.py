@@ -21,7 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError, require_finite
+from trackslip.errors import require, require_finite
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.odometry.uncertainty import Gyro, LawErrors, SlipNoise
@@ -130,8 +130,7 @@ class SlipOdometry:
         Raises:
             InvalidValueError: for a negative time, or values that are not finite.
         """
-        if not 0 <= dt < np.inf:
-            raise InvalidValueError("dt", dt, "a finite number of seconds >= 0")
+        require(0 <= dt < np.inf, "dt", dt, "a finite number of seconds >= 0")
         omega = _finite("omega", omega, (2,))
         after = self._driven(omega[None], np.array([dt]), None if gyro is None else _readings(gyro, omega)[None])
         self._state = _State(*(value[-1] for value in vars(after).values()))
@@ -150,10 +149,10 @@ class SlipOdometry:
         """
         time, omega = np.asarray(time, float), _finite("omega", omega, (2,))
         step = np.diff(time)
-        if time.ndim != 1 or omega.ndim < 2 or len(time) != len(omega) or not len(time):
-            raise InvalidValueError("time", time.shape, f"one time per row of omega, ({len(omega)},)")
-        if not (np.isfinite(time).all() and (step > 0).all()):
-            raise InvalidValueError("time", float(time[0]), "finite, and ascending from row to row")
+        fits = omega.ndim > 1 and time.shape == omega.shape[:1] and len(time) > 0
+        require(fits, "time", time.shape, f"one time per row of omega, ({len(omega)},)")
+        ascends = np.isfinite(time).all() and (step > 0).all()
+        require(ascends, "time", float(time[0]), "finite, and ascending from row to row")
         states = self._driven(omega[1:], step, None if gyro is None else _readings(gyro, omega)[1:])
         return OdometryPath(time, self._poses(states), self._covariances(states))
 
@@ -251,19 +250,15 @@ def _summed(first: np.ndarray, increments: np.ndarray) -> np.ndarray:
 def _readings(gyro: ArrayLike, omega: Array) -> Array:
     """Readings of a gyro with sprocket speeds (..., 2), NaN for none."""
     array = np.asarray(gyro, float)
-    if array.shape != omega.shape[:-1]:
-        raise InvalidValueError("gyro", array.shape, f"of shape {omega.shape[:-1]}, as omega")
-    if np.isinf(array).any():
-        raise InvalidValueError("gyro", float(array[np.isinf(array)][0]), "finite, or NaN for no reading")
+    require(array.shape == omega.shape[:-1], "gyro", array.shape, f"of shape {omega.shape[:-1]}, as omega")
+    require(not np.isinf(array).any(), "gyro", float(array[np.isinf(array)].sum()), "finite, or NaN for no reading")
     return array
 
 
 def _finite(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Finite numbers, whose last axes have this shape."""
     array = np.asarray(values, float)
-    if array.shape[-len(shape) :] != shape:
-        raise InvalidValueError(name, array.shape, f"of shape (..., {', '.join(map(str, shape))})")
-    bad = ~np.isfinite(array)
-    if bad.any():
-        raise InvalidValueError(name, float(array[bad][0]), "finite")
+    fits = array.shape[-len(shape) :] == shape
+    require(fits, name, array.shape, f"of shape (..., {', '.join(map(str, shape))})")
+    require(np.isfinite(array).all(), name, float(array[~np.isfinite(array)].sum()), "finite")
     return array

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require_finite, require_non_negative
+from trackslip.errors import require, require_finite, require_non_negative
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
 
@@ -40,9 +40,7 @@ class SlipNoise:
         Raises:
             InvalidValueError: if an entry is missing or not a standard deviation.
         """
-        missing = [name for name in _SLIP if name not in noise]
-        if missing:
-            raise InvalidValueError("noise", [*noise], f"a mapping with {', '.join(_SLIP)}")
+        require(set(_SLIP) <= set(noise), "noise", [*noise], f"a mapping with {', '.join(_SLIP)}")
         return cls(*(float(noise[name]) for name in _SLIP))
 
 
@@ -80,16 +78,15 @@ class LawErrors:
     """(p, p) of their errors, in the parameters' units."""
 
     def __post_init__(self) -> None:
-        p = len(self.names)
-        matrix = np.asarray(self.covariance, float)
-        if matrix.shape != (p, p):
-            raise InvalidValueError("covariance", matrix.shape, f"of shape {(p, p)}, as there are {p} names")
+        p, matrix = len(self.names), np.asarray(self.covariance, float)
+        require(matrix.shape == (p, p), "covariance", matrix.shape, f"of shape {(p, p)}, as there are {p} names")
         variances = np.diag(matrix)
-        if not np.isfinite(matrix).all() or (variances < 0).any():
-            raise InvalidValueError("covariance", matrix.tolist(), "finite, with variances >= 0")
+        usable = np.isfinite(matrix).all() and (variances >= 0).all()
+        require(usable, "covariance", matrix.tolist(), "finite, with variances >= 0")
         most = np.sqrt(np.outer(variances, variances))
-        if (np.abs(matrix - matrix.T) > _ASYMMETRY * most).any() or (np.abs(matrix) > (1 + _ASYMMETRY) * most).any():
-            raise InvalidValueError("covariance", matrix.tolist(), "symmetric, with correlations from -1 to 1")
+        usable = (np.abs(matrix - matrix.T) <= _ASYMMETRY * most).all()
+        usable &= (np.abs(matrix) <= (1 + _ASYMMETRY) * most).all()
+        require(usable, "covariance", matrix.tolist(), "symmetric, with correlations from -1 to 1")
 
     @classmethod
     def stored(cls, fit: Mapping[str, Any]) -> Self:
@@ -122,8 +119,7 @@ class LawErrors:
         slopes = np.zeros((*omega.shape, len(self.names)))
         for k, (name, variance) in enumerate(zip(self.names, np.diag(self.covariance).tolist(), strict=True)):
             value, step = getattr(law, name, None), _DIFFERENCE * np.sqrt(variance)
-            if value is None:
-                raise InvalidValueError("names", name, f"parameters of {law}")
+            require(value is not None, "names", name, f"parameters of {law}")
             if step > 0:
                 ahead, behind = (
                     replace(law, **{name: value + push}).twist(omega, geometry)  # type: ignore[type-var]

@@ -72,13 +72,8 @@ def expected(
 ) -> Expectation:
     """Standard errors to expect, with all parameters but the lag free that the drives determine, as in `fit_drives`.
 
-    Args:
-        model: the law and the sensor.
-        values: expected parameters (q,) of the law.
-        drives: the drives, as by `drive_to_measure`.
-        poses: quality of the poses.
-        slip: white slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)].
-        known: errors of the law from an earlier identification.
+    `values` (q,) are the law's expected parameters, `drives` as by `drive_to_measure`, `slip` is white: forwards,
+    sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]. `known` are errors of the law from an earlier identification.
     """
     data, values = Drives.of(drives), np.concatenate([values, np.zeros(len(model.extras))])
     held = held_parameters(model, data)
@@ -90,14 +85,12 @@ def expected(
         prior[np.ix_(at, at)] += np.linalg.pinv(known.covariance, hermitian=True)
     path = model.path(values, data, np.zeros(0, int))
     data = replace(data, place=path.place, heading=path.heading)
-    covariances = [_covariance(model, values, data, length, poses, slip, free, prior) for length in _LENGTHS]
+    white, per_way = np.square([[poses.position, poses.position, poses.heading or 1.0], slip])
+    covariances = [_covariance(model, values, data, length, white, per_way, free, prior) for length in _LENGTHS]
     covariance = min(covariances, key=lambda matrix: float(np.linalg.slogdet(matrix)[1]))
     errors = np.sqrt(np.diag(covariance))
-    stderr = {
-        name: float(error)
-        for name, error, width in zip(names, errors, model.prior[free], strict=True)
-        if error < _TOLD * width
-    }
+    told = errors < _TOLD * model.prior[free]
+    stderr = {name: float(error) for name, error, is_told in zip(names, errors, told, strict=True) if is_told}
     return Expectation(stderr, (*held, *(name for name in names if name not in stderr)))
 
 
@@ -106,12 +99,14 @@ def _covariance(
     values: Array,
     data: Drives,
     length: float,
-    poses: PoseQuality,
-    slip: Sequence[float],
+    white: Array,
+    slip: Array,
     free: np.ndarray,
     prior: Array,
 ) -> Array:
     """Covariance (f, f) of the parameters `free` (f,) fitted to windows of a length [s], with precisions of a prior.
+
+    `white` (3,) are the variances of poses, `slip` (3,) those of slip per way.
 
     Residuals of windows depend on each other, as slip that varies is a random walk of the pose: each step of it pulls
     at all later poses of its windows. So the scatter of the scores is not that of their slopes.
@@ -119,9 +114,8 @@ def _covariance(
     windows, rows = (cut := Windows.cut(data, length)), cut.pose
     way = data.way(model.geometry.sprocket_radius)
     last = np.append(windows.first[1:], len(rows)) - 1
-    white = np.array([poses.position, poses.position, poses.heading or 1.0]) ** 2
     typical = np.median(way[rows[last]] - way[rows[windows.first]])
-    variance = white + np.square(slip) * typical / 6  # of a random walk less its mean
+    variance = white + slip * typical / 6  # of a random walk less its mean
     weight = data.known[:, rows] / variance[1:, None]
     found = residuals(model, data, windows, values, free, weight)
     pull = found.slope[:3] * np.where(found.known[:3], 1 / variance[:, None], 0.0)[:, None]
@@ -137,7 +131,7 @@ def _covariance(
     scatter = prior.copy()
     for score, size in [
         *zip((at_place.real, at_place.imag, at_heading), white[:, None], strict=True),
-        *zip(by_step, np.square(slip)[:, None] * step, strict=True),
+        *zip(by_step, slip[:, None] * step, strict=True),
     ]:
         total = np.stack([np.bincount(rows, each, len(data.time)) for each in score])
         scatter += (total * size) @ total.T

@@ -65,12 +65,12 @@ class Knowledge:
 
     geometry: RobotGeometry
     offset: float  # D: expected distance of the ICRs outside the tracks [m]
-    radius_error: float  # expected relative error of the effective sprocket radius [-]
-    reach_doubt: float  # largest relative error of b + D [-]
-    radius_doubt: float  # largest error of the radius error [-]
-    pull: float
-    """Largest difference of the radius errors of left and right, which makes the robot pull to one side [-]."""
-    slip: tuple[float, float, float]  # white slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]
+    radius_error: float = 0.0  # expected relative error of the effective sprocket radius [-]
+    reach_doubt: float = 0.15  # largest relative error of b + D [-]
+    radius_doubt: float = 0.02  # largest error of the radius error [-]
+    pull: float = 0.001  # largest difference of the radius errors of left and right [-]
+    slip: tuple[float, float, float] = (0.002, 0.002, 0.005)
+    """White slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]."""
 
     def __post_init__(self) -> None:
         require_within("doubt", self.reach_doubt, 0.0, MOST_DOUBT)
@@ -96,15 +96,7 @@ class Knowledge:
 
 def first_knowledge(geometry: RobotGeometry) -> Knowledge:
     """Prior knowledge of a robot that was never identified: typical of hard ground, with a margin."""
-    return Knowledge(
-        geometry,
-        offset=0.3 * geometry.half_gauge,
-        radius_error=0.0,
-        reach_doubt=0.15,
-        radius_doubt=0.02,
-        pull=0.001,
-        slip=(0.002, 0.002, 0.005),
-    )
+    return Knowledge(geometry, offset=0.3 * geometry.half_gauge)
 
 
 def read_identification(path: str | Path, law: str | None = None) -> tuple[LawInUse, Knowledge]:
@@ -119,16 +111,15 @@ def read_identification(path: str | Path, law: str | None = None) -> tuple[LawIn
         by_path = identified_law(path, _PATH_LAW)
     except InvalidValueError:
         by_path = used
-    knowledge = first_knowledge(used.geometry)
+    knowledge, known = first_knowledge(used.geometry), vars(by_path.law)
     errors = by_path.errors or used.errors
     doubts = dict(zip(errors.names, _DEVIATIONS * np.sqrt(np.diag(errors.covariance)), strict=True))
     if "offset" in doubts:
-        offset = float(vars(by_path.law)["offset"])
-        doubt = np.clip(doubts["offset"] / (used.geometry.half_gauge + offset), _LEAST_REACH, MOST_DOUBT)
-        knowledge = replace(knowledge, offset=offset, reach_doubt=float(doubt))
+        doubt = np.clip(doubts["offset"] / (used.geometry.half_gauge + known["offset"]), _LEAST_REACH, MOST_DOUBT)
+        knowledge = replace(knowledge, offset=float(known["offset"]), reach_doubt=float(doubt))
     if "radius_error" in doubts:
-        doubt, error = np.clip(doubts["radius_error"], _LEAST_RADIUS, MOST_DOUBT), vars(by_path.law)["radius_error"]
-        knowledge = replace(knowledge, radius_error=float(error), radius_doubt=float(doubt))
+        doubt = np.clip(doubts["radius_error"], _LEAST_RADIUS, MOST_DOUBT)
+        knowledge = replace(knowledge, radius_error=float(known["radius_error"]), radius_doubt=float(doubt))
     with suppress(InvalidValueError):  # where it has no such law
         sides = vars(identified_law(path, "icr_sides").law)
         pull = np.clip(abs(sides["radius_error_left"] - sides["radius_error_right"]), _LEAST_PULL, MOST_DOUBT)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, require
 from trackslip.identification.path import DriveModel
 from trackslip.kinematics import SIDES, Array, RobotGeometry, twist_of_tracks
 from trackslip.laws.families import LawFamily, drive_laws, family
@@ -103,8 +103,7 @@ def plan_drive(
     Raises:
         InvalidValueError: for an unknown law, or an area or duration in which no drive determines the law.
     """
-    if law not in PLANNED_LAWS:
-        raise InvalidValueError("law", law, f"one of {', '.join(PLANNED_LAWS)}")
+    require(law in PLANNED_LAWS, "law", law, f"one of {', '.join(PLANNED_LAWS)}")
     least = 2 * max(TURNING * geometry.half_gauge, limits.clearance)
     if min(limits.area) <= least:
         allowed = f"more than {least:g} m long and wide, for the robot to turn"
@@ -133,18 +132,9 @@ def plan_drive(
     if not np.isfinite(least_cost):
         allowed = f"longer, for a drive within the limits to determine the law {law}"
         raise InvalidValueError("duration", limits.duration, allowed)
-    return DrivePlan(
-        law,
-        expected_values,
-        limits,
-        knowledge,
-        poses,
-        known,
-        drive.maneuvers,
-        drive.start,
-        drive.places,
-        expectation_of(drive, poses, 1),
-    )
+    expectation = expectation_of(drive, poses, 1)
+    way, start, places = drive.maneuvers, drive.start, drive.places
+    return DrivePlan(law, expected_values, limits, knowledge, poses, known, way, start, places, expectation)
 
 
 def evaluations(limits: DriveLimits) -> int:
@@ -172,11 +162,8 @@ def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict
 def usual_values(laws: LawFamily, knowledge: Knowledge) -> Array:
     """Parameters (q,) of a law for a robot of which only this is known."""
     values = laws.starts(knowledge.geometry.half_gauge)[0]
-    for k, name in enumerate(laws.names):
-        if name.startswith("offset"):
-            values[k] = knowledge.offset
-        elif name.startswith("radius_error"):
-            values[k] = knowledge.radius_error
+    for start in ("offset", "radius_error"):
+        values[[name.startswith(start) for name in laws.names]] = getattr(knowledge, start)
     return values
 
 
@@ -189,11 +176,9 @@ def paper_runs(geometry: RobotGeometry) -> list[Array]:
 def expected_of_paper(plan: DrivePlan) -> Expectation | None:
     """Errors to expect of the paper's runs; None if the robot is too large for them, or they determine nothing."""
     geometry, count = plan.knowledge.geometry, round(PAPER_DURATION * RATE)
-    merge = rate_of(plan.poses)
-    drives = [
-        drive_to_measure(np.tile(speeds, (count, 1)), RATE, plan.poses, geometry.sprocket_radius, merge)
-        for speeds in paper_runs(geometry)
-    ]
+    radius, merge = geometry.sprocket_radius, rate_of(plan.poses)
+    runs = [np.tile(speeds, (count, 1)) for speeds in paper_runs(geometry)]
+    drives = [drive_to_measure(speeds, RATE, plan.poses, radius, merge) for speeds in runs]
     if not drives:
         return None
     model = DriveModel(family(plan.law), geometry)

@@ -37,21 +37,9 @@ _DEVIATIONS = 3.5  # of slip that the area allows for
 _POPULATION = 40
 _SHARES, _PAIRS = (0.25, 0.35, 0.45, 0.55), (2, 3, 4, 6)  # of spins in the lines that it begins with
 _LAST = len(WAYPOINTS) - 1
-_GENES = np.array(
-    [  # lowest and highest value of each field of a route, and whether it is a whole number
-        (0, _LAST, True),
-        (0, _LAST, True),
-        (0, 1, True),
-        (0, 1, True),
-        (-MOST_BOW, MOST_BOW, True),
-        (-MOST_BOW, MOST_BOW, True),
-        (0.02, 0.6, False),
-        (1, 12, True),
-        (0.2, 1.0, False),
-        (0.0, 1.0, False),
-        (0.0, 0.05, False),
-    ]
-)
+_LOW = np.array([0, 0, 0, 0, -MOST_BOW, -MOST_BOW, 0.02, 1, 0.2, 0.0, 0.0])  # of the fields of a route
+_HIGH = np.array([_LAST, _LAST, 1, 1, MOST_BOW, MOST_BOW, 0.6, 12, 1.0, 1.0, 0.05])
+_WHOLE = np.array([True] * 6 + [False, True, False, False, False])  # of them, those that are whole numbers
 
 
 @dataclass(frozen=True)
@@ -189,10 +177,9 @@ def _ways(length: Array, turn: Array, knowledge: Knowledge) -> Array:
 
 def extent(maneuvers: Maneuvers, heading: float, knowledge: Knowledge) -> Array:
     """Lowest and highest x and y (2, 2) of the robot's middle from the origin, with `heading` [rad] at the start."""
-    x, y = path(maneuvers, heading, knowledge.extremes)
-    spread = _DEVIATIONS * _slipped(maneuvers, x, y, knowledge)  # (2, L, K)
-    both = np.stack([x, y])
-    return np.stack([(both - spread).min(axis=(1, 2)), (both + spread).max(axis=(1, 2))])
+    places = np.stack(path(maneuvers, heading, knowledge.extremes))
+    spread = _DEVIATIONS * _slipped(maneuvers, places, knowledge)
+    return np.stack([(places - spread).min(axis=(1, 2)), (places + spread).max(axis=(1, 2))])
 
 
 def path(maneuvers: Maneuvers, heading: float, laws: Array) -> tuple[Array, Array]:
@@ -206,21 +193,18 @@ def path(maneuvers: Maneuvers, heading: float, laws: Array) -> tuple[Array, Arra
     return at.real, at.imag
 
 
-def _slipped(maneuvers: Maneuvers, x: Array, y: Array, knowledge: Knowledge) -> Array:
-    """Standard deviations (2, L, K) of the positions by white slip."""
+def _slipped(maneuvers: Maneuvers, places: Array, knowledge: Knowledge) -> Array:
+    """Standard deviations (2, L, K) of places x, y (2, L, K) by white slip."""
     along, across, turning = knowledge.slip
     part = np.repeat(np.abs(maneuvers.way).mean(axis=1), _PARTS) / _PARTS
-    driven = np.concatenate([[0.0], np.cumsum(part)])
-
-    def swung(lever: Array) -> Array:
-        """Sum of the squares of levers from all parts before, times their ways."""
-        middle = (lever[:, 1:] + lever[:, :-1]) / 2
-        first = np.concatenate([np.zeros((len(lever), 1)), np.cumsum(middle * part, axis=1)], axis=1)
-        second = np.concatenate([np.zeros((len(lever), 1)), np.cumsum(middle**2 * part, axis=1)], axis=1)
-        return np.maximum(lever**2 * driven - 2 * lever * first + second, 0.0)
-
-    moved = max(along, across) ** 2 * driven
-    return np.sqrt(np.stack([moved + turning**2 * swung(y), moved + turning**2 * swung(x)]))
+    driven = np.append(0.0, np.cumsum(part))
+    lever = places[::-1]  # to x from y, and to y from x
+    middle = (lever[..., 1:] + lever[..., :-1]) / 2
+    first, second = (np.zeros(lever.shape) for _ in range(2))
+    np.cumsum(middle * part, axis=-1, out=first[..., 1:])
+    np.cumsum(middle**2 * part, axis=-1, out=second[..., 1:])
+    swung = np.maximum(lever**2 * driven - 2 * lever * first + second, 0.0)  # squares of levers from all parts before
+    return np.sqrt(max(along, across) ** 2 * driven + turning**2 * swung)
 
 
 def best_route(cost: Callable[[Route], float], evaluations: int, rng: np.random.Generator) -> tuple[Route, float]:
@@ -228,15 +212,14 @@ def best_route(cost: Callable[[Route], float], evaluations: int, rng: np.random.
 
     It begins with lines along the diagonal, with several shares and numbers of spins, and random routes.
     """
-    low, high, whole = _GENES.T
-    first = rng.uniform(low, high, (_POPULATION, len(_GENES)))
+    first = rng.uniform(_LOW, _HIGH, (_POPULATION, len(_LOW)))
     lines = [(0, _LAST, 0, 1, 0, 0, share, pairs, 1.0, 0.5, 0.01) for share in _SHARES for pairs in _PAIRS]
     first[: len(lines)] = lines
-    first = np.where(whole == 1, np.round(first), first)
+    first = np.where(_WHOLE, np.round(first), first)
     found = scipy.optimize.differential_evolution(
         lambda genes: cost(_route(genes)),
-        _GENES[:, :2],
-        integrality=whole == 1,
+        np.column_stack([_LOW, _HIGH]),
+        integrality=_WHOLE,
         init=first,
         maxiter=max(0, evaluations // _POPULATION - 1),
         polish=False,

@@ -62,8 +62,7 @@ class Contact:
         require_positive("across", self.across)
         if not (self.x.shape == self.y.shape and self.x.ndim == 1 and self.x.size > 0):
             raise InvalidValueError("x, y", (self.x.shape, self.y.shape), "two equal (K,)")
-        if not np.isfinite(self.centre_of_mass).all():
-            raise InvalidValueError("centre_of_mass", self.centre_of_mass, "finite")
+        require(np.isfinite(self.centre_of_mass).all(), "centre_of_mass", self.centre_of_mass, "finite")
         if self.loads(np.zeros(2)).min() < 0:
             raise InvalidValueError(
                 "centre_of_mass", self.centre_of_mass, "close enough to the middle to load every point of the tracks"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError, require_non_negative, require_positive
+from trackslip.errors import InvalidValueError, require, require_non_negative, require_positive
 from trackslip.kinematics import SIDES, Array
 from trackslip.skid_theory.contact import Contact, Load
 from trackslip.skid_theory.forces import balance, least_power
@@ -37,8 +37,7 @@ def steady_twist(
             carry.
     """
     speeds = np.asarray(surface_speeds, float)
-    if not np.isfinite(speeds).all():
-        raise InvalidValueError("surface_speeds", surface_speeds, "finite")
+    require(np.isfinite(speeds).all(), "surface_speeds", surface_speeds, "finite")
     require_positive("gravity", 1.0 if gravity == np.inf else gravity)
     require_non_negative("shear", shear)
     _require_carried(load, contact)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trackslip.errors import InvalidValueError, require_non_negative, require_positive
+from trackslip.errors import InvalidValueError, require, require_non_negative, require_positive
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import PiecewiseReference
 from trackslip.trajectory.path import PlanarPath
@@ -43,8 +43,7 @@ class MotionLimits:
         ):
             value = getattr(self, name)
             require_positive(name, value)
-            if value < least:
-                raise InvalidValueError(name, value, f"at least {least:g} {unit}")
+            require(value >= least, name, value, f"at least {least:g} {unit}")
 
     def speed_at(self, curvature: ArrayLike) -> Array:
         """Maximum speeds (...) at curvatures (...) [m/s]."""

@@ -29,7 +29,7 @@ from trackslip.errors import LogError, TrackslipError
 from trackslip.kinematics import body_twist
 from trackslip.logs.logfile import RUNS, write_parquet
 
-LOG = wandered(duration=20.0)
+LOG = wandered(duration=13.0)
 TURNED = sprocket_angles(LOG)
 WHEELS = ("front_left_wheel_joint", "front_right_wheel_joint", "rear_left_wheel_joint", "rear_right_wheel_joint")
 FOUR = TURNED[:, [0, 1, 0, 1]]
@@ -118,7 +118,7 @@ def test_a_folder_of_results_stays_one(tmp_path):
 
 
 REPEATED = "/odom: its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
-NO_FIX = "topic /fix: 20 of 200 messages left out: they have no fix"
+NO_FIX = "topic /fix: 20 of 130 messages left out: they have no fix"
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from trackslip.bags.poses import read_poses
 from trackslip.bags.topics import encoder_topics, pose_source, pose_sources, sides
 from trackslip.errors import LogError
 
-LOG = wandered(duration=8.0)
+LOG = wandered(duration=2.0)
 
 
 def read(tmp_path, messages, source, kind="mcap"):

@@ -10,13 +10,13 @@ from trackslip.bags.choice import BagChoice
 from trackslip.bags.drives import read_bags
 from trackslip.errors import TrackslipError
 
-LOG = wandered(duration=3.0)
+LOG = wandered(duration=2.0)
 WILD = st.sampled_from([np.nan, np.inf, -np.inf, 1e300, -1e300, 1e16, 5e-324, 0.0, -1.0])
 TIMES = st.sampled_from([0, 1, -(2**31) * 10**9, 2**31 * 10**9 - 1, stamp(1.0), stamp(1e6)])
 
 
 @settings(
-    max_examples=5, deadline=None, phases=[Phase.generate], suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=4, deadline=None, phases=[Phase.generate], suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
 def test_values_that_no_sensor_states_end_in_a_line_or_a_log_of_finite_numbers(tmp_path_factory, data):

@@ -36,11 +36,3 @@ def test_runs_that_tell_their_loads_may_differ_in_slope():
 def test_other_differences_are_refused(runs, named):
     with pytest.raises(LogError, match=rf"differ in ground \({named}\): choose with --where"):
         source_of_runs(runs)
-
-
-@pytest.mark.parametrize("ground", [None, "ice", [0.7], 3])
-def test_grounds_of_another_form_differ(ground):
-    odd = replace(run(), metadata={"geometry": GEOMETRY, "ground": ground})
-    for runs in ([run(), odd], [odd, run()]):
-        with pytest.raises(LogError, match="its runs differ in ground: choose with --where"):
-            source_of_runs(runs)

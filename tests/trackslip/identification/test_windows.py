@@ -81,26 +81,6 @@ def test_an_exact_path_leaves_nothing_wherever_it_is(length, kind):
     np.testing.assert_array_equal(found.known[:3].any(axis=1), [kind != "headings"] * 2 + [kind != "positions"])
 
 
-def test_every_pose_is_in_a_window_of_each_cut_and_borders_are_in_two():
-    data = Drives.of([drive_of(drive_log(seed, 23.0 + seed)) for seed in (1, 2)])
-    windows = Windows.cut(data, 5.0)
-    times = np.bincount(windows.pose)
-    assert set(times) == {2, 3}
-    assert (times == 3).sum() == 2 * (4 + 5)  # within 24 and 25 s: at multiples of 5 s, and 2.5 s later
-    assert (np.diff(windows.of) >= 0).all()
-    assert (windows.pose[windows.of == 3] < data.first[1]).all()  # none spans two drives
-
-
-def test_blocks_are_commands_or_at_least_as_long_as_windows():
-    data = Drives.of([drive_of(drive_log(1, 62.0))])
-    assert [data.blocks(length).max() + 1 for length in (0.5, 10.0, 20.0, 100.0)] == [6, 6, 3, 1]
-    short = [drive_of(drive_log(seed, 4.0)) for seed in range(6)]
-    data = Drives.of([replace(one, command=(1.0, float(k // 2))) for k, one in enumerate(short)])
-    np.testing.assert_array_equal(data.blocks(1.0)[data.first[:-1]], [0, 0, 1, 1, 2, 2])
-    data = Drives.of(short)
-    np.testing.assert_array_equal(data.blocks(1.0)[data.first[:-1]], np.arange(6))
-
-
 def white(seed, **source):
     """A fit to a drive without varying slip, cut where its poses jump, whose sensor is known."""
     look = first_look(drives_of([drive_log(seed, 60.0, replace(SLAM, **source), STILL)])[0], GEOMETRY)

@@ -43,14 +43,6 @@ def test_a_robot_slips_uphill_and_is_helped_downhill_whichever_way_it_drives():
     np.testing.assert_allclose(uphill, [1.01 * (1 - 0.02), -1.01 * (1 + 0.02)])
 
 
-def test_on_the_spot_a_robot_sinks_downhill():
-    turning = np.array([-1.0, 1.0])
-    law = LAW.under((0.2, 0.1))
-    v, w = law.twist(turning, GEOMETRY)
-    assert v == pytest.approx(-0.2 * 0.2 * w)
-    assert law.sideslip(np.array([v, w])) == pytest.approx(-0.1 * (0.1 * abs(v) + 0.2 * w))
-
-
 def test_the_heading_is_corrected_by_the_angle_at_which_the_robot_crabs():
     known = LoadedLaw(LAW)
     known.reset(np.zeros((4, 3)))

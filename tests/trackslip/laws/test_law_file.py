@@ -28,6 +28,8 @@ def test_laws_survive_their_file(tmp_path):
         ("{}", "no slip laws"),
         ('{"geometry": {"half_gauge": "abc", "sprocket_radius": 1}, "slip_laws": {}}', "no slip laws"),
         ("[1, 2]", "no slip laws"),
+        ('{"a": ' * 100_000, "no"),
+        ('{"format": 99}', "reads formats up to"),
         (
             '{"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06},'
             ' "slip_laws": {"icr_radius": {"values": {"offset": 0.04, "radius_error": 1e308}}}}',

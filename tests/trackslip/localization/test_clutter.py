@@ -106,20 +106,3 @@ def test_what_is_always_there_is_not_the_plate(scan_rectangle):
     found = PlateLocator().locate(replace(both, background=box[0]))
     assert found.valid.all()
     assert np.hypot(*(found.pose - poses)[:, :2].T).max() < 0.03
-
-
-@pytest.mark.parametrize("expected", [True, False])
-def test_clutter_or_not_an_estimate_has_the_same_bits_in_any_company(expected, scan_rectangle):
-    rng = np.random.default_rng(4)
-    drive = circles(np.array([1.2]), np.array([1.0]), np.array([[0.35, 2.05, 0.3]]), 120)
-    poses = drive.pose.reshape(-1, 3)
-    alone = scan_rectangle(poses, rng, mount=MOUNT)
-    scan = among(alone, posts(alone, drive, 0.06) + companion(alone, drive, 1.2), rng)
-    predicted = poses + rng.normal(0.0, 0.01, poses.shape) if expected else None
-    together = PlateLocator().locate(scan, predicted)
-    some = np.sort(rng.choice(120, 25, replace=False))
-    apart = PlateLocator().locate(
-        replace(scan, ranges=scan.ranges[some]), None if predicted is None else predicted[some]
-    )
-    np.testing.assert_array_equal(apart.pose, together.pose[some])
-    np.testing.assert_array_equal(apart.covariance, together.covariance[some])

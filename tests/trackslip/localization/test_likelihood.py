@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 
 from trackslip.localization.beams import PlateBeams
-from trackslip.localization.likelihood import UNKNOWN, Evaluation, PlateLikelihood
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.scan import Plate, extract_plate
 
 PLATE = Plate()
@@ -42,13 +42,3 @@ def test_hessian_is_the_information_of_the_gradient(scan_rectangle):
     information = PlateLikelihood(PLATE, huber=100.0).evaluate(no_edges, pose).in_lrf_frame().hessian.mean(axis=0)
     scale = np.sqrt(np.diag(information))
     np.testing.assert_allclose(scatter / np.outer(scale, scale), information / np.outer(scale, scale), atol=0.1)
-
-
-def test_what_a_scan_does_not_determine_has_an_unknown_variance():
-    rng = np.random.default_rng(2)
-    half = rng.normal(size=(50, 3, 3))
-    hessian = half @ half.swapaxes(1, 2) + 0.1 * np.eye(3)
-    hessian[0] = np.diag([2.0, 0.0, 0.5])
-    found = Evaluation(np.zeros((50, 3)), np.zeros(50), np.zeros((50, 3)), hessian).covariances()
-    np.testing.assert_allclose(found[1:] @ hessian[1:], np.tile(np.eye(3), (49, 1, 1)), atol=1e-3)
-    np.testing.assert_allclose(found[0], np.diag([0.5, UNKNOWN, 2.0]), rtol=1e-5)

@@ -15,7 +15,6 @@ from trackslip.laws.base import NoSlip
 from trackslip.laws.file import save_laws
 from trackslip.laws.icr import ConstantIcr
 from trackslip.odometry.identified import identified_law, no_slip
-from trackslip.odometry.uncertainty import SlipNoise
 
 
 @pytest.fixture(scope="module")
@@ -27,21 +26,6 @@ def found():
 def folder(found, tmp_path):
     write_json(tmp_path / "summary.json", identification_to_json(found))
     return tmp_path
-
-
-def test_everything_comes_from_the_fit_to_whole_drives(found):
-    used, fit = identified_law(found, "icr_radius"), found.drive.laws["icr_radius"]
-    assert used.law == fit.law
-    assert used.noise == SlipNoise.of(fit.noise)
-    assert used.drift == fit.extras["drift"]
-    assert (used.mounting.x, used.mounting.y) == (fit.extras["sensor_x"], fit.extras["sensor_y"])
-    assert used.clock_offset == fit.extras["clock_offset"] - fit.extras["lag"]
-    assert used.errors.names == ("offset", "radius_error")
-    errors = np.sqrt(np.diag(used.errors.covariance))
-    for name, error in zip(used.errors.names, errors, strict=True):
-        half = (fit.interval95[name][1] - fit.interval95[name][0]) / 2
-        assert error == pytest.approx(max(fit.stderr[name], half / 1.96), rel=1e-4)
-    assert used.errors.covariance[0, 1] == pytest.approx(fit.correlation[0, 1] * np.prod(errors))
 
 
 @pytest.mark.parametrize("name", [None, "none", "icr", "icr_radius"])
