@@ -77,4 +77,4 @@ def test_extras_are_installed_from_a_checkout():
     text = "\n".join(file.read_text() for file in (*files, ROOT / "README.md"))
     assert not re.findall(r"trackslip\[[a-z,]+\]", text)
     named = {name for listed in re.findall(r'pip install -e "\.\[([a-z,]+)\]"', text) for name in listed.split(",")}
-    assert {"mpc", "rl", "dask", "ros"} <= named <= extras.keys()
+    assert {"rl", "dask", "ros"} <= named <= extras.keys()
