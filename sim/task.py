@@ -169,10 +169,11 @@ def _built(name: str, value: object, hint: Any) -> object:
     if not isinstance(value, Mapping) or any(get_origin(part) is dict for part in parts):
         return value
     kinds = [kind for part in parts for kind in _dataclasses(part)]
-    alike = [kind for kind in kinds if {f.name for f in fields(kind)} == set(value)]
-    (kind,) = alike if len(alike) == 1 else kinds if len(kinds) == 1 else (None,)
-    if kind is None:
+    if len(kinds) != 1:
+        kinds = [kind for kind in kinds if {f.name for f in fields(kind)} >= set(value)]
+    if not kinds:
         return value
+    kind = min(kinds, key=lambda kind: len(fields(kind)))
     return kind.from_table(dict(value), name) if hasattr(kind, "from_table") else build(kind, value, name)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from pathlib import Path
 
 if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
     os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is imported
@@ -22,6 +23,19 @@ settings.register_profile("trackslip", deadline=None, max_examples=30)  # a busy
 settings.load_profile("trackslip")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background, which the commands would inherit
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+CORE = (
+    *("trackslip/test_kinematics", "trackslip/laws", "trackslip/controllers", "trackslip/odometry"),
+    *("trackslip/identification/test_windows", "sim/tracks", "sim/test_fleet", "sim/test_runs"),
+)
+"""Tests of the method, of tracks and of the closed loop: those to run after every change."""
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        place = item.path.relative_to(Path(__file__).parent).as_posix()
+        if place.startswith(CORE) and not item.get_closest_marker("slow"):
+            item.add_marker("core")
 
 
 @pytest.fixture(scope="session")

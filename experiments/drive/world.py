@@ -10,7 +10,6 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
-from sim.robot.belt_motors import BeltMotors
 from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.task import from_options
@@ -55,7 +54,6 @@ def make_world(config: Config) -> Traverse:
         [course],
         preset=config.preset,
         servos=Servos(top_speed=max(TOP_SPEED, fastest)),
-        motors=BeltMotors.of(robot),
         limits=Limits(time=config.duration),
         period=PERIOD,
         sample=SAMPLE,

@@ -18,6 +18,7 @@ RADIUS_ERROR = 0.0066
 """Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
 MAX_RADIUS_ERROR = 0.5
 """Largest magnitude of that error [-]."""
+_ROUNDING = 1 + 1e-6
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,16 @@ class Drive(Checked):
         limit = self.torque_limit
         least, most = self.motor.torque_range(omega)
         return np.clip(least, -limit, limit), np.clip(most, -limit, limit)
+
+    def belt_limits(self, radius: float, speeds: Array, goal: Array) -> Array:
+        """Largest torques (...) [N m] of motors of belts that have speeds (...) and shall have those of `goal` (...).
+
+        The sprockets have a radius [m], speeds are in m/s. The friction of the gears helps belts that are too fast, and
+        the line of torque over speed limits the others.
+        """
+        friction = self.motor.friction
+        driving = np.maximum(self.torque_range(np.abs(speeds) / radius)[1] - friction, 0.0)
+        return np.where(np.abs(speeds) > np.abs(goal) * _ROUNDING, self.torque_limit + friction, driving)
 
 
 def tireless(top_speed: float = Drive.top_speed) -> Drive:

@@ -211,7 +211,7 @@ class EnvConfig(OwnTerms):
         """Number of control periods between previews."""
         return round(self.preview_spacing / PERIOD)
 
-    @property
+    @cached_property
     def drawn(self) -> Randomization:
         """Properties that vary between episodes."""
         if isinstance(self.randomization, Randomization):

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from sim.fleet import Setting
 from sim.ground.ground import Ground
 from sim.path_tracking.config import PERIOD, EnvConfig
-from sim.path_tracking.randomization import MAX_LATENCY, Randomization, uniform
+from sim.path_tracking.randomization import LIMITS, Randomization, uniform
 from sim.restorable import Restorable
 from sim.task import checked
 from trackslip import se2
-from trackslip.errors import require, require_at_most, require_finite, require_positive
+from trackslip.errors import require, require_at_most, require_finite, require_within
 from trackslip.kinematics import Array
 from trackslip.trajectory.named import load_reference
 
@@ -70,33 +70,28 @@ def draw(
         ground = options["ground"] if isinstance(options["ground"], Ground) else config.load_ground(options["ground"])
         shear, allowed = ground.largest_shear, "0 in an environment that is made without ground that shears"
         require(shear == 0 or config.shears, "ground.shear", shear, allowed)
-    latency = generator.integers(*drawn.latency, endpoint=True)
+    latency = options.get("latency", generator.integers(*drawn.latency, endpoint=True))
     distance, bearing = uniform(generator, drawn.start_distance, 0.0), generator.uniform(-math.pi, math.pi)
     turned = uniform(generator, drawn.start_heading, 0.0)
-    error = (
-        _finite("start_error", options["start_error"], 3)
-        if "start_error" in options
-        else (distance * math.cos(bearing), distance * math.sin(bearing), turned)
-    )
-    require_at_most("distance of start_error", math.hypot(*error[:2]), config.off_path, "m, which is off_path")
-    latency = options.get("latency", latency)
-    require(latency in range(MAX_LATENCY + 1), "latency", latency, f"an integer from 0 to {MAX_LATENCY}")
-    lag = float(options.get("lag", setting.lag or drive.lag))
-    require_positive("lag", lag)
-    require_at_most("lag", lag, 1.0, "s")
+    error, weight = (distance * math.cos(bearing), distance * math.sin(bearing), turned), setting.weight
+    for name in ("radius_error", "mass", "lag", "latency"):
+        if name in options:
+            require_within(name, options[name], *LIMITS[name])
+    if "start_error" in options:
+        error = _finite("start_error", options["start_error"], 3)
+        require_at_most("distance of start_error", math.hypot(*error[:2]), config.off_path, "m, which is off_path")
+    if "com" in options:
+        weight = _finite("com", options["com"], 2)
+        Randomization(com_x=weight[:1] * 2, com_y=weight[1:] * 2).require_standing(config.parameters)
     setting = dataclasses.replace(
         setting,
         start=tuple(se2.compose(setting.start, error).tolist()),
         ground=ground,
         radius_error=float(options.get("radius_error", setting.radius_error)),
-        lag=lag,
-        weight=_finite("com", options.get("com", setting.weight), 2),
+        lag=float(options.get("lag", setting.lag or drive.lag)),
+        weight=weight,
         mass=float(options.get("mass", setting.mass)),
     )
-    Randomization(mass=(setting.mass, setting.mass))
-    dataclasses.replace(config.parameters, radius_error=setting.radius_error)
-    x, y = setting.weight
-    Randomization(com_x=(x, x), com_y=(y, y)).require_standing(config.parameters)
     return Episode(reference, setting, int(latency), noise=int(generator.integers(2**63)))
 
 

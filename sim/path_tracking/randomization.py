@@ -23,7 +23,7 @@ MAX_LATENCY = 2
 """Largest latency of commands [control periods]."""
 PARKING = 0.6
 """Steepest slope that is drawn, over the smallest friction angle [-]."""
-_LIMITS: dict[str, Range] = {
+LIMITS: dict[str, Range] = {
     "friction_ratio": (0.1, 10.0),
     "radius_error": (-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR),
     "mass": (0.2, 5.0),
@@ -39,6 +39,7 @@ _LIMITS: dict[str, Range] = {
     "start_distance": (0.0, 10.0),
     "start_heading": (-math.pi, math.pi),
 }
+"""Limits of these properties."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class Randomization:
     """Heading error at the start [rad]."""
 
     def __post_init__(self) -> None:
-        for name, (low, high) in _LIMITS.items():
+        for name, (low, high) in LIMITS.items():
             ends = getattr(self, name)
             if ends is not None or getattr(Randomization, name) is not None:  # the default
                 require_range(name, ends, low, high)

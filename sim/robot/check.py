@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 
 from sim.drive.drive import Drive
-from sim.robot.belt_motors import BeltMotors
 from sim.robot.inertia import composite
 from sim.robot.keyframe import start
 from sim.robot.named import SHIPPED, RobotSource, load_parameters, load_tracked
@@ -74,7 +73,7 @@ def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
     held = [model.joint(int(k)).name for k in model.actuator_trnid[:, 0] if k >= 0]
     loose = [joint.name for joint in map(model.joint, range(1, model.njnt)) if joint.name not in held]
     needed = np.sin(_SLOPE) * mass * _G * robot.sprocket_radius / 2
-    motors = BeltMotors(robot.drive, robot.sprocket_radius).at(np.zeros(1), np.ones(1))["torque_limit"][0]
+    motors = float(robot.drive.belt_limits(robot.sprocket_radius, np.zeros(1), np.ones(1))[0])
     whose = "the shipped robot's, not counted on terrain" if robot.drive == Drive() else "the robot file's"
     return [
         ("mass", f"{mass:.4g} kg, {x:+.3f} m ahead, {y:+.3f} m left, {z:.3f} m above the ground"),

@@ -21,6 +21,12 @@ _LEVEL = -0.9998  # upwards component of the normals of runs that stand on level
 _SAME_HEIGHT = 0.005  # of the wheels that stand on level ground, at most apart [m]
 
 
+def _width(width: float, lines: int) -> float:
+    """Width of a belt on the ground [m]."""
+    require(lines in (1, 3), "lines", lines, "1 or 3")
+    return width if lines == 3 else 0.0
+
+
 @dataclass(frozen=True)
 class Flipper(Checked):
     """A hinged body with one track, which is driven together with the chassis' track on its side."""
@@ -42,7 +48,7 @@ class Flipper(Checked):
     torque: float = checked(90.0, require_positive)
     """Largest torque of that motor, unless the model limits the hinge's [N m]."""
     lines: int = 1
-    """Lines of contact across the belt's width, which is only drawn with one line."""
+    """Lines of contact across the belt's width, 1 or 3; with one, the width is only drawn."""
 
     def __post_init__(self) -> None:
         Hull.from_wheels(self.hull)
@@ -52,9 +58,8 @@ class Flipper(Checked):
 
     def track(self, preset: str, friction: tuple[float, float]) -> Track:
         """Its track."""
-        options: dict[str, Any] = {"preset": preset, "friction": friction, "lines": self.lines}
-        width = self.width if self.lines > 1 else 0.0
-        return Track(self.y, self.hull, name=f"{self.body}_track", side="left", width=width, **options)
+        name, width = f"{self.body}_track", _width(self.width, self.lines)
+        return Track(self.y, self.hull, preset, friction, name, side="left", width=width)
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,7 @@ class TrackedRobot:
     width: float = 0.08
     """Width of the chassis' belts or tyres [m]."""
     lines: int = 1
-    """Lines of contact across that width, which is only drawn with one line; three resist tipping over its edges."""
+    """Lines of contact across that width, 1 or 3; with one, it is only drawn, three resist tipping over its edges."""
     flippers: tuple[Flipper, ...] = ()
     """Flippers, in any order."""
     wheels: tuple[str, ...] = ()
@@ -102,9 +107,15 @@ class TrackedRobot:
 
     def track(self, preset: str, friction: tuple[float, float]) -> Track:
         """The chassis' pair of tracks, or wheels."""
-        options: dict[str, Any] = {"preset": preset, "friction": friction, "lines": self.lines}
-        options |= {"contact": self.contact, "patch_length": self.patch_length}
-        return Track(self.half_gauge, self.hull, width=self.width if self.lines > 1 else 0.0, **options)
+        return Track(
+            self.half_gauge,
+            self.hull,
+            preset,
+            friction,
+            width=_width(self.width, self.lines),
+            contact=self.contact,
+            patch_length=self.patch_length,
+        )
 
     @property
     def flipper_bodies(self) -> tuple[str, ...]:

@@ -33,7 +33,11 @@ class Post(Checked):
 
     def ranges(self, origin: Array, direction: Array) -> Array:
         """See `Obstacles.ranges`."""
-        return _to_circle(np.array([self.x, self.y]) - origin, self.radius, direction)
+        centre = np.array([self.x, self.y]) - origin
+        along, across = np.sum(centre * direction, axis=-1), _cross(direction, centre)
+        half_chord = np.sqrt(np.maximum(self.radius**2 - across**2, 0.0))
+        met = (np.abs(across) <= self.radius) & (along + half_chord >= 0)
+        return np.where(met, np.maximum(along - half_chord, 0.0), np.nan)
 
 
 @dataclass(frozen=True)
@@ -98,15 +102,6 @@ class Obstacles:
             for k, obstacle in enumerate(getattr(self, name)):
                 near = (obstacle.ranges(scanner, around) < _MIN_DISTANCE).any()
                 require(not near, f"{name}[{k}]", obstacle, allowed)
-
-
-def _to_circle(centre: Array, radius: float, direction: Array) -> Array:
-    """Distances (...) along unit vectors (..., 2) from the origin to circles around `centre` (..., 2), or NaN."""
-    along = np.sum(centre * direction, axis=-1)
-    across = _cross(direction, centre)
-    half_chord = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
-    met = (np.abs(across) <= radius) & (along + half_chord >= 0)
-    return np.where(met, np.maximum(along - half_chord, 0.0), np.nan)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -38,6 +38,9 @@ class _Map:
         self.geoms = np.concatenate([tracks.geoms[mask] for tracks, mask in own])
         self.track = np.repeat(np.arange(len(own)), [mask.sum() for _, mask in own])
         self.direction = np.concatenate([tracks.direction[mask] for tracks, mask in own])
+        first = np.searchsorted(self.track, np.arange(len(own)))  # a geom of each track, which tells its speed
+        self.leader, leading = self.geoms[first], self.direction[first]
+        self.lead = leading / (leading**2).sum(axis=-1, keepdims=True)
         self.hulls = [tracks.hull for tracks, _ in own]
         mass = model.body_subtreemass[model.body_rootid[self.bodies]].max()
         self.weight = mass * (float(np.linalg.norm(model.opt.gravity)) or 9.81)
@@ -57,10 +60,8 @@ class _Map:
 
     def speeds(self, surface: Floats) -> Floats:
         """Belt speeds (..., T) of surface velocities (..., ngeom, 6): the inverse."""
-        first = np.searchsorted(self.track, np.arange(len(self.names)))
-        direction = self.direction[first]
-        moved: Floats = (surface[..., self.geoms[first], :] * direction).sum(axis=-1)
-        return moved / (direction**2).sum(axis=-1)
+        speeds: Floats = (surface[..., self.leader, :] * self.lead).sum(axis=-1)
+        return speeds
 
     def read(self, sensordata: Floats, xmat: Floats, speeds: Floats) -> Reading:
         """Reading from sensor data (..., S), the matrices of all bodies (..., nbody, 9), and speeds (..., T)."""
@@ -234,7 +235,7 @@ class BatchBelts:
         simulation that diverges stops; its last step repeats.
         """
         where = np.arange(len(self._surface))[rows]
-        before, goal = self._batch.state[where].copy(), self._motors.goal(where)
+        before, goal = self._batch.state[where], self._motors.goal(where)
         self._put(where, goal)
         recorded = self._batch.rollout(steps, record=("sensordata", "xmat"), ids=where)
         speeds = np.repeat(goal[:, None, self._motor], steps, axis=1)

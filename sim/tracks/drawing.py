@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.tracks.belts import Belts
-from sim.tracks.hull import Hull, Outline
+from sim.tracks.hull import Hull
 from trackslip.errors import require_positive
 
 Array = NDArray[np.float64]
@@ -66,29 +66,28 @@ class TrackLook:
         """Thickness of the belt [m]."""
         return _THICKNESS * float(np.min(np.asarray(self.hull)[:, 2]))
 
-    def _inside(self, depth: float) -> Outline:
-        """The outline at a depth below the surface of the belt [m]."""
-        return Outline.of(Hull.from_wheels((np.asarray(self.hull, float) - [0.0, 0.0, depth]).tolist()))
+    def _inside(self, depth: float) -> Hull:
+        """The hull at a depth below the surface of the belt [m]."""
+        return Hull.from_wheels((np.asarray(self.hull, float) - [0.0, 0.0, depth]).tolist())
 
     def _wheels(self) -> Array:
         """Wheels to draw (W', 3): the hull's, inside the belt, and road wheels along the lower run."""
-        outline = self._inside(self._thickness)
-        low = int(np.argmin(np.cos(outline.heading)))  # the run that goes straight backwards
-        first, last = outline.wheels[low], outline.wheels[(low + 1) % len(outline.wheels)]
-        radius = _ROAD_WHEEL * min(first[2], last[2])
-        room = outline.run[low] - first[2] - last[2]
+        hull = self._inside(self._thickness)
+        k = min(range(len(hull.runs)), key=lambda k: hull.runs[k].along[0])  # the run that goes straight backwards
+        low, first, last = hull.runs[k], hull.wheels[k, 2], hull.wheels[(k + 1) % len(hull.wheels), 2]
+        radius = _ROAD_WHEEL * min(first, last)
+        room = low.length - first - last
         count = max(0, int(room // (_ROAD_GAP * radius)))
-        ahead, up = np.cos(outline.heading[low]), np.sin(outline.heading[low])
-        along = first[2] + (np.arange(count) + 0.5) * room / max(count, 1)
-        where = outline.start[low] + along[:, None] * [ahead, up] - radius * np.array([-up, ahead])
-        return np.concatenate([outline.wheels, np.column_stack([where, np.full(count, radius)])])
+        along = first + (np.arange(count) + 0.5) * room / max(count, 1)
+        where = low.start + along[:, None] * low.along - radius * low.outwards
+        return np.concatenate([hull.wheels, np.column_stack([where, np.full(count, radius)])])
 
     def _shoes(self, travel: Array) -> Pieces:
-        outline = self._inside(self._thickness / 2)
-        length = float(outline.ends[-1])
+        belt = self._inside(self._thickness / 2)
+        length = float(belt.ends[-1])
         count = max(3, round(length / _PITCH))
         pitch = length / count
-        place, heading = outline.place(np.arange(count) * pitch + travel[..., None])
+        place, heading = belt.place(np.arange(count) * pitch + travel[..., None])
         size = np.tile([pitch / 2, self.width / 2, self._thickness / 2], (count, 1))
         rgba = np.where((np.arange(count) % _MARKED == 0)[:, None], _MARK, _SHOE)
         position = np.stack([place[..., 0], np.full_like(heading, self.y), place[..., 1]], axis=-1)

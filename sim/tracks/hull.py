@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 class BeltSpan:
     """A straight piece of belt between two wheels."""
 
-    start: NDArray[np.float64]  # (2,) where the belt leaves one wheel [m]
-    end: NDArray[np.float64]  # (2,) where it meets the next [m]
+    start: Array  # (2,) where the belt leaves one wheel [m]
+    end: Array  # (2,) where it meets the next [m]
     radius: float
     """Radius of the smaller of its two wheels [m]."""
 
@@ -35,12 +35,12 @@ class BeltSpan:
         return float(np.linalg.norm(self.end - self.start))
 
     @property
-    def along(self) -> NDArray[np.float64]:
+    def along(self) -> Array:
         """Direction (2,) in which the belt moves when the robot drives forwards."""
         return (self.end - self.start) / self.length
 
     @property
-    def outwards(self) -> NDArray[np.float64]:
+    def outwards(self) -> Array:
         """Normal (2,), away from the hull."""
         x, z = self.along
         return np.array([-z, x])
@@ -50,13 +50,40 @@ class BeltSpan:
 class Hull:
     """Wheels that bend the belt, clockwise, and the runs between them: run i leaves wheel i."""
 
-    wheels: NDArray[np.float64]  # (W, 3) x, z, radius [m]
+    wheels: Array  # (W, 3) x, z, radius [m]
     runs: tuple[BeltSpan, ...]
 
     @property
     def longest_below(self) -> float:
         """Length of the longest run that faces the ground, or of the longest of all where none does [m]."""
         return max((run.outwards[1] < 0, run.length) for run in self.runs)[1]
+
+    @property
+    def headings(self) -> Array:
+        """Directions (W,) of the belt on the runs, from x towards z [rad]."""
+        return np.array([np.arctan2(*run.along[::-1]) for run in self.runs])
+
+    @property
+    def ends(self) -> Array:
+        """Distances (2 W,) along the belt at which each run ends, and the arc on the wheel after it [m]."""
+        bend = np.mod(self.headings - np.roll(self.headings, -1), 2 * np.pi)  # clockwise, on the next wheel
+        arc = bend * np.roll(self.wheels[:, 2], -1)
+        return np.cumsum(np.column_stack([[run.length for run in self.runs], arc]).ravel())
+
+    def place(self, distance: Array) -> tuple[Array, Array]:
+        """Points (..., 2) [m] and directions (...) [rad] of the belt at distances (...) along it [m]."""
+        ends = self.ends
+        s = np.mod(distance, ends[-1])
+        piece = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
+        s = s - np.append(0.0, ends)[piece]
+        run, on_wheel = piece // 2, piece % 2 == 1
+        x, z, radius = np.moveaxis(np.roll(self.wheels, -1, axis=0)[run], -1, 0)
+        heading = self.headings[run] - np.where(on_wheel, s / radius, 0.0)
+        ahead, up = np.cos(heading), np.sin(heading)
+        start = np.array([each.start for each in self.runs])[run]
+        straight = start + s[..., None] * np.stack([ahead, up], axis=-1)
+        bent = np.stack([x - radius * up, z + radius * ahead], axis=-1)
+        return np.where(on_wheel[..., None], bent, straight), heading
 
     @classmethod
     def from_wheels(cls, wheels: Sequence[Sequence[float]]) -> Hull:
@@ -79,7 +106,7 @@ class Hull:
         return cls(outer, tuple(BeltSpan(*run) for run in zip(starts, ends, radii.tolist(), strict=True)))
 
 
-def _numbers(wheels: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+def _numbers(wheels: Sequence[Sequence[float]]) -> Array:
     """The wheels (W, 3)."""
     try:
         listed = [[float(number) for number in wheel] for wheel in wheels]
@@ -92,7 +119,7 @@ def _numbers(wheels: Sequence[Sequence[float]]) -> NDArray[np.float64]:
     return np.array(listed)
 
 
-def _outermost(wheels: NDArray[np.float64]) -> NDArray[np.float64]:
+def _outermost(wheels: Array) -> Array:
     """The wheels (W', 3) that a belt around all of them touches, clockwise from the first that is given.
 
     Those that bend it by less than 0.1° may lack.
@@ -104,51 +131,12 @@ def _outermost(wheels: NDArray[np.float64]) -> NDArray[np.float64]:
     return wheels[np.roll(order, -order.argmin())] if order.size else wheels[touching[:1]]
 
 
-def _tangents(chain: NDArray[np.float64]) -> NDArray[np.float64]:
+def _tangents(chain: Array) -> Array:
     """Outward normals (W, 2) of the outer tangents from each wheel to the next, with the hull to their right."""
     step = np.roll(chain, -1, axis=0) - chain
     distance = np.hypot(step[:, 0], step[:, 1])
     ahead = step[:, :2] / distance[:, None]
     left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
     lean = -step[:, 2:] / distance[:, None]
-    normals: NDArray[np.float64] = lean * ahead + np.sqrt(1 - lean**2) * left
+    normals: Array = lean * ahead + np.sqrt(1 - lean**2) * left
     return normals
-
-
-@dataclass(frozen=True)
-class Outline:
-    """A closed belt in the x-z plane of its body, in the direction in which it runs when the robot drives forwards."""
-
-    wheels: Array  # (W, 3) x, z and radius [m]
-    start: Array  # (W, 2) where the belt leaves each wheel [m]
-    run: Array  # (W,) length of the straight run that follows [m]
-    heading: Array  # (W,) direction of that run, from x towards z [rad]
-    arc: Array  # (W,) length of the arc on the next wheel, which follows the run [m]
-
-    @classmethod
-    def of(cls, hull: Hull) -> Outline:
-        """The belt around a hull."""
-        heading = np.array([np.arctan2(*run.along[::-1]) for run in hull.runs])
-        bend = np.mod(heading - np.roll(heading, -1), 2 * np.pi)  # clockwise, on the next wheel
-        start = np.array([run.start for run in hull.runs])
-        length = np.array([run.length for run in hull.runs])
-        return cls(hull.wheels, start, length, heading, bend * np.roll(hull.wheels[:, 2], -1))
-
-    @property
-    def ends(self) -> Array:
-        """Positions (2 W,) along the belt at which each run and the arc after it end [m]."""
-        return np.cumsum(np.stack([self.run, self.arc], axis=1).ravel())
-
-    def place(self, distance: Array) -> tuple[Array, Array]:
-        """Points (..., 2) [m] and directions (...) [rad] at distances (...) along the belt [m]."""
-        ends = self.ends
-        s = np.mod(distance, ends[-1])
-        piece = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
-        s = s - np.append(0.0, ends)[piece]
-        wheel, on_wheel = piece // 2, piece % 2 == 1
-        x, z, radius = self.wheels[(wheel + 1) % len(self.wheels)].T
-        heading = self.heading[wheel] - np.where(on_wheel, s / radius.T, 0.0)
-        ahead, up = np.cos(heading), np.sin(heading)
-        straight = self.start[wheel] + s[..., None] * np.stack([ahead, up], axis=-1)
-        bent = np.stack([x.T - radius.T * up, z.T + radius.T * ahead], axis=-1)
-        return np.where(on_wheel[..., None], bent, straight), heading

@@ -144,11 +144,11 @@ class Motors:
 
 
 def _numbers(name: str, values: ArrayLike, shape: tuple[int, int], most: float = np.inf) -> Floats:
-    """Numbers of this shape (R, T) from one for all, one a belt, or all of them."""
+    """One number for all, one a belt (T,), or all of them (R, T)."""
     try:
-        given = np.broadcast_to(np.asarray(values, float), shape)
+        given = np.asarray(values, float)
     except (TypeError, ValueError):
-        given = np.full(shape, np.nan)
-    allowed = f"a number of at least 0, or one for each of {shape[1]} belts"
-    require(((given >= 0.0) & (given <= most)).all(), name, values, allowed)
+        given = np.array(np.nan)
+    fits = given.shape in ((), shape[1:], shape) and ((given >= 0.0) & (given <= most)).all()
+    require(fits, name, values, f"a number of at least 0, or one for each of {shape[1]} belts")
     return given

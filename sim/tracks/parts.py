@@ -60,19 +60,12 @@ def wheel_parts(wheels: Sequence[Sequence[float]], patch: float, anisotropic: bo
     return tuple(replace(part, weight=part.weight / WHEEL_WEIGHT) for part in parts)
 
 
-def lines_across(width: float, count: int) -> Lines:
-    """Lines of contact across a belt [m], evenly spaced from edge to edge.
+def lines_across(width: float) -> Lines:
+    """Lines of contact of a belt [m]: its middle, and, unless the width is 0, its edges.
 
-    From three on, they share the load so that its second moment is that of an even pressure, which is what turning
-    feels of the width.
+    They share the load so that its second moment is that of an even pressure, which is what turning feels of the width.
     """
-    if not width or count == 1:
-        return MIDDLE
-    y = np.linspace(-0.5, 0.5, count)
-    inner = float((y[1:-1] ** 2).mean()) if count > 2 else 0.0
-    edge = (1 / 12 - inner) / (0.5 - 2 * inner) if count > 2 else 0.5
-    shares = [edge, *[(1 - 2 * edge) / max(count - 2, 1)] * (count - 2), edge]
-    return tuple(zip((y * width).tolist(), shares, strict=True))
+    return ((-width / 2, 1 / 6), (0.0, 2 / 3), (width / 2, 1 / 6)) if width else MIDDLE
 
 
 def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:

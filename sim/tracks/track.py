@@ -24,7 +24,7 @@ from trackslip.errors import (
 TRACKS, WHEELS = "tracks", "wheels"
 """What touches the ground."""
 _SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
-_MAX_SEGMENTS, _MAX_LINES = 40, 9
+_MAX_SEGMENTS = 40
 _MAX_HALF_GAUGE = 10.0  # [m]
 _MAX_FRICTION = 10.0
 
@@ -52,10 +52,7 @@ class Track(Checked):
     """Capsules along the longest run below. By default as many as the preset has, more for a robot that is wide for its
     length, which spread the load for turns to be exact; for a single track, such as a flipper's, two."""
     width: float = checked(0.0, require_non_negative)
-    """Width of the belts on the ground; 0 for a line in their middle [m]."""
-    lines: int = checked(3, require_whole, 1, _MAX_LINES)
-    """Lines of contact across that width, the outermost at its edges. Three turn like an even pressure; two, which are
-    faster, like narrow belts there."""
+    """Width of the belts on the ground, which three lines share; 0 for a single line in the middle [m]."""
     contact: str = TRACKS
     """"tracks", or "wheels": those of the hull, which turn at one speed a side and have no belt around them."""
     patch_length: float = 0.1
@@ -107,5 +104,5 @@ class Track(Checked):
         anisotropic = self.friction[0] != self.friction[1]
         if self.contact == WHEELS:
             return wheel_parts(self.hull, self.patch_length, anisotropic)
-        across = lines_across(self.width, self.lines)
+        across = lines_across(self.width)
         return track_parts(Hull.from_wheels(self.hull), self.segment_count, anisotropic, across)

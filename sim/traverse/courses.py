@@ -14,11 +14,13 @@ MAX_BOXES = 9
 """Largest number of boxes of a course that `draw_course` draws."""
 OBSTACLES = ("ramp", "step up", "step down", "stairs up", "stairs down", "beams", "gap")
 """Kinds of obstacles that it draws."""
-_WIDTH = 2.0  # [m]
-_APART = 0.7  # length of level ground between two obstacles [m]
+WIDTH = 2.0
+"""Width of drawn courses [m]."""
+APART = 0.7
+"""Length of level ground between two obstacles, and behind a step [m]."""
 _START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind them [m]
-_GRIP = 1.15  # friction coefficient over the tangent of the steepest slope, at least: so that robots can climb it [-]
 _SEEDS = 2**31
+_GRIP = 1.15  # friction coefficient over the tangent of the steepest slope, at least: so that robots can climb it [-]
 
 
 def draw_course(
@@ -31,21 +33,18 @@ def draw_course(
     require_within("difficulty", difficulty, 0.0, 1.0)
     require(1 <= obstacles <= 2, "obstacles", obstacles, "1 or 2")
     require_kinds(kinds)
-    pieces: list[Piece] = []
-    for k in range(obstacles):
-        kind = kinds[int(rng.integers(len(kinds)))]
-        pieces += [Flat(_APART)] * (k > 0)
-        pieces += _obstacle(kind, difficulty, rng)
-    friction = max(float(rng.uniform(0.6, 0.9)), least_friction(pieces))
-    seed = int(rng.integers(_SEEDS))
-    return Course(tuple(pieces), _WIDTH, friction, seed, start_length=_START, goal_length=_GOAL)
+    drawn = [_obstacle(kinds[int(rng.integers(len(kinds)))], difficulty, rng) for _ in range(obstacles)]
+    return between_platforms(drawn, rng)
 
 
-def least_friction(pieces: Sequence[Piece]) -> float:
-    """Friction coefficient with which robots don't slide down the steepest ramp or flight of stairs [-]."""
+def between_platforms(obstacles: Sequence[Sequence[Piece]], rng: np.random.Generator) -> Course:
+    """A course of obstacles, with a friction coefficient that robots don't slide with on its steepest slope."""
+    pieces = [piece for obstacle in obstacles for piece in (Flat(APART), *obstacle)][1:]
     slopes = [abs(math.tan(piece.angle)) for piece in pieces if isinstance(piece, Ramp)]
     slopes += [abs(piece.rise / piece.run) for piece in pieces if isinstance(piece, Stairs)]
-    return _GRIP * max(slopes, default=0.0)
+    friction = max(float(rng.uniform(0.6, 0.9)), _GRIP * max(slopes, default=0.0))
+    seed = int(rng.integers(_SEEDS))
+    return Course(tuple(pieces), WIDTH, friction, seed, start_length=_START, goal_length=_GOAL)
 
 
 def require_kinds(kinds: Sequence[str]) -> None:
@@ -69,9 +68,9 @@ def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Pi
             angle = between(0.05, math.radians(35))
             return [Ramp(angle, 1.0), Flat(0.5), Ramp(-angle, 1.0)]
         case "step up":
-            return [Step(step, _APART)]
+            return [Step(step, APART)]
         case "step down":
-            return [Step(-step, _APART)]
+            return [Step(-step, APART)]
         case "stairs up":
             return [Stairs(rise, run, number)]
         case "stairs down":

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.terrain import Blocks, Course, Flat, Piece, Ramp, Stairs, Step
-from sim.traverse.courses import least_friction
+from sim.terrain import Blocks, Course, Piece, Ramp, Stairs, Step
+from sim.traverse.courses import APART, WIDTH, between_platforms
 from trackslip.errors import require, require_within
 
 KINDS = (
@@ -26,8 +26,6 @@ FTR_COURSES = (*KINDS, *(f"{kind}{PUBLISHED}" for kind in KINDS))
 FTR_BOXES = 18
 """Largest number of boxes of such a course."""
 _RADIUS = 0.1  # of the track wheels of FTR-Bench's robot [m]
-_WIDTH, _APART = 2.0, 0.7  # of the courses, and between obstacles [m]
-_START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind them [m]
 _PILES, _WAVES, _STEPS, _THICKNESS = 4, 3, 4, 0.1  # numbers, and a rail's thickness [m]
 
 
@@ -49,12 +47,8 @@ def draw_ftr_course(name: str, difficulty: float, rng: np.random.Generator, hull
     scale = 1.0 if name != kind else max(radius for _, _, radius in hull) / _RADIUS
     kinds = [kind]
     if kind == "mixed":
-        kinds = [str(one) for one in rng.choice([one for one in KINDS[:-1] if one != "plum_piles"], 2, replace=False)]
-    pieces: list[Piece] = []
-    for one in kinds:
-        pieces += [Flat(_APART)] * bool(pieces) + _obstacle(one, difficulty, scale, rng)
-    friction = max(float(rng.uniform(0.6, 0.9)), least_friction(pieces))
-    return Course(tuple(pieces), _WIDTH, friction, start_length=_START, goal_length=_GOAL)
+        kinds = rng.choice([each for each in KINDS[:-1] if each != "plum_piles"], 2, replace=False).tolist()
+    return between_platforms([_obstacle(each, difficulty, scale, rng) for each in kinds], rng)
 
 
 def _obstacle(kind: str, difficulty: float, scale: float, rng: np.random.Generator) -> list[Piece]:
@@ -67,14 +61,14 @@ def _obstacle(kind: str, difficulty: float, scale: float, rng: np.random.Generat
     side = float(rng.choice([-1.0, 1.0]))
     match kind:
         case "steps_up":
-            return [Step(harder(0.2, 0.4), _APART)]
+            return [Step(harder(0.2, 0.4), APART)]
         case "steps_down":
-            return [Step(-harder(0.2, 0.6), _APART)]
+            return [Step(-harder(0.2, 0.6), APART)]
         case "uplifts":
             height = harder(0.2, 0.4)
-            return [Step(height, any_size(0.2, 0.5)), Step(-height, _APART)]
+            return [Step(height, any_size(0.2, 0.5)), Step(-height, APART)]
         case "one_sided":
-            return [Blocks(((0.6, side * _WIDTH / 4, 1.2, _WIDTH / 2, harder(0.1, 0.3), 0.0),), 1.2)]
+            return [Blocks(((0.6, side * WIDTH / 4, 1.2, WIDTH / 2, harder(0.1, 0.3), 0.0),), 1.2)]
         case "plum_piles":
             size, lowest, highest = any_size(0.2, 0.5), 0.01 * scale, harder(0.05, 0.3)
             place = (np.arange(_PILES) + 0.5) * size
@@ -91,8 +85,8 @@ def _obstacle(kind: str, difficulty: float, scale: float, rng: np.random.Generat
             return [Ramp(angle, slope), Ramp(-angle, slope)] * _WAVES
         case "rails":
             yaw, thickness = side * math.radians(10 + 35 * difficulty), _THICKNESS * scale
-            length = 2 * _APART + _WIDTH * math.sin(abs(yaw))
-            return [Blocks(((length / 2, 0.0, thickness, _WIDTH, harder(0.2, 0.3), yaw),), length)]
+            length = 2 * APART + WIDTH * math.sin(abs(yaw))
+            return [Blocks(((length / 2, 0.0, thickness, WIDTH, harder(0.2, 0.3), yaw),), length)]
         case _:
             tread = any_size(0.2, 0.3)
             rise = tread * math.tan(math.radians(20 + 25 * difficulty))

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.restorable import Restorable
-from sim.robot.belt_motors import BeltMotors
 from sim.task import Element, checked, clipped_actions
 from sim.terms import Terms
 from sim.terrain import Course, load_course
@@ -21,7 +20,7 @@ from sim.traverse.ftr_courses import FTR_BOXES, draw_ftr_course
 from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Outcome, Outcomes
 from sim.traverse.world import Command, Traverse
-from trackslip.errors import require, require_range, require_within
+from trackslip.errors import require, require_at_most, require_range, require_within
 from trackslip.kinematics import Array
 
 TERMS = ("progress", "energy", "time", "change", "end")
@@ -99,14 +98,16 @@ class Crossing(Restorable):
             one: self._footprint.fit(load_course(one) if isinstance(one, str) else one) for one in listed
         }  # by name, or by the course that was given
         drawn = [self._footprint.fit(draw_course(np.random.default_rng(0), 0.0))] if self._drawn else []
+        courses = [*self._listed.values(), *drawn]
+        widest = min(course.width for course in courses) / 2
+        require_at_most("start_offset", config.start_offset, widest, "m, half the width of a course")
         self.world = Traverse(
             robot,
-            [*self._listed.values(), *drawn],
+            courses,
             size,
             boxes=max((MAX_BOXES if one == RANDOM else FTR_BOXES for one in self._drawn), default=0),
             preset=config.preset,
             servos=config.servos_of(robot),
-            motors=BeltMotors.of(robot),
             limits=config.limits,
             period=config.period,
             sample=SAMPLE,

@@ -11,7 +11,7 @@ import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
-from sim.robot.belt_motors import BeltMotors
+from sim.drive.drive import Drive
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
@@ -55,7 +55,6 @@ class Traverse(World):
         boxes: int = 0,
         preset: str = "fast",
         servos: Servos | None = None,
-        motors: BeltMotors | None = None,
         limits: Limits | None = None,
         period: float = 0.1,
         sample: float = 0.02,
@@ -64,13 +63,12 @@ class Traverse(World):
         """Prepare `size` robots; `begin` starts their runs.
 
         Args:
-            robot: the robot.
+            robot: the robot; without a drive of its own, belts have the speeds of their servos at once.
             courses: those that runs may take place on.
             size: number of robots.
             boxes: allow other courses, too, of this many boxes or less and without height fields.
             preset: contact preset of the tracks.
             servos: servos of belts and flippers.
-            motors: motors of the belts; by default belts have the speeds of their servos at once.
             limits: where runs end.
             period: time between set points [s].
             sample: time between changes of the belts' speeds [s].
@@ -97,7 +95,8 @@ class Traverse(World):
         self._samples = _multiple("period", period, "sample", sample)
         self.track_names = belts.names
         """Names of the tracks (T,)."""
-        self._belts, self._motors = belts.bind_batch(self.batch, self.tracked.track_side), motors
+        self._belts = belts.bind_batch(self.batch, self.tracked.track_side)
+        self._limited = robot.drive != Drive()
         self._friction = None if shared else self.batch.expand("pair_friction")  # (N, npair, 5), live
         if self._slots is not None:
             self._slots.bind_batch(self.batch)
@@ -195,11 +194,11 @@ class Traverse(World):
             return
         self.servo.command(command.speed, command.flippers)
         before, readings = self.batch.state.copy(), []
+        inertia = self.tracked.robot.drive.motor.inertia
         with quietly():  # a run that breaks down ends by name
             for _ in range(self._samples):
                 speed = self.servo.advance(self.sample)
-                limits = {} if self._motors is None else self._motors.at(self._belts.speeds()[:, :2], speed)
-                self._belts.set(speed, **limits)
+                self._belts.set(speed, torque_limit=self._torque_limit(speed), inertia=inertia)
                 self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
                 readings.append(self._belts.run(self._substeps, rows))
         self.time[rows] += self.period
@@ -209,6 +208,13 @@ class Traverse(World):
         reading = Reading.joined(readings)[fine].complete(self.track_names)
         self.contact.put(rows[fine], TrackContact.mean(reading, float(self.tracked.model.opt.timestep)))
         self._judge(rows, broken)
+
+    def _torque_limit(self, goal: Array) -> Array | None:
+        """Largest torques (N, 2) of belts that shall have speeds (N, 2); None without motors [N m]."""
+        if not self._limited:
+            return None
+        robot = self.tracked.robot
+        return robot.drive.belt_limits(robot.sprocket_radius, self._belts.speeds()[:, :2], goal)
 
     def elevation(self, points: Array) -> Array:
         """Heights (N, P) of the ground at `points` (N, P, 2) of each robot's course [m]."""

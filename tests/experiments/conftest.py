@@ -85,9 +85,3 @@ def short(tmp_path, monkeypatch):
 def two_drives():
     """Laws identified from two drives, one of them with outlying poses."""
     return identified_from(wandered(outliers=4, duration=25.0), wandered(name="again", duration=15.0, seed=1))
-
-
-@pytest.fixture(scope="session")
-def without_headings():
-    """Laws identified from a drive without headings."""
-    return identified_from(wandered(headings=False, duration=24.0))

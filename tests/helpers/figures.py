@@ -32,9 +32,3 @@ def _ticks(axes):
     low, high = sorted(axes.get_xlim())
     texts = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
     return [text for text in texts if text.get_visible() and text.get_text() and low <= text.get_position()[0] <= high]
-
-
-def legend_texts(figure):
-    """The texts of all legends."""
-    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
-    return [text.get_text() for legend in legends for text in legend.get_texts()]

@@ -82,10 +82,7 @@ def drive_of(
     time = ENCODER_STEP * np.arange(round(duration / ENCODER_STEP) + 1)
     wanted = np.stack(commands)[:, np.minimum((time / hold).astype(int), len(commands[0]) - 1)]
     share = ENCODER_STEP / _SETTLING
-    twist = np.zeros((2, len(time)))
-    for k in range(1, len(time)):
-        twist[:, k] = twist[:, k - 1] + share * (wanted[:, k] - twist[:, k - 1])
-    v, w = twist
+    v, w = _late(wanted, share)
     scale = robot.radius * (1 + robot.radius_error + np.array([1, -1]) * robot.unequal)
     wide = robot.half_gauge + robot.offset
     omega = np.column_stack([v - wide * w, v + wide * w]) / scale
@@ -94,10 +91,7 @@ def drive_of(
     if slip:
         every = np.arange(0.0, duration + 2.0)
         v, w = ((1 + slip * np.interp(time, every, rng.normal(size=len(every)))) * values for values in (v, w))
-    heading = np.append(0.0, np.cumsum(w[1:] * ENCODER_STEP))
-    middle = (heading[1:] + heading[:-1]) / 2
-    x, y = (np.append(0.0, np.cumsum(v[1:] * ENCODER_STEP * part(middle))) for part in (np.cos, np.sin))
-    return Drive(time, omega, np.column_stack([x, y, heading]))
+    return Drive(time, omega, _path(v, w))
 
 
 def weaving(robot: Robot = HUSKY, duration: float = 120.0, speed: float = 0.6, seed: int = 0) -> Drive:
@@ -107,14 +101,25 @@ def weaving(robot: Robot = HUSKY, duration: float = 120.0, speed: float = 0.6, s
     w = rng.uniform(-0.6, 0.6, int(duration / 3) + 1)[(time / 3).astype(int)]
     wide = robot.half_gauge + robot.offset
     omega = np.column_stack([speed - wide * w, speed + wide * w]) / (robot.radius * (1 + robot.radius_error))
-    turning = np.zeros(len(time))
-    for k in range(1, len(time)):
-        turning[k] = turning[k - 1] + ENCODER_STEP / 0.3 * (w[k] - turning[k - 1])
+    turning = _late(w, ENCODER_STEP / 0.3)
     every = np.arange(0.0, duration + 4.0, 2.0)
     turning += 0.05 * np.interp(time, every, rng.normal(size=len(every)))
-    heading = np.append(0.0, np.cumsum(turning[1:] * ENCODER_STEP))
-    place = np.append(0.0, np.cumsum(speed * ENCODER_STEP * np.exp(0.5j * (heading[1:] + heading[:-1]))))
-    return Drive(time, omega, np.column_stack([place.real, place.imag, heading]))
+    return Drive(time, omega, _path(np.full(len(time), speed), turning))
+
+
+def _late(wanted: Array, share: float) -> Array:
+    """Values (..., T) that follow those wanted from 0, by a share of the rest in each step."""
+    values = np.zeros_like(wanted)
+    for k in range(1, wanted.shape[-1]):
+        values[..., k] = values[..., k - 1] + share * (wanted[..., k] - values[..., k - 1])
+    return values
+
+
+def _path(v: Array, w: Array) -> Array:
+    """Poses (T, 3) from the origin at speeds (T,) [m/s] and yaw rates (T,) [rad/s], each of the step before it."""
+    heading = np.append(0.0, np.cumsum(w[1:] * ENCODER_STEP))
+    place = np.append(0.0, np.cumsum(v[1:] * ENCODER_STEP * np.exp(0.5j * (heading[1:] + heading[:-1]))))
+    return np.column_stack([place.real, place.imag, heading])
 
 
 def measured(

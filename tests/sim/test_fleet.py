@@ -57,18 +57,6 @@ def test_turning_agrees_with_theory_over_the_grid(robot, ratio):
     np.testing.assert_allclose(slip[slow], expected[slow], atol=0.001)
 
 
-def test_the_grid_is_driven_upright_with_drives_that_do_not_saturate(robot):
-    fleet = Fleet(robot, np.zeros((25, 3)))
-    fleet.command(grid_commands(robot))
-    for _ in range(200):
-        fleet.advance(fleet.period)
-        assert np.abs(fleet.drive.torque).max() < 0.99 * Drive().torque_limit
-    sink, roll, pitch = fleet.attitude().T
-    np.testing.assert_allclose(sink, 0.002, rtol=0.05)
-    assert np.abs([roll, pitch]).max() < 1e-3
-    np.testing.assert_allclose(fleet.load().sum(axis=1), robot.mass * 9.81, rtol=1e-3)
-
-
 @pytest.mark.parametrize(
     ("options", "field"),
     [

@@ -53,7 +53,7 @@ def test_it_is_the_vector_environment():
     np.testing.assert_array_equal(theirs.reset(), expected)
     ours.action_space.seed(5)
     ends = 0
-    for _ in range(90):
+    for _ in range(60):
         actions = ours.action_space.sample()
         expected, reward, terminated, truncated, info = ours.step(actions)
         observation, rewards, done, infos = theirs.step(actions)

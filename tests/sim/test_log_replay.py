@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim import Fleet, Ground, RobotParameters, load_robot, open_loop, replay
-from sim.drive.drive import Drive, tireless
+from sim.drive.drive import tireless
 from sim.log_replay import first_twist
 from trackslip import se2
 from trackslip.errors import InvalidValueError, LogError
@@ -44,12 +44,6 @@ def test_a_robot_drives_again_as_it_drove(driven, inputs):
         np.testing.assert_array_equal(again.omega, log.omega)
         np.testing.assert_allclose(again.pose[0], log.pose[0], atol=1e-12)
         np.testing.assert_allclose(again.truth.pose, again.pose, atol=1e-9)  # sensor in the middle, clocks alike
-
-
-def test_another_ground_and_another_drive_show(driven):
-    assert missed(driven, replay(driven, ROBOT, Ground(0.6, 1.0)))[1].max() > 0.1
-    slow = replace(ROBOT, drive=Drive(lag=0.4))
-    assert missed(driven, replay(driven, slow, GROUND, inputs="commands"))[0].max() > 0.02
 
 
 def test_sensors_and_clocks_are_those_of_the_log(driven):

@@ -71,6 +71,7 @@ REFUSED = [
     (PathTrackingVectorEnv, {"render_mode": "human"}, "render_mode = 'human'"),
     (PathTrackingVectorEnv, {"max_episode_steps": 0}, "max_episode_steps = 0: must be a whole number >= 1"),
     (TrackingReward, {"weight_alive": 1e308}, "weight_alive = 1e+308: must be at most 1e+06"),
+    (TRAVERSE, {"start_offset": 2.0}, "start_offset = 2.0: must be at most 1 m, half the width of a course"),
     (TRAVERSE, {"autoreset_mode": 3}, "autoreset_mode = 3: must be one of NextStep, SameStep, Disabled"),
     (Randomization, {"slope": (0.2, 0.1)}, "slope = (0.2, 0.1): must be two ascending numbers"),
     (TRAVERSE, {"kinds": ("wall",)}, "kinds = 'wall'"),

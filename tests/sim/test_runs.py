@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from sim import Fleet, LaserScanner, Pilot, ScannerFeed, closed_loop, load_robot, open_loop
+from sim import Drive, Fleet, LaserScanner, Pilot, ScannerFeed, closed_loop, load_robot, open_loop
 from sim.drive.motor import Motor
 from sim.run_recorder import Description, RunRecorder
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
@@ -102,6 +102,17 @@ def test_the_right_law_keeps_the_robot_on_the_path_and_icrs_are_learnt_on_the_wa
     assert abs(learnt.icr[0, 0]) < 1e-3
     assert learnt.icr[-1, 0] == pytest.approx(law.offset, rel=0.3)
     np.testing.assert_array_equal(fixed.icr, np.tile([law.offset, law.radius_error], (len(fixed.time), 1)))
+
+
+def test_a_preview_by_the_lag_of_the_drive_makes_up_for_it(robot):
+    reference, law, lag = short_path(), FixedLaw(theoretical_law(robot)), 0.2
+    fleet = Fleet(robot, np.tile(reference.pose(0.0), (2, 1)), drive=Drive(lag=lag))
+    pilots = [Pilot(LinearTimeVarying(), [k], law, preview) for k, preview in enumerate((0.0, lag))]
+    late, early = (
+        tracking_errors(log.time, log.truth.pose, reference).rms_position
+        for log in closed_loop(fleet, pilots, reference)
+    )
+    assert early < 0.25 * late
 
 
 def test_runs_that_make_no_sense_are_refused(robot):

@@ -20,7 +20,7 @@ DRAWN = {"reference": ("paper", "slalom"), "ground": ("stone", "clay"), "randomi
 TWIST = DRAWN | {"action": "twist"}
 COARSE = {"pose_source": "scanner", "scanner": LaserScanner(resolution=0.01, dropout=0.05)}
 LEARNING = {"loads": True, "pull": Pull(10.0, since=1.0), "pose_source": "noisy", "compensation": "online_cold"}
-ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=3, threads=2, max_episode_steps=15)
+ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=2, threads=2, max_episode_steps=15)
 STATES = [
     (BATCH, TRACKING, DRAWN | {"drive": Drive(lag=0.127, torque_limit=3.0)}, {"reference": "circle"}),
     (ALONE, TRACKING, TWIST | COARSE | {"compensation": UNDER_LOAD}, {"ground": CHANGING}),

@@ -68,8 +68,10 @@ def checks_of(case, make, preset, rng, count):
     yield Check(case, "rebound, over the drop", rebound.max(), REBOUND)
 
 
-@pytest.mark.parametrize("preset", ["accurate", "fast"])
-@pytest.mark.parametrize("count", [12, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("preset", "count"),
+    [("accurate", 12), *(pytest.param(preset, 1000, marks=pytest.mark.slow) for preset in ("accurate", "fast"))],
+)
 def test_random_robots(preset, count):
     report(
         f"{count} releases, {preset}",

@@ -186,7 +186,8 @@ def _straight_stretches(time: Array, pose: Array, resolution: Array) -> tuple[np
             firsts.append(row)
             begin, narrower = row, [(-np.inf, np.inf)] * 3
         bounds = narrower
-    return np.array(firsts), np.append(firsts[1:], len(times)) - 1
+    begins = np.array(firsts)
+    return begins, np.append(begins[1:], len(times)) - 1
 
 
 def _resolution(pose: Array) -> Array:

@@ -1,6 +1,5 @@
 """Grids that were interrupted or killed, and runs that fail."""
 
-import random
 import subprocess
 import sys
 import time
@@ -44,24 +43,6 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
     result = trackslip(*arguments, "--out", str(tmp_path / "part"))
     assert result.summary["timing"]["resumed"] == 2
     same_results(whole, result.folder)
-
-
-@pytest.mark.slow
-def test_a_grid_that_is_killed_again_and_again_gives_the_same_bytes(trackslip, tmp_path):
-    whole = trackslip("grid", *SHORT, *VARY, "--out", str(tmp_path / "whole")).folder
-    rng = random.Random(0)
-    out = tmp_path / "killed"
-    command = [sys.executable, "-m", "experiments", "grid", *SHORT[:-1], "processes", "--jobs", "2", *VARY]
-    for _ in range(20):
-        process = subprocess.Popen([*command, "--out", str(out)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(rng.uniform(0.5, 8.0))
-        process.kill()
-        process.wait()
-        if (out / "manifest.json").exists():
-            same_results(whole, out)
-            out = tmp_path / f"{out.name}_again"
-    subprocess.run([*command, "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
-    same_results(whole, out)
 
 
 def test_overwrite_drives_anew(trackslip, refused, tmp_path):
@@ -122,10 +103,3 @@ def test_a_failing_run_does_not_take_its_fleet_with_it(trackslip, monkeypatch):
         result = trackslip("grid", *SWEEP)
     assert {row["error"] for row in result.summary["runs"]} == {None, "MemoryError: too wide"}
     assert len(logs(result.folder)) == 4
-
-
-def test_a_radius_too_tight_for_some_robots_is_a_run_that_fails(trackslip):
-    result = trackslip("grid", *SHORT[3:], "--radii", "0.25", "1", "--vary", "robot.half_gauge=0.168,0.3")
-    (failure,) = result.summary["failures"]
-    assert failure["run"] == "radius=0.25 speed=0.2 robot.half_gauge=0.3"
-    assert failure["error"].startswith("radii = 0.25: must be greater than the half gauge, 0.3 m")

@@ -2,21 +2,18 @@
 
 import html
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from figures import assert_readable
 from identifications import GEOMETRY, driven, grid, identified
 
-from experiments.common.laws import shown, symbol, with_interval
+from experiments.common.laws import symbol, with_interval
 from experiments.common.page import Plot
 from experiments.identify import figures, tables
-from experiments.identify.card import LINES, print_card
 from experiments.identify.library import identification_page
-from experiments.identify.page import page, print_all
+from experiments.identify.page import page
 from experiments.identify.turns import Turns
-from trackslip.identification.first_look import Alarm
 
 OF_STEADY = ["fig06_slip_laws", "fig05_slip_over_speed"]
 OF_DRIVES = ["drive_path"]
@@ -116,26 +113,3 @@ def test_few_straight_or_single_runs_have_a_page():
     samples = driven([(0.1, 0.1), (0.1, 0.2)], errors=False)
     few = text_of(identified(samples, ("icr", "icr_radius"), determined=False))
     assert "nan" not in few.lower().split()
-
-
-def test_paths_are_predicted_without_slip_and_by_the_best_law(two_drives):
-    without, best = (assert_readable(figure).axes[0] for figure in figures.predicted_paths(two_drives))
-    for axes, name in ((without, "none"), (best, two_drives.best)):
-        assert [line.get_color() for line in axes.lines].count(shown(name).colour) >= 2  # a drive of 25 s
-    assert figures.predicted_paths(replace(two_drives, logs=())) is None
-
-
-def test_the_terminal_has_few_lines_whatever_there_is_to_say(found, two_drives, without_headings, capsys):
-    alarm = Alarm("bound", "offset is at a limit")
-    many = replace(two_drives.drive, alarms=(alarm,) * 9)
-    steady = replace(found, drive=two_drives.drive, warnings=("note",) * 40)
-    for each in (found, steady, two_drives, without_headings, replace(two_drives, drive=many)):
-        print_card(page(each, "Laws", "", {"config": {"out": "out/mine"}}, ["a topic"] * 30).answer, "report.html")
-        lines = capsys.readouterr().out.splitlines()
-        assert len(lines) <= LINES
-        assert lines[-1] == "report: report.html"
-        values = [line for line in lines if not line.startswith("ALARM: ")]
-        assert values[0].startswith("wheel_separation_multiplier  ")
-    assert [line.startswith("ALARM: ") for line in lines].count(True) == 5
-    print_all(two_drives)
-    assert "Held-out prediction" in capsys.readouterr().out

@@ -60,36 +60,6 @@ def test_recording_holds_the_run(driven):
     np.testing.assert_array_equal(measured, log.omega)
 
 
-def test_shoes_run_with_the_belt(driven):
-    """Backwards below the robot and forwards above, as far as the sprocket drives the belt."""
-    log = driven[1][1]
-    _, place = component(driven[0] / FILES["icr_radius"], "/run/robot/chassis/left_track/boxes", "centers")
-    place = place.reshape(len(log.time), -1, 3)
-    place = place[:, np.ptp(place, axis=0).max(axis=-1) > 0]  # without the band below the shoes
-    way = 0.06 * log.omega[:, 0] * np.diff(log.time, prepend=0.0)
-    moved, height = np.diff(place[..., 0], axis=0), (place[1:, :, 2] + place[:-1, :, 2]) / 2
-    straight = np.abs((place[1:, :, 0] + place[:-1, :, 0]) / 2) < 0.15
-    for side, sign in ((height < 0.07, -1.0), (height > 0.07, 1.0)):
-        rows, shoes = np.nonzero(straight & side)
-        np.testing.assert_allclose(moved[rows, shoes], sign * way[1:][rows], atol=1e-6)
-
-
-def test_drawn_wheels_turn_with_the_sprockets(tmp_path):
-    options = f"--robot husky --ground.shear 0.01 --radii 2 --speeds 0.2 --duration 4 --rrd --out {tmp_path}"
-    main(["grid", *options.split()])
-    (file,), (log,) = (tmp_path / "recordings").glob("*.rrd"), read_runs(tmp_path / "runs.parquet")
-    turned = np.cumsum(log.omega * np.diff(log.time, prepend=0.0)[:, None], axis=0)
-    for side, angle in zip(("left", "right"), turned.T, strict=True):
-        _, place = component(file, f"/run/robot/chassis/{side}_wheels/wheels", "centers")
-        place = place.reshape(len(log.time), -1, 3)
-        place = place[:, np.ptp(place, axis=0).max(axis=-1) > 0]
-        place = place.reshape(len(log.time), 2, -1, 3)  # of five bolts on each of two wheels
-        away = place[..., [0, 2]] - np.array([[-0.256, 0.165], [0.256, 0.165]])[:, None]
-        np.testing.assert_allclose(np.hypot(*away[..., 0, :].T).T, 0.62 * 0.165, rtol=1e-5)
-        clockwise = np.unwrap(np.arctan2(away[..., 0, 0], away[..., 0, 1]), axis=0)
-        np.testing.assert_allclose(clockwise, np.column_stack([angle, angle]), atol=1e-5)
-
-
 def rows_of(file: Path, entity: str, name: str) -> list[list]:
     """The values (T,) of a component in each row."""
     rows = []

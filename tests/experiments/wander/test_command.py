@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bags import open_bag
 
 from experiments.wander.drives import drive_contents
 from sim.wander.motion import Motion
@@ -47,13 +46,3 @@ def test_distances_turns_and_rests_are_summed():
     assert (contents["readings"], contents["poses"]) == (401, 81)
     measured = [contents[name] for name in ("way", "turned_left", "turned_right", "standing")]
     np.testing.assert_allclose(measured, (0.5, 1.0, 1.0, 0.25), rtol=1e-4)
-
-
-@pytest.mark.parametrize(("motion", "source", "topic"), [("mujoco", "slam", "/pose"), ("law", "gnss", "/fix")])
-def test_a_drives_bag_has_its_encoders_and_the_poses_of_its_source(trackslip, motion, source, topic):
-    result = trackslip("wander", "--motion", motion, "--source", source, "--duration", "4", "--bag")
-    (log,), bag = read_runs(result.folder / "runs.parquet"), open_bag(result.folder / "bags" / "random_1")
-    assert set(bag.topics) == {"/joint_states", "/odom", "/tf", "/cmd_vel", "/ground_truth", topic}
-    begin = 1_767_225_600 * 10**9
-    assert [one.stamp - begin for one in bag.messages("/joint_states")] == [20_000_000 * k for k in range(201)]
-    assert [one.stamp - begin for one in bag.messages(topic)] == [round(t * 1e9) for t in log.time[log.valid].tolist()]

@@ -30,12 +30,12 @@ def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, li
     radius = robot.geometry.sprocket_radius
     inert = robot.mass + 2 * MOTOR.inertia / radius**2
     expected = -2 * (torque_of_weight(robot, slope) - limit - MOTOR.friction) / radius / inert
-    fleet.advance(1.0)
+    fleet.advance(0.5)
     before = fleet.twist()[0, 0]
-    fleet.advance(1.0)
-    assert fleet.twist()[0, 0] - before == pytest.approx(expected, rel=0.01)
+    fleet.advance(0.5)
+    assert fleet.twist()[0, 0] - before == pytest.approx(0.5 * expected, rel=0.01)
     np.testing.assert_allclose(fleet.drive.torque, limit, atol=0.001 * limit + 0.0002 * robot.mass * GRAVITY * 0.06)
-    np.testing.assert_allclose(fleet.drive.saturated_time, 2.0, atol=0.02)
+    np.testing.assert_allclose(fleet.drive.saturated_time, 1.0, atol=0.02)
 
 
 @pytest.mark.parametrize(("limit", "period"), [(0.8, 0.02), (2.0, 0.005), (30.0, 0.01)])
@@ -80,13 +80,13 @@ def test_one_motor_too_weak_to_turn_keeps_the_robot_straight(robot):
     )
     for fleet in (strong, weak):
         fleet.command([2.0, 3.0])
-        fleet.advance(4.0)
+        fleet.advance(2.0)
     assert abs(weak.twist()[0, 2]) < 0.01 * strong.twist()[0, 2]
     np.testing.assert_allclose(weak.drive.omega[0], 2.0, rtol=3e-3)
     assert weak.drive.torque[0, 1] == pytest.approx(1.5, rel=0.02)
     # straight and steady: the tracks' forces cancel but for what the gears take
     assert weak.drive.torque.sum() == pytest.approx(2 * MOTOR.friction, rel=0.02)
-    assert weak.drive.saturated_time[0, 1] > 3.9
+    assert weak.drive.saturated_time[0, 1] > 1.9
     assert weak.drive.saturated_time[0, 0] < 0.1
 
 

@@ -70,13 +70,14 @@ def test_the_contact_recipe_follows_from_its_formulas(robot):
 @pytest.mark.parametrize(("width", "shear", "within"), [(1.25, 0.0, 0.01), (3.0, 0.0, 0.01), (2.0, 0.01, 0.02)])
 def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(width, shear, within):
     half_length, half_gauge = 0.17, 0.17 * width
-    yaw_rate = 0.1 / (np.array([2.4, 8.0]) * half_gauge)  # at 0.1 m/s
+    speed = 0.2 if shear else 0.1
+    yaw_rate = speed / (np.array([2.4, 8.0]) * half_gauge)
     spread = 2 * (half_gauge + 0.05 * half_length) * yaw_rate
-    belts = 0.1 + np.stack([-spread, spread], axis=1) / 2
+    belts = speed + np.stack([-spread, spread], axis=1) / 2
     robot = load_robot(parameters=RobotParameters(half_gauge=half_gauge))
     fleet = Fleet(robot, np.zeros((2, 3)), Ground(shear=shear), 0.0, tireless())
     fleet.command(belts / robot.geometry.sprocket_radius)
-    fleet.advance(12.0 if shear else 3.0)
+    fleet.advance(6.0 if shear else 2.0)
     contact = line_contact(half_gauge, half_length, 0.7, 0.778, (0.0, 0.0, 0.12), points=800)
     expected = steady_twist(belts, contact, 9.81, shear)[:, 2]
     offset, by_theory = (spread / (2 * w) - half_gauge for w in (fleet.twist()[:, 2], expected))

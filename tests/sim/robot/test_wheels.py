@@ -26,7 +26,7 @@ def wheels(half_gauge=0.275, axles=(-0.256, 0.256), mass=75.0, **changes):
     )
 
 
-def turned(parameters, belts, ground, settle=3.0, top_speed=9.0):
+def turned(parameters, belts, ground, settle=1.5, top_speed=9.0):
     """Steady twists (M, 3), simulated and by theory, of belts with speeds (M, 2)."""
     fleet = Fleet(load_robot(parameters=parameters), np.zeros((len(belts), 3)), ground, 0.0, tireless(top_speed))
     fleet.command(belts / parameters.sprocket_radius)
@@ -64,23 +64,15 @@ def train(axles):
         (wheels(0.5, (-1.0, 1.0), 1000.0), Ground(0.7, 0.49), 0.01),
         (wheels(0.5, (-0.55, 0.15, 0.4), 1000.0), Ground(0.7, 1.05), 0.01),
         (train(10), Ground(0.6, 0.7), 0.01),
-        (HUSKY, Ground(0.6, 0.7, shear=0.005), 0.02),
         (WARTHOG, Ground(0.6, 0.7, shear=0.02), 0.02),
         (train(10), Ground(0.6, 0.7, shear=0.01), 0.01),
     ],
 )
 def test_turns_are_those_of_theory(robot, ground, within):
     belts = arcs(robot, 0.2 if ground.shear else 0.1)
-    twist, expected = turned(robot, belts, ground, 5.0 if ground.shear else 3.0)
+    twist, expected = turned(robot, belts, ground)
     np.testing.assert_allclose(ratio(robot, belts, twist), ratio(robot, belts, expected), rtol=within)
     np.testing.assert_allclose(twist[:, 0], expected[:, 0], atol=0.002)
-
-
-def test_the_yaw_ratios_of_named_robots():
-    for robot, by_theory in ((HUSKY, 0.536), (WARTHOG, 0.582)):
-        belts = arcs(robot)
-        twist = steady_twist(belts, robot.contact_theory(0.75, 0.75), G)
-        np.testing.assert_allclose(ratio(robot, belts, twist), by_theory, atol=1e-3)
 
 
 @pytest.mark.parametrize("shears", [False, True])
@@ -96,7 +88,7 @@ def test_wheels_climb_as_theory_says(robot, shear):
     ground = Ground(0.7, 0.8, slope=0.2, shear=shear)
     fleet = Fleet(load_robot(parameters=robot), np.zeros((1, 3)), ground, 0.0, tireless(9.0))
     fleet.command([0.5 / robot.sprocket_radius] * 2)
-    fleet.advance(6.0)
+    fleet.advance(2.0)
     expected = steady_twist([0.5, 0.5], robot.contact_theory(0.7, 0.8), G, shear, Load(0.2))
     np.testing.assert_allclose(fleet.twist()[0], expected, atol=1e-4)
 
@@ -122,8 +114,8 @@ def test_parked_robots_sink_as_tracks_do_and_creep_as_slowly():
         heading = np.array([0.0, 0.8, np.pi / 2])
         start = np.column_stack([np.zeros((3, 2)), heading])
         fleet = Fleet(load_robot(parameters=robot), start, Ground(slope=0.1745), 0.0, tireless())
-        fleet.advance(5.0)
-        assert (np.hypot(*fleet.pose()[:, :2].T) / 5 < 0.025e-3).all()
+        fleet.advance(2.0)
+        assert (np.hypot(*fleet.pose()[:, :2].T) / 2 < 0.025e-3).all()
         level = Fleet(load_robot(parameters=robot), start)
         np.testing.assert_allclose(level.attitude()[:, 0], SINK, rtol=0.01)
         np.testing.assert_allclose(level.load().sum(axis=1), robot.mass * G, rtol=1e-3)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from tracked import add_robot, built, plane
 
-from sim.tracks import Belts, Track, add_tracks
+from sim.tracks import PRESETS, Belts, Track, add_tracks
 
 WEIGHT = 25 * 9.81
 """Of the robot [N]."""
@@ -41,6 +41,7 @@ def test_a_robot_that_falls_on_a_beam_is_stopped_and_the_load_is_the_whole_force
     assert cores
     np.testing.assert_allclose(25 * np.diff(speeds) / model.opt.timestep, np.array(loads) - WEIGHT, atol=1e-6 * WEIGHT)
     assert max(depths) < BOUNDS[preset]
+    assert depths[-1] < 1.1 * PRESETS[preset].core_depth  # the core has pushed it out again
     landed = int(np.argmin(heights))
     assert max(heights[landed:]) < 0.6 * DROP
 

@@ -48,6 +48,14 @@ def test_json_is_a_file_of_laws_to_the_last_bit(name, tmp_path):
     assert set(units) == set(VALUES[name])
 
 
+def test_intervals_are_those_that_are_stored():
+    fit = {"values": VALUES["icr_radius"], "interval95": {"offset": [0.04, 0.05], "radius_error": [0.0, None]}}
+    laws = stored(slip_laws={"icr_radius": fit})
+    intervals = json.loads(TARGETS["json"](laws, "icr_radius"))["slip_laws"]["icr_radius"]["interval95"]
+    assert intervals == {"offset": [0.04, 0.05], "radius_error": None}
+    assert "95 % interval 0.04 to 0.05" in TARGETS["c"](laws, "icr_radius")
+
+
 def test_the_best_law_is_the_default():
     laws = stored(best="exponential")
     assert laws.law_named(None) == "exponential"

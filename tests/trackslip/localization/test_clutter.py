@@ -4,21 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from clutter import among, cylinders, wall
-from driving import circles, track_afterwards, track_online
+from clutter import among, circle, cylinders, tracked, wall
 
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Plate, extract_plate
 
 MOUNT = (0.0, 0.0, np.pi / 2)
-ROWS = 180
+START = np.array([0.35, 2.05, 0.3])
 
 
-def posts(scan, drive, radius):
+def posts(scan, poses, radius):
     return [cylinders(scan, np.array(c), radius) for c in ((-0.5, 1.4), (0.9, 1.2), (-1.9, 3.0), (0.2, 5.0))]
 
 
-def walls(scan, drive, behind):
+def walls(scan, poses, behind):
     far = 4.4 + behind
     return [
         wall(scan, np.array([-3.0, far]), np.array([3.0, far])),
@@ -27,17 +26,16 @@ def walls(scan, drive, behind):
     ]
 
 
-def walker(scan, drive, depth):
+def walker(scan, poses, depth):
     """Through the field and back, in front of the circle or behind it."""
     way = np.abs(np.linspace(-1, 1, len(scan.ranges)))
     return [cylinders(scan, np.column_stack([5 * way - 2.5, np.full(len(way), depth)]), 0.25)]
 
 
-def companion(scan, drive, bearing):
+def companion(scan, poses, bearing):
     """Beside, in front of or behind the robot."""
-    pose = drive.pose.reshape(-1, 3)
-    away = pose[:, 2] + bearing
-    return [cylinders(scan, pose[:, :2] + 0.75 * np.column_stack([np.cos(away), np.sin(away)]), 0.2)]
+    away = poses[:, 2] + bearing
+    return [cylinders(scan, poses[:, :2] + 0.75 * np.column_stack([np.cos(away), np.sin(away)]), 0.2)]
 
 
 def rms_deviation(estimate, poses):
@@ -49,23 +47,23 @@ def rms_deviation(estimate, poses):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("track", "things", "where", "most_blind"),
+    ("afterwards", "things", "where", "most_blind"),
     [
-        (track_online, posts, 0.03, 0.03),
-        (track_afterwards, posts, 0.1, 0.3),
-        (track_online, walls, 0.35, 0.03),
-        (track_afterwards, walker, 1.5, 0.15),
-        (track_online, companion, 1.2, 0.15),
-        (track_afterwards, companion, np.pi, 0.15),
+        (False, posts, 0.03, 0.03),
+        (True, posts, 0.1, 0.3),
+        (False, walls, 0.35, 0.03),
+        (True, walker, 1.5, 0.15),
+        (False, companion, 1.2, 0.15),
+        (True, companion, np.pi, 0.15),
     ],
 )
-def test_clutter_does_not_capture_the_track(track, things, where, most_blind, scan_rectangle):
+def test_clutter_does_not_capture_the_track(afterwards, things, where, most_blind, scan_rectangle):
     rng = np.random.default_rng(0)
-    drive = circles(np.array([1.2]), np.array([0.52]), np.array([[0.35, 2.05, 0.3]]), ROWS)
-    poses = drive.pose.reshape(-1, 3)
+    twist = 0.52 * np.array([1.2, 1.0])
+    poses = circle(twist, START, 180)
     alone = scan_rectangle(poses, rng, mount=MOUNT)
-    scan = among(alone, things(alone, drive, where), rng)
-    estimate = track(scan, drive, PlateLocator())
+    scan = among(alone, things(alone, poses, where), rng)
+    estimate = tracked(scan, poses, twist, PlateLocator(), afterwards)
     error = estimate.pose - poses
     good = estimate.valid
     assert good.mean() > 1 - most_blind

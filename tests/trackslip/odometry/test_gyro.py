@@ -53,6 +53,7 @@ def test_at_rest_it_learns_the_bias():
     path = SlipOdometry(ICR, GEOMETRY, gyro=Gyro(bias=0.01)).path(time, omega, turned)
     np.testing.assert_allclose(path.pose[:3001, 2], 0.0, atol=1e-12)
     assert abs(path.pose[-1, 2] - 30.0) < 0.1 * (bias - 0.01) * 60
+    assert path.covariance[-1, 2, 2] == 0.0  # of a gyro without errors
 
 
 def test_the_variance_of_the_heading_is_that_of_a_gyro():
