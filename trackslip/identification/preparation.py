@@ -160,7 +160,7 @@ def measured_poses(time: Array, pose: Array) -> tuple[Array, Array]:
     for k in np.flatnonzero(inside[:-1] & inside[1:]):
         end, begin, bend = last[k], first[k + 1], rate[k] - rate[k + 1]
         step = finite[begin] - finite[end] - rate[k + 1] * (time[begin] - time[end])
-        later = np.clip(step @ bend / (bend @ bend), 0.0, time[begin] - time[end])
+        later = np.clip(step @ bend / max(bend @ bend, 1e-300), 0.0, time[begin] - time[end])
         time[end] += later
         pose[end] += rate[k] * later
     rows = np.unique(np.concatenate([first[:1], last, first[1:][~(inside[:-1] & inside[1:])]]))
@@ -191,9 +191,9 @@ def _straight_stretches(time: Array, pose: Array, resolution: Array) -> tuple[np
 
 
 def _resolution(pose: Array) -> Array:
-    """The decimal place (3,) to which each column of poses (n, 3) was rounded, at least 1e-6."""
+    """The decimal place (3,) to which each column of poses (n, 3) was rounded, from 1e-2 to 1e-6."""
     columns = np.column_stack([pose, wrap_angle(pose[:, 2])])  # headings may be unwrapped, before or after
-    places = 10.0 ** -np.arange(7)
+    places = 10.0 ** -np.arange(2, 7)
     rounded = [(np.abs(columns - place * np.round(columns / place)) < 1e-8).all(axis=0) for place in places]
     x, y, *phi = places[np.where(np.any(rounded, axis=0), np.argmax(rounded, axis=0), -1)]
     return np.array([x, y, max(phi)])
