@@ -139,10 +139,8 @@ def _read_drive(bag: Bag, choice: BagChoice, name: str, notes: list[str]) -> tup
         if choice.imu is not None:
             raise
         notes.append(f"read without gyro: {error}")
-        return log, taken
-    if imu is None:
-        return log, taken
-    log, by_gyro = with_gyro(log, imu, int(encoders.stamp[0]), notes)
+        imu = None
+    log, by_gyro = (log, "") if imu is None else with_gyro(log, imu, int(encoders.stamp[0]), notes)
     return log, taken + by_gyro
 
 

@@ -122,17 +122,13 @@ class RunLog:
         """The rows from `first` up to, but not including, `end`."""
         if first == 0 and end == len(self.time):
             return self
-        rows = slice(first, end)
 
-        def part(value: Any) -> Any:
-            return value[rows] if isinstance(value, np.ndarray) else value
+        def part(log: RunLog | Truth) -> dict[str, Any]:
+            return {name: value[first:end] for name, value in vars(log).items() if isinstance(value, np.ndarray)}
 
-        known = {name: part(value) for name, value in vars(self).items()} | {"beyond": None}
-        if self.truth is not None:
-            known["truth"] = Truth(**{name: part(value) for name, value in vars(self.truth).items()})
-        if self.scans is not None:
-            known["scans"] = self.scans.between(first, end)
-        return RunLog(**known)
+        truth = None if self.truth is None else replace(self.truth, **part(self.truth))
+        scans = None if self.scans is None else self.scans.between(first, end)
+        return replace(self, **part(self) | {"truth": truth, "scans": scans, "beyond": None})
 
     def cut(self, duration: float) -> list[RunLog]:
         """Parts of equal duration, about `duration` [s]; the log itself if it isn't longer."""

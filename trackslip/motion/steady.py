@@ -30,7 +30,6 @@ _MIN_HALF = 2 * MIN_ARC_POSES  # minimum number of valid poses in each half, to 
 _SIGNIFICANT = 6.0  # significant difference between the halves [standard errors]
 _CHANGE = 0.05  # relevant relative change of the twist
 _TURNING = 0.2  # curvature [1/m] of nearly straight paths, and radius [m] of turns nearly in place
-_EVEN = 1e-3  # relative difference of time steps that count as equal
 _LISTED = 3  # gaps that are described where no stretch is long enough
 _LOAD_CHANGE = 0.1  # change of the traction per unit load within a piece [-]
 _SHORTEST_PIECE = 1.5  # duration of a piece [s]
@@ -58,10 +57,7 @@ class SteadyPart:
     def omega(self) -> Array:
         """Mean sprocket speeds (2,) in the window [rad/s]."""
         rows = self.rows
-        step = np.diff(self.log.time)[rows[1:]]
-        uneven = np.ptp(step) > _EVEN * step.max()
-        mean: Array = np.average(self.log.omega[rows], axis=0, weights=step if uneven else None)
-        return mean
+        return np.asarray(np.average(self.log.omega[rows], axis=0, weights=np.diff(self.log.time)[rows[1:]]))
 
     @cached_property
     def load(self) -> Array | None:
