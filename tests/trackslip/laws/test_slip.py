@@ -150,6 +150,13 @@ def test_impossible_laws_are_refused(make, field):
 
 
 @pytest.mark.parametrize("law", [PUBLISHED, SPEED])
+@pytest.mark.parametrize("radius", [0.02, 0.05, 0.14])
+def test_turns_with_belts_that_run_against_each_other_have_a_radius(law, radius):
+    twist = 0.5 * np.array([radius, 1.0])
+    np.testing.assert_allclose(law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY), twist, atol=1e-9)
+
+
+@pytest.mark.parametrize("law", [PUBLISHED, SPEED])
 @given(w=st.floats(0.01, 3.0), left=st.booleans(), share=st.floats(0, 1))
 def test_slips_between_those_of_left_and_right_turns_in_place_turn_in_place(law, w, left, share):
     twist = np.array([0.0, w if left else -w])
