@@ -150,7 +150,6 @@ class Fleet(World):
         self._radius[rows] = self._effective_radius(np.array([s.radius_error for s in setting]))
         self.drive.restart(rows, [self.drive.drive.lag if s.lag is None else s.lag for s in setting])
         self._began[rows] = self._periods
-        self._drive(rows, 0.0)
         mass, chassis = np.array([s.mass for s in setting]), self.robot.model.body("chassis")
         self._drive(rows, 1.0)
         if self._load(rows, chassis.id, mass, np.array([s.weight for s in setting])):

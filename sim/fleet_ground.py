@@ -166,8 +166,7 @@ class FleetGround(Restorable):
         """
         if self._shear is None:
             return
-        slope = np.tan([self.grounds[k].slope for k in rows])
-        uphill = np.array([self.grounds[k].uphill for k in rows]) - heading
+        slope, uphill = np.tan(self.slope[rows]), self.uphill[rows] - heading
         along, across = slope * np.cos(uphill), slope * np.sin(uphill)
         forwards, left, up = self.centre_of_mass(rows).T
         x, y = self._robot.pad_position.T

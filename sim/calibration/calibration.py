@@ -18,6 +18,7 @@ from sim.calibration.candidate import OF_SENSOR, PARAMETERS, Candidate
 from sim.calibration.targets import Target
 from sim.loop import Progress
 from trackslip.errors import InvalidValueError, require
+from trackslip.identification.fitted import newton_steps
 from trackslip.kinematics import Array
 
 _STEP = 0.05  # of finite differences [standard deviations of the prior]
@@ -29,7 +30,6 @@ _ALIKE = 0.95  # cosine of the errors of parameters that can't be told apart
 _MAD = 1.4826  # standard deviation of normal errors over the median of their sizes
 _CAUCHY = 2.385  # scale of the loss [standard deviations]: 95 % as efficient as least squares for normal errors
 _LEAST_CURVED = 0.1  # curvature of the loss over the weights
-_MAX_LEVERAGE = 0.8  # of a cluster
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,8 @@ def calibrate(
     """Fit parameters of a candidate to a target.
 
     Least squares under Cauchy's loss where the target is robust, with normal priors around the values of `base`.
-    What the target doesn't tell stays near its prior, and is as uncertain. Standard errors are those of clusters (the
-    sandwich of Huber and White) where the target is robust, else from the residuals.
+    What the target doesn't tell stays near its prior, and is as uncertain. Standard errors are by the parameters
+    without each cluster (the jackknife) where the target is robust, else from the residuals.
 
     Args:
         target: what the robot did.
@@ -228,10 +228,9 @@ class _Problem:
                 break
         return scaled
 
-    def least_squares(self, model: _LinearErrors, start: Array, sigma: Array, out: np.ndarray | None = None) -> Array:
-        """Scaled parameters (p,) of least loss; the errors `out` (n,) bool don't count."""
-        size, share, count = sigma[self._layout.kind], self._layout.share, len(self.names)
-        share = share if out is None else np.where(out, 0.0, share)
+    def least_squares(self, model: _LinearErrors, start: Array, sigma: Array) -> Array:
+        """Scaled parameters (p,) of least loss."""
+        size, count = sigma[self._layout.kind], len(self.names)
         slope = np.vstack([model.slope / size[:, None], np.eye(count)])
 
         def rows(scaled: Array) -> Array:
@@ -239,27 +238,40 @@ class _Problem:
 
         def loss(square: Array) -> Array:
             prior = [square[-count:], np.ones(count), np.zeros(count)]
-            return np.hstack([self.loss(square[:-count], share), prior])
+            return np.hstack([self.loss(square[:-count], self._layout.share), prior])
 
         limits = self.low, self.high
         return np.asarray(scipy.optimize.least_squares(rows, start, lambda _: slope, limits, "dogbox", loss=loss).x)
 
-    def covariance(self, end: _End) -> Array:
-        """Covariance (p, p) of the scaled parameters."""
-        layout, count = self._layout, len(self.names)
+    def without(self, end: _End, label: np.ndarray) -> Array:
+        """How far apart (G, p) the parameters are without the errors of each label (n,), 0 to G - 1.
+
+        By one step of Newton's method; other labels are never left out.
+        """
+        hessian, gradient, rows = *self._normal(end), label >= 0
+        own = np.zeros((label.max() + 1, *hessian.shape[1:]))
+        push = np.zeros(own.shape[:2])
+        np.add.at(own, label[rows], hessian[rows])
+        np.add.at(push, label[rows], gradient[rows])
+        return newton_steps(hessian.sum(axis=0) + np.eye(len(self.names)) - own, push)
+
+    def _normal(self, end: _End) -> tuple[Array, Array]:
+        """Normal equations (n, p, p) and gradients (n, p) of the loss of each error."""
+        layout = self._layout
         size = end.sigma[layout.kind]
         unit, slope = end.errors / size, end.slope / size[:, None]
         _, weight, bend = self.loss(unit**2, layout.share)
         curved = np.bincount(layout.kind, weight + 2 * bend * unit**2) / np.bincount(layout.kind, weight)
         curvature = weight * np.maximum(curved, _LEAST_CURVED)[layout.kind]  # of the loss, on average over a kind
-        inverse = np.linalg.inv((slope.T * curvature) @ slope + np.eye(count))
-        if not layout.robust:
+        return curvature[:, None, None] * slope[:, :, None] * slope[:, None], slope * (weight * unit)[:, None]
+
+    def covariance(self, end: _End) -> Array:
+        """Covariance (p, p) of the scaled parameters."""
+        inverse = np.linalg.inv(self._normal(end)[0].sum(axis=0) + np.eye(len(self.names)))
+        if not self._layout.robust:
             return inverse
-        score = np.zeros((layout.clusters, count))
-        np.add.at(score, layout.cluster, slope * (weight * unit)[:, None])
-        leverage = np.bincount(layout.cluster, curvature * np.einsum("ni,ij,nj->n", slope, inverse, slope))
-        score /= (1 - np.minimum(leverage, _MAX_LEVERAGE))[:, None]  # as if each cluster had been left out
-        return np.asarray(inverse @ (score.T @ score + np.eye(count)) @ inverse)
+        apart = self.without(end, self._layout.cluster)
+        return np.asarray(apart.T @ apart + inverse @ inverse)  # by the clusters, and by the priors
 
     def vague(self, end: _End, spread: Array) -> dict[str, str]:
         """Why the target doesn't tell parameters with standard errors (p,), by name; those that it tells lack."""
@@ -310,9 +322,10 @@ def _with_folds(fit: Calibration, problem: _Problem, end: _End, folds: np.ndarra
     target = problem.target
     errors, before = np.full(len(end.errors), np.nan), np.full(len(end.errors), np.nan)
     first, candidates = problem.errors(np.zeros(len(problem.names))), []
+    scaled = np.clip(end.scaled + problem.without(end, folds), problem.low, problem.high)
     for fold in np.unique(folds[folds >= 0]):
         out = folds == fold
-        candidates.append(problem.candidate(problem.least_squares(end, end.scaled, end.sigma, out)))
+        candidates.append(problem.candidate(scaled[fold]))
         errors[out], before[out] = target.errors(candidates[-1])[out], first[out]
         progress(1)
     return replace(

@@ -20,6 +20,7 @@ from trackslip.metrics import body_errors
 
 _SHARES = np.append(0.5 ** np.arange(20), 0.0)  # of a Newton step that are tried
 _STILL = 1e-10  # change of all unknowns below which a solution stands
+_STEPS = 100  # at most; more only shift rounding errors of ill-conditioned problems
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,9 @@ def bounded_optimum(hessian: Array, right: Array, bound: float) -> Array:
     (rows,) = np.nonzero(np.abs(optimum).max(axis=1) > bound)
     optimum = np.clip(optimum, -bound, bound)
     hessian = np.broadcast_to(hessian, (len(right), *hessian.shape[1:]))
-    while rows.size:
+    for _ in range(_STEPS):
+        if not rows.size:
+            break
         h, u = hessian[rows], optimum[rows]
         slope = (h @ u[..., None])[..., 0] - right[rows]
         free = (np.abs(u) < bound) | (u * slope > 0)

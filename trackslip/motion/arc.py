@@ -8,7 +8,6 @@ from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.jumps import find_jumps
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
 MIN_ARC_POSES = 12  # minimum number of valid poses for an arc
@@ -64,14 +63,13 @@ def _require_no_jump(run: str, time: Array, pose: Array, on_arc: Array) -> None:
     noise = _TO_DEVIATION / np.sqrt(2) * np.median(_sizes(np.diff(off, axis=0)), axis=1)
     off, on_arc = (np.median(np.split(part[: count * _OF_MEDIAN], count), axis=1) for part in (off, on_arc))
 
-    def missed(first: np.ndarray, then: np.ndarray) -> tuple[Array, Array]:
-        return _sizes(off[then] - off[first]), _UNEVEN * _sizes(on_arc[then] - on_arc[first])
-
-    for k in find_jumps(count, missed, np.maximum(_LEAST_JUMP, _JUMP * noise), most_wild=0)[1][:1]:
-        way, turn = missed(np.array([k - 1]), np.array([k]))[0][:, 0]
+    step, motion = _sizes(np.diff(off, axis=0)), _sizes(np.diff(on_arc, axis=0))
+    excess = (step / np.maximum(np.maximum(_LEAST_JUMP, _JUMP * noise)[:, None], _UNEVEN * motion)).max(axis=0)
+    if excess.max(initial=0.0) > 1:
+        k = int(excess.argmax())
         raise LogError(
-            f"run {run!r}: its poses jump by {way:.2g} m and {np.degrees(turn):.2g}° about "
-            f"t = {time[k * _OF_MEDIAN]:.12g} s and stay there; if they don't, check the units (m, rad)"
+            f"run {run!r}: its poses jump by {step[0, k]:.2g} m and {np.degrees(step[1, k]):.2g}° about "
+            f"t = {time[(k + 1) * _OF_MEDIAN]:.12g} s and stay there; if they don't, check the units (m, rad)"
         )
 
 

@@ -16,7 +16,7 @@ Missed = Callable[[np.ndarray, np.ndarray], tuple[Array, Array]]
 explains, (2, n) [m, rad]."""
 
 
-def find_jumps(count: int, missed: Missed, limit: Array, most_wild: int = MOST_WILD) -> tuple[list[int], list[int]]:
+def find_jumps(count: int, missed: Missed, limit: Array) -> tuple[list[int], list[int]]:
     """Indices of wild poses out of `count`, and of the first pose after each lasting jump.
 
     No motion jumps that slip explains to within `limit` (2,) [m, rad].
@@ -28,7 +28,7 @@ def find_jumps(count: int, missed: Missed, limit: Array, most_wild: int = MOST_W
     for k in outlying.tolist() if len(outlying) <= max(1, _NOISE * count) else []:
         if k <= last:
             continue
-        after = np.arange(k + 1, min(k + 1 + most_wild, count))
+        after = np.arange(k + 1, min(k + 1 + MOST_WILD, count))
         size, slip = missed(np.full(len(after), k - 1), after)
         back = after[(size - slip <= limit).all(axis=0)]
         if back.size:

@@ -11,6 +11,7 @@ from sim.drive.drive import RADIUS_ERROR
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
 from sim.robot.named import load_parameters
+from sim.robot.parameters import RobotParameters
 
 ROBOT = "half_gauge = 0.19\ncontact_length = 0.36\nradius_error = 0.02\n[ground]\nalong = 0.5\nacross = {across}\n"
 
@@ -92,8 +93,10 @@ def test_a_robot_is_found_from_its_drives_and_drives_alike(driven, tmp_path):
     ground = load_ground(str(found.folder / "ground.toml"))
     assert ground.across / ground.along == pytest.approx(parameters["friction_ratio"]["value"])
     assert load_parameters(found.folder / "robot.toml") == (
-        load_parameters(driven / "start.toml")[0].__class__(
-            half_gauge=0.19, contact_length=0.36, radius_error=parameters["radius_error"]["value"]
+        RobotParameters(
+            half_gauge=0.19,
+            contact_length=0.36,
+            **{name: parameters[name]["value"] for name in ("radius_error", "com_height")},
         ),
         ground,
     )

@@ -39,12 +39,6 @@ def test_changes_take_effect_at_their_times_outside_patches():
         np.testing.assert_allclose(found[1], [(0.7, 0.778)] * 2)
 
 
-def test_gravity_points_downhill():
-    for uphill in (0.0, 0.4, np.pi / 2):
-        expected = 9.81 * np.array([-np.sin(0.3) * np.cos(uphill), -np.sin(0.3) * np.sin(uphill), -np.cos(0.3)])
-        np.testing.assert_allclose(Ground(slope=0.3, uphill=uphill).gravity(9.81), expected, atol=1e-12)
-
-
 def test_the_friction_angle_is_that_of_the_ellipse():
     assert friction_angle((0.7, 0.9), 0.0) == pytest.approx(np.arctan(0.7))
     assert friction_angle((0.7, 0.9), -np.pi / 2) == pytest.approx(np.arctan(0.9))

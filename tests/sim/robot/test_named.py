@@ -46,18 +46,6 @@ def test_a_tracked_robot_on_flat_ground_has_the_mass_matrix_of_its_model(name):
     np.testing.assert_allclose(axes @ np.diag(body.inertia) @ axes.T, inertia, atol=1e-9)
 
 
-def test_it_is_the_same_robot_on_flat_ground_and_on_terrain(tmp_path):
-    wide = tmp_path / "wide.toml"
-    wide.write_text("half_gauge = 0.3\nmass = 60.0\ncom_x = 0.02\n[ground]\nalong = 0.5\n")
-    for source in ("shipped", "rescue", "husky", wide, write_robot(tmp_path)):
-        (parameters, ground), tracked = load_parameters(source), load_tracked(source)
-        model = build_tracked(tracked).model
-        assert model.body_subtreemass[0] == pytest.approx(parameters.mass)
-        assert tracked.half_gauge == parameters.half_gauge
-        assert tracked.contact_length == pytest.approx(parameters.contact_length)
-        assert ground == (Ground(along=0.5) if source == wide else Ground())
-
-
 @pytest.mark.parametrize("source", ["rescue", "husky", WIDE])
 def test_it_turns_as_theory_says_on_flat_ground_and_on_terrain(source):
     speeds, friction = np.array([0.04, 0.08]), 0.7

@@ -121,16 +121,6 @@ def test_parked_robots_sink_as_tracks_do_and_creep_as_slowly():
         np.testing.assert_allclose(level.load().sum(axis=1), robot.mass * G, rtol=1e-3)
 
 
-def test_the_contact_length_moves_the_axles_and_keeps_the_patches():
-    longer = HUSKY.with_contact_length(0.8)
-    assert longer.axles == pytest.approx((-0.35, 0.35))
-    assert (longer.contact_length, longer.patch_length) == (0.8, 0.1)
-    assert replace(longer, com_x=0.01).axles == longer.axles
-    assert RobotParameters().with_contact_length(0.4) == RobotParameters(contact_length=0.4)
-    with pytest.raises(InvalidValueError, match=r"contact_length = 0\.1: must be more than that of a patch, 0\.1 m"):
-        HUSKY.with_contact_length(0.1)
-
-
 def test_a_yaw_inertia_moves_mass_along_the_ground():
     for robot in (WARTHOG, replace(HUSKY, inertia=(4.0, 6.0, 8.0, 0.3, -0.2, 0.1), yaw_inertia=12.0)):
         model = load_robot(parameters=robot).model

@@ -9,7 +9,6 @@ from sim import Fleet, LaserScanner, RobotParameters, ScannerFeed
 from sim.drive.drive import tireless
 from sim.robot.robot import SCANNED_GROUP, compiled
 from sim.seeds import generator
-from trackslip.trajectory.named import REFERENCES
 
 POSES = np.array([[-1.5, 0.5, 0.3], [0.0, 1.0, 2.0], [-3.0, 3.0, -1.0], [-1.5, 1.0, np.pi / 2]])
 
@@ -61,22 +60,6 @@ def test_quantised_ranges_are_the_nearest_multiples_and_a_bias_is_added_to_all(r
     stated = feed(robot, LaserScanner(quantisation=0.01)).scan(np.zeros((1, 721))).noise
     assert stated == pytest.approx(np.sqrt(LaserScanner().noise ** 2 + 0.01**2 / 12))
     np.testing.assert_array_equal(measured(robot, range_bias=-0.02)[1], plain - 0.02)
-
-
-TRACKING_ERROR = 0.4  # m, to any side
-
-
-def test_the_plate_stays_in_view_and_clear_of_the_scanner_on_every_reference(robot):
-    for make in REFERENCES.values():
-        reference = make()
-        x, y, phi = reference.pose(np.linspace(0, reference.duration, 1001)).T
-        ends = (x + 1j * y) + robot.plate_radius * np.array([[-1], [1]]) * np.exp(1j * phi)  # of the plate
-        seen = (ends - complex(*robot.lrf_mount[:2])) * np.exp(-1j * robot.lrf_mount[2])  # forwards, to the left
-        distance = np.abs(seen)
-        assert distance.min() - TRACKING_ERROR > 1.0
-        assert distance.max() + TRACKING_ERROR < 6.0
-        bearing = np.abs(np.angle(seen)) + np.arcsin(TRACKING_ERROR / distance)
-        assert bearing.max() < LaserScanner().field_of_view / 2 - np.radians(3)
 
 
 SCANNERS = {

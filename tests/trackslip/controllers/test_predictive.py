@@ -57,6 +57,13 @@ def test_optima_within_bounds_are_those_of_scipy():
     np.testing.assert_allclose(bounded_optimum(hessians, right, 0.3), wanted, atol=1e-9)
 
 
+def test_ill_conditioned_problems_end():
+    """Of errors that cost 10^10 times as much as others, and robots metres away."""
+    controller, reference = ModelPredictive(intervals=40, position_scale=1e-4, final_weight=1e4), circle(1.0, 0.2, 40.0)
+    pose = reference.pose(5.0) + np.random.default_rng(0).normal(0, 10.0, (4, 3))
+    assert np.isfinite(controller.twist(5.0, pose, reference)).all()
+
+
 @pytest.mark.parametrize("make", [LinearPredictive, ModelPredictive, PathIntegral])
 def test_no_track_exceeds_its_limit(make):
     controller, reference = make(), circle(0.7, 0.2, 40.0)
