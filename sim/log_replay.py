@@ -81,7 +81,7 @@ def replay(
     Args:
         log: a drive, or several, each of which is replayed from its own start.
         robot: the robot.
-        ground: the ground; by default the one of the robot's file.
+        ground: the ground; by default that of the robot's file.
         inputs: "encoders" for the measured sprocket speeds, which change smoothly from row to row, or "commands" for
             the logged commands, which hold until the next one.
         sensor: place of the sensor of the poses on the robot; by default its middle.

@@ -81,7 +81,7 @@ def _fit(weights: Sequence[Array], biases: Sequence[Array]) -> bool:
         len(shapes) > 0
         and chained
         and [bias.shape for bias in biases] == [shape[1:] for shape in shapes]
-        and all(one.dtype.kind == "f" and np.isfinite(one).all() for one in (*weights, *biases))
+        and all(layer.dtype.kind == "f" and np.isfinite(layer).all() for layer in (*weights, *biases))
     )
 
 

@@ -34,8 +34,8 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
 
     def reset(self) -> np.ndarray:
         """Begin episodes with the seeds and options set before, if any; returns observations (N, n)."""
-        names = {name for one in self._options for name in one}
-        options = {name: [one.get(name) for one in self._options] for name in names}
+        names = {name for options in self._options for name in options}
+        options = {name: [given.get(name) for given in self._options] for name in names}
         observation, info = self.env.reset(seed=list(self._seeds), options=options)
         self.reset_infos = _by_robot(info, self.num_envs)
         self._reset_seeds()

@@ -135,7 +135,9 @@ def metadata_here(task: Task) -> dict[str, Any]:
 
 def spaces(task: Task) -> tuple[Any, Any]:
     """Observation space and action space of one robot."""
-    observed, commanded = (np.array([e.bound for e in one], np.float32) for one in (task.observed, task.commanded))
+    observed, commanded = (
+        np.array([e.bound for e in elements], np.float32) for elements in (task.observed, task.commanded)
+    )
     return gymnasium.spaces.Box(-observed, observed), gymnasium.spaces.Box(-commanded, commanded)
 
 

@@ -43,7 +43,7 @@ class Config(ClosedLoopOptions):
     seeds: Annotated[tuple[int, ...] | None, Distinct(), Whole(), default_is("the suite's", "INT ...")] = None
     """Seeds of plants, random starts and the scanner's noise, the same for all controllers and compensations."""
     plants: Annotated[Literal["nominal", "drawn"] | None, default_is("the suite's", "{nominal,drawn}")] = None
-    """Robots: the one that the laws were identified on, or robots, grounds and scanners drawn around it."""
+    """Robots: that which the laws were identified on, or robots, grounds and scanners drawn around it."""
     gains: Annotated[str | None, default_is("the suite's", "{default,tuned,FOLDER}")] = None
     """Gains of the controllers: their classes' defaults, the tuned ones, or those that tune wrote, else the tuned."""
     jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0

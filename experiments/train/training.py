@@ -30,7 +30,7 @@ def last_checkpoint(out: Path) -> Path:
 
 
 def model_of(config: Config, task: LearningTask) -> Any:
-    """A new PPO model, or the one of the last checkpoint."""
+    """A new PPO model, or that of the last checkpoint."""
     import torch
     from stable_baselines3 import PPO
 

@@ -130,10 +130,10 @@ class EnvConfig(OwnTerms):
         used = self.action == "twist" or self.compensation == "none"
         require(used, "compensation", self.compensation, '"none" unless action is "twist"')
         for name, names in (("reference", self.reference), ("ground", self.ground)):
-            valid = names and all(isinstance(one, str) for one in _several(names))
+            valid = names and all(isinstance(value, str) for value in _several(names))
             require(valid, name, names, "a name, or a tuple of names")
-        for one in self.grounds:
-            self.load_ground(one)
+        for ground in self.grounds:
+            self.load_ground(ground)
         require(len(self.twist_scale) == 2, "twist_scale", self.twist_scale, "two numbers")
         for scale in self.twist_scale:
             require_positive("twist_scale", scale)
@@ -185,7 +185,7 @@ class EnvConfig(OwnTerms):
         return self._robot_file[0]
 
     def load_ground(self, name: str) -> Ground:
-        """A ground by name, "robot" for the one in the robot's file; raises TrackslipError for any other name."""
+        """A ground by name, "robot" for that in the robot's file; raises TrackslipError for any other name."""
         return self._robot_file[1] if name == "robot" else load_ground(name)
 
     @property
@@ -202,7 +202,7 @@ class EnvConfig(OwnTerms):
     def shears(self) -> bool:
         """True if one of the grounds shears."""
         drawn = self.drawn.shear
-        return any(self.load_ground(one).largest_shear > 0 for one in self.grounds) or (
+        return any(self.load_ground(name).largest_shear > 0 for name in self.grounds) or (
             drawn is not None and drawn[1] > 0
         )
 

@@ -116,7 +116,7 @@ class TraverseConfig(OwnTerms):
         super().__post_init__()
         for name, value, choices in (("action", self.action, _ACTIONS), ("flippers", self.flippers, _FLIPPERS)):
             require(value in choices, name, value, f"one of {', '.join(choices)}")
-        valid = self.courses and all(isinstance(one, str | Course) for one in self.courses)
+        valid = self.courses and all(isinstance(course, str | Course) for course in self.courses)
         require(valid, "course", self.course, "a course, a name, or a tuple of those")
         for course in self.courses:
             if isinstance(course, str) and course not in DRAWN:

@@ -90,12 +90,12 @@ class Crossing(Restorable):
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
         self.config = config
         self.size, self.threads = size, threads
-        self._drawn = [one for one in config.courses if one in DRAWN]
+        self._drawn = [course for course in config.courses if course in DRAWN]
         robot = config.load_robot()
         self._hull, self._footprint = robot.hull, Footprint.of(robot)
-        listed = [one for one in config.courses if one not in DRAWN]
+        listed = [course for course in config.courses if course not in DRAWN]
         self._listed = {
-            one: self._footprint.fit(load_course(one) if isinstance(one, str) else one) for one in listed
+            course: self._footprint.fit(load_course(course) if isinstance(course, str) else course) for course in listed
         }  # by name, or by the course that was given
         drawn = [self._footprint.fit(draw_course(np.random.default_rng(0), 0.0))] if self._drawn else []
         courses = [*self._listed.values(), *drawn]
@@ -105,7 +105,7 @@ class Crossing(Restorable):
             robot,
             courses,
             size,
-            boxes=max((MAX_BOXES if one == RANDOM else FTR_BOXES for one in self._drawn), default=0),
+            boxes=max((MAX_BOXES if name == RANDOM else FTR_BOXES for name in self._drawn), default=0),
             preset=config.preset,
             servos=config.servos_of(robot),
             limits=config.limits,
@@ -194,8 +194,8 @@ class Crossing(Restorable):
             return
         starts, masses = [run.start for run in episodes], [run.mass for run in episodes]
         self.world.begin(where, [run.course for run in episodes], starts, mass=masses)
-        self._difficulty[where] = [one.difficulty for one in episodes]
-        self._seed[where] = [one.seed for one in episodes]
+        self._difficulty[where] = [episode.difficulty for episode in episodes]
+        self._seed[where] = [episode.seed for episode in episodes]
         self._length[where] = self.world.way[where]
         for state in (self._action, self._penetration, self._work, self.reward, *self._terms.values()):
             state[where] = 0
@@ -235,7 +235,7 @@ class Crossing(Restorable):
         defined = np.isfinite(contact.slip)
         return {
             "time": world.time.copy(),  # [s]
-            "outcome": np.array([Outcome(one).label for one in self.outcome], object),
+            "outcome": np.array([Outcome(outcome).label for outcome in self.outcome], object),
             "difficulty": np.where(np.isfinite(self._difficulty), self._difficulty, -1.0),  # -1: not drawn
             "progress": 1 - world.way / self._length,  # share of the way [-]
             "true_position": world.state.position.copy(),  # (N, 3) [m]

@@ -209,7 +209,7 @@ def open_bags(path: str | Path) -> list[Bag]:
 
 
 def bags_in(path: Path) -> list[Path]:
-    """The bags in a folder, or the one of a file: folders with metadata, and files."""
+    """The bags in a folder, or that of a file: folders with metadata, and files."""
     if not path.is_dir():
         return [path] if _is_bag_file(path) else []
     patterns = ("/".join("*" * depth) for depth in range(1, _DEPTH + 1))
@@ -277,7 +277,7 @@ def _indexed(path: Path) -> Bag:
 
 def _read_indexed(path: Path, chosen: Collection[str], decode: bool) -> Iterator[Message]:
     with _refusing(path), _reader(path) as reader:
-        connections = [one for one in reader.connections if one.topic in chosen]
+        connections = [each for each in reader.connections if each.topic in chosen]
         for connection, arrival, data in reader.messages(connections) if connections else ():
             content = reader.deserialize(data, connection.msgtype) if decode else None
             yield Message(connection.topic, arrival, content)

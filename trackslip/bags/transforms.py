@@ -61,7 +61,7 @@ Link = tuple[SpacePoses, bool]
 def frames_of(bag: Bag, most: int) -> list[Pair]:
     """The pairs of frames linked by the first `most` transform messages of each topic."""
     messages = (message for topic in bag.of_type(*TRANSFORMS) for message in bag.first(topic.name, most))
-    return [*dict.fromkeys(_pair(one) for message in messages for one in message.content.transforms)]
+    return [*dict.fromkeys(_pair(link) for message in messages for link in message.content.transforms)]
 
 
 def parents_of(pairs: Iterable[Pair]) -> dict[str, str]:

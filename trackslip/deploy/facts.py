@@ -23,7 +23,7 @@ _SPELLED = str.maketrans(
 def alarms_of(stored: StoredLaws) -> list[str]:
     """Lines of the alarms that the identification raised."""
     found = entry(stored.content, "alarms")
-    return [line for one in found if (line := text(one, "line"))] if isinstance(found, list | tuple) else []
+    return [line for alarm in found if (line := text(alarm, "line"))] if isinstance(found, list | tuple) else []
 
 
 def fact_lines(stored: StoredLaws, law: str) -> list[str]:

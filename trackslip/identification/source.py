@@ -192,7 +192,7 @@ def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]
 
 
 def _geometry(reading: ReadOptions, stored: Any, source: object) -> RobotGeometry:
-    """The geometry given, else the one the log states."""
+    """The geometry given, else that of the log."""
     values = {}
     for name in ("half_gauge", "sprocket_radius"):
         given = getattr(reading, name)

@@ -186,7 +186,7 @@ FAMILIES: dict[str, LawFamily] = {
 
 def drive_laws() -> tuple[str, ...]:
     """Names of the families that are fitted to whole drives."""
-    return tuple(name for name, one in FAMILIES.items() if one.of_drives)
+    return tuple(name for name, family in FAMILIES.items() if family.of_drives)
 
 
 def family(name: str) -> LawFamily:

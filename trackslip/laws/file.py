@@ -63,7 +63,7 @@ class StoredLaws:
         steady, short = (entry(self.content, key, law) for key in ("laws", "slip_laws"))
         drive = self.drive_fit(law)
         inner = drive if self.content.get("method") == "drive" or steady is None else steady
-        return next((one for one in (inner, short) if isinstance(one, Mapping)), {})
+        return next((laws for laws in (inner, short) if isinstance(laws, Mapping)), {})
 
     def interval95(self, law: str, parameter: str) -> tuple[float, float] | None:
         """95 % interval of a parameter; None if unknown, as for a parameter that was held."""
@@ -173,4 +173,4 @@ def text(content: Any, *keys: str | int) -> str:
 def texts(content: Any, *keys: str | int) -> list[str]:
     """The texts in the list under nested keys."""
     found = entry(content, *keys)
-    return [one for one in found if isinstance(one, str)] if isinstance(found, list | tuple) else []
+    return [name for name in found if isinstance(name, str)] if isinstance(found, list | tuple) else []

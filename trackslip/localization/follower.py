@@ -86,7 +86,7 @@ def _track(
         if doubted.size:
             here.put(doubted, locator.locate(replace(scan, ranges=scan.ranges[doubted, row]), expected[doubted]))
         tracked.append(tracker.update(here))
-    parts = zip(*(vars(one).values() for one in tracked), strict=True)
+    parts = zip(*(vars(track).values() for track in tracked), strict=True)
     return PoseEstimate(*(np.stack(part, axis=1) for part in parts))
 
 

@@ -75,7 +75,7 @@ class PlateLocator:
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`.
 
-        Without an expected pose every cluster that could be a plate is tried, and the one that explains most is kept.
+        Without an expected pose every cluster that could be a plate is tried, and what explains most is kept.
         If a cluster may contain returns from something else, or lack some of its own, its returns are selected again
         by the pose found.
         """

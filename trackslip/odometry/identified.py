@@ -24,7 +24,7 @@ class LawInUse:
 
     name: str  # name of its family
     law: SlipLaw
-    geometry: RobotGeometry  # the one the law was identified for
+    geometry: RobotGeometry  # that the law was identified for
     noise: SlipNoise | None = None  # slip that varies; None if it was not identified
     errors: LawErrors | None = None
     """Errors of the law's parameters, as wide as their 95 % intervals; None if they are not known."""

@@ -17,7 +17,7 @@ from trackslip.errors import InvalidValueError, OutputError
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.se2 import rotate
 
-_TOLERANCE = 0.1  # how far the length of a stretch may be from the one wanted [of that length], as evo has it
+_TOLERANCE = 0.1  # how far the length of a stretch may be from that wanted [of that length], as evo has it
 _ROUNDING = 1e-6  # of time stamps [s]
 
 

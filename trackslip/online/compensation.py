@@ -193,7 +193,7 @@ def named_compensation(name: str, robot: RobotGeometry, laws: str | Path = SHIPP
     if isinstance(prior, IcrLoad):
         return LoadedOnlineIcr(robot, prior)
     if name not in stored:
-        learning = [one for one, law in _PRIORS.items() if law in stored]
+        learning = [name for name, law in _PRIORS.items() if law in stored]
         allowed = f"one of {', '.join([*KNOWN_LAWS, *stored, *learning, 'online_cold'])}"
         raise InvalidValueError("compensation", name, allowed)
     return known_law(stored[name])

@@ -84,7 +84,7 @@ def clothoid(
     Args:
         start: first pose (3,).
         straight: length of the first and the last piece [m].
-        transition: length of the clothoid between a straight and an arc [m]; the one between the arcs is twice as long.
+        transition: length of the clothoid between a straight and an arc [m]; that between the arcs is twice as long.
         radius: of the arcs [m].
         arc: length of each arc [m].
     """
