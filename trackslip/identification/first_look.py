@@ -69,10 +69,10 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     if not covered:
         raise LogError(f"run {drives[0].name!r}: encoders were read at fewer than 2 of its poses: record both together")
     gains = gains_of(covered, geometry, clock)
-    refuse_units(covered, gains, geometry)
     window = windows_of(covered, geometry, clock)
     matches = matches_of(window)
     refuse_readings(covered, window, matches, geometry, clock)
+    refuse_units(covered, gains, geometry)
     turns = gains.factors[1] * window.turn
     left, right = float(turns.clip(min=0.0).sum()), float((-turns).clip(min=0.0).sum())
     duration = float(sum(drive.time[-1] - drive.time[0] for drive in covered))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from looks import DRIVE, KINDS, POSE, holds, look_at, without
-from plain_drives import ENCODER_STEP, HUSKY, Drive
+from plain_drives import ENCODER_STEP, HUSKY, Drive, Robot, drive_of, measured
 
 from trackslip.errors import LogError
 
@@ -40,6 +40,15 @@ def refused(match, **log):
 )
 def test_poses_in_other_units(change, match):
     refused(match, pose=change(POSE))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_degrees_are_no_unit_of_the_wheels(seed):
+    """By headings in degrees, distances may be as short as for speeds in deg/s."""
+    robot = Robot(half_gauge=0.42, radius=0.11, offset=0.09, radius_error=0.025)
+    drive = drive_of(robot, seed=seed, speed=1.1, yaw_rate=0.7)
+    time, pose = measured(drive)
+    refused("column phi is in degrees", drive=drive, time=time, pose=pose * [1, 1, 180 / np.pi], robot=robot)
 
 
 def counts(omega: np.ndarray, per_turn: int) -> np.ndarray:
