@@ -58,6 +58,8 @@ def _require_no_jump(run: str, time: Array, pose: Array, on_arc: Array) -> None:
     """Raise LogError where medians of poses (T, 3) step away from their arc (T, 3) and stay there."""
     fresh = np.append(True, (np.diff(pose, axis=0) != 0).any(axis=1))  # held poses lag behind, then catch up
     count = fresh.sum() // _OF_MEDIAN
+    if count < 2:  # nothing to step from
+        return
     time, on_arc, off = time[fresh], on_arc[fresh], (pose - on_arc)[fresh]
     off[:, 2] = wrap_angle(off[:, 2])
     noise = _TO_DEVIATION / np.sqrt(2) * np.median(_sizes(np.diff(off, axis=0)), axis=1)
@@ -65,7 +67,7 @@ def _require_no_jump(run: str, time: Array, pose: Array, on_arc: Array) -> None:
 
     step, motion = _sizes(np.diff(off, axis=0)), _sizes(np.diff(on_arc, axis=0))
     excess = (step / np.maximum(np.maximum(_LEAST_JUMP, _JUMP * noise)[:, None], _UNEVEN * motion)).max(axis=0)
-    if excess.max(initial=0.0) > 1:
+    if excess.max() > 1:
         k = int(excess.argmax())
         raise LogError(
             f"run {run!r}: its poses jump by {step[0, k]:.2g} m and {np.degrees(step[1, k]):.2g}° about "
