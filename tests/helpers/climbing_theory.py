@@ -61,7 +61,7 @@ def highest_step(view: SideView, friction: float) -> float:
     `friction` is the coefficient between belt and ground, and belt and step [-].
     """
     low, high = 0.0, float((view.wheels[:, 1] + view.wheels[:, 2]).max() - view.ground + view.ahead)
-    while high - low > 1e-4:
+    while high - low > 1e-6:
         middle = (low + high) / 2
         low, high = (middle, high) if climbs(view, friction, middle) else (low, middle)
     return low

@@ -11,7 +11,7 @@ TWO_WHEELS = SideView(np.array([(0.0, R, R), (LENGTH, R, R)]), (A, C))
 def test_with_much_friction_tipping_over_limits_the_step():
     theta = np.linspace(0, 1.57, 400_001)
     tips_over = R * (1 - np.cos(theta)) + (A - C * np.tan(theta)) * np.sin(theta)
-    assert highest_step(TWO_WHEELS, 5.0) == pytest.approx(tips_over.max(), abs=1.5e-4)
+    assert highest_step(TWO_WHEELS, 5.0) == pytest.approx(tips_over.max(), abs=1e-5)
 
 
 def test_a_low_step_is_climbed_up_to_the_friction_of_a_wheel_on_its_edge():
@@ -26,4 +26,4 @@ def test_a_low_step_is_climbed_up_to_the_friction_of_a_wheel_on_its_edge():
 
     heights = np.linspace(1e-4, R, 2_000)
     limit = heights[np.argmax(np.array([push(h) for h in heights]) < 0)]
-    assert highest_step(TWO_WHEELS, mu) == pytest.approx(limit, abs=1.5e-4)
+    assert highest_step(TWO_WHEELS, mu) == pytest.approx(limit, abs=1e-4)
