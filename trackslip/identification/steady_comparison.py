@@ -77,7 +77,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     choice = choose(laws, lambda some: _ranked(some, predicted))
     if choice is None:
         best = min(laws.keys() - {"none"}, key=lambda name: (name != REFERENCE, len(laws[name].values), name))
-        why = "the runs are too few for predictions"
+        why = "the runs are too few to compare laws"
         choice = Choice(best=best, reason=why, score={}, expressible=best if is_expressible(best) else None)
     order = sorted(laws, key=lambda name: (name != choice.best, choice.score.get(name, np.inf), laws[name].rms))
     return SteadyComparison(
