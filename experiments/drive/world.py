@@ -15,8 +15,8 @@ from sim.seeds import generator
 from sim.task import from_options
 from sim.terrain import load_course
 from sim.traverse.config import TraverseConfig
+from sim.traverse.courses import FTR_COURSES, draw_ftr_course
 from sim.traverse.footprint import Footprint
-from sim.traverse.ftr_courses import FTR_COURSES, draw_ftr_course
 from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import CrossingPolicy
@@ -66,7 +66,7 @@ def driver(config: Config, world: Traverse) -> Driver:
     if config.policy is not None:
         return PolicyDriver(CrossingPolicy.load(config.policy), world)
     asked, half_gauge = config.flipper_angles(), world.tracked.robot.half_gauge
-    fixed = np.where(world.tracked.flipper_front, *(asked or (0.0, 0.0)))[None]
+    fixed = np.where(world.tracked.flippers.front, *(asked or (0.0, 0.0)))[None]
 
     def angles(world: Traverse) -> Array:
         return world.reflex(Reflex()) if asked is None else fixed

@@ -11,8 +11,7 @@ from sim.robot.tracked import TrackedRobot
 from sim.task import MAX_WEIGHT
 from sim.terms import OwnTerms
 from sim.terrain import Course, load_course
-from sim.traverse.courses import OBSTACLES, require_kinds
-from sim.traverse.ftr_courses import FTR_COURSES
+from sim.traverse.courses import FTR_COURSES, OBSTACLES, require_kinds
 from sim.traverse.observation import SensorNoise
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import Scripted

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.robot.tracked import TrackedRobot
-from sim.robot.tracked_model import build_tracked
+from sim.robot.tracked_model import FlipperGeometry, build_tracked
 from sim.terrain import Course
-from sim.traverse.reflex import FlipperGeometry
 from trackslip.errors import require
 
 _BEFORE = 0.05  # between a robot and the first piece; heights are looked up in cells of 2 cm [m]
@@ -34,7 +33,7 @@ class Footprint:
         x, _, radius = np.array(robot.hull).T
         ahead, behind, aside = [(x + radius).max()], [(radius - x).max()], [robot.half_gauge + robot.width / 2]
         if robot.flippers:
-            flippers = flippers or FlipperGeometry.of(build_tracked(robot))
+            flippers = flippers or build_tracked(robot).flippers
             reach = flippers.length + flippers.radius
             ahead += list(flippers.hinge[:, 0] + np.where(flippers.front, reach, 0.0))
             behind += list(np.where(flippers.front, 0.0, reach) - flippers.hinge[:, 0])

@@ -4,48 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from sim.robot.tracked_model import TrackedModel
+from sim.robot.tracked_model import FlipperGeometry
 from trackslip.errors import require_at_most, require_finite
 from trackslip.kinematics import Array
 
 SAMPLES = np.array([1.0, 1.25, 1.5])
 """Distances from the hinge at which a reflex samples the ground, in flipper lengths."""
-
-
-@dataclass(frozen=True)
-class FlipperGeometry:
-    """Shape of F flippers."""
-
-    hinge: Array  # (F, 3) in the chassis' frame [m]
-    length: Array  # (F,) from the hinge to the wheel at the tip [m]
-    radius: Array  # (F,) of a flipper's wheels, mean [m]
-    front: NDArray[np.bool_]  # (F,) whether the flipper points forwards
-    rest: Array  # (F,) lift of the tip above the chassis' plane at angle 0 [rad]
-
-    @classmethod
-    def of(cls, tracked: TrackedModel) -> FlipperGeometry:
-        """The flippers of a robot."""
-        model, flippers = tracked.model, tracked.robot.flippers
-        data = mujoco.MjData(model)
-        data.qpos[tracked.flipper_qpos] = 0.0
-        mujoco.mj_kinematics(model, data)
-        axes, origin = data.xmat[tracked.body].reshape(3, 3), data.xpos[tracked.body]
-        joints = [int(np.flatnonzero(model.jnt_qposadr == adr)[0]) for adr in tracked.flipper_qpos]
-        hinge, tip, radius = np.zeros((len(joints), 3)), np.zeros((len(joints), 3)), np.zeros(len(joints))
-        for k, (joint, flipper) in enumerate(zip(joints, flippers, strict=True)):
-            body, wheels = model.jnt_bodyid[joint], np.array(flipper.hull)
-            places = np.insert(wheels[:, :2], 1, flipper.y, axis=1) @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
-            away = np.linalg.norm(places - data.xanchor[joint], axis=1)
-            hinge[k] = (data.xanchor[joint] - origin) @ axes
-            tip[k] = (places[away.argmax()] - origin) @ axes
-            radius[k] = wheels[:, 2].mean()
-        reach = tip - hinge
-        length = np.hypot(reach[:, 0], reach[:, 2])
-        return cls(hinge, length, radius, tracked.flipper_front, np.arctan2(reach[:, 2], np.abs(reach[:, 0])))
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,8 @@ from sim.task import Element, checked, clipped_actions
 from sim.terms import Terms
 from sim.terrain import Course, load_course
 from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingReward, TraverseConfig
-from sim.traverse.courses import MAX_BOXES, draw_course
+from sim.traverse.courses import FTR_BOXES, MAX_BOXES, draw_course, draw_ftr_course
 from sim.traverse.footprint import Footprint
-from sim.traverse.ftr_courses import FTR_BOXES, draw_ftr_course
 from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Outcome, Outcomes
 from sim.traverse.world import Command, Traverse

@@ -19,7 +19,7 @@ from sim.tracks import Reading
 from sim.traverse.contact import TrackContact
 from sim.traverse.footprint import Footprint
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
-from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
+from sim.traverse.reflex import SAMPLES, Reflex
 from sim.traverse.servos import Servos, ServoState
 from sim.traverse.slots import Slots
 from sim.world import World, quietly
@@ -100,7 +100,7 @@ class Traverse(World):
         self._friction = None if shared else self.batch.expand("pair_friction")  # (N, npair, 5), live
         if self._slots is not None:
             self._slots.bind_batch(self.batch)
-        self.flippers = FlipperGeometry.of(self.tracked)
+        self.flippers = self.tracked.flippers
         self.footprint = Footprint.of(robot, self.flippers)
         self._clear = clear_angles(self.tracked, np.zeros(len(self.flippers.length)))
         self.servo = ServoState(self.servos, size, len(self.flippers.length))
