@@ -9,7 +9,8 @@ from sim.path_tracking.config import EnvConfig
 from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.renderer import PathRenderer
 from sim.path_tracking.tracking import PathTracking
-from sim.task import TaskKind, from_options, metadata
+from sim.settings import from_options
+from sim.task import TaskKind, metadata
 from sim.task_env import TaskEnv, TaskVectorEnv
 from sim.traverse.config import TraverseConfig
 from sim.traverse.renderer import CourseRenderer

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from sim.network import Network, load_network
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.observation import TrackingLayout
-from sim.task import from_options
+from sim.settings import from_options
 from trackslip.errors import LogError, require
 from trackslip.kinematics import Array
 from trackslip.laws.file import number

@@ -2,36 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from numbers import Integral, Real
-from pathlib import PurePath
-from types import NoneType, UnionType
-from typing import Any, Protocol, TypeVar, get_args, get_origin, get_type_hints
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.opengl import TaskRenderer, has_display
-from sim.toml_file import build
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
 Floats = NDArray[np.float32]
-C = TypeVar("C")
 MAX_WEIGHT = 1e6
 """Largest weight in a reward."""
-_KINDS: dict[Any, tuple[Any, str]] = {  # of options, by type hint: what values are instances of, in words
-    str: (str, "a text"),
-    bool: (bool, "true or false"),
-    float: (Real, "a number"),
-    int: (Integral, "a whole number"),
-    tuple: (tuple, "a tuple"),
-    dict: (dict, "a dictionary"),
-    NoneType: (NoneType, "None"),
-}
 
 
 @dataclass(frozen=True)
@@ -144,71 +129,3 @@ def spaces(task: Task) -> tuple[Any, Any]:
 def row_of(info: dict[str, Any]) -> dict[str, Any]:
     """Entries of `info` for robot 0: numbers, texts and arrays."""
     return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}
-
-
-def from_options(configuration: type[C], options: Mapping[str, Any]) -> C:
-    """Build the dataclass `configuration` from keyword arguments; lists become tuples, and paths texts.
-
-    Options that are dataclasses may be dictionaries of their fields, as in a specification that was read from JSON.
-    Raises TypeError for unknown names, InvalidValueError for values of another type and what the configuration itself
-    refuses, SettingsFileError for such dictionaries.
-    """
-    hints = get_type_hints(configuration)
-    known = {f.name: hints[f.name] for f in fields(configuration)}  # type: ignore[arg-type]
-    for name in options:
-        if name not in known:
-            raise TypeError(f"unexpected keyword argument {name!r}: options are {', '.join(known)}")
-    built = {name: _built(name, value, known[name]) for name, value in options.items()}
-    return configuration(**checked("option", built, known))
-
-
-def _built(name: str, value: object, hint: Any) -> object:
-    """An option, with dictionaries as what its type hint allows: dataclasses, or classes with `from_table`."""
-    parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
-    if isinstance(value, list | tuple):
-        items = [item for part in parts if get_origin(part) is tuple for item in get_args(part)[:1]]
-        return tuple(_built(name, each, items[0]) for each in value) if items else value
-    if not isinstance(value, Mapping) or any(get_origin(part) is dict for part in parts):
-        return value
-    kinds = [kind for part in parts for kind in _dataclasses(part)]
-    if len(kinds) != 1:
-        kinds = [kind for kind in kinds if {f.name for f in fields(kind)} >= set(value)]
-    if not kinds:
-        return value
-    kind = min(kinds, key=lambda kind: len(fields(kind)))
-    return kind.from_table(dict(value), name) if hasattr(kind, "from_table") else build(kind, value, name)
-
-
-def _dataclasses(kind: Any) -> list[Any]:
-    """A type if it is a dataclass, else those of its subclasses that are."""
-    if is_dataclass(kind):
-        return [kind]
-    return [each for subclass in getattr(kind, "__subclasses__", list)() for each in _dataclasses(subclass)]
-
-
-def checked(field: str, options: object, hints: Mapping[str, Any]) -> dict[str, Any]:
-    """Options by name, with lists as tuples, and paths as texts.
-
-    Raises InvalidValueError unless they are a mapping with names among `hints` and values of these types.
-    """
-    require(isinstance(options, Mapping), field, options, "a dictionary")
-    assert isinstance(options, Mapping)
-    for name in options:
-        require(name in hints, field, name, f"one of {', '.join(hints)}")
-    values = {name: _plain(value) for name, value in options.items()}
-    for name, value in values.items():
-        _require_type(name, value, hints[name])
-    return values
-
-
-def _plain(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else str(value) if isinstance(value, PurePath) else value
-
-
-def _require_type(field: str, value: object, hint: Any) -> None:
-    """Raise InvalidValueError unless a value is of a type, or of one of several."""
-    parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
-    kinds = [_KINDS.get(get_origin(part) or part, (part, "")) for part in parts]
-    valid = any(isinstance(value, kind) for kind, _ in kinds) and (hint is bool or not isinstance(value, bool))
-    valid = valid and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
-    require(valid, field, value, " or ".join(words or f"a {kind.__name__}" for kind, words in kinds))

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from sim.opengl import TaskRenderer
 from sim.restorable import Restorable
-from sim.task import Element, Floats, TaskKind, from_options, metadata_here, numeric, row_of, spaces
+from sim.settings import from_options
+from sim.task import Element, Floats, TaskKind, metadata_here, numeric, row_of, spaces
 from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
 
 _MOST, _MOST_THREADS = 100_000, 1024

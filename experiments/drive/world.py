@@ -12,7 +12,7 @@ from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
 from sim.robot.named import load_tracked
 from sim.seeds import generator
-from sim.task import from_options
+from sim.settings import from_options
 from sim.terrain import load_course
 from sim.traverse.config import TraverseConfig
 from sim.traverse.courses import FTR_COURSES, draw_ftr_course

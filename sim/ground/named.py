@@ -11,7 +11,7 @@ to five for loose sand and snow, and less for clay.
 from __future__ import annotations
 
 from sim.ground.ground import Change, Ground
-from sim.toml_file import build, read_named
+from sim.settings import build, read_named
 from trackslip.errors import SettingsFileError
 
 _HARD = 0.778 / 0.70

@@ -16,7 +16,7 @@ from sim.ground.ground import Ground
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.randomization import LIMITS, Randomization, uniform
 from sim.restorable import Restorable
-from sim.task import checked
+from sim.settings import options_of
 from trackslip import se2
 from trackslip.errors import require, require_at_most, require_finite, require_within
 from trackslip.kinematics import Array
@@ -60,7 +60,7 @@ def draw(
     own [-]; `lag` [s]; and `latency` [control periods]. Raises InvalidValueError for unknown options and values out of
     range.
     """
-    options, drawn = checked("options", options, _OPTIONS), config.drawn
+    options, drawn = options_of("options", options, _OPTIONS), config.drawn
     reference = table.index(options.get("reference", _choice(generator, config.references)))
     base = config.load_ground(_choice(generator, config.grounds))
     robot, drive = config.parameters, config.drive or config.parameters.drive

@@ -19,7 +19,7 @@ from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.urdf import Refuse, refuse, said_of
 from sim.robot.wheels import own_wheels
-from sim.toml_file import build, read_named
+from sim.settings import build, read_named
 from trackslip.errors import InvalidValueError, SettingsFileError, require
 
 SHIPPED = "shipped"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.toml_file import build, read_named
+from sim.settings import build, read_named
 from trackslip.errors import Checked, checked, require, require_at_most, require_finite, require_positive
 from trackslip.kinematics import Array
 

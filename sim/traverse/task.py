@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.restorable import Restorable
-from sim.task import Element, checked, clipped_actions
+from sim.settings import options_of
+from sim.task import Element, clipped_actions
 from sim.terms import Terms
 from sim.terrain import Course, load_course
 from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingReward, TraverseConfig
@@ -154,7 +155,7 @@ class Crossing(Restorable):
         drawn course [-]; `start_offset`, to the left [m]; `start_heading` [rad]; and `mass`, over the chassis'
         own [-]. Raises InvalidValueError for unknown options and values out of range.
         """
-        options = checked("options", options, _OPTIONS)
+        options = options_of("options", options, _OPTIONS)
         seed = int(generator.integers(2**63))
         config, own = self.config, np.random.default_rng(seed)
         chosen = config.courses[generator.integers(len(config.courses))]

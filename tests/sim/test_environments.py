@@ -24,7 +24,7 @@ from sim import (
     TraverseConfig,
 )
 from sim.path_tracking.config import EnvConfig, TrackingReward
-from sim.task import from_options
+from sim.settings import from_options
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.traverse.config import CrossingReward
 from sim.traverse.servos import Servos

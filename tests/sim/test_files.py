@@ -80,7 +80,7 @@ MISTAKES = [
     # grounds
     (load_ground, "base = 'mud'", "base = 'mud': must be one of stone"),
     (load_ground, "patches = 3", "patches = 3: must be a list"),
-    (load_ground, "patches = [3]", "patches[0]: 3 is not a table"),
+    (load_ground, "patches = [3]", "patches[0] = 3: must be a Patch"),
     (load_ground, PIECE, "patches[0]: x is missing"),
     (load_ground, PIECE + "x = [[0], [1]]", "patches[0]: x = [0]: must be a number"),
     (
