@@ -2,17 +2,17 @@
 
 from .bags.writer import write_bag as write_bag
 from .drive.drive import Drive as Drive
-from .drive.pull import Pull as Pull
+from .drive.drive import Pull as Pull
 from .fleet import Fleet as Fleet
 from .ground.ground import Ground as Ground
-from .ground.named import load_ground as load_ground
+from .ground.ground import load_ground as load_ground
 from .log_replay import replay as replay
+from .loop import Pilot as Pilot
 from .loop import closed_loop as closed_loop
 from .loop import open_loop as open_loop
 from .path_tracking.config import EnvConfig as EnvConfig
 from .path_tracking.config import TrackingReward as TrackingReward
 from .path_tracking.randomization import Randomization as Randomization
-from .pilot import Pilot as Pilot
 from .robot.check import RobotCheck as RobotCheck
 from .robot.check import check as check
 from .robot.named import load_tracked as load_tracked

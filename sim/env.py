@@ -45,7 +45,7 @@ class PathTrackingEnv(_Tracking, TaskEnv):
     """trackslip/PathTracking-v0: a tracked robot that must follow a reference trajectory.
 
     Actions are float32 (2,) in [-1, 1], 20 per second: sprocket speeds or a twist, see `EnvConfig.action`. The
-    observations are described in `path_tracking.observation`, the reward in `TrackingReward`. An episode terminates
+    observations are described in `TrackingLayout`, the reward in `TrackingReward`. An episode terminates
     when the robot is farther than `off_path` from the reference or tips over, and is truncated at the reference's end.
     """
 

@@ -9,7 +9,7 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import ArrayLike
 
-from sim.drive.pull import Pull
+from sim.drive.drive import Pull
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
 from sim.restorable import Restorable

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.network import Network
-from sim.policy import ERRORS, FINE, TWIST_NOW, Policy
+from sim.policy import ERRORS, FINE, TWIST_NOW, Network, Policy
 from sim.task import Element
 from sim.traverse.policy import CrossingPolicy
 from trackslip.errors import TrackslipError

@@ -7,11 +7,9 @@ from typing import Any, Self
 
 from experiments.common.plain_json import plain
 from experiments.simulate.options import PullOptions, Simulation
-from sim.drive.drive import Drive
-from sim.drive.pull import Pull
+from sim.drive.drive import Drive, Pull
 from sim.fleet import Fleet, substeps
-from sim.ground.ground import Ground
-from sim.ground.named import load_ground
+from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot

@@ -1,4 +1,4 @@
-"""Options of the environments, the keyword arguments of `gymnasium.make`."""
+"""Options of the environment trackslip/PathTracking-v0, and the layout of its observations."""
 
 from __future__ import annotations
 
@@ -9,17 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from sim.drive.drive import Drive
-from sim.drive.pull import Pull
-from sim.ground.ground import Ground
-from sim.ground.named import load_ground
+from sim.drive.drive import Drive, Pull
+from sim.ground.ground import Ground, load_ground
 from sim.path_tracking.randomization import PARKING, Randomization
 from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
-from sim.task import MAX_WEIGHT
-from sim.terms import OwnTerms
+from sim.task import MAX_WEIGHT, Element, OwnTerms
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
+from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
 
 PERIOD = 0.05
@@ -221,3 +219,43 @@ class EnvConfig(OwnTerms):
 
 def _several(names: str | tuple[str, ...]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
+
+
+_BOUND = 2.0
+_LOAD, _WHERE = 0.5, ("ahead", "to the left")
+
+
+class TrackingLayout:
+    """Elements of an observation, (9 + 2K)."""
+
+    def __init__(self, config: EnvConfig, top_speed: float) -> None:
+        """`top_speed`: of the sprockets [rad/s]."""
+        self.steps = np.arange(config.previews + 1) * config.stride
+        """Look-ahead of the observed reference twists (K + 1,) [control periods]."""
+        speed, rate = config.twist_scale
+        times = ["now" if step == 0 else f"in {step * PERIOD:g} s" for step in self.steps]
+        self.elements = (
+            Element("position error, ahead", "m", config.off_path, _BOUND),
+            Element("position error, to the left", "m", config.off_path, _BOUND),
+            Element("heading error", "rad", np.pi),
+            *(
+                element
+                for time in times
+                for element in (
+                    Element(f"reference speed {time}", "m/s", speed, _BOUND),
+                    Element(f"reference yaw rate {time}", "rad/s", rate, _BOUND),
+                )
+            ),
+            *(Element(f"{side} sprocket speed", "rad/s", top_speed, _BOUND) for side in ("left", "right")),
+            *(Element(f"last action, {which}", "-", 1.0) for which in ("first", "second")),
+            *(Element(f"load, {where}", "-", _LOAD, _BOUND) for where in _WHERE if config.loads),
+        )
+        """Names, units, scales and bounds."""
+        self._scale = np.array([[element.scale for element in self.elements]])  # (1, n)
+        self._bound = np.array([element.bound for element in self.elements], np.float32)
+
+    def observation(self, error: Array, twist: Array, omega: Array, action: Array, load: Array | None = None) -> Array:
+        """Observations (N, n) of errors (N, 3), twists (N, K + 1, 2), sprocket speeds, actions and loads (N, 2)."""
+        parts = error, twist.reshape(len(error), -1), omega, action, *(() if load is None else (load,))
+        whole = np.concatenate(parts, axis=1) / self._scale
+        return np.minimum(np.maximum(whole.astype(np.float32), -self._bound), self._bound)

@@ -11,7 +11,6 @@ import numpy as np
 from sim.opengl import TaskRenderer, place
 from sim.path_tracking.tracking import PathTracking
 from sim.robot.looks import RobotLooks, robot_looks
-from sim.tracks.drawing import draw
 from trackslip.kinematics import Array
 
 _SPACING = 0.03  # smallest length of a segment of a drawn line [m]
@@ -60,8 +59,7 @@ class PathRenderer(TaskRenderer):
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Append the tracks, the path and the trail."""
         travel = self._tracking.fleet.drive.angle[row] * self._tracking.config.parameters.sprocket_radius
-        for (_, body, look), way in zip(self._looks.tracks, travel[self._looks.track_side], strict=True):
-            draw(scene, look.pieces(way), self.data.xpos[body], self.data.xmat[body].reshape(3, 3))
+        self._looks.draw(scene, self.data, travel[self._looks.track_side])
         path, kind = self._tracking.path(row)[:, :2], mujoco.mjtGeom.mjGEOM_CAPSULE
         for points, (height, width, colour) in ((_thinned(path), _PATH), (self._trails[row], _TRAIL)):
             for start, end in pairwise(points):

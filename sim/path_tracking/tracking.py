@@ -9,16 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sim.fleet import Fleet
-from sim.path_tracking.config import PERIOD, EnvConfig, TrackingReward
+from sim.path_tracking.config import PERIOD, EnvConfig, TrackingLayout, TrackingReward
 from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
-from sim.path_tracking.observation import TrackingLayout
 from sim.path_tracking.randomization import MAX_LATENCY
 from sim.pose_source import NoisyPose, ScannedPose, TruePose
 from sim.restorable import Restorable
 from sim.robot.robot import load_robot
 from sim.scanner.feed import ScannerFeed
-from sim.task import Element, clipped_actions
-from sim.terms import Terms
+from sim.task import Element, Terms, clipped_actions
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.file import SHIPPED
@@ -175,7 +173,7 @@ class PathTracking(Restorable):
         return pose
 
     def observation(self) -> Array:
-        """Observations (N, n), see `path_tracking.observation`."""
+        """Observations (N, n), see `TrackingLayout`."""
         twists = self.table.twists(self._reference, self._k)
         load = self._load if self.config.loads else None
         usual = self.layout.observation(self._seen_error, twists, self._omega, self._action, load)

@@ -9,8 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.tracks.contact import set_contacts
-from sim.tracks.description import tracks_in
+from sim.tracks.description import set_contacts, tracks_in
 from sim.tracks.motors import MotorReading, Motors
 from sim.tracks.reading import SENSED_WIDTH, Reading, read_contacts
 from trackslip.errors import require

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, fields
 from sim.drive.drive import Drive
 from sim.robot.named import RobotSource, load_tracked
 from sim.robot.tracked import TrackedRobot
-from sim.task import MAX_WEIGHT
-from sim.terms import OwnTerms
+from sim.task import MAX_WEIGHT, OwnTerms
 from sim.terrain import Course, load_course
 from sim.traverse.courses import FTR_COURSES, OBSTACLES, require_kinds
 from sim.traverse.observation import SensorNoise

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.network import Network, load_network
+from sim.policy import Network, load_network
 from sim.traverse.reflex import Reflex
 from sim.traverse.world import Command, Traverse
 from trackslip.errors import require_non_negative, require_positive

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from sim.opengl import TaskRenderer, place
-from sim.robot.looks import TrackedView
+from sim.robot.looks import RobotLooks
 from sim.robot.tracked_model import build_tracked
 from sim.traverse.task import Crossing
 
@@ -20,7 +20,7 @@ class CourseRenderer(TaskRenderer):
         super().__init__()
         self._task = task
         self._travel = np.zeros(task.world.contact.belt.shape)  # of the belts in this episode (N, T) [m]
-        self._view: TrackedView
+        self._looks: RobotLooks
 
     def begin(self, rows: Sequence[int]) -> None:
         """Draw belts from their start again."""
@@ -35,15 +35,15 @@ class CourseRenderer(TaskRenderer):
         world = self._task.world
         if self.data is None:
             tracked = build_tracked(world.tracked.robot, world.terrain, preset=self._task.config.preset, looks=True)
-            self._view, self.data = TrackedView(tracked), mujoco.MjData(tracked.model)
+            self._looks, self.data = RobotLooks.of(tracked), mujoco.MjData(tracked.model)
         world.show(row, self.data.model)
         place(self.data, world.state.qpos[row])
 
     def camera(self, row: int) -> mujoco.MjvCamera:
         """See TaskRenderer."""
         ground = self._task.world.elevation(self._task.world.state.position[:, None, :2])[row, 0]
-        return self._view.camera(self.data, float(ground))
+        return self._looks.camera(self.data, float(ground))
 
     def draw(self, scene: mujoco.MjvScene, row: int) -> None:
         """Append the tracks."""
-        self._view.draw(scene, self.data, self._travel[row])
+        self._looks.draw(scene, self.data, self._travel[row])

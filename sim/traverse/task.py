@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sim.restorable import Restorable
 from sim.settings import options_of
-from sim.task import Element, clipped_actions
-from sim.terms import Terms
+from sim.task import Element, Terms, clipped_actions
 from sim.terrain import Course, load_course
 from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingReward, TraverseConfig
 from sim.traverse.courses import FTR_BOXES, MAX_BOXES, draw_course, draw_ftr_course

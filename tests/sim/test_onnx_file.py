@@ -6,8 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from sim.network import Network
-from sim.policy import Policy
+from sim.policy import Network, Policy
 from sim.traverse.policy import OPTIONS, CrossingPolicy
 
 onnx = pytest.importorskip("onnx")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sim import Drive, LaserScanner, Randomization, RobotParameters, Traverse, load_tracked
-from sim.drive.motor import Motor
+from sim.drive.drive import Motor
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import Change, Ground, Patch
 from sim.path_tracking.config import TrackingReward

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.train.crossing import crossing_rates
-from sim.network import Network
+from sim.policy import Network
 from sim.terrain import Course, Flat
 from sim.traverse.policy import OPTIONS, CrossingPolicy
 
