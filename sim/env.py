@@ -10,18 +10,21 @@ from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.renderer import PathRenderer
 from sim.path_tracking.tracking import PathTracking
 from sim.settings import from_options
-from sim.task import TaskKind, metadata
+from sim.task import metadata
 from sim.task_env import TaskEnv, TaskVectorEnv
 from sim.traverse.config import TraverseConfig
 from sim.traverse.renderer import CourseRenderer
 from sim.traverse.task import Crossing
 from trackslip.errors import require
 
-_TRACKING = TaskKind(EnvConfig, PathTracking, PathRenderer)
-_CROSSING = TaskKind(TraverseConfig, Crossing, CourseRenderer)
-
 
 class _Tracking:
+    configuration, kind, drawing, metadata = (
+        EnvConfig,
+        PathTracking,
+        PathRenderer,
+        metadata(path_tracking.config.PERIOD),
+    )
     task: PathTracking
 
     def set_randomization(self, randomization: Randomization | Mapping[str, Any] | str | None) -> None:
@@ -34,6 +37,7 @@ class _Tracking:
 
 
 class _Traversing:
+    configuration, kind, drawing, metadata = TraverseConfig, Crossing, CourseRenderer, metadata(traverse.config.PERIOD)
     task: Crossing
 
     def set_difficulty(self, low: float, high: float) -> None:
@@ -49,13 +53,9 @@ class PathTrackingEnv(_Tracking, TaskEnv):
     when the robot is farther than `off_path` from the reference or tips over, and is truncated at the reference's end.
     """
 
-    kind, metadata = _TRACKING, metadata(path_tracking.config.PERIOD)
-
 
 class PathTrackingVectorEnv(_Tracking, TaskVectorEnv):
     """N robots, each with its own ground and reference: `PathTrackingEnv` in every row."""
-
-    kind, metadata = _TRACKING, metadata(path_tracking.config.PERIOD)
 
 
 class TraverseEnv(_Traversing, TaskEnv):
@@ -67,10 +67,6 @@ class TraverseEnv(_Traversing, TaskEnv):
     stuck or explodes, and is truncated when its time is over.
     """
 
-    kind, metadata = _CROSSING, metadata(traverse.config.PERIOD)
-
 
 class TraverseVectorEnv(_Traversing, TaskVectorEnv):
     """N robots, each on its own course: `TraverseEnv` in every row."""
-
-    kind, metadata = _CROSSING, metadata(traverse.config.PERIOD)

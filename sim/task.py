@@ -11,15 +11,17 @@ the task (`sim.path_tracking.tracking.PathTracking` or `sim.traverse.task.Crossi
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.opengl import TaskRenderer, has_display
+from sim.opengl import has_display
+from sim.restorable import Restorable
 from trackslip.errors import InvalidValueError, require, require_positive
 from trackslip.kinematics import Array
 
@@ -40,104 +42,6 @@ class Element:
     """The quantity's value at which the element is 1, in its unit."""
     bound: float = 1.0
     """Largest magnitude of the element."""
-
-
-class Task(Protocol):
-    """A task of N robots, one row each."""
-
-    config: Any
-    """The options."""
-    size: int
-    """Number of robots."""
-    threads: int
-    """Number of worker threads, 0 for one per processor."""
-    period: float
-    """Control period [s]."""
-    observed: tuple[Element, ...]
-    """Elements (n) of an observation."""
-    commanded: tuple[Element, ...]
-    """Elements (A) of an action, each in [-1, 1]."""
-    reward: Array
-    """Rewards (N,) of the last step."""
-    terminated: NDArray[np.bool_]
-    """Mask (N,) of the episodes that have ended."""
-    truncated: NDArray[np.bool_]
-    """Mask (N,) of the episodes that were cut off."""
-
-    def get_state(self) -> dict[str, Any]:
-        """A copy of the state, by name."""
-
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state."""
-
-    def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
-        """Draw a robot's episode from its own generator; `options` replace drawn values."""
-
-    def begin(self, rows: Sequence[int], episodes: Sequence[Any]) -> None:
-        """Begin episodes with the robots `rows` (R,), one each."""
-
-    def step(self, actions: ArrayLike) -> None:
-        """Simulate one control period with actions (N, A)."""
-
-    def observation(self) -> Any:
-        """Observations (N, n), float32."""
-
-    def info(self) -> dict[str, NDArray[Any]]:
-        """Further quantities by name, as arrays (N, ...), which may be the task's own; the keys are always the same."""
-
-
-@dataclass(frozen=True)
-class TaskKind:
-    """Classes from which a task's environments are built."""
-
-    configuration: type
-    """Dataclass of the task's options."""
-    task: Callable[[Any, int, int], Any]
-    """Makes a Task from a configuration, the number of robots and the number of threads."""
-    renderer: Callable[[Any], TaskRenderer]
-    """Makes what draws a task."""
-
-
-def numeric(actions: ArrayLike) -> Array:
-    """Actions as an array; raises InvalidValueError unless they are numbers."""
-    try:
-        return np.asarray(actions, float)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidValueError("action", actions, "an array of finite numbers") from error
-
-
-def clipped_actions(actions: ArrayLike, size: int, count: int) -> Array:
-    """Actions (N, A) in [-1, 1]; raises InvalidValueError unless they are finite numbers, and of this shape."""
-    action = numeric(actions)
-    require(action.shape == (size, count), "action", f"an array of shape {action.shape}", f"of shape {(size, count)}")
-    if np.count_nonzero(np.isfinite(action)) < action.size:
-        row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
-        raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
-    return np.minimum(np.maximum(action, -1.0), 1.0)
-
-
-def metadata(period: float) -> dict[str, Any]:
-    """gymnasium's metadata of an environment with a control period [s]."""
-    return {"render_modes": ["rgb_array", "human"], "render_fps": round(1 / period)}
-
-
-def metadata_here(task: Task) -> dict[str, Any]:
-    """gymnasium's metadata of an environment on this machine: windows need a display."""
-    modes = ["rgb_array", "human"] if has_display() else ["rgb_array"]
-    return metadata(task.period) | {"render_modes": modes}
-
-
-def spaces(task: Task) -> tuple[Any, Any]:
-    """Observation space and action space of one robot."""
-    observed, commanded = (
-        np.array([e.bound for e in elements], np.float32) for elements in (task.observed, task.commanded)
-    )
-    return gymnasium.spaces.Box(-observed, observed), gymnasium.spaces.Box(-commanded, commanded)
-
-
-def row_of(info: dict[str, Any]) -> dict[str, Any]:
-    """Entries of `info` for robot 0: numbers, texts and arrays."""
-    return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}
 
 
 BOUND = 10.0
@@ -170,39 +74,6 @@ class OwnTerms:
         return tuple(Element(name, "", scale, BOUND) for name, scale in self.own_observations.items())
 
 
-class Terms:
-    """The own terms of a task, whose functions are looked up once."""
-
-    def __init__(self, options: OwnTerms) -> None:
-        self._options = options
-        names = (*options.own_rewards, *options.own_observations, *options.privileged)
-        self._functions = {name: function(name) for name in names}
-
-    def rewards(self, task: Any) -> dict[str, Array]:
-        """Weighted terms (N,) of the reward, by function."""
-        return {name: weight * self._values(name, task) for name, weight in self._options.own_rewards.items()}
-
-    def observed(self, task: Any) -> NDArray[np.float32]:
-        """Own elements (N, k) of the observation, bounded."""
-        return self._scaled(task, self._options.own_observations)
-
-    def info(self, task: Any) -> dict[str, NDArray[np.float32]]:
-        """Elements (N, k) that only critics shall see, as `privileged`, if there are any."""
-        privileged = self._options.privileged
-        return {"privileged": self._scaled(task, privileged)} if privileged else {}
-
-    def _scaled(self, task: Any, scales: Mapping[str, float]) -> NDArray[np.float32]:
-        columns = [np.clip(self._values(name, task) / scale, -BOUND, BOUND) for name, scale in scales.items()]
-        return np.column_stack([np.empty((task.size, 0)), *columns]).astype(np.float32)
-
-    def _values(self, name: str, task: Any) -> Array:
-        """Values (N,) of a function; raises InvalidValueError unless they are finite numbers, one for each robot."""
-        given = np.asarray(self._functions[name](task), float)
-        require(given.shape == (task.size,), name, f"an array of shape {given.shape}", f"of shape {(task.size,)}")
-        require(bool(np.isfinite(given).all()), name, given[~np.isfinite(given)][:1].tolist(), "finite")
-        return given
-
-
 def function(name: str) -> Callable[[Any], Any]:
     """The function MODULE:NAME; raises InvalidValueError if there is none."""
     module, _, attribute = name.partition(":")
@@ -212,3 +83,145 @@ def function(name: str) -> Callable[[Any], Any]:
         raise InvalidValueError("function", name, f"MODULE:NAME ({type(error).__name__}: {error})") from error
     require(callable(chosen), "function", name, "MODULE:NAME of a function of a task")
     return chosen
+
+
+class Task(Restorable, ABC):
+    """A task of N robots, one row each, independent of the interface that offers it. Rows are bitwise independent.
+
+    Its users step it, and episodes end one by one, so that it can't run in `sim.loop`.
+    """
+
+    STATE: ClassVar[tuple[str, ...]] = ("_action", "_terms", "reward", "terminated", "truncated")
+
+    def __init__(
+        self,
+        config: Any,
+        size: int,
+        threads: int,
+        period: float,
+        observed: tuple[Element, ...],
+        commanded: tuple[Element, ...],
+        terms: tuple[str, ...],
+    ) -> None:
+        """A task with the usual elements of an observation and the usual `terms` of the reward; see the attributes."""
+        self.config = config
+        """The options, with `OwnTerms`."""
+        self.size = size
+        """Number of robots."""
+        self.threads = threads
+        """Number of worker threads, 0 for one per processor."""
+        self.period = period
+        """Control period [s]."""
+        self.observed = observed + config.own_elements
+        """Elements (n) of an observation."""
+        self.commanded = commanded
+        """Elements (A) of an action, each in [-1, 1]."""
+        names = (*config.own_rewards, *config.own_observations, *config.privileged)
+        self._functions = {name: function(name) for name in names}
+        self._rewards = tuple(f"reward_{term}" for term in (*terms, *config.own_rewards))
+        self._terms: Array = np.zeros((len(self._rewards), size))
+        self._action: Array = np.zeros((size, len(commanded)))
+        self.reward: Array = np.zeros(size)
+        """Rewards (N,) of the last step."""
+        self.terminated: NDArray[np.bool_] = np.zeros(size, bool)
+        """Mask (N,) of the episodes that have ended."""
+        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)
+        """Mask (N,) of the episodes that were cut off."""
+
+    @abstractmethod
+    def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
+        """Draw a robot's episode from its own generator; `options` replace drawn values."""
+
+    @abstractmethod
+    def begin(self, rows: Sequence[int], episodes: Sequence[Any]) -> None:
+        """Begin episodes with the robots `rows` (R,), one each."""
+
+    @abstractmethod
+    def step(self, actions: ArrayLike) -> None:
+        """Simulate one control period with actions (N, A), clipped to [-1, 1].
+
+        Raises InvalidValueError for actions that aren't finite or have another shape.
+        """
+
+    @abstractmethod
+    def _observed(self) -> Floats:
+        """The usual elements of the observation."""
+
+    @abstractmethod
+    def _quantities(self) -> dict[str, NDArray[Any]]:
+        """What `info` has besides rewards and what only critics shall see."""
+
+    def observation(self) -> Floats:
+        """Observations (N, n), float32."""
+        return np.concatenate([self._observed(), self._scaled(self.config.own_observations)], axis=1)
+
+    def info(self) -> dict[str, NDArray[Any]]:
+        """Further quantities by name, as arrays (N, ...), which may be the task's own; the keys are always the same."""
+        privileged = self.config.privileged
+        rewards = dict(zip(self._rewards, self._terms, strict=True))
+        return self._quantities() | rewards | ({"privileged": self._scaled(privileged)} if privileged else {})
+
+    def _clear(self, rows: NDArray[np.int_], *states: NDArray[Any]) -> None:
+        """Set the state of the robots `rows` (R,) to zero, and more `states` (N, ...)."""
+        for state in (self._action, self.reward, self.terminated, self.truncated, *self._terms, *states):
+            state[rows] = 0
+
+    def _clipped(self, actions: ArrayLike) -> tuple[Array, Array]:
+        """Actions (N, A) in [-1, 1], which become the last ones, and their change."""
+        action, shape = numeric(actions), self._action.shape
+        require(action.shape == shape, "action", f"an array of shape {action.shape}", f"of shape {shape}")
+        if np.count_nonzero(np.isfinite(action)) < action.size:
+            row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
+            raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
+        before, self._action = self._action, np.minimum(np.maximum(action, -1.0), 1.0)
+        return self._action, self._action - before
+
+    def _earn(self, terms: Iterable[Array], running: NDArray[np.bool_] | bool = True) -> None:
+        """Set the reward from its usual terms (N,) and its own, which are those of the robots that are `running`."""
+        own = [np.where(running, weight * self._values(name), 0.0) for name, weight in self.config.own_rewards.items()]
+        self._terms = np.array([*terms, *own])
+        self.reward = np.add.accumulate(self._terms)[-1]  # one by one: the same bits for any number of robots
+
+    def _scaled(self, scales: Mapping[str, float]) -> Floats:
+        """Own elements (N, k), bounded."""
+        columns = [np.clip(self._values(name) / scale, -BOUND, BOUND) for name, scale in scales.items()]
+        return np.column_stack([np.empty((self.size, 0)), *columns]).astype(np.float32)
+
+    def _values(self, name: str) -> Array:
+        """Values (N,) of a function; raises InvalidValueError unless they are finite numbers, one for each robot."""
+        given = np.asarray(self._functions[name](self), float)
+        require(given.shape == (self.size,), name, f"an array of shape {given.shape}", f"of shape {(self.size,)}")
+        require(bool(np.isfinite(given).all()), name, given[~np.isfinite(given)][:1].tolist(), "finite")
+        return given
+
+
+def numeric(actions: ArrayLike) -> Array:
+    """Actions as an array; raises InvalidValueError unless they are numbers."""
+    try:
+        return np.asarray(actions, float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidValueError("action", actions, "an array of finite numbers") from error
+
+
+def metadata(period: float) -> dict[str, Any]:
+    """gymnasium's metadata of an environment with a control period [s]."""
+    return {"render_modes": ["rgb_array", "human"], "render_fps": round(1 / period)}
+
+
+def metadata_here(task: Task) -> dict[str, Any]:
+    """gymnasium's metadata of an environment on this machine: windows need a display."""
+    modes = ["rgb_array", "human"] if has_display() else ["rgb_array"]
+    return metadata(task.period) | {"render_modes": modes}
+
+
+def spaces(task: Task) -> tuple[Any, Any]:
+    """Observation space and action space of one robot."""
+    observed, commanded = (
+        np.array([e.bound for e in elements], np.float32) for elements in (task.observed, task.commanded)
+    )
+    return gymnasium.spaces.Box(-observed, observed), gymnasium.spaces.Box(-commanded, commanded)
+
+
+def row_of(info: dict[str, Any]) -> dict[str, Any]:
+    """Entries of `info` for robot 0: numbers, texts and arrays."""
+    return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sim.opengl import TaskRenderer
 from sim.restorable import Restorable
 from sim.settings import from_options
-from sim.task import Element, Floats, TaskKind, metadata_here, numeric, row_of, spaces
+from sim.task import Element, Floats, metadata_here, numeric, row_of, spaces
 from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
 
 _MOST, _MOST_THREADS = 100_000, 1024
@@ -25,10 +25,22 @@ _MOST, _MOST_THREADS = 100_000, 1024
 class TaskInterface(Restorable):
     """An environment that describes its task, and can be returned to earlier states."""
 
-    kind: ClassVar[TaskKind]
+    configuration: Any
+    """Dataclass of the task's options."""
+    kind: Any
+    """The task's class, which takes the options and the numbers of robots and threads."""
+    drawing: Any
+    """The class that draws it."""
     task: Any
     render_mode: str | None
     _renderer: TaskRenderer | None = None
+
+    def _make(self, options: Mapping[str, Any], size: int, threads: int, render_mode: str | None) -> None:
+        """Make the task of `size` robots, and what draws it."""
+        self.render_mode = render_mode
+        self.task = self.kind(from_options(self.configuration, options), size, threads)
+        self.metadata = metadata_here(self.task)
+        self._renderer = self.drawing(self.task) if render_mode is not None else None
 
     def get_state(self) -> dict[str, Any]:
         """A copy of the state: the robots, their episodes and the generators of the next ones; it can be pickled."""
@@ -74,12 +86,8 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         """
         allowed = 'None, "rgb_array" or "human"'
         require(render_mode in (None, "rgb_array", "human"), "render_mode", render_mode, allowed)
-        self.render_mode = render_mode
-        self.task = self.kind.task(from_options(self.kind.configuration, options), 1, 1)
-        """The task of one robot."""
-        self.metadata = metadata_here(self.task)
+        self._make(options, 1, 1, render_mode)
         self.observation_space, self.action_space = spaces(self.task)
-        self._renderer = self.kind.renderer(self.task) if render_mode is not None else None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin an episode, drawn from a generator with this seed, or from the current one if it is None.
@@ -155,11 +163,9 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         self._longest = np.inf if max_episode_steps is None else max_episode_steps
         self._steps: NDArray[np.int_] = np.zeros(num_envs, int)  # in each robot's episode
         self.num_envs = num_envs
-        self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(mode)
-        self.task = self.kind.task(from_options(self.kind.configuration, options), num_envs, threads)
-        """The task of all robots."""
-        self.metadata = metadata_here(self.task) | {"autoreset_mode": self.autoreset_mode}
+        self._make(options, num_envs, threads, render_mode)
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = spaces(self.task)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -167,7 +173,6 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         self._seeds_used: list[int | None] = [None] * num_envs
         self._ended = np.ones(num_envs, bool)  # whether each robot needs a new episode
         self._begun = False
-        self._renderer = self.kind.renderer(self.task) if render_mode is not None else None
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

@@ -15,7 +15,7 @@ from sim.path_tracking.randomization import PARKING, Randomization
 from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
-from sim.task import MAX_WEIGHT, Element, OwnTerms
+from sim.task import MAX_WEIGHT, Element, Floats, OwnTerms
 from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
 from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
@@ -254,7 +254,7 @@ class TrackingLayout:
         self._scale = np.array([[element.scale for element in self.elements]])  # (1, n)
         self._bound = np.array([element.bound for element in self.elements], np.float32)
 
-    def observation(self, error: Array, twist: Array, omega: Array, action: Array, load: Array | None = None) -> Array:
+    def observation(self, error: Array, twist: Array, omega: Array, action: Array, load: Array | None = None) -> Floats:
         """Observations (N, n) of errors (N, 3), twists (N, K + 1, 2), sprocket speeds, actions and loads (N, 2)."""
         parts = error, twist.reshape(len(error), -1), omega, action, *(() if load is None else (load,))
         whole = np.concatenate(parts, axis=1) / self._scale

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.task import Element
+from sim.task import Element, Floats
 from sim.traverse.world import Traverse
 from trackslip import se2
 from trackslip.errors import require_at_most, require_non_negative
-from trackslip.kinematics import Array
 
 AHEAD = np.linspace(-0.5, 0.9, 15)
 """Columns of the map [m]."""
@@ -80,7 +79,7 @@ class CrossingLayout:
         across, along = np.meshgrid(ASIDE, AHEAD, indexing="ij")
         self._around = np.stack([along.ravel(), across.ravel()], axis=-1)
 
-    def observation(self, world: Traverse, seeds: Sequence[int]) -> Array:
+    def observation(self, world: Traverse, seeds: Sequence[int]) -> Floats:
         """Observations (N, n) of all robots; their noise depends on `seeds` (N,) and on the time of the run."""
         state = world.state
         heading, position = state.heading, state.position
