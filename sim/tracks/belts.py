@@ -194,18 +194,27 @@ class BatchBelts:
         self._motors.begin(where)
         self._put(where, self._motors.speed[where])
 
-    def step(self, rows: Any = slice(None)) -> None:
-        """Advance the simulations `rows` by one physics step with the motors that are set; see `Belts.step`."""
+    def step(self, rows: Any = slice(None)) -> Reading:
+        """Advance the simulations `rows` (R,) by one physics step with the motors that are set; see `Belts.step`.
+
+        Returns forces and motion (R, T), which may lack contacts: see `Reading.complete`.
+        """
         where = np.arange(len(self._surface))[rows]
-        state = self._batch.state.copy()
+        state, readings = self._batch.state.copy(), []
 
         def attempt(tried: NDArray[np.int_], speeds: Floats) -> Floats:
             self._batch.state[tried] = state[tried]
             self._put(tried, speeds)
             self._batch.step(ids=tried)
-            return self._by_motor(self._read(tried).traction)
+            reading = self._read(tried)
+            readings.append((tried, reading))
+            return self._by_motor(reading.traction)
 
         self._motors.advance(where, float(self._batch.model.opt.timestep), attempt)
+        (_, last), *again = readings  # the first attempt is that of all
+        for tried, reading in again:
+            last.put(np.searchsorted(where, tried), reading)
+        return last
 
     def motors(self) -> MotorReading:
         """Torque, speed, power and energy (N, M) of the motors after the last `step`."""
@@ -245,8 +254,7 @@ class BatchBelts:
             if weak.any():
                 self._batch.state[where[weak]] = before[weak]
                 for k in range(steps):
-                    self.step(where[weak])
-                    reading.put((weak, k), self._read(where[weak]))
+                    reading.put((weak, k), self.step(where[weak]))
         return reading
 
     def _read(self, rows: Any) -> Reading:
