@@ -55,10 +55,10 @@ class Balance:
             tried[going] = self.speed[going]
             traction[going] = attempt(going, tried[going])
             force[going], excess = self._force(going, tried[going], traction[going])
-            going_on = (np.abs(excess) > self.tolerance[going]).any(axis=1)
+            further = (np.abs(excess) > self.tolerance[going]).any(axis=1)
             with np.errstate(all="ignore"):  # a simulation that diverges
-                self._next(going, tried[going], traction[going], force[going], excess, base)
-            going = going[going_on]
+                self._next(going, tried[going], traction[going], force[going], excess, base, further)
+            going = going[further]
             if not going.size:
                 break
         else:
@@ -74,14 +74,23 @@ class Balance:
         return force, needed - force
 
     def _next(
-        self, rows: Rows, speed: Floats, traction: Floats, force: Floats, excess: Floats, base: tuple[Floats, ...]
+        self,
+        rows: Rows,
+        speed: Floats,
+        traction: Floats,
+        force: Floats,
+        excess: Floats,
+        base: tuple[Floats, ...],
+        further: Rows,
     ) -> None:
-        """Choose the speeds (A, T) to try next."""
-        goal = self.goal[rows]
-        from_speed, from_traction, from_excess = (each[rows] for each in base)
-        moved = speed - from_speed
-        slope = _updated(self.slope[rows], moved, traction - from_traction, self.tolerance[rows])
-        self.slope[rows] = slope
+        """Learn the slopes, and choose the speeds to try next of the robots that go `further` (A,)."""
+        moved = speed - base[0][rows]
+        self.slope[rows] = _updated(self.slope[rows], moved, traction - base[1][rows], self.tolerance[rows])
+        if not further.any():
+            return
+        parts = rows, speed, traction, force, excess, moved
+        rows, speed, traction, force, excess, moved = (each[further] for each in parts)
+        goal, slope, from_speed, from_excess = self.goal[rows], self.slope[rows], base[0][rows], base[2][rows]
         short, over = -(from_excess * moved).sum(axis=1), (excess * moved).sum(axis=1)  # it rises along a line
 
         whole = slope + self.stiffness(rows, speed)[..., None] * np.eye(speed.shape[1])
