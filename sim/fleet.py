@@ -362,15 +362,10 @@ def _along(forces: Array, forward: Array) -> Array:
 class Setting:
     """Start and properties of one robot in one run."""
 
-    start: tuple[float, float, float]
-    """Start pose (x, y, phi) [m, m, rad]."""
-    ground: Ground = field(default_factory=Ground)
-    """Ground under the robot."""
-    radius_error: float = RADIUS_ERROR
-    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    lag: float | None = None
-    """Time constant of the servos; None for the drive's own [s]."""
+    start: tuple[float, float, float]  # start pose (x, y, phi) [m, m, rad]
+    ground: Ground = field(default_factory=Ground)  # ground under the robot
+    radius_error: float = RADIUS_ERROR  # relative error of the effective sprocket radius, real / nominal - 1 [-]
+    lag: float | None = None  # time constant of the servos; None for the drive's own [s]
     weight: tuple[float, float] = (0.0, 0.0)
     """Offset of the centre of mass from the model's, forward and to the left [m]."""
-    mass: float = 1.0
-    """Factor on the mass and the inertia of the chassis [-]."""
+    mass: float = 1.0  # factor on the mass and the inertia of the chassis [-]

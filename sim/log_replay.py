@@ -40,8 +40,7 @@ class Replay:
     """Simulated motion of N robots, each by the encoder clock of its log."""
 
     begin: Array  # (N,) start of the run-up [s]
-    period: float
-    """Time between states [s]."""
+    period: float  # time between states [s]
     pose: Array  # (P + 1, N, 3) of the robots, from the origin [m, m, rad]
     twist: Array  # (P + 1, N, 3) forwards, to the left, yaw rate [m/s, rad/s]
 

@@ -51,8 +51,7 @@ class States:
 
     qpos: Array  # (..., nq) positions of all joints
     qvel: Array  # (..., nv) their velocities
-    free: tuple[int, int] = (0, 0)
-    """First numbers of the chassis' pose in qpos, and of its velocity in qvel."""
+    free: tuple[int, int] = (0, 0)  # first numbers of the chassis' pose in qpos, and of its velocity in qvel
 
     @property
     def position(self) -> Array:

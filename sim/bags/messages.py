@@ -40,12 +40,10 @@ class Publication:
     """A topic to write: its messages, all of one type."""
 
     name: str
-    kind: str
-    """Their type, as in `sensor_msgs/msg/LaserScan`."""
+    kind: str  # their type, as in `sensor_msgs/msg/LaserScan`
     stamps: Stamps  # (M,) of their headers, ascending [ns]
     fields: Fields
-    latched: bool = False
-    """Latched: late subscribers receive the last message, too."""
+    latched: bool = False  # late subscribers receive the last message, too
 
     def messages(self) -> Iterator[Any]:
         """The M messages."""

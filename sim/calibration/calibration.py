@@ -38,14 +38,10 @@ class Estimate:
 
     value: float
     unit: str
-    stderr: float
-    """Standard error."""
-    low: float
-    """Lower end of the 95 % interval."""
-    high: float
-    """Its upper end."""
-    vague: str = ""
-    """The reason if the target doesn't tell the parameter, so that the prior does."""
+    stderr: float  # standard error
+    low: float  # lower end of the 95 % interval
+    high: float  # its upper end
+    vague: str = ""  # the reason if the target doesn't tell the parameter, so that the prior does
 
 
 @dataclass(frozen=True)
@@ -53,22 +49,14 @@ class Calibration:
     """The best candidate for a target."""
 
     candidate: Candidate
-    estimates: dict[str, Estimate]
-    """Each parameter that was free, by name."""
-    correlation: dict[str, dict[str, float]]
-    """Correlation of each parameter's error with the others' [-]."""
-    cost: float
-    """Half the loss that was minimised, and the logarithm of the errors' sizes."""
-    metrics: dict[str, float]
-    """Errors of the candidate."""
-    before: dict[str, float]
-    """Errors of the base candidate."""
-    folds: tuple[Candidate, ...] = ()
-    """The candidates fitted without each fold."""
-    held_out: dict[str, float] | None = None
-    """Their errors in the folds that they were not fitted to."""
-    held_out_before: dict[str, float] | None = None
-    """Errors of the base candidate in the same folds."""
+    estimates: dict[str, Estimate]  # each parameter that was free, by name
+    correlation: dict[str, dict[str, float]]  # correlation of each parameter's error with the others' [-]
+    cost: float  # half the loss that was minimised, and the logarithm of the errors' sizes
+    metrics: dict[str, float]  # errors of the candidate
+    before: dict[str, float]  # errors of the base candidate
+    folds: tuple[Candidate, ...] = ()  # the candidates fitted without each fold
+    held_out: dict[str, float] | None = None  # their errors in the folds that they were not fitted to
+    held_out_before: dict[str, float] | None = None  # errors of the base candidate in the same folds
 
 
 def calibrate(

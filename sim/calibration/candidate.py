@@ -25,10 +25,8 @@ class Candidate:
 
     robot: RobotParameters = field(default_factory=RobotParameters)
     ground: Ground = field(default_factory=Ground)
-    sensor: Mounting = field(default_factory=Mounting)
-    """Place of the sensor of the poses."""
-    clock: float = 0.0
-    """Encoder clock minus pose clock [s]."""
+    sensor: Mounting = field(default_factory=Mounting)  # place of the sensor of the poses
+    clock: float = 0.0  # encoder clock minus pose clock [s]
 
     @property
     def geometry(self) -> RobotGeometry:
@@ -51,20 +49,14 @@ class Candidate:
 class Parameter:
     """A number that can be fitted. Its prior is a normal distribution around the value of the base candidate."""
 
-    read: Callable[[Candidate], float]
-    """Value of a candidate."""
-    write: Callable[[Candidate, float], Candidate]
-    """The candidate with another value."""
-    spread: float
-    """Standard deviation of the prior in units of `size`, or of the logarithm if `relative`."""
+    read: Callable[[Candidate], float]  # value of a candidate
+    write: Callable[[Candidate, float], Candidate]  # the candidate with another value
+    spread: float  # standard deviation of the prior in units of `size`, or of the logarithm if `relative`
     unit: str = ""
     relative: bool = False
-    size: Callable[[Candidate], float] = lambda base: 1.0
-    """Unit of the standard deviation, for the base candidate."""
-    low: float = -math.inf
-    """Least value."""
-    high: float = math.inf
-    """Largest value."""
+    size: Callable[[Candidate], float] = lambda base: 1.0  # unit of the standard deviation, for the base candidate
+    low: float = -math.inf  # least value
+    high: float = math.inf  # largest value
 
     def scaled(self, base: Candidate, value: float) -> float:
         """Distance of a value from that of the base, in standard deviations of the prior."""

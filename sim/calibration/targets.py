@@ -48,16 +48,11 @@ _FEW = 20  # steady rows among which single wrong ones can be told
 class Layout:
     """Structure of n errors."""
 
-    kind: np.ndarray
-    """Kind of each error (n,), from 0; those of a kind are of one size."""
-    share: Array
-    """Weight of each error (n,): errors that tell the same share one."""
-    cluster: np.ndarray
-    """Cluster of each error (n,), from 0; errors of different clusters are independent."""
-    floor: Array
-    """Least size of the errors of each kind (kinds,): that of the simulation's own."""
-    robust: bool
-    """True if single errors may be large."""
+    kind: np.ndarray  # kind of each error (n,), from 0; those of a kind are of one size
+    share: Array  # weight of each error (n,): errors that tell the same share one
+    cluster: np.ndarray  # cluster of each error (n,), from 0; errors of different clusters are independent
+    floor: Array  # least size of the errors of each kind (kinds,): that of the simulation's own
+    robust: bool  # true if single errors may be large
 
     @property
     def clusters(self) -> int:
@@ -92,8 +87,7 @@ class PublishedTurns:
     """
 
     threads: int = 0
-    turns: Turns | None = None
-    """How candidates turn; by default `steady_turns`, in simulation."""
+    turns: Turns | None = None  # how candidates turn; by default `steady_turns`, in simulation
 
     @cached_property
     def _commanded(self) -> Array:
@@ -135,13 +129,10 @@ class SteadyRows:
     """Steady samples of a real or simulated robot: sprocket speeds, and twists at the sensor."""
 
     samples: SlipSamples
-    geometry: RobotGeometry
-    """Geometry that defines the slips, whatever the candidate's."""
-    of_plate: bool = False
-    """True if the twists are the plate's, as the scanner sees them, rather than the tracks'."""
+    geometry: RobotGeometry  # that defines the slips, whatever the candidate's
+    of_plate: bool = False  # true if the twists are the plate's, as the scanner sees them, rather than the tracks'
     threads: int = 0
-    turns: Turns | None = None
-    """How candidates turn; by default `steady_turns`, in simulation."""
+    turns: Turns | None = None  # how candidates turn; by default `steady_turns`, in simulation
 
     @cached_property
     def _measured(self) -> Array:

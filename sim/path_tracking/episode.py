@@ -39,14 +39,10 @@ Index = NDArray[np.int_]
 class Episode:
     """One robot's task in one episode."""
 
-    reference: int
-    """Index in the reference table."""
+    reference: int  # its index in the reference table
     setting: Setting
-    """Start, ground and properties of the robot."""
-    latency: int
-    """Delay until an action reaches the servos [control periods]."""
-    noise: int
-    """Seed of the measurement noise."""
+    latency: int  # delay until an action reaches the servos [control periods]
+    noise: int  # seed of the measurement noise
 
 
 def draw(

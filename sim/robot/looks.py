@@ -31,12 +31,9 @@ _ATTACHED = "robot/"  # prefix of the names of a tracked robot's model
 class RobotLooks:
     """A model that is drawn, and the looks of its tracks."""
 
-    model: mujoco.MjModel
-    """Without the tracks."""
-    body: int
-    """The chassis."""
-    tracks: list[tuple[str, int, TrackLook]]
-    """Name, body and looks of each track: left, right, and those of flippers."""
+    model: mujoco.MjModel  # without the tracks
+    body: int  # the chassis
+    tracks: list[tuple[str, int, TrackLook]]  # name, body and looks of each track: left, right, and those of flippers
     track_side: np.ndarray  # (T,) 0 left, 1 right: whose belt a track runs with
     rest: Array  # (nq,) positions of all joints, with the chassis at the origin
 

@@ -141,16 +141,11 @@ def lay_pads(spec: Any, parameters: RobotParameters, single: bool = False) -> Ar
 class Robot:
     """A compiled model and the numbers in it."""
 
-    model: mujoco.MjModel
-    """The compiled model, without its visuals."""
-    geometry: RobotGeometry
-    """Half gauge and nominal sprocket radius."""
-    mass: float
-    """Mass of the robot [kg]."""
-    plate: Plate
-    """The plate that the laser range finder sees."""
-    plate_radius: float
-    """Radius of the sphere around the plate [m]."""
+    model: mujoco.MjModel  # the compiled model, without its visuals
+    geometry: RobotGeometry  # half gauge and nominal sprocket radius
+    mass: float  # [kg]
+    plate: Plate  # the plate that the laser range finder sees
+    plate_radius: float  # radius of the sphere around the plate [m]
     pads: slice  # of the geoms: the contact capsules, each along its own z axis
     pad_side: np.ndarray  # (P,) 0 left, 1 right
     pad_sign: Array  # (P,) 1 where a pad's z axis points forward, -1 where backward; less where it is tilted
@@ -159,16 +154,12 @@ class Robot:
     pad_pairs: slice  # of the contact pairs, in the order of the pads
     contact_points: Array  # (K, 2) points where the tracks touch the ground, in the chassis' frame [m]
     lrf_mount: Array  # (3,) pose of the laser range finder in the world [m, m, rad]
-    lrf_height: float
-    """Height of the scan plane above the ground [m]."""
-    digest: str
-    """SHA-256 of the model, without visuals and contact sensors."""
+    lrf_height: float  # height of the scan plane above the ground [m]
+    digest: str  # SHA-256 of the model, without visuals and contact sensors
     parameters: RobotParameters
-    """Shape and mass."""
     contact_sensors: bool
     """True if there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
-    points_per_pad: int
-    """Number of points at which a pad touches the ground."""
+    points_per_pad: int  # number of points at which a pad touches the ground
 
     def pad_speeds(self, belts: Array) -> Array:
         """Speeds (..., P) of the pads' surfaces, each along its own axis, for belt speeds (..., 2) [m/s]."""

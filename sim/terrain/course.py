@@ -210,12 +210,9 @@ class Course(Checked):
 class Table(NamedTuple):
     """Heights of a course on a grid."""
 
-    origin: Array
-    """Position of the first height [m]."""
-    per_metre: float
-    """Cells per metre."""
-    heights: Array
-    """Heights (rows, columns), rows along x, columns along y [m]."""
+    origin: Array  # position of the first height [m]
+    per_metre: float  # cells per metre
+    heights: Array  # heights (rows, columns), rows along x, columns along y [m]
 
 
 def look_up(courses: Sequence[Course], points: Array) -> Array:

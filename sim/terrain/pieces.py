@@ -63,14 +63,10 @@ def _require_angle(name: str, value: float) -> None:
 class Site:
     """Place of a piece on its course."""
 
-    x: float
-    """Beginning along the course [m]."""
-    z: float
-    """Height there [m]."""
-    width: float
-    """Width of the course [m]."""
-    rng: np.random.Generator
-    """Random numbers of this piece."""
+    x: float  # beginning along the course [m]
+    z: float  # height there [m]
+    width: float  # width of the course [m]
+    rng: np.random.Generator  # random numbers of this piece
 
 
 @dataclass(frozen=True)
@@ -78,10 +74,8 @@ class Placed:
     """A piece in its place."""
 
     solids: tuple[Solid, ...]
-    x: float
-    """End along the course [m]."""
-    z: float
-    """Height there [m]."""
+    x: float  # end along the course [m]
+    z: float  # height there [m]
 
 
 class Piece(Protocol):

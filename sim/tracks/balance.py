@@ -55,7 +55,7 @@ class Balance:
             tried[going] = self.speed[going]
             traction[going] = attempt(going, tried[going])
             force[going], excess = self._force(going, tried[going], traction[going])
-            further = (np.abs(excess) > self.tolerance[going]).any(axis=1)
+            further: Rows = np.logical_or.reduce(np.abs(excess) > self.tolerance[going], axis=1)
             with np.errstate(all="ignore"):  # a simulation that diverges
                 self._next(going, tried[going], traction[going], force[going], excess, base, further)
             going = going[further]

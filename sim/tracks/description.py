@@ -29,22 +29,14 @@ _HEAD = _PRESET + 5
 class Description:
     """The tracks of one call of `add_tracks` in a spec."""
 
-    preset: Preset
-    """The contact recipe."""
-    friction: tuple[float, float]
-    """Coefficients along and across [-]."""
-    load: float
-    """Part of the robot's weight that they carry when it stands on them [-]."""
-    points: float
-    """Number of points with which they stand on their longest run, by their stiffness."""
-    segment: float
-    """Length of a capsule along that run [m]."""
-    geoms: tuple[str, ...]
-    """Names of the geoms of all tracks, one track after the other."""
-    weights: tuple[float, ...]
-    """Their stiffness, relative to a capsule's end [-]."""
-    cores: tuple[float, ...]
-    """Depths of their cores, 0 for none [m]."""
+    preset: Preset  # the contact recipe
+    friction: tuple[float, float]  # coefficients along and across [-]
+    load: float  # part of the robot's weight that they carry when it stands on them [-]
+    points: float  # number of points with which they stand on their longest run, by their stiffness
+    segment: float  # length of a capsule along that run [m]
+    geoms: tuple[str, ...]  # names of the geoms of all tracks, one track after the other
+    weights: tuple[float, ...]  # their stiffness, relative to a capsule's end [-]
+    cores: tuple[float, ...]  # depths of their cores, 0 for none [m]
 
     def write(self, spec: mujoco.MjSpec, name: str) -> None:
         """Write it into a spec."""

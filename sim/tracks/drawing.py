@@ -51,10 +51,8 @@ class TrackLook:
     """The looks of one track: its hull, where it runs in the body's frame, and how wide it is drawn."""
 
     hull: Array  # (W, 3) x, z and radius of the wheels in the body's frame [m]
-    y: float
-    """Lateral place of the track in the body's frame [m]."""
-    width: float
-    """Width of the belt [m]."""
+    y: float  # lateral place of the track in the body's frame [m]
+    width: float  # width of the belt [m]
 
     def pieces(self, travel: Array | float) -> Pieces:
         """Pieces to draw after the belt has travelled `travel` (...) [m] forwards."""

@@ -36,16 +36,12 @@ _MAX_RUN_RADIUS = 0.03  # [m]
 class Part:
     """A geom of a track."""
 
-    name: str
-    """Its name, after the body's."""
+    name: str  # its name, after the body's
     shape: dict[str, Any]
     """Type, place and size, in the track's frame; the own z axis of a capsule along the run is the belt's direction."""
-    weight: float
-    """Stiffness relative to a capsule's end [-]."""
-    cored: bool
-    """True if it may land alone, so that it has a core; see `sim.tracks.connect`."""
-    edge: bool = False
-    """True on either edge of a belt with several lines of contact."""
+    weight: float  # stiffness relative to a capsule's end [-]
+    cored: bool  # true if it may land alone, so that it has a core; see `sim.tracks.connect`
+    edge: bool = False  # true on either edge of a belt with several lines of contact
 
 
 def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines = MIDDLE) -> tuple[Part, ...]:

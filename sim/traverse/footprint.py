@@ -20,12 +20,9 @@ _BESIDE = 1.5  # width of a course that a robot fits on, over the robot's [-]
 class Footprint:
     """Rectangle around the tracks of a robot, its flippers level, in its frame."""
 
-    ahead: float
-    """Front end [m]."""
-    behind: float
-    """Distance of the rear end [m]."""
-    aside: float
-    """Half of the width [m]."""
+    ahead: float  # front end [m]
+    behind: float  # distance of the rear end [m]
+    aside: float  # half of the width [m]
 
     @classmethod
     def of(cls, robot: TrackedRobot, flippers: FlipperGeometry | None = None) -> Footprint:

@@ -32,15 +32,10 @@ class CourseRun:
     """One robot's task in one episode."""
 
     course: Course
-    """The course."""
-    difficulty: float
-    """Its difficulty; NaN for a course that was not drawn [-]."""
-    start: tuple[float, float, float]
-    """Start pose (x, y, heading) [m, m, rad]."""
-    seed: int = 0
-    """Of its sensors' noise."""
-    mass: float = 1.0
-    """Factor on the mass of the chassis [-]."""
+    difficulty: float  # its difficulty; NaN for a course that was not drawn [-]
+    start: tuple[float, float, float]  # start pose (x, y, heading) [m, m, rad]
+    seed: int = 0  # of its sensors' noise
+    mass: float = 1.0  # factor on the mass of the chassis [-]
 
 
 class Actions:
