@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sim.opengl import has_display
 from sim.restorable import Restorable
-from trackslip.errors import InvalidValueError, require, require_positive
+from trackslip.errors import Checked, InvalidValueError, require, require_positive
 from trackslip.kinematics import Array
 
 Floats = NDArray[np.float32]
@@ -49,7 +49,7 @@ BOUND = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class OwnTerms:
+class OwnTerms(Checked):
     """Options of a task: its own terms."""
 
     own_rewards: dict[str, float] = field(default_factory=dict)
@@ -60,6 +60,7 @@ class OwnTerms:
     """Scales of what only critics shall see, by function: info["privileged"]."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         scales = self.own_observations | self.privileged
         for name, weight in (*self.own_rewards.items(), *scales.items()):
             function(name)

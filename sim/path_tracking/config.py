@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -16,7 +16,16 @@ from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
 from sim.task import MAX_WEIGHT, Element, Floats, OwnTerms
-from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
+from trackslip.errors import (
+    Checked,
+    checked,
+    require,
+    require_at_most,
+    require_non_negative,
+    require_positive,
+    require_whole,
+    require_within,
+)
 from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
 
@@ -31,7 +40,7 @@ _MAX_PREVIEW = 20.0  # longest time that previews may look ahead [s]
 
 
 @dataclass(frozen=True)
-class TrackingReward:
+class TrackingReward(Checked):
     """The reward of a step: a sum of terms, each of which is given by name in `info`.
 
         alive               weight_alive
@@ -46,28 +55,20 @@ class TrackingReward:
     is worse than leaving it.
     """
 
-    weight_alive: float = 1.0
+    weight_alive: float = checked(1.0, require_non_negative, MAX_WEIGHT)
     """TrackingReward of every step [-]."""
-    weight_position: float = 0.7
+    weight_position: float = checked(0.7, require_non_negative, MAX_WEIGHT)
     """Weight of the position error [-]."""
-    weight_heading: float = 0.2
+    weight_heading: float = checked(0.2, require_non_negative, MAX_WEIGHT)
     """Weight of the heading error [-]."""
-    weight_change: float = 0.1
+    weight_change: float = checked(0.1, require_non_negative, MAX_WEIGHT)
     """Weight of the change of the action [-]."""
-    weight_termination: float = 10.0
+    weight_termination: float = checked(10.0, require_non_negative, MAX_WEIGHT)
     """Penalty, once, for an episode that ends off the path [-]."""
-    position_scale: float = 0.05
+    position_scale: float = checked(0.05, require_within, _MIN_SCALE, MAX_WEIGHT)
     """Position error that costs half of its weight [m]."""
-    heading_scale: float = 0.2
+    heading_scale: float = checked(0.2, require_within, _MIN_SCALE, MAX_WEIGHT)
     """Heading error that costs half of its weight [rad]."""
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            check = require_positive if f.name.endswith("scale") else require_non_negative
-            check(f.name, getattr(self, f.name))
-            require_at_most(f.name, getattr(self, f.name), MAX_WEIGHT)
-            if f.name.endswith("scale"):
-                require(getattr(self, f.name) >= _MIN_SCALE, f.name, getattr(self, f.name), f"at least {_MIN_SCALE:g}")
 
 
 @dataclass(frozen=True)
@@ -90,16 +91,16 @@ class EnvConfig(OwnTerms):
     "online_cold", which starts from no slip. Those of slip under load take the load of slope and pull."""
     laws: str | None = None
     """File of the laws that `compensation` names; None for the laws shipped with trackslip."""
-    previews: int = 5
+    previews: int = checked(5, require_whole, 0, _MAX_PREVIEWS)
     """Number of future reference twists in the observation."""
-    preview_spacing: float = 0.2
+    preview_spacing: float = checked(0.2, require_positive, _MAX_PREVIEW, "s")
     """Time between previews, a multiple of the control period [s]."""
     pose_source: str = "truth"
     """Source of the observed pose: "truth"; "noisy", the truth plus Gaussian noise; "scanner", the plate in the laser
     range finder's scans, tracked from the known start."""
-    position_noise: float = 0.002
+    position_noise: float = checked(0.002, require_non_negative, 1.0)
     """Standard deviation of noisy positions, in x and in y [m]."""
-    heading_noise: float = math.radians(0.25)
+    heading_noise: float = checked(math.radians(0.25), require_non_negative, 1.0)
     """Standard deviation of noisy headings [rad]."""
     scanner: LaserScanner = field(default_factory=LaserScanner)
     """The laser range finder, for poses from the scanner; it scans once in a control period."""
@@ -107,7 +108,7 @@ class EnvConfig(OwnTerms):
     """Load that the robot tows."""
     loads: bool = False
     """Add the load of slope and pull to the observation, as from an inclinometer and a load cell at the hitch."""
-    off_path: float = 0.5
+    off_path: float = checked(0.5, require_within, _MIN_OFF_PATH, 10.0, "m")
     """Distance from the reference beyond which an episode terminates [m]."""
     reward: TrackingReward = field(default_factory=TrackingReward)
     """The reward of a step."""
@@ -134,21 +135,11 @@ class EnvConfig(OwnTerms):
             self.load_ground(ground)
         require(len(self.twist_scale) == 2, "twist_scale", self.twist_scale, "two numbers")
         for scale in self.twist_scale:
-            require_positive("twist_scale", scale)
-            require_at_most("twist_scale", scale, 100.0)
-            require(scale >= _MIN_SCALE, "twist_scale", scale, f"at least {_MIN_SCALE:g}")
-        require_whole("previews", self.previews, 0, _MAX_PREVIEWS)
+            require_within("twist_scale", scale, _MIN_SCALE, 100.0)
         spacing = self.preview_spacing
-        require_positive("preview_spacing", spacing)
-        require_at_most("preview_spacing", spacing, _MAX_PREVIEW, "s")
         multiple = self.stride >= 1 and abs(self.stride * PERIOD - spacing) <= 1e-9
         require(multiple, "preview_spacing", spacing, f"a multiple of {PERIOD} s")
         require_at_most("previews * preview_spacing", self.previews * spacing, _MAX_PREVIEW, "s")
-        for name, noise in (("position_noise", self.position_noise), ("heading_noise", self.heading_noise)):
-            require_non_negative(name, noise)
-            require_at_most(name, noise, 1.0)
-        require(self.off_path >= _MIN_OFF_PATH, "off_path", self.off_path, f"at least {_MIN_OFF_PATH:g} m")
-        require_at_most("off_path", self.off_path, 10.0, "m")
         rate = self.scanner.rate
         require(abs(rate * PERIOD - 1) <= 1e-9, "scanner.rate", rate, f"{1 / PERIOD:g} Hz, once in a control period")
         known = not isinstance(self.randomization, str) or self.randomization == "typical"

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 from sim.drive.drive import Drive
-from sim.robot.named import RobotSource, load_tracked
+from sim.robot.named import RobotSource
 from sim.robot.tracked import TrackedRobot
 from sim.task import MAX_WEIGHT, OwnTerms
 from sim.terrain import Course, load_course
@@ -15,7 +15,7 @@ from sim.traverse.observation import SensorNoise
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import Scripted
 from sim.traverse.servos import MAX_SPEED, Servos
-from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_range
+from trackslip.errors import Checked, checked, require, require_non_negative, require_positive, require_range
 
 PERIOD = 0.1
 """Default control period [s]."""
@@ -32,7 +32,7 @@ _FLIPPERS = ("each", "pairs")
 
 
 @dataclass(frozen=True)
-class CrossingReward:
+class CrossingReward(Checked):
     """The reward of a step: a sum of terms, each of which is given by name in `info`.
 
     progress            weight_progress times the way that the robot came closer to the goal [m]
@@ -46,23 +46,18 @@ class CrossingReward:
     and fails earns more than who waits.
     """
 
-    weight_progress: float = 2.0
+    weight_progress: float = checked(2.0, require_non_negative, MAX_WEIGHT)
     """CrossingReward per way [1/m]."""
-    weight_energy: float = 0.001
+    weight_energy: float = checked(0.001, require_non_negative, MAX_WEIGHT)
     """Cost of work [1/J]."""
-    weight_time: float = 0.5
+    weight_time: float = checked(0.5, require_non_negative, MAX_WEIGHT)
     """Cost of time [1/s]."""
-    weight_change: float = 0.005
+    weight_change: float = checked(0.005, require_non_negative, MAX_WEIGHT)
     """Cost of changes of the actions [-]."""
-    weight_reached: float = 5.0
+    weight_reached: float = checked(5.0, require_non_negative, MAX_WEIGHT)
     """CrossingReward, once, for crossing the course [-]."""
-    weight_failed: float = 1.0
+    weight_failed: float = checked(1.0, require_non_negative, MAX_WEIGHT)
     """Penalty, once, for failing [-]."""
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            require_non_negative(f.name, getattr(self, f.name))
-            require_at_most(f.name, getattr(self, f.name), MAX_WEIGHT)
 
 
 @dataclass(frozen=True)
@@ -74,7 +69,7 @@ class TraverseConfig(OwnTerms):
     course: str | Course | tuple[str | Course, ...] = RANDOM
     """A course, the name of one, "random", one of `FTR_COURSES`, or a .toml file; if there are several, each episode
     draws one."""
-    difficulty: tuple[float, float] = (0.0, 1.0)
+    difficulty: tuple[float, float] = checked((0.0, 1.0), require_range, 0.0, 1.0)
     """Range from which the difficulty of courses that are drawn is drawn, within 0 to 1 [-]."""
     obstacles: int = 2
     """Number of obstacles on a random course, 1 or 2."""
@@ -85,17 +80,17 @@ class TraverseConfig(OwnTerms):
     what is added to the set points of `scripted`."""
     flippers: str = "each"
     """One action for "each" flipper, or for each of the front and rear "pairs"."""
-    speed_authority: float = 0.3
+    speed_authority: float = checked(0.3, require_positive, MAX_SPEED, "m/s")
     """Largest correction of a belt's speed [m/s]."""
-    flipper_authority: float = 0.8
+    flipper_authority: float = checked(0.8, require_positive, math.pi, "rad")
     """Largest correction of a flipper's set point [rad]."""
     scripted: Scripted = field(default_factory=Scripted)
     """The scripted controller."""
-    start_offset: float = 0.1
+    start_offset: float = checked(0.1, require_non_negative)
     """Largest offset of the start to either side, drawn evenly [m]."""
-    start_heading: float = 0.1
+    start_heading: float = checked(0.1, require_non_negative, math.pi, "rad")
     """Largest heading at the start, in either direction, drawn evenly [rad]."""
-    mass: tuple[float, float] = (1.0, 1.0)
+    mass: tuple[float, float] = checked((1.0, 1.0), require_range, *MASSES)
     """Range from which a factor on the mass and the inertia of the chassis is drawn, as of a payload [-]."""
     period: float = PERIOD
     """Control period: time between actions, a multiple of 0.02 s [s]."""
@@ -119,19 +114,11 @@ class TraverseConfig(OwnTerms):
         for course in self.courses:
             if isinstance(course, str) and course not in DRAWN:
                 load_course(course, drawn=DRAWN)
-        require_range("mass", self.mass, *MASSES)
-        require_range("difficulty", self.difficulty, 0.0, 1.0)
         require_kinds(self.kinds)
         require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")
-        for name, most, unit in (("speed_authority", MAX_SPEED, "m/s"), ("flipper_authority", math.pi, "rad")):
-            require_positive(name, getattr(self, name))
-            require_at_most(name, getattr(self, name), most, unit)
         allowed = f"a multiple of {SAMPLE} s, up to 1 s"
         require(0 < self.period <= 1, "period", self.period, allowed)
         require(abs(self.period / SAMPLE - round(self.period / SAMPLE)) < 1e-9, "period", self.period, allowed)
-        for name in ("start_offset", "start_heading"):
-            require_non_negative(name, getattr(self, name))
-        require_at_most("start_heading", self.start_heading, math.pi, "rad")
 
     @property
     def courses(self) -> tuple[str | Course, ...]:
@@ -143,7 +130,3 @@ class TraverseConfig(OwnTerms):
         if self.servos is None and robot.drive != Drive():
             return Servos(robot.drive.lag, robot.drive.top_speed)
         return self.servos or Servos()
-
-    def load_robot(self) -> TrackedRobot:
-        """The robot."""
-        return load_tracked(self.robot)

@@ -15,7 +15,7 @@ import numpy as np
 from sim.task import Element, Floats
 from sim.traverse.world import Traverse
 from trackslip import se2
-from trackslip.errors import require_at_most, require_non_negative
+from trackslip.errors import Checked, checked, require_non_negative
 
 AHEAD = np.linspace(-0.5, 0.9, 15)
 """Columns of the map [m]."""
@@ -25,28 +25,23 @@ _AXES = ("forward", "left", "up")
 
 
 @dataclass(frozen=True)
-class SensorNoise:
+class SensorNoise(Checked):
     """Standard deviations of Gaussian noise of the observations, independent from step to step."""
 
-    attitude: float = 0.0
+    attitude: float = checked(0.0, require_non_negative, 10.0)
     """Of each component of the vertical in the robot's frame [-], which are small angles [rad]."""
-    rate: float = 0.0
+    rate: float = checked(0.0, require_non_negative, 10.0)
     """Of the roll, pitch and yaw rates [rad/s]."""
-    position: float = 0.0
+    position: float = checked(0.0, require_non_negative, 10.0)
     """Of the distance from the middle of the course, by odometry [m]."""
-    heading: float = 0.0
+    heading: float = checked(0.0, require_non_negative, 10.0)
     """Of the heading, by odometry [rad]."""
-    speed: float = 0.0
+    speed: float = checked(0.0, require_non_negative, 10.0)
     """Of the belts' speeds [m/s]."""
-    flipper: float = 0.0
+    flipper: float = checked(0.0, require_non_negative, 10.0)
     """Of the flippers' angles; their set points are known [rad]."""
-    height: float = 0.0
+    height: float = checked(0.0, require_non_negative, 10.0)
     """Of each height in the map [m]."""
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require_non_negative(name, value)
-            require_at_most(name, value, 10.0)
 
 
 class CrossingLayout:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.restorable import Restorable
-from trackslip.errors import require, require_at_most, require_positive
+from trackslip.errors import Checked, checked, require_positive
 from trackslip.kinematics import Array
 
 Outcomes = NDArray[np.int_]
@@ -42,29 +42,23 @@ class Outcome(IntEnum):
 
 
 @dataclass(frozen=True)
-class Limits:
+class Limits(Checked):
     """Limits that end a run."""
 
-    time: float = 60.0
+    time: float = checked(60.0, require_positive, 1e6)
     """Longest run [s]."""
-    lean: float = 1.3
+    lean: float = checked(1.3, require_positive, np.pi, "rad")
     """Angle between the chassis' and the world's vertical beyond which a robot has tipped over [rad]."""
-    drop: float = 0.3
+    drop: float = checked(0.3, require_positive, 1e6)
     """Depth below the lowest ground of the course at which a robot has fallen [m]."""
-    stuck_time: float = 5.0
+    stuck_time: float = checked(5.0, require_positive, 1e6)
     """Time within which a robot must make progress while its belts run [s]."""
-    stuck_travel: float = 0.1
+    stuck_travel: float = checked(0.1, require_positive, 1e6)
     """Belt travel in that time, mean of left and right, below which a robot counts as waiting or turning [m]."""
-    stuck_share: float = 0.1
+    stuck_share: float = checked(0.1, require_positive, 1e6)
     """Share of the belt travel that the robot must move in that time [-]."""
-    speed: float = 10.0
+    speed: float = checked(10.0, require_positive, 1e6)
     """Speed of the chassis beyond which the simulation has diverged [m/s]."""
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require_positive(name, value)
-            require_at_most(name, value, 1e6)
-        require(self.lean < np.pi, "lean", self.lean, "less than pi")
 
 
 class StuckWatch(Restorable):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from sim.policy import Network, load_network
 from sim.traverse.reflex import Reflex
 from sim.traverse.world import Command, Traverse
-from trackslip.errors import require_non_negative, require_positive
+from trackslip.errors import Checked, checked, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
 OPTIONS: dict[str, Any] = {"action": "correction", "flippers": "pairs", "period": 0.2}
@@ -45,24 +45,19 @@ class CrossingPolicy:
 
 
 @dataclass(frozen=True)
-class Scripted:
+class Scripted(Checked):
     """Drives along y = 0 and keeps the flippers on reflex."""
 
-    speed: float = 0.4
+    speed: float = checked(0.4, require_positive)
     """Forward speed of the belts [m/s]."""
-    position_gain: float = 0.3
+    position_gain: float = checked(0.3, require_non_negative)
     """Belt speed per distance from the middle [1/s]."""
-    heading_gain: float = 0.45
+    heading_gain: float = checked(0.45, require_non_negative)
     """Belt speed per heading [m/s]."""
-    turn: float = 0.3
+    turn: float = checked(0.3, require_non_negative)
     """Largest difference of a belt's speed from the mean of both [m/s]."""
     reflex: Reflex = field(default_factory=Reflex)
     """Reflex of the flippers."""
-
-    def __post_init__(self) -> None:
-        require_positive("speed", self.speed)
-        for name in ("position_gain", "heading_gain", "turn"):
-            require_non_negative(name, getattr(self, name))
 
     def command(self, world: Traverse) -> Command:
         """Set points of all robots in `world`."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.robot.tracked_model import FlipperGeometry
-from trackslip.errors import require_at_most, require_finite
+from trackslip.errors import Checked, checked, require_within
 from trackslip.kinematics import Array
 
 SAMPLES = np.array([1.0, 1.25, 1.5])
@@ -15,7 +15,7 @@ SAMPLES = np.array([1.0, 1.25, 1.5])
 
 
 @dataclass(frozen=True)
-class Reflex:
+class Reflex(Checked):
     """Rules that turn ground and attitude into set points of the flippers.
 
     Front flippers rise as far as what is ahead demands. Rear flippers stay in line with the chassis, which keeps it
@@ -23,19 +23,14 @@ class Reflex:
     points upwards more than the ground rises from the rear to the front, as on a step, they push it level.
     """
 
-    highest: float = 1.3
+    highest: float = checked(1.3, require_within, -np.pi, np.pi, "rad")
     """Largest lift of front flippers above the chassis' plane [rad]."""
-    lowest: float = -1.3
+    lowest: float = checked(-1.3, require_within, -np.pi, np.pi, "rad")
     """Lowest reach of rear flippers [rad]."""
-    push: float = 2.0
+    push: float = checked(2.0, require_within, -np.pi, np.pi, "rad")
     """Angle by which rear flippers push down, per pitch beyond the ground's and `tolerated` [-]."""
-    tolerated: float = 0.12
+    tolerated: float = checked(0.12, require_within, -np.pi, np.pi, "rad")
     """Pitch beyond the ground's at which they begin to push [rad]."""
-
-    def __post_init__(self) -> None:
-        for name, angle in vars(self).items():
-            require_finite(name, angle)
-            require_at_most(name, abs(angle), np.pi, "rad")
 
     def angles(self, ground: Array, pitch: Array, hinge_height: Array, geometry: FlipperGeometry) -> Array:
         """Set points (N, F) of the flippers' angles, tips up [rad].

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim.robot.named import load_tracked
 from sim.settings import options_of
 from sim.task import Element, Floats, Task
 from sim.terrain import Course, load_course
@@ -76,7 +77,7 @@ class Crossing(Task):
     def __init__(self, config: TraverseConfig, size: int, threads: int = 0) -> None:
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
         self._drawn = [course for course in config.courses if course in DRAWN]
-        robot = config.load_robot()
+        robot = load_tracked(config.robot)
         self._hull, self._footprint = robot.hull, Footprint.of(robot)
         listed = [course for course in config.courses if course not in DRAWN]
         self._listed = {
