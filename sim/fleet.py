@@ -15,7 +15,7 @@ from sim.ground.ground import Ground
 from sim.ground.shear import Shear
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
-from sim.world import World
+from sim.world import World, steps_in
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
@@ -24,15 +24,6 @@ SETTLING = 1.0
 """Settling time simulated before a fleet's first period [s]."""
 _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
 _TURN = 2 * np.pi
-
-
-def substeps(drive: Drive, robot: Robot) -> int:
-    """Physics steps in a servo period; raises InvalidValueError unless that is a multiple of the step."""
-    step = robot.model.opt.timestep
-    count = round(drive.period / step)
-    whole = count >= 1 and abs(count * step - drive.period) <= 1e-9
-    require(whole, "drive.period", drive.period, f"a multiple of the physics step, {step} s")
-    return count
 
 
 class Fleet(World):
@@ -82,7 +73,7 @@ class Fleet(World):
         drive = drive or robot.parameters.drive
         self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
         self.period = drive.period
-        self._substeps = substeps(drive, robot)
+        self._substeps = steps_in("drive.period", drive.period, "the physics step", robot.model.opt.timestep)
 
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self.belts = surface[:, robot.pads, 2]

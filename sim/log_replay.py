@@ -162,8 +162,7 @@ class Replayer:
                     )
         elif inputs != "encoders":
             raise InvalidValueError("inputs", inputs, "encoders or commands")
-        self.begin = np.array([log.time[0] - RUN_UP for log in logs])
-        """Start of the run-up of each log (N,) [s]."""
+        self.begin = np.array([log.time[0] - RUN_UP for log in logs])  # start of the run-up of each log (N,) [s]
         self._turned = [_angle(log) for log in logs]
         self._fastest = max(float(np.abs(log.omega).max()) for log in logs)
 

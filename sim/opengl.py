@@ -100,8 +100,7 @@ class TaskRenderer(ABC):
     """Draws the robots of a task: pictures of each, and robot 0 in a window."""
 
     def __init__(self) -> None:
-        self.data: Any = None
-        """Model with visuals, in the state of the robot being drawn."""
+        self.data: Any = None  # model with visuals, in the state of the robot being drawn
         self._window: Window | None = None
         self._pictures: Pictures | None = None
 

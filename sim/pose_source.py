@@ -86,8 +86,7 @@ class ScannedPose(TruePose):
         super().__init__(fleet)
         self.feed, self._locator = feed, locator
         self.tracker = Tracker(fleet.pose(), fleet.robot.geometry)
-        self.scans: list[np.ndarray] = []
-        """Ranges (N, B) of the scans so far, if all are kept [m]."""
+        self.scans: list[np.ndarray] = []  # ranges (N, B) of the scans so far, if all are kept [m]
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
         """Restart the noise and the tracker."""

@@ -98,8 +98,7 @@ class RunRecorder:
         self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # to load
         self._loads = any(self._yields)
         self._in_detail = fleet.robot.contact_sensors
-        self.complete = 0
-        """Number of rows that have been recorded in full."""
+        self.complete = 0  # number of rows that have been recorded in full
         self.time = np.arange(rows) * period  # (T,) [s]
         self.omega = np.zeros((rows, n, 2))  # [rad/s]
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]

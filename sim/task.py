@@ -105,29 +105,20 @@ class Task(Restorable, ABC):
         terms: tuple[str, ...],
     ) -> None:
         """A task with the usual elements of an observation and the usual `terms` of the reward; see the attributes."""
-        self.config = config
-        """The options, with `OwnTerms`."""
-        self.size = size
-        """Number of robots."""
-        self.threads = threads
-        """Number of worker threads, 0 for one per processor."""
-        self.period = period
-        """Control period [s]."""
-        self.observed = observed + config.own_elements
-        """Elements (n) of an observation."""
-        self.commanded = commanded
-        """Elements (A) of an action, each in [-1, 1]."""
+        self.config = config  # the options, with `OwnTerms`
+        self.size = size  # number of robots
+        self.threads = threads  # number of worker threads, 0 for one per processor
+        self.period = period  # control period [s]
+        self.observed = observed + config.own_elements  # elements (n) of an observation
+        self.commanded = commanded  # elements (A) of an action, each in [-1, 1]
         names = (*config.own_rewards, *config.own_observations, *config.privileged)
         self._functions = {name: function(name) for name in names}
         self._rewards = tuple(f"reward_{term}" for term in (*terms, *config.own_rewards))
         self._terms: Array = np.zeros((len(self._rewards), size))
         self._action: Array = np.zeros((size, len(commanded)))
-        self.reward: Array = np.zeros(size)
-        """Rewards (N,) of the last step."""
-        self.terminated: NDArray[np.bool_] = np.zeros(size, bool)
-        """Mask (N,) of the episodes that have ended."""
-        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)
-        """Mask (N,) of the episodes that were cut off."""
+        self.reward: Array = np.zeros(size)  # rewards (N,) of the last step
+        self.terminated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of the episodes that have ended
+        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of the episodes that were cut off
 
     @abstractmethod
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:

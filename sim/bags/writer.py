@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.bags.messages import Publication, definitions
-from sim.bags.topics import POSE_TOPICS, PoseMessage, RunTopics, command_topic
+from sim.bags.topics import POSE_TOPICS, PoseMessage, Publication, RunTopics, command_topic, definitions
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry

@@ -99,20 +99,16 @@ def _field(owner: str, name: str, spread: float, unit: str = "", **options: Any)
     return Parameter(**functions | {"spread": spread, "unit": unit} | options)
 
 
-def _with_length(candidate: Candidate, length: float) -> Candidate:
-    return replace(candidate, robot=candidate.robot.with_contact_length(length))
-
-
 def _ratio(candidate: Candidate) -> float:
     return candidate.ground.across / candidate.ground.along
 
 
-def _with_friction(candidate: Candidate, along: float) -> Candidate:
-    return replace(candidate, ground=replace(candidate.ground, along=along, across=along * _ratio(candidate)))
+def _with_length(candidate: Candidate, length: float) -> Candidate:
+    return replace(candidate, robot=candidate.robot.with_contact_length(length))
 
 
-def _with_ratio(candidate: Candidate, ratio: float) -> Candidate:
-    return replace(candidate, ground=replace(candidate.ground, across=candidate.ground.along * ratio))
+def _with_ground(candidate: Candidate, along: float, ratio: float) -> Candidate:
+    return replace(candidate, ground=replace(candidate.ground, along=along, across=along * ratio))
 
 
 def _radius(side: int) -> Parameter:
@@ -146,8 +142,8 @@ PARAMETERS = {
     "radius_error": _field("robot", "radius_error", 0.07),
     "radius_left": _radius(0),
     "radius_right": _radius(1),
-    "friction": _field("ground", "along", 0.7, relative=True, write=_with_friction),
-    "friction_ratio": Parameter(_ratio, _with_ratio, 0.3, relative=True),
+    "friction": _field("ground", "along", 0.7, relative=True, write=lambda c, along: _with_ground(c, along, _ratio(c))),
+    "friction_ratio": Parameter(_ratio, lambda c, ratio: _with_ground(c, c.ground.along, ratio), 0.3, relative=True),
     "shear": _field("ground", "shear", 0.015, "m", low=0.0),
     "com_x": _field("robot", "com_x", 0.02, "m", size=lambda base: base.robot.contact_length),
     "com_y": _field("robot", "com_y", 0.15, "m", size=lambda base: base.robot.half_gauge),

@@ -74,6 +74,8 @@ class Target(Protocol):
         """Summary of errors (n,), NaN for those that don't count."""
 
 
+_COMMANDED = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T  # radii [m] and speeds [m/s] (2, M)
+_OBSERVED = np.repeat(OBSERVED_RADII, len(SPEEDS))  # radii (M,) [m]
 Turns = Callable[..., Array]
 """Steady twists of a robot on a ground, as `steady_turns` gives them."""
 
@@ -90,18 +92,9 @@ class PublishedTurns:
     turns: Turns | None = None  # how candidates turn; by default `steady_turns`, in simulation
 
     @cached_property
-    def _commanded(self) -> Array:
-        """Radii [m] and speeds [m/s] (2, M)."""
-        return np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
-
-    @cached_property
-    def _observed_radius(self) -> Array:
-        return np.repeat(OBSERVED_RADII, len(SPEEDS))
-
-    @cached_property
     def layout(self) -> Layout:
         """Structure of the errors: of slips, left and right, then of radii."""
-        turn = np.arange(len(self._observed_radius))
+        turn = np.arange(len(_OBSERVED))
         cluster = np.concatenate([np.repeat(turn, 2), turn])
         share = np.full(len(cluster), 3 * len(COMMANDED_RADII) / len(cluster))
         floor = np.array([_NUMERICAL_ERROR / SLIP_SCALE])
@@ -109,18 +102,18 @@ class PublishedTurns:
 
     def errors(self, candidate: Candidate) -> Array:
         """Errors (n,) of slips and of logarithms of radii, each over its scale."""
-        (radius, speed), geometry = self._commanded, candidate.geometry
+        (radius, speed), geometry = _COMMANDED, candidate.geometry
         wanted = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, geometry)
         omega = limit_sprocket_speeds(wanted, _TOP_SPEED / geometry.sprocket_radius)
         turns = self.turns or steady_turns
         twist = turns(candidate.robot, candidate.ground, omega, threads=self.threads)[:, [0, 2]]
-        slip = (track_slip(omega, twist, geometry) - PUBLISHED(1 / self._observed_radius)) / SLIP_SCALE
-        radius = np.log(twist[:, 0] / twist[:, 1] / self._observed_radius) / _RADIUS_SCALE
+        slip = (track_slip(omega, twist, geometry) - PUBLISHED(1 / _OBSERVED)) / SLIP_SCALE
+        radius = np.log(twist[:, 0] / twist[:, 1] / _OBSERVED) / _RADIUS_SCALE
         return np.concatenate([slip.ravel(), radius])
 
     def metrics(self, errors: Array) -> dict[str, float]:
         """RMS errors of the slips [-], and relative ones of the radii."""
-        slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(self._observed_radius)]))
+        slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(_OBSERVED)]))
         return {"slip_rms": rms(slip * SLIP_SCALE), "radius_rms": rms(np.expm1(radius * _RADIUS_SCALE))}
 
 
@@ -231,8 +224,7 @@ class Drives:
         self._pairs = _Pairs.of(self.windows, geometry)
         self.horizon, window = self._pairs.horizon, self._pairs.window
         self._measured = se2.between(*self._pairs.pose.swapaxes(0, 1))
-        self.log = np.repeat(np.array(of_log)[window], 3)
-        """Index of the log that each error (n,) is of."""
+        self.log = np.repeat(np.array(of_log)[window], 3)  # index of the log that each error (n,) is of
         cluster = _same_commands(self.windows)[window]
         cluster = np.unique(cluster, return_inverse=True)[1]
         group = 3 * np.searchsorted(HORIZONS, self.horizon)

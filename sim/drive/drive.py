@@ -166,23 +166,17 @@ class DriveState(Restorable):
 
     def __init__(self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None) -> None:
         """Start at rest; the sprockets drive the belts at `effective_radius` (N, 2), by default the nominal one [m]."""
-        self.drive = drive
-        """Servo and motor of all sprockets."""
+        self.drive = drive  # servo and motor of all sprockets
         self.radius = np.full((n, 2), sprocket_radius) if effective_radius is None else effective_radius
         """Effective radii of the sprockets (N, 2) [m]."""
-        self.limit = drive.top_speed / sprocket_radius
-        """Largest sprocket speed [rad/s]."""
+        self.limit = drive.top_speed / sprocket_radius  # largest sprocket speed [rad/s]
         self._decay, self._mean_decay = np.empty((2, n, 1))
-        self.set_point = np.zeros((n, 2))
-        """Set points of the speeds [rad/s]."""
-        self.omega = np.zeros((n, 2))
-        """True speeds [rad/s]."""
+        self.set_point = np.zeros((n, 2))  # set points of the speeds [rad/s]
+        self.omega = np.zeros((n, 2))  # true speeds [rad/s]
         self._error: Array = np.zeros((n, 2))  # kept beside the speed because it decays without rounding errors
         self._totals = np.zeros((n, 2, 2))  # angles and energies
-        self.torque = np.zeros((n, 2))
-        """Torques of the motors at the sprockets in the last period [N m]."""
-        self.saturated_time = np.zeros((n, 2))
-        """Time since the start that the motors spent at their limits [s]."""
+        self.torque = np.zeros((n, 2))  # torques of the motors at the sprockets in the last period [N m]
+        self.saturated_time = np.zeros((n, 2))  # time since the start that the motors spent at their limits [s]
         self.restart(np.arange(n), [drive.lag] * n)
 
     @property

@@ -115,10 +115,8 @@ class ReferenceTable(Restorable):
     def __init__(self, names: Iterable[str], steps: Index) -> None:
         """Tabulate the references `names`, with twists `steps` (K,) control periods ahead, ascending from 0."""
         self._steps = steps
-        self.names: tuple[str, ...] = ()
-        """Names of the references, in order of their indices."""
-        self.last: Index = np.empty(0, int)
-        """Control period (R,) in which each reference ends."""
+        self.names: tuple[str, ...] = ()  # names of the references, in order of their indices
+        self.last: Index = np.empty(0, int)  # control period (R,) in which each reference ends
         self._pose: Array = np.empty((0, 1, 3))
         self._twists: Array = np.empty((0, 1, len(steps), 2))
         for name in names:

@@ -52,8 +52,7 @@ class PathTracking(Task):
         self._compensation.reset(begin)
         self._unit = np.array([[element.scale for element in self.commanded]])  # (1, 2), of actions
         self._reference: Index = np.zeros(size, int)
-        self.last: Index = np.zeros(size, int)
-        """Number of steps (N,) in each robot's episode."""
+        self.last: Index = np.zeros(size, int)  # number of steps (N,) in each robot's episode
         self._k: Index = np.zeros(size, int)  # control periods since the start of the episode
         self._latency: Index = np.zeros(size, int)
         self._line = np.zeros((size, MAX_LATENCY + 1, 2))  # set points, the newest first [rad/s]

@@ -184,14 +184,10 @@ def _cells(spec: mujoco.MjSpec, grounds: Sequence[mujoco.MjsGeom]) -> Iterator[f
             yield math.inf
             continue
         field = spec.hfield(geom.hfieldname)
-        shape = (field.ncol, field.nrow) if model is None else _shape(model, field.name)
-        yield float((2 * np.array(field.size[:2]) / np.subtract(shape, 1)).min())
-
-
-def _shape(model: mujoco.MjModel, field: str) -> tuple[int, int]:
-    """Columns and rows of a height field of a file, which the compiler reads."""
-    compiled = model.hfield(field)
-    return int(compiled.ncol[0]), int(compiled.nrow[0])
+        if model is not None:
+            field = model.hfield(field.name)
+        shape = np.ravel([field.ncol, field.nrow])
+        yield float((2 * np.array(field.size[:2]) / (shape - 1)).min())
 
 
 def find_grounds(

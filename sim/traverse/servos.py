@@ -34,10 +34,8 @@ class ServoState(Restorable):
 
     def __init__(self, servos: Servos, size: int, flippers: int) -> None:
         self._servos = servos
-        self.speed: Array = np.zeros((size, 2))
-        """Belt speeds (N, 2), left and right [m/s]."""
-        self.angle: Array = np.zeros((size, flippers))
-        """Set points (N, F) that the flippers' motors have [rad]."""
+        self.speed: Array = np.zeros((size, 2))  # belt speeds (N, 2), left and right [m/s]
+        self.angle: Array = np.zeros((size, flippers))  # set points (N, F) that the flippers' motors have [rad]
         self._speed_goal, self._angle_goal = self.speed.copy(), self.angle.copy()
 
     def begin(self, rows: NDArray[np.int_], angle: Array) -> None:

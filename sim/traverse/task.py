@@ -102,8 +102,7 @@ class Crossing(Task):
         self.layout = CrossingLayout(self.world, config.noise)
         self.actions = Actions(config, self.world)
         super().__init__(config, size, threads, config.period, self.layout.elements, self.actions.elements, TERMS)
-        self.difficulty = config.difficulty
-        """Range from which the difficulty of the next courses is drawn [-]."""
+        self.difficulty = config.difficulty  # range from which the difficulty of the next courses is drawn [-]
         self._difficulty: Array = np.full(size, np.nan)
         self._seed: NDArray[np.int_] = np.zeros(size, int)  # of the sensors' noise
         self._length: Array = np.ones(size)  # way from start to goal [m]

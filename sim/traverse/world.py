@@ -22,9 +22,9 @@ from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
 from sim.traverse.reflex import SAMPLES, Reflex
 from sim.traverse.servos import Servos, ServoState
 from sim.traverse.slots import Slots
-from sim.world import World, quietly
+from sim.world import World, quietly, steps_in
 from trackslip import se2
-from trackslip.errors import require, require_positive
+from trackslip.errors import require
 from trackslip.kinematics import Array
 
 _BROKEN = [
@@ -91,8 +91,8 @@ class Traverse(World):
         super().__init__(model, size, threads, self.tracked.free)
         self.period, self.sample = period, sample
         self.limits, self.servos = limits or Limits(), servos or Servos()
-        self._substeps = _multiple("sample", sample, "the physics step", float(model.opt.timestep))
-        self._samples = _multiple("period", period, "sample", sample)
+        self._substeps = steps_in("sample", sample, "the physics step", float(model.opt.timestep))
+        self._samples = steps_in("period", period, "sample", sample)
         self.track_names = belts.names
         """Names of the tracks (T,)."""
         self._belts = belts.bind_batch(self.batch, self.tracked.track_side)
@@ -292,11 +292,3 @@ class Traverse(World):
         )
         for outcome, where in conditions:
             self.outcome[rows[where[rows]]] = outcome
-
-
-def _multiple(name: str, value: float, of: str, unit: float) -> int:
-    """Ratio of `value` to `unit`; raises InvalidValueError unless it is a whole number."""
-    require_positive(name, value)
-    count = round(value / unit)
-    require(count >= 1 and abs(count * unit - value) < 1e-9, name, value, f"a multiple of {of}, {unit:g} s")
-    return count

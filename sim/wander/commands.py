@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.terrain.pieces import smooth_step
 from trackslip.errors import Checked, InvalidValueError, checked, require, require_positive
 from trackslip.kinematics import SIDES, Array
 
@@ -85,7 +86,7 @@ def _loop(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
 def _begun(time: Array, driver: Driver, ahead: float, half: Array) -> Array:
     """Speeds (T, 2) [m/s] ahead -+ half; starting takes half of the acceleration, which leaves the rest for `half`."""
     ramp = 2 * _STEEPEST * driver.max_speed / driver.acceleration
-    return (ahead + SIDES * half[:, None]) * _step(time / ramp)[:, None]
+    return (ahead + SIDES * half[:, None]) * smooth_step(time / ramp)[:, None]
 
 
 def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: Array) -> Array:
@@ -99,13 +100,7 @@ def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: 
     begins = np.concatenate([[0.0], ends[:-1]])
     now = np.minimum(np.searchsorted(ends, time, side="right"), len(levers) - 1)
     before = np.concatenate([np.zeros((1, 2)), levers[:-1]])[now]
-    return before + _step((time - begins[now]) / moving[now])[:, None] * (levers[now] - before)
-
-
-def _step(u: Array) -> Array:
-    """A smooth step (...) from 0 at u = 0 to 1 at u = 1."""
-    u = np.clip(u, 0.0, 1.0)
-    return u * u * (3 - 2 * u)
+    return before + smooth_step((time - begins[now]) / moving[now])[:, None] * (levers[now] - before)
 
 
 DRIVING: dict[str, Callable[[Array, Driver, np.random.Generator], Array]] = {
