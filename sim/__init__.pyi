@@ -32,7 +32,7 @@ from .traverse.config import TraverseConfig as TraverseConfig
 from .traverse.observation import SensorNoise as SensorNoise
 from .traverse.outcome import Limits as Limits
 from .traverse.outcome import Outcome as Outcome
+from .traverse.policy import Reflex as Reflex
 from .traverse.policy import Scripted as Scripted
-from .traverse.reflex import Reflex as Reflex
 from .traverse.world import Command as Command
 from .traverse.world import Traverse as Traverse

@@ -65,16 +65,10 @@ def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
 
 
 def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
-    """Build a frozen dataclass from a table of its fields; see `converted`.
+    """Build a frozen dataclass from a table of its fields; missing ones are taken from `base`, or are the defaults.
 
-    Args:
-        cls: the dataclass.
-        table: field -> value; missing fields are taken from `base`, or are the defaults.
-        where: file, and place in it, for error messages.
-        base: the instance to change.
-
-    Raises:
-        SettingsFileError: for unknown or missing fields and values that aren't allowed.
+    Raises SettingsFileError, which begins with `where`, for unknown or missing fields and values that aren't allowed;
+    see `converted`.
     """
     if not isinstance(table, Mapping):
         raise SettingsFileError(f"{where}: {reprlib.repr(table)} is not a table")

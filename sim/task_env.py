@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from sim.opengl import TaskRenderer
+from sim.renderers import TaskRenderer
 from sim.restorable import Restorable
 from sim.settings import from_options
 from sim.task import Element, Floats, metadata_here, numeric, row_of, spaces

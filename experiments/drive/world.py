@@ -19,8 +19,7 @@ from sim.traverse.courses import FTR_COURSES, draw_ftr_course
 from sim.traverse.footprint import Footprint
 from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Limits
-from sim.traverse.policy import CrossingPolicy
-from sim.traverse.reflex import Reflex
+from sim.traverse.policy import CrossingPolicy, Reflex
 from sim.traverse.servos import Servos
 from sim.traverse.task import Actions
 from sim.traverse.world import Command, Traverse
@@ -69,7 +68,7 @@ def driver(config: Config, world: Traverse) -> Driver:
     fixed = np.where(world.tracked.flippers.front, *(asked or (0.0, 0.0)))[None]
 
     def angles(world: Traverse) -> Array:
-        return world.reflex(Reflex()) if asked is None else fixed
+        return Reflex().set_points(world) if asked is None else fixed
 
     if config.path is not None:
         return PathDriver(config.path, config.speed, half_gauge, angles)

@@ -93,13 +93,8 @@ def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/c
     """Write twists (T, 2) [m/s, rad/s] at times (T,) [s] as TwistStamped to a bag that can be played to a robot.
 
     The stamps in the headers are 0, which diff_drive_controller of ros2_control takes for the time of arrival; it
-    ignores commands whose stamps are older than its `cmd_vel_timeout`. The path is that of the bag's folder, or of a
-    file if it ends in .mcap; it must not exist.
-
-    Raises:
-        InvalidValueError: if the topic is no name in ROS.
-        OutputError: if the path exists, or can't be written.
-        TrackslipError: where rosbags is missing.
+    ignores commands whose stamps are older than its `cmd_vel_timeout`. The path is as for `write_bag`. Raises
+    InvalidValueError if the topic is no name in ROS, OutputError and TrackslipError as `write_bag` does.
     """
     require_topic(topic)
     stamps = START * 1_000_000_000 + np.round(1e9 * time).astype(np.int64)

@@ -68,20 +68,18 @@ def calibrate(
 ) -> Calibration:
     """Fit parameters of a candidate to a target.
 
-    Least squares under Cauchy's loss where the target is robust, with normal priors around the values of `base`.
-    What the target doesn't tell stays near its prior, and is as uncertain. Standard errors are by the parameters
-    without each cluster (the jackknife) where the target is robust, else from the residuals.
+    Least squares under Cauchy's loss where the target is robust, with normal priors around the values of `base`. What
+    the target doesn't tell stays near its prior, and is as uncertain. Standard errors are by the parameters without
+    each cluster (the jackknife) where the target is robust, else from the residuals.
 
     Args:
         target: what the robot did.
         base: the start, and the values of the other parameters.
-        free: names of the parameters to fit, of `PARAMETERS`.
-        folds: label (n,) of the fold of each error of the target, which a candidate fitted to the others predicts.
-            Those with negative labels are never predicted.
+        free: names of the parameters to fit, of `PARAMETERS`; InvalidValueError for names that are unknown, given twice
+            or say the same, and too many for the target.
+        folds: label (n,) of the fold of each error of the target, which a candidate fitted to the others predicts;
+            errors with negative labels are never predicted.
         progress: called with 1 after the fit, and after each fold.
-
-    Raises:
-        InvalidValueError: for names that are unknown, given twice or say the same, and too many for the target.
     """
     problem = _Problem(target, base, _checked(free, target))
     best = problem.minimum()

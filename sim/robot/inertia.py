@@ -27,12 +27,8 @@ def composite(model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike) -> 
 def warn_of_inertia(model: mujoco.MjModel, robot: int, path: Path) -> None:
     """Give a RobotWarning for an inertia whose radius of gyration is beyond all of the body's shapes.
 
-    Links that are fixed to each other are one body; bodies without shapes are measured by the whole robot's.
-
-    Args:
-        model: the model.
-        robot: its root body.
-        path: the file that the model comes from.
+    Links of the body `robot` that are fixed to each other are one body; bodies without shapes are measured by the whole
+    robot's. The model comes from the file `path`.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

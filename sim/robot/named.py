@@ -42,14 +42,9 @@ RobotSource = str | RobotParameters | TrackedRobot
 def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParameters, Ground]:
     """Load a robot for flat ground: its parameters, and the ground that its file's table `ground` describes.
 
-    Args:
-        source: a name of `ROBOTS`; a file of parameters, whose missing fields keep their defaults; the file of a
-            tracked robot; or a robot. For tracked robots, see `on_flat_ground`.
-
-    Raises:
-        InvalidValueError: for an unknown name that is no file.
-        SettingsFileError: for an unreadable file, and unknown, missing or invalid fields.
-        TrackslipError: for a tracked robot whose model doesn't compile.
+    The source is a name of `ROBOTS`; a file of parameters, whose missing fields keep their defaults; the file of a
+    tracked robot, see `on_flat_ground`; or a robot. Raises InvalidValueError for an unknown name that is no file,
+    SettingsFileError for an unreadable file and invalid fields, TrackslipError for a model that doesn't compile.
     """
     robot, ground = _load(source)
     if isinstance(robot, TrackedRobot):
@@ -89,15 +84,9 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
     """The parameters of a tracked robot that stands on level ground: a rigid body on the longest runs of its tracks.
 
     Its joints are held where the model has them, and its flippers as low as they clear the ground. Its frame is in the
-    middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above everything else.
-
-    Args:
-        robot: the robot.
-        looks: its name or file.
-
-    Raises:
-        InvalidValueError: for a robot that doesn't stand on two wheels of each track or is out of range.
-        TrackslipError: for a model that can't be compiled.
+    middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above everything else. It
+    is drawn as the robot of the name or file `looks`. Raises InvalidValueError for a robot that doesn't stand on two
+    wheels of each track or is out of range, TrackslipError for a model that can't be compiled.
     """
     built = build_tracked(robot, looks=True)
     model, data = built.model, start(built.model)

@@ -66,11 +66,8 @@ class ContactPoints:
     def at(self, qpos: Array, qvel: Array, belt: Array, flippers: Array) -> tuple[Array, Array]:
         """Points (n, 3) [m] and forces (n, 3) of the ground on the robot [N], in the world.
 
-        Args:
-            qpos: positions (nq,) of all joints.
-            qvel: velocities (nv,).
-            belt: speeds (T,) of the belts [m/s].
-            flippers: set points (F,) of the flippers, tips up [rad].
+        They are those of joint positions (nq,) and velocities (nv,), belt speeds (T,) [m/s] and set points (F,) of the
+        flippers, tips up [rad].
         """
         model, data = self._world.model, self._data
         data.qpos[:], data.qvel[:] = qpos, qvel

@@ -55,16 +55,10 @@ def draw_course(
 
 
 def draw_ftr_course(name: str, difficulty: float, rng: np.random.Generator, hull: Sequence[Sequence[float]]) -> Course:
-    """Draw a course of FTR-Bench by its name.
+    """Draw a course of FTR-Bench by its name, for a robot whose tracks have the wheels `hull` (x, z, radius) [m].
 
-    Args:
-        name: one of `FTR_COURSES`.
-        difficulty: from 0, the smallest published heights and angles, to 1, the largest; other sizes are drawn evenly.
-        rng: random numbers.
-        hull: wheels (x, z, radius) of the robot's tracks [m].
-
-    Raises:
-        InvalidValueError: for another name or difficulty.
+    A `difficulty` of 0 gives the smallest published heights and angles, 1 the largest; other sizes are drawn evenly.
+    Raises InvalidValueError for another name or difficulty.
     """
     require(name in FTR_COURSES, "course", name, f"one of {', '.join(FTR_COURSES)}")
     require_within("difficulty", difficulty, 0.0, 1.0)

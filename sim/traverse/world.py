@@ -19,7 +19,6 @@ from sim.tracks import Reading
 from sim.traverse.contact import TrackContact
 from sim.traverse.footprint import Footprint
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
-from sim.traverse.reflex import SAMPLES, Reflex
 from sim.traverse.servos import Servos, ServoState
 from sim.traverse.slots import Slots
 from sim.world import World, quietly, steps_in
@@ -219,16 +218,6 @@ class Traverse(World):
     def elevation(self, points: Array) -> Array:
         """Heights (N, P) of the ground at `points` (N, P, 2) of each robot's course [m]."""
         return look_up(self.course, points)
-
-    def reflex(self, reflex: Reflex) -> Array:
-        """Set points (N, F) of the flippers' angles by reflex, tips up [rad]."""
-        geometry, heading = self.flippers, self.state.heading
-        hinge = self.state.position[:, None] + np.einsum("nij,fj->nfi", self.state.rotation, geometry.hinge)
-        forwards = se2.direction(heading)
-        away = np.where(geometry.front, 1.0, -1.0)[:, None] * SAMPLES * geometry.length[:, None]  # (F, S)
-        points = hinge[:, :, None, :2] + away[..., None] * forwards[:, None, None]
-        ground = self.elevation(points.reshape(self.size, -1, 2)).reshape(self.size, *away.shape)
-        return reflex.angles(ground, self.state.pitch, hinge[..., 2], geometry)
 
     @property
     def way(self) -> Array:

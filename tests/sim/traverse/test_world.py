@@ -12,7 +12,7 @@ from sim.terrain import Course, Flat, Ramp, Step
 from sim.tracks import Belts
 from sim.traverse.contact import ContactPoints
 from sim.traverse.outcome import Limits, Outcome, StuckWatch
-from sim.traverse.reflex import SAMPLES, Reflex
+from sim.traverse.policy import SAMPLES, Reflex
 from sim.traverse.servos import Servos, ServoState
 from sim.world import quietly
 from trackslip.errors import InvalidValueError
@@ -119,7 +119,7 @@ def test_flippers_feel_the_ground_under_them_that_courses_have():
     x = hinge[:, :1] + np.where(shape.front, 1, -1)[:, None] * SAMPLES * shape.length[:, None]
     ground = course.height(x, hinge[:, 1:2])
     expected = reflex.angles(ground[None], np.zeros(1), hinge[None, :, 2], shape)
-    np.testing.assert_allclose(world.reflex(reflex), expected, atol=1e-3)
+    np.testing.assert_allclose(reflex.set_points(world), expected, atol=1e-3)
     assert expected[0, shape.front].min() > 0.05
 
 
