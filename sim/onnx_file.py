@@ -57,8 +57,6 @@ def _layers(graph: _Graph, network: Network, values: str) -> str:
 
 
 class _Graph:
-    """A graph under construction."""
-
     def __init__(self, onnx: Any) -> None:
         self._onnx = onnx
         self._nodes: list[Any] = []

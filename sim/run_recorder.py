@@ -130,7 +130,6 @@ class RunRecorder:
         self._truth.append({name: values.copy() for name, values in row.items()})
 
     def _require_upright(self, k: int) -> None:
-        """Raise RunFailedError if a robot has tipped over in row k."""
         upright = self.fleet.state.upright > _UPRIGHT
         if not upright.all():
             fallen = int(np.flatnonzero(~upright)[0])
@@ -145,15 +144,9 @@ class RunRecorder:
         self._command[k] = self.fleet.drive.set_point
         self.complete = k + 1
 
-    def estimate(self, k: int, estimate: PoseEstimate) -> None:
-        """Record estimated poses (N,) in row k."""
-        self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
-
-    def estimates(self, rows: slice, estimate: PoseEstimate) -> None:
-        """Record estimated poses (N, T) in T rows."""
-        self.pose[rows] = estimate.pose.swapaxes(0, 1)
-        self._covariance[rows] = estimate.covariance.swapaxes(0, 1)
-        self._valid[rows] = estimate.valid.swapaxes(0, 1)
+    def estimate(self, rows: int | slice, estimate: PoseEstimate) -> None:
+        """Record estimated poses (N,) in a row, or (T, N) in T rows."""
+        self.pose[rows], self._covariance[rows], self._valid[rows] = estimate.pose, estimate.covariance, estimate.valid
 
     def name(self, robot: int) -> str:
         """Name of a robot's run."""

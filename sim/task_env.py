@@ -36,7 +36,6 @@ class TaskInterface(Restorable):
     _renderer: TaskRenderer | None = None
 
     def _make(self, options: Mapping[str, Any], size: int, threads: int, render_mode: str | None) -> None:
-        """Make the task of `size` robots, and what draws it."""
         self.render_mode = render_mode
         self.task = self.kind(from_options(self.configuration, options), size, threads)
         self.metadata = metadata_here(self.task)
@@ -212,7 +211,6 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         return tuple(self._seeds_used)
 
     def _seeds(self, seed: Any) -> list[int | None]:
-        """Seeds (N) of the robots."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Integral):
@@ -267,7 +265,6 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
             self._renderer.close()
 
     def _begin(self, rows: NDArray[np.int_], options: Mapping[str, Any]) -> None:
-        """Begin episodes of the robots `rows` (R,)."""
         for name, value in options.items():
             valid = not isinstance(value, list) or len(value) == self.num_envs
             require(valid, f"options[{name!r}]", value, f"a value, or a list of {self.num_envs}")
@@ -275,9 +272,9 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         for row in rows:
             generator = self._generators[row]
             assert generator is not None
-            own = {name: value[row] if isinstance(value, list) else value for name, value in options.items()}
-            drawn = [name for name, value in options.items() if isinstance(value, list) and value[row] is None]
-            episodes.append(self.task.draw(generator, {name: own[name] for name in own if name not in drawn}))
+            given = {k: v for k, v in options.items() if not isinstance(v, list) or v[row] is not None}
+            own = {name: value[row] if isinstance(value, list) else value for name, value in given.items()}
+            episodes.append(self.task.draw(generator, own))
         self.task.begin(rows.tolist(), episodes)
         self._ended[rows], self._steps[rows] = False, 0
         if self._renderer is not None:

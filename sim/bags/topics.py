@@ -55,7 +55,6 @@ class Publication:
 
 
 def _messages(kind: str, fields: Fields) -> Iterator[Any]:
-    """Messages of a type, as many as its shortest array has rows."""
     known = definitions()
     columns = (_column(node, detail, fields.get(name)) for name, (node, detail) in known.fielddefs[kind][1])
     return map(known.types[kind], *columns)
@@ -253,7 +252,6 @@ def _odometry(
     moving: Array,
     twist_covariance: Array,
 ) -> Publication:
-    """A topic of nav_msgs/Odometry of `frames` (fixed, moving)."""
     fields = {
         "header": header(stamps, frames[0]),
         "child_frame_id": frames[1],
@@ -282,5 +280,4 @@ def _fixes(name: str, stamps: Stamps, place: Array, covariance: Array) -> Public
 
 
 def _planar(of: Array) -> Array:
-    """Twists (M, 3) of those without lateral speed (M, 2)."""
     return np.insert(of, 1, 0.0, axis=1)

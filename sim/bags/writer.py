@@ -116,7 +116,6 @@ def _write(path: Path, topics: Sequence[Publication], about: Mapping[str, str]) 
 
 
 def _fill(folder: Path, topics: Sequence[Publication], about: Mapping[str, str]) -> None:
-    """Write all messages in order of time."""
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
     store = definitions()

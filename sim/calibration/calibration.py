@@ -116,8 +116,6 @@ class _LinearErrors:
 
 @dataclass(frozen=True)
 class _End(_LinearErrors):
-    """Where a fit ended."""
-
     sigma: Array  # (kinds,) standard deviations of the errors
     cost: float
 

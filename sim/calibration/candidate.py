@@ -112,7 +112,6 @@ def _with_ground(candidate: Candidate, along: float, ratio: float) -> Candidate:
 
 
 def _radius(side: int) -> Parameter:
-    """Error of the radius of a sprocket, left 0, right 1."""
 
     def sides(candidate: Candidate) -> list[float]:
         mean, split = candidate.robot.radius_error, candidate.robot.radius_split

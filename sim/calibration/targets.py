@@ -305,7 +305,6 @@ def _windows(log: RunLog) -> list[RunLog]:
 
 
 def _with_lead(log: RunLog, part: RunLog) -> RunLog:
-    """A part of a log with the rows up to 1.5 s before."""
     first, last = np.searchsorted(log.time, [part.time[0] - _LEAD, part.time[-1]]).tolist()
     return log.between(first, last + 1)
 

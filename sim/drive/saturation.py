@@ -54,7 +54,6 @@ def _first_guess(start: Array, goal: Array, saturated: Array) -> Array:
 
 
 def _balance(sprockets: DriveState, start: Array, goal: Array, speed: Array, mass: float, tolerance: Array) -> Balance:
-    """The balance of torques in a period that begins at speeds `start` (R, 2) [rad/s]."""
     drive, radius, inertia = sprockets.drive, sprockets.radius, sprockets.drive.motor.inertia / sprockets.drive.period
 
     def required(rows: np.ndarray, omega: Array, load: Array) -> Array:

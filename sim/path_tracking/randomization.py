@@ -114,7 +114,6 @@ class Randomization:
         )
 
     def _ground(self, generator: np.random.Generator, base: Ground, path: Array) -> Ground:
-        """Draw the friction across, slope and patches of a ground."""
         ratio = uniform(generator, self.friction_ratio, 1.0)
         patches = []
         for _ in range(generator.integers(*self.patches, endpoint=True)):

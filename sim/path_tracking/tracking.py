@@ -123,7 +123,6 @@ class PathTracking(Task):
         return self._compensation if isinstance(self._compensation, SensesLoad) else None
 
     def _set_points(self, action: Array) -> Array:
-        """Sprocket set points (N, 2) [rad/s] of actions (N, 2)."""
         wanted = action * self._unit
         if self.config.action == "sprockets":
             return wanted
@@ -188,7 +187,6 @@ def reward_terms(
 
 
 def _bounded_square(z: Array) -> Array:
-    """s(z) of `config.TrackingReward`."""
     square = z * z
     return square / (1 + square)
 

@@ -81,5 +81,4 @@ def _joint_name(model: mujoco.MjModel, joint: int) -> str:
 
 
 def _motor_name(model: mujoco.MjModel, motor: int) -> str:
-    """Name of a motor, or its joint's."""
     return model.actuator(motor).name or _joint_name(model, int(model.actuator_trnid[motor, 0]))

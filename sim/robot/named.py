@@ -162,7 +162,6 @@ _SHARED = RobotParameters.__dataclass_fields__.keys() & TrackedRobot.__dataclass
 
 
 def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> TrackedRobot:
-    """The robot of a robot file, with what its own wheels tell."""
     wheels = table.get("wheels", [])
     if isinstance(wheels, str) and wheels != "replace":
         raise SettingsFileError(f'{path}: wheels = {wheels!r}: must be "replace" or a list of links')

@@ -193,5 +193,4 @@ def ground_file_text(ground: Ground, comment: str) -> str:
 
 
 def _lines(values: dict[str, Any]) -> str:
-    """Values as lines of a TOML file."""
     return "".join(f"{name} = {list(v) if isinstance(v, tuple) else v!r}\n" for name, v in values.items())

@@ -230,7 +230,6 @@ def compiled(parameters: RobotParameters) -> Robot:
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, points: int) -> None:
-    """Add a sensor of the contact with the ground to every pad."""
     geom_type = mujoco.mjtObj.mjOBJ_GEOM
     grounds = {pair.geomname2: pair.geomname1 for pair in spec.pairs}
     for geom in spec.geoms:

@@ -22,7 +22,7 @@ from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
 
 SIDES = ("left", "right")
-_FRICTION = 0.7  # of a plane
+_PLANE, _FRICTION, _GREY = "ground", 0.7, [0.6, 0.58, 0.54, 1]  # level ground without terrain
 _CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
 _ACROSS = 0.99  # least cosine between y of the chassis and of a flipper, and the hinge [-]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
@@ -109,10 +109,10 @@ def build_tracked(
         if not chassis.joints:
             chassis.add_freejoint()
         flippers = [(flipper, *_motor_of(spec, flipper, chassis)) for flipper in robot.flippers]
-        names = _plane(spec) if terrain is None else terrain.add_to(spec)
-        if friction is None:
-            coefficient = _FRICTION if terrain is None else terrain.friction
-            friction = (coefficient, coefficient)
+        if terrain is None:
+            spec.worldbody.add_geom(name=_PLANE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1], rgba=_GREY)
+        names = [_PLANE] if terrain is None else terrain.add_to(spec)
+        friction = friction or (_FRICTION if terrain is None else terrain.friction,) * 2
         add_tracks(spec, chassis, robot.track(preset, friction))
         for flipper in robot.flippers:
             add_tracks(spec, flipper.body, flipper.track(preset, friction))
@@ -223,13 +223,6 @@ def _warn_of_loose_joints(model: mujoco.MjModel, robot: TrackedRobot) -> None:
         what = f"nothing drives or holds {counted(len(loose), 'hinge')} without limits, {some(loose)}"
         hint = "list the links of wheels in `wheels`, and make joints of sensors fixed"
         warnings.warn(f"{robot.model}: {what}; {hint}", RobotWarning, stacklevel=3)
-
-
-def _plane(spec: Any) -> list[str]:
-    """A level ground."""
-    name = "ground"
-    spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1], rgba=[0.6, 0.58, 0.54, 1])
-    return [name]
 
 
 def _read(

@@ -56,7 +56,6 @@ def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
 
 
 def _link(spec: Any, robot: TrackedRobot, name: str) -> Any:
-    """The body in `robot.wheels` of that name."""
     if spec.body(name) in (None, spec.worldbody):
         known = some([body.name for body in spec.bodies if body.name != "world"])
         raise TrackslipError(f"{robot.model}: wheels = {name!r}: must be links of the model, such as {known}")
@@ -64,7 +63,6 @@ def _link(spec: Any, robot: TrackedRobot, name: str) -> Any:
 
 
 def _delete_joint(spec: Any, joint: Any) -> None:
-    """Delete a joint with its motors, sensors and equalities."""
     motors = [motor for motor in spec.actuators if motor.target == joint.name]
     names = {joint.name, *(motor.name for motor in motors)} - {""}
     sensors = [sensor for sensor in spec.sensors if sensor.objname in names]
@@ -131,7 +129,8 @@ def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Se
         if body in carriers:
             continue
         name, place = model.body(body).name, _extent(model, data, base, body)
-        if _is_round(*(place[1] - place[0])):
+        along, _, up = place[1] - place[0]
+        if abs(along - up) < _ROUND * (along + up) / 2:
             wheels[name] = place
         elif listed and body in spinning:
             allowed = "round to be a wheel; give `hull` and `half_gauge`"
@@ -140,7 +139,6 @@ def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Se
 
 
 def _carriers(model: mujoco.MjModel, body: int) -> list[int]:
-    """The bodies between a body and the world."""
     carriers = []
     while parent := int(model.body_parentid[body]):
         carriers.append(parent)
@@ -162,10 +160,6 @@ def _mirrored(left: Array, right: Array) -> Array:
 def endless(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """For each joint, True if it turns by more than a turn."""
     return np.asarray((model.jnt_limited == 0) | (np.ptp(model.jnt_range, axis=1) > 2 * np.pi))
-
-
-def _is_round(along: float, _: float, up: float) -> bool:
-    return bool(abs(along - up) < _ROUND * (along + up) / 2)
 
 
 def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int) -> Array:

@@ -126,7 +126,6 @@ class ScannerFeed(Restorable):
         return ranges
 
     def _aimed(self) -> _Aim:
-        """The beams to cast at the plates now."""
         centre = self._fleet.plate
         if self._aim is None or not self._aim.holds(centre):
             radius = self._fleet.robot.plate_radius

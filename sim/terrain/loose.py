@@ -129,7 +129,6 @@ class Pallets(Checked):
 
 
 def _pallet(x: float, y: float, z: float, yaw: float) -> Iterator[Solid]:
-    """Boards and bearers of a pallet whose middle is at (x, y)."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     under = _HEIGHT - _BOARD
     for along, across in _BOARDS:

@@ -21,8 +21,6 @@ Floats = NDArray[np.float64]
 
 
 class _Map:
-    """Indices of T tracks in a compiled model."""
-
     def __init__(self, model: mujoco.MjModel, names: Sequence[str]) -> None:
         every = tracks_in(model)
         for tracks in every:

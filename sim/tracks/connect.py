@@ -15,8 +15,8 @@ import numpy as np
 
 from sim.tracks.description import Description, descriptions
 from sim.tracks.hull import Hull
-from sim.tracks.recipe import Preset, load_preset, require_stable, set_options, set_timestep
-from sim.tracks.track import WHEEL_WEIGHT, WHEELS, Part, Track
+from sim.tracks.recipe import load_preset, require_stable, set_options, set_timestep
+from sim.tracks.track import WHEEL_WEIGHT, WHEELS, Track
 from trackslip.errors import InvalidValueError, require
 
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
@@ -40,7 +40,11 @@ def add_tracks(
         InvalidValueError: for a body that is not in the spec, a name that is taken, terrain that can't be connected, or
             a time step at which the preset isn't stable.
     """
-    carrier = _body(spec, body)
+    carrier = spec.body(body) if isinstance(body, str) else body
+    if carrier is None:
+        known = ", ".join(each.name for each in spec.bodies if each.name)
+        raise InvalidValueError("body", body, f"a body of the spec: {known}")
+    require(carrier.name != "world", "body", carrier.name, "a body that moves")
     grounds = None if terrain is None else find_grounds(spec, terrain, track.friction)
     name = track.name or carrier.name
     require(name, "name", name, "given: the body has no name")
@@ -65,7 +69,7 @@ def add_tracks(
             refname=f"{each}_track",
             intprm=[SENSED, _MAX_FORCE, 1],  # connect makes room for contacts
         )
-    on_wheels = track.contact == WHEELS
+    on_wheels, depths = track.contact == WHEELS, (preset.core_depth, preset.edge_depth)
     fine = not on_wheels and count > preset.segments
     description = Description(
         preset=replace(preset, impratio=_FINER * preset.impratio) if fine else preset,
@@ -75,28 +79,12 @@ def add_tracks(
         segment=Hull.from_wheels(track.hull).longest_below / count,
         geoms=tuple(geoms),
         weights=tuple(part.weight for part in parts) * len(names),
-        cores=tuple(_core_depth(part, preset) for part in parts) * len(names),
+        cores=tuple(depths[part.edge] if part.cored else 0.0 for part in parts) * len(names),
     )
     description.write(spec, name)
     if grounds is not None:
         connect_tracks(spec, name, description, grounds)
     return names
-
-
-def _core_depth(part: Part, preset: Preset) -> float:
-    """Depth of a geom's core, 0 for none [m]."""
-    if not part.cored:
-        return 0.0
-    return preset.edge_depth if part.edge else preset.core_depth
-
-
-def _body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:
-    carrier = spec.body(body) if isinstance(body, str) else body
-    if carrier is None:
-        names = ", ".join(each.name for each in spec.bodies if each.name)
-        raise InvalidValueError("body", body, f"a body of the spec: {names}")
-    require(carrier.name != "world", "body", carrier.name, "a body that moves")
-    return carrier
 
 
 _MAX_PAIRS = 20_000  # about 0.3 ms a step, five times as much as everything else of a robot
@@ -208,7 +196,6 @@ def find_grounds(
 
 
 def _static_geoms(body: mujoco.MjsBody) -> Iterator[mujoco.MjsGeom]:
-    """Geoms of a body and of the bodies fixed to it."""
     yield from body.geoms
     for child in body.bodies:
         if not child.joints and not child.mocap:

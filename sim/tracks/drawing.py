@@ -61,7 +61,6 @@ class TrackLook:
 
     @property
     def _thickness(self) -> float:
-        """Thickness of the belt [m]."""
         return _THICKNESS * float(np.min(np.asarray(self.hull)[:, 2]))
 
     def _inside(self, depth: float) -> Hull:
@@ -114,7 +113,6 @@ class WheelLook(TrackLook):
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:
-    """All pieces of `parts`."""
     kind, size, rgba = (np.concatenate([getattr(part, name) for part in parts]) for name in ("kind", "size", "rgba"))
     position = np.concatenate([part.position for part in parts], axis=-2)
     return Pieces(kind, size, rgba, position, np.concatenate([part.angle for part in parts], axis=-1))

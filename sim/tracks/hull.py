@@ -106,7 +106,6 @@ class Hull:
 
 
 def _numbers(wheels: Sequence[Sequence[float]]) -> Array:
-    """The wheels (W, 3)."""
     try:
         listed = [[float(number) for number in wheel] for wheel in wheels]
     except (TypeError, ValueError):

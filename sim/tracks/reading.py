@@ -101,20 +101,12 @@ def read_contacts(
     smallest[owner] = weight  # that of the last contact
     left_out = lost * smallest.reshape(speeds.shape)
     missing = np.divide(left_out, load + left_out, out=np.zeros(load.shape), where=left_out > 0)
-    return Reading(
-        traction, load, sliding, speeds, _slip(sliding, speeds), touching, depth.reshape(speeds.shape), missing
-    )
+    slip = np.divide(sliding, speeds, out=np.full(load.shape, np.nan), where=np.abs(speeds) > _STILL)
+    return Reading(traction, load, sliding, speeds, slip, touching, depth.reshape(speeds.shape), missing)
 
 
 def _triple(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Triple products a . (b x c) of vectors (3, ...)."""
     product: Floats = (
         a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
     )
     return product
-
-
-def _slip(sliding: Floats, speed: Floats) -> Floats:
-    """Slip (...) of belts of `speed` (...) that slide over the ground at `sliding` (...) [m/s]."""
-    moving = np.abs(speed) > _STILL
-    return np.divide(sliding, speed, out=np.full(np.shape(sliding), np.nan), where=moving)

@@ -75,7 +75,6 @@ def lines_across(width: float) -> Lines:
 
 
 def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
-    """Geoms in the middle of a track."""
     longest = hull.longest_below
     parts = []
     for i, run in enumerate(hull.runs):

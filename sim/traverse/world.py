@@ -225,7 +225,6 @@ class Traverse(World):
         return self.goal - self.state.position[:, 0]
 
     def _lay(self, row: int, course: Course) -> None:
-        """Put a course under a robot."""
         if self._slots is None:
             require(course is self.course[row], "courses", course, "the one that the robots were made for")
         else:

@@ -75,7 +75,6 @@ def _eights(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
 
 
 def _loop(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
-    """Rounds of a square with rounded corners, all to the same side."""
     turning = min(0.4 * driver.max_speed, np.sqrt(np.pi / 8 * driver.acceleration * driver.half_gauge))
     corner = np.pi**2 / 4 * driver.half_gauge / turning  # its yaw rate is half a period of a sine [s]
     into = np.clip(time % (_STRAIGHT + corner) - _STRAIGHT, 0.0, corner)
