@@ -18,12 +18,8 @@ from trackslip.errors import require
 
 
 class _Tracking:
-    configuration, kind, drawing, metadata = (
-        EnvConfig,
-        PathTracking,
-        PathRenderer,
-        metadata(path_tracking.config.PERIOD),
-    )
+    configuration, kind, drawing = EnvConfig, PathTracking, PathRenderer
+    metadata = metadata(path_tracking.config.PERIOD)
     task: PathTracking
 
     def set_randomization(self, randomization: Randomization | Mapping[str, Any] | str | None) -> None:

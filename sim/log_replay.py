@@ -157,9 +157,8 @@ class Replayer:
         if inputs == "commands":
             for log in logs:
                 if log.command is None or not np.isfinite(log.command).all():
-                    raise LogError(
-                        f"run {log.run!r}: needs omega_cmd_l and omega_cmd_r in every row to replay commands"
-                    )
+                    needed = "needs omega_cmd_l and omega_cmd_r in every row to replay commands"
+                    raise LogError(f"run {log.run!r}: {needed}")
         elif inputs != "encoders":
             raise InvalidValueError("inputs", inputs, "encoders or commands")
         self.begin = np.array([log.time[0] - RUN_UP for log in logs])  # start of the run-up of each log (N,) [s]

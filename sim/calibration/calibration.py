@@ -291,14 +291,8 @@ class _Problem:
             for name, row in zip(self.names, matrix, strict=True)
         }
         candidate = self.candidate(end.scaled)
-        return Calibration(
-            candidate,
-            estimates,
-            correlation,
-            end.cost,
-            target.metrics(target.errors(candidate)),
-            target.metrics(target.errors(base)),
-        )
+        after, before = (target.metrics(target.errors(each)) for each in (candidate, base))
+        return Calibration(candidate, estimates, correlation, end.cost, after, before)
 
 
 def _with_folds(fit: Calibration, problem: _Problem, end: _End, folds: np.ndarray, progress: Progress) -> Calibration:

@@ -121,11 +121,8 @@ class EnvConfig(OwnTerms):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, value, choices in (
-            ("action", self.action, _ACTIONS),
-            ("pose_source", self.pose_source, _POSE_SOURCES),
-        ):
-            require(value in choices, name, value, f"one of {', '.join(choices)}")
+        for name, choices in (("action", _ACTIONS), ("pose_source", _POSE_SOURCES)):
+            require(getattr(self, name) in choices, name, getattr(self, name), f"one of {', '.join(choices)}")
         used = self.action == "twist" or self.compensation == "none"
         require(used, "compensation", self.compensation, '"none" unless action is "twist"')
         for name, names in (("reference", self.reference), ("ground", self.ground)):
@@ -224,19 +221,13 @@ class TrackingLayout:
         self.steps = np.arange(config.previews + 1) * config.stride
         """Look-ahead of the observed reference twists (K + 1,) [control periods]."""
         speed, rate = config.twist_scale
+        twists = ("speed", "m/s", speed), ("yaw rate", "rad/s", rate)
         times = ["now" if step == 0 else f"in {step * PERIOD:g} s" for step in self.steps]
         self.elements = (
             Element("position error, ahead", "m", config.off_path, _BOUND),
             Element("position error, to the left", "m", config.off_path, _BOUND),
             Element("heading error", "rad", np.pi),
-            *(
-                element
-                for time in times
-                for element in (
-                    Element(f"reference speed {time}", "m/s", speed, _BOUND),
-                    Element(f"reference yaw rate {time}", "rad/s", rate, _BOUND),
-                )
-            ),
+            *(Element(f"reference {n} {time}", unit, scale, _BOUND) for time in times for n, unit, scale in twists),
             *(Element(f"{side} sprocket speed", "rad/s", top_speed, _BOUND) for side in ("left", "right")),
             *(Element(f"last action, {which}", "-", 1.0) for which in ("first", "second")),
             *(Element(f"load, {where}", "-", _LOAD, _BOUND) for where in _WHERE if config.loads),

@@ -126,16 +126,8 @@ def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
     """The robot that parameters describe: the shipped one's body on its wheels, or on tracks as long as its contact."""
     radius, half = parameters.sprocket_radius, parameters.contact_length / 2
     ends, radius = (parameters.axles, radius) if parameters.axles else ((-half, half), radius + _BELT)
-    return PlainRobot(
-        model=MODELS / "tracked_robot.xml",
-        half_gauge=parameters.half_gauge,
-        hull=tuple((x, radius, radius) for x in ends),
-        contact=parameters.contact,
-        patch_length=parameters.patch_length,
-        name=name,
-        parameters=parameters,
-        drive=parameters.drive,
-    )
+    hull, shared = tuple((x, radius, radius) for x in ends), {each: getattr(parameters, each) for each in _SHARED}
+    return PlainRobot(MODELS / "tracked_robot.xml", hull=hull, name=name, parameters=parameters, **shared)
 
 
 @dataclass(frozen=True)

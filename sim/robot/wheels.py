@@ -86,10 +86,8 @@ def own_wheels(spec: Any, chassis: str, robot: TrackedRobot) -> dict[str, Any]:
     if not len(pairs):
         given = ", ".join(listed) or "replace"
         allowed = "round links on endless hinges about y, alike on the left and right"
-        seen = f"found are {', '.join(wheels) or 'none'}"
-        raise TrackslipError(
-            f"{robot.model}: wheels = {given}: must be {allowed}; {seen}; give `hull` and `half_gauge`"
-        )
+        seen = f"found are {', '.join(wheels) or 'none'}; give `hull` and `half_gauge`"
+        raise TrackslipError(f"{robot.model}: wheels = {given}: must be {allowed}; {seen}")
     hull = pairs.mean(axis=1)
     hull = hull[np.argsort(hull[:, 0]), :3]
     return {

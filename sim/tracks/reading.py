@@ -59,9 +59,8 @@ class Reading:
         """This reading of the tracks `names` (T,); raises TrackslipError where it lacks contacts that matter."""
         if (self.missing > _COMPLETE).any():
             track = names[int(np.argmax(self.missing)) % len(names)]
-            raise TrackslipError(
-                f"track {track} touches the terrain at more points than its sensor reports: use a coarser height field"
-            )
+            what = f"track {track} touches the terrain at more points than its sensor reports"
+            raise TrackslipError(f"{what}: use a coarser height field")
         return self
 
 

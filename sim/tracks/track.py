@@ -181,13 +181,8 @@ class Track(Checked):
         require(self.contact in (TRACKS, WHEELS), "contact", self.contact, f"{TRACKS} or {WHEELS}")
         if self.contact == WHEELS:
             require_positive("patch_length", self.patch_length)
-            smallest = 2 * min(radius for _, _, radius in self.hull)
-            require(
-                self.patch_length < smallest,
-                "patch_length",
-                self.patch_length,
-                f"less than the wheels' diameter, {smallest:g} m",
-            )
+            smallest, patch = 2 * min(radius for _, _, radius in self.hull), self.patch_length
+            require(patch < smallest, "patch_length", patch, f"less than the wheels' diameter, {smallest:g} m")
 
     @property
     def sides(self) -> tuple[tuple[str, float], ...]:

@@ -107,8 +107,8 @@ class TraverseConfig(OwnTerms):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, value, choices in (("action", self.action, _ACTIONS), ("flippers", self.flippers, _FLIPPERS)):
-            require(value in choices, name, value, f"one of {', '.join(choices)}")
+        for name, choices in (("action", _ACTIONS), ("flippers", _FLIPPERS)):
+            require(getattr(self, name) in choices, name, getattr(self, name), f"one of {', '.join(choices)}")
         valid = self.courses and all(isinstance(course, str | Course) for course in self.courses)
         require(valid, "course", self.course, "a course, a name, or a tuple of those")
         for course in self.courses:

@@ -50,14 +50,9 @@ class Footprint:
         ahead, behind = (self.ahead, self.behind) if math.cos(heading) >= 0 else (self.behind, self.ahead)
         cos, corner = abs(math.cos(heading)), self.aside * abs(math.sin(heading))
         front, rear = ahead * cos + corner + _BEFORE, behind * cos + corner
-        hint = "for this robot to stand before the first piece"
-        require(
-            course.start_length >= front + rear,
-            "start_length",
-            course.start_length,
-            f"at least {front + rear:.3g} m {hint}",
-        )
-        require(course.width >= 2 * self.aside, "width", course.width, f"at least {2 * self.aside:.3g} m {hint}")
+        for name, least in (("start_length", front + rear), ("width", 2 * self.aside)):
+            allowed = f"at least {least:.3g} m for this robot to stand before the first piece"
+            require(getattr(course, name) >= least, name, getattr(course, name), allowed)
         return max(min(course.start[0], -front), rear - course.start_length)
 
     def goal(self, course: Course) -> float:
