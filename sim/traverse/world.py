@@ -125,16 +125,14 @@ class Traverse(World):
         rows: ArrayLike,
         courses: Sequence[Course] | None = None,
         start: ArrayLike | None = None,
-        flippers: ArrayLike | None = None,
         mass: ArrayLike = 1.0,
     ) -> None:
-        """Begin runs of the robots `rows` (R,).
+        """Begin runs of the robots `rows` (R,), flippers level, or as far up as they clear level ground.
 
         Args:
             rows: which robots.
             courses: one each; by default they stay on theirs.
             start: poses (R, 3), x, y and heading; by default before the first piece of each course [m, m, rad].
-            flippers: angles of the flippers (F,), tips up; by default 0, or as far up as they clear level ground [rad].
             mass: factors on the mass and the inertia of the chassis, one for all or (R,) [-].
 
         Raises:
@@ -153,9 +151,7 @@ class Traverse(World):
         require(valid, "start", poses.tolist(), f"finite poses (x, y, heading), one for each of {len(where)} robots")
         for row, course in zip(where, chosen, strict=True):
             self._lay(int(row), course)
-        asked = self._clear if flippers is None else np.asarray(flippers, float)
-        angles = np.broadcast_to(asked, self.servo.angle.shape[1:])
-        self.servo.begin(where, np.clip(angles, *self.tracked.flipper_range.T))
+        self.servo.begin(where, self._clear)
         factors = np.broadcast_to(np.asarray(mass, float), where.shape)
         self._belts.set(np.ones((len(where), 2)), where)
         self._load(where, self.tracked.body, factors, np.zeros((len(where), 2)))
