@@ -10,6 +10,7 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
+from sim.drive.drive import Servos
 from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.settings import from_options
@@ -20,7 +21,6 @@ from sim.traverse.footprint import Footprint
 from sim.traverse.observation import CrossingLayout
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import CrossingPolicy, Reflex
-from sim.traverse.servos import Servos
 from sim.traverse.task import Actions
 from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit

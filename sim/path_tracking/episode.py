@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim.fleet import Setting
 from sim.ground.ground import Ground
 from sim.path_tracking.config import PERIOD, EnvConfig
-from sim.path_tracking.randomization import LIMITS, Randomization, uniform
+from sim.path_tracking.randomization import Randomization, uniform
 from sim.restorable import Restorable
 from sim.settings import options_of
 from trackslip import se2
@@ -72,7 +72,7 @@ def draw(
     error, weight = (distance * math.cos(bearing), distance * math.sin(bearing), turned), setting.weight
     for name in ("radius_error", "mass", "lag", "latency"):
         if name in options:
-            require_within(name, options[name], *LIMITS[name])
+            require_within(name, options[name], *Randomization.limits(name))
     if "start_error" in options:
         error = _finite("start_error", options["start_error"], 3)
         require_at_most("distance of start_error", math.hypot(*error[:2]), config.off_path, "m, which is off_path")

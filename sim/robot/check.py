@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 
 from sim.drive.drive import Drive
-from sim.robot.inertia import composite
 from sim.robot.keyframe import start
 from sim.robot.named import SHIPPED, RobotSource, load_parameters, load_tracked
+from sim.robot.robot import composite
 from sim.robot.tracked_model import TrackedModel, build_tracked
 from trackslip.errors import RobotWarning, TrackslipError, counted
 

@@ -11,9 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.robot.inertia import warn_of_inertia
 from sim.robot.keyframe import add_start, warn_of_keyframes
-from sim.robot.robot import VISUAL_GROUP
+from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import Refuse, find_meshes, refuse, said_of, some, weightless
 from sim.robot.wheels import endless, switch_off

@@ -10,7 +10,6 @@ from trackslip.errors import (
     Checked,
     checked,
     require,
-    require_finite,
     require_non_negative,
     require_positive,
     require_within,
@@ -22,6 +21,11 @@ _MAX_BEAMS = 20_000  # largest number of beams in a scan
 _MIN_RATE = 5.0  # smallest scan rate [Hz]
 _MAX_ERROR = 0.5  # largest error of a range from a single cause [m]
 _MIN_STEP = 1e-6  # finest quantisation of ranges [m]
+
+
+def require_share(name: str, value: float) -> None:
+    """Raise InvalidValueError unless `value` is a share of something, not all of it."""
+    require(0 <= value < 1, name, value, "at least 0 and less than 1")
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class LaserScanner(Checked):
     """Standard deviation of a range [m]."""
     max_range: float = checked(20.0, require_positive, 1000.0, "m")
     """Surfaces farther away return no echo [m]."""
-    dropout: float = checked(0.0, require_finite)
+    dropout: float = checked(0.0, require_share)
     """Probability that a beam that hits a surface returns no echo [-]."""
     quantisation: float = checked(0.0, require_non_negative, _MAX_ERROR, "m")
     """Noisy ranges are rounded to multiples of this; 0 for no rounding [m]."""
@@ -54,7 +58,6 @@ class LaserScanner(Checked):
             (self.rate >= _MIN_RATE, "rate", f"at least {_MIN_RATE:g} Hz"),
             (opened / step <= _MAX_BEAMS, "resolution", few_beams),
             (step < opened <= 2 * np.pi, "field_of_view", "greater than the resolution, at most 2 pi"),
-            (0 <= self.dropout < 1, "dropout", "at least 0 and less than 1"),
         ):
             require(valid, name, getattr(self, name), allowed)
 

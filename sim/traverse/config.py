@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from sim.drive.drive import Drive
+from sim.drive.drive import MAX_SPEED, Drive, Servos
 from sim.robot.named import RobotSource
 from sim.robot.tracked import TrackedRobot
 from sim.task import MAX_WEIGHT, OwnTerms
@@ -14,7 +14,6 @@ from sim.traverse.courses import FTR_COURSES, OBSTACLES, require_kinds
 from sim.traverse.observation import SensorNoise
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import Scripted
-from sim.traverse.servos import MAX_SPEED, Servos
 from trackslip.errors import Checked, checked, require, require_non_negative, require_positive, require_range
 
 PERIOD = 0.1

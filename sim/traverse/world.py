@@ -11,7 +11,7 @@ import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
-from sim.drive.drive import Drive
+from sim.drive.drive import Drive, Servos, ServoState
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
@@ -19,7 +19,6 @@ from sim.tracks import Reading
 from sim.traverse.contact import TrackContact
 from sim.traverse.footprint import Footprint
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
-from sim.traverse.servos import Servos, ServoState
 from sim.traverse.slots import Slots
 from sim.world import World, quietly, steps_in
 from trackslip import se2

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from sim import Command, Scripted, Traverse, build_tracked, load_tracked
+from sim.drive.drive import Servos, ServoState
 from sim.robot.tracked_model import FlipperGeometry
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.tracks import Belts
 from sim.traverse.contact import ContactPoints
 from sim.traverse.outcome import Limits, Outcome, StuckWatch
 from sim.traverse.policy import SAMPLES, Reflex
-from sim.traverse.servos import Servos, ServoState
 from sim.world import quietly
 from trackslip.errors import InvalidValueError
 
