@@ -25,11 +25,11 @@ from .robot.tracked_model import build_tracked as build_tracked
 from .run_recorder import Description as Description
 from .run_recorder import RunFailedError as RunFailedError
 from .scanner.feed import ScannerFeed as ScannerFeed
-from .scanner.obstacles import load_obstacles as load_obstacles
 from .scanner.scanner import LaserScanner as LaserScanner
+from .scanner.scanner import load_obstacles as load_obstacles
 from .traverse.config import CrossingReward as CrossingReward
+from .traverse.config import SensorNoise as SensorNoise
 from .traverse.config import TraverseConfig as TraverseConfig
-from .traverse.observation import SensorNoise as SensorNoise
 from .traverse.outcome import Limits as Limits
 from .traverse.outcome import Outcome as Outcome
 from .traverse.policy import Reflex as Reflex

@@ -57,7 +57,7 @@ class TraverseEnv(_Traversing, TaskEnv):
     """trackslip/Traverse-v0: a tracked robot that must cross a course.
 
     Actions are float32 in [-1, 1], by default 10 per second: the belts' speeds, left and right, and the flippers'
-    angles, see `TraverseConfig.action` and `flippers`. The observations are described in `traverse.observation`, the
+    angles, see `TraverseConfig.action` and `flippers`. The observations are described in `traverse.config`, the
     reward in `CrossingReward`. An episode terminates when the course is crossed, or the robot tips over, falls off, is
     stuck or explodes, and is truncated when its time is over.
     """

@@ -26,6 +26,11 @@ from trackslip.logs.runlog import RunLog
 from trackslip.online.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference, Tabulated
 
+Progress = Callable[[float], None]
+"""Called with the seconds simulated since the last call."""
+PERIOD = LaserScanner().period
+"""Time between the rows of a run without a scanner [s]."""
+
 
 @dataclass(frozen=True)
 class Pilot:
@@ -85,13 +90,6 @@ class Pilot:
             raise RunFailedError(f"run {record.name(self.robots[0])!r}: {what}") from error
         record.wanted(k, self.robots, twist)
         return twist
-
-
-Progress = Callable[[float], None]
-"""Called with the seconds simulated since the last call."""
-
-PERIOD = LaserScanner().period
-"""Time between the rows of a run without a scanner [s]."""
 
 
 def open_loop(

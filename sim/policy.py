@@ -28,6 +28,9 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
 _PRODUCTS = 100_000  # of rows and weights at a time, which fit into a processor's cache
+_FORMAT = "trackslip policy 1"
+ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # of an observation
+FINE = np.array([0.02, 0.02, 0.02])  # errors at which the compression sets in, in the observation's units
 
 
 @dataclass(frozen=True)
@@ -100,11 +103,6 @@ def _fit(weights: Sequence[Array], biases: Sequence[Array]) -> bool:
 def policy_file(path: Path) -> Path:
     """The file of a policy, given by its path or by the folder that `trackslip train` wrote."""
     return path / "policy.npz" if path.is_dir() else path
-
-
-_FORMAT = "trackslip policy 1"
-ERRORS, TWIST_NOW = slice(0, 3), slice(3, 5)  # of an observation
-FINE = np.array([0.02, 0.02, 0.02])  # errors at which the compression sets in, in the observation's units
 
 
 def features(observation: Array) -> Array:

@@ -19,6 +19,10 @@ from trackslip.laws.base import SlipLaw
 from trackslip.localization.base import PoseEstimate
 from trackslip.logs.runlog import RunLog, ScanLog, Truth
 
+FAILURE = "failure"
+"""Key of a log's metadata: why the run stopped early."""
+_UPRIGHT = float(np.cos(0.5))  # cosine of the lean from which a robot lies on its side
+
 
 @dataclass(frozen=True)
 class Contacts:
@@ -66,11 +70,6 @@ def _of_points(fleet: Fleet, sensed: Array) -> Array:
     """What the contact sensors say of each point (N, K, CONTACT_WIDTH), from all sensors' data (N, S)."""
     points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
     return sensed[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
-
-
-FAILURE = "failure"
-"""Key of a log's metadata: why the run stopped early."""
-_UPRIGHT = float(np.cos(0.5))  # cosine of the lean from which a robot lies on its side
 
 
 @dataclass(frozen=True)

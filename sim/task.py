@@ -28,6 +28,8 @@ from trackslip.kinematics import Array
 Floats = NDArray[np.float32]
 MAX_WEIGHT = 1e6
 """Largest weight in a reward."""
+BOUND = 10.0
+"""Largest magnitude of an own element of an observation, in its scale."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,6 @@ class Element:
     """The quantity's value at which the element is 1, in its unit."""
     bound: float = 1.0
     """Largest magnitude of the element."""
-
-
-BOUND = 10.0
-"""Largest magnitude of an own element of an observation, in its scale."""
 
 
 @dataclass(frozen=True, kw_only=True)

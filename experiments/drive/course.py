@@ -8,8 +8,7 @@ import numpy as np
 
 from sim.robot.tracked import TrackedRobot
 from sim.terrain import Course
-from sim.traverse.contact import TrackContact
-from sim.traverse.outcome import Outcome
+from sim.traverse.outcome import Outcome, TrackContact
 from sim.traverse.world import Command, Traverse
 from sim.world import States
 from trackslip.kinematics import Array

@@ -13,7 +13,7 @@ from experiments.recorder.plots import LEFT, RIGHT, Panel, send_layout
 from experiments.recorder.stream import CAMERA, FIELD, RUN, Recording, Series, paint, write_recording
 from sim.robot.looks import RobotLooks
 from sim.robot.tracked_model import TrackedModel
-from sim.traverse.contact import ContactPoints
+from sim.traverse.outcome import ContactPoints
 
 _EVERY = 2  # one row in so many is drawn
 _NEWTON = 0.002  # length of a force arrow [m/N]

@@ -10,7 +10,7 @@ import pyarrow.parquet
 
 from experiments.common.plain_json import plain
 from experiments.drive.course import DrivenCourse
-from sim.traverse.contact import TrackContact
+from sim.traverse.outcome import TrackContact
 from trackslip.kinematics import Array
 from trackslip.logs.logfile import packing
 from trackslip.logs.schema import PURE, with_units

@@ -15,10 +15,9 @@ from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.settings import from_options
 from sim.terrain import load_course
-from sim.traverse.config import TraverseConfig
+from sim.traverse.config import CrossingLayout, TraverseConfig
 from sim.traverse.courses import FTR_COURSES, draw_ftr_course
-from sim.traverse.footprint import Footprint
-from sim.traverse.observation import CrossingLayout
+from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import CrossingPolicy, Reflex
 from sim.traverse.task import Actions

@@ -13,7 +13,7 @@ from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
-from sim.scanner.obstacles import Obstacles, load_obstacles
+from sim.scanner.scanner import Obstacles, load_obstacles
 from sim.world import steps_in
 from trackslip.kinematics import Array
 

@@ -29,6 +29,23 @@ Fields = Mapping[str, Any]
 Fields without a value are zero or empty; an array of messages has one, whose fields are given.
 """
 _ROW, _COLUMN = np.ix_((0, 1, 5), (0, 1, 5))  # x, y, yaw among x, y, z, roll, pitch, yaw
+PoseMessage = Literal["PoseWithCovarianceStamped", "PoseStamped", "Odometry"]
+"""Message types of poses, as SLAM, motion capture and visual odometry publish them."""
+POSE_TOPICS: dict[PoseMessage, str] = {
+    "PoseWithCovarianceStamped": "/pose",
+    "PoseStamped": "/pose",
+    "Odometry": "/visual_odometry",
+}
+"""Their topics."""
+JOINTS = ["left_sprocket", "right_sprocket"]
+"""Names of the sprockets in /joint_states."""
+FIELD = (52.0, 10.0, 0.0)
+"""Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions: a field anywhere."""
+_LAST = 2**31 - 1  # of the seconds in a stamp
+# Of x, y [m^2] and yaw [rad^2], and of their rates, as configurations of diff_drive_controller commonly state them.
+_WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
+_UNKNOWN = 1e6 * np.eye(3)  # covariance of a twist that isn't measured
+_EXACT = np.zeros((3, 3))
 
 
 @functools.cache
@@ -110,25 +127,6 @@ def _in_space(covariance: Array, count: int) -> Array:
     full = np.zeros((count, 6, 6))
     full[:, _ROW, _COLUMN] = covariance
     return full.reshape(count, 36)
-
-
-PoseMessage = Literal["PoseWithCovarianceStamped", "PoseStamped", "Odometry"]
-"""Message types of poses, as SLAM, motion capture and visual odometry publish them."""
-POSE_TOPICS: dict[PoseMessage, str] = {
-    "PoseWithCovarianceStamped": "/pose",
-    "PoseStamped": "/pose",
-    "Odometry": "/visual_odometry",
-}
-"""Their topics."""
-JOINTS = ["left_sprocket", "right_sprocket"]
-"""Names of the sprockets in /joint_states."""
-FIELD = (52.0, 10.0, 0.0)
-"""Latitude [deg], longitude [deg] and height [m] of the origin of satellite positions: a field anywhere."""
-_LAST = 2**31 - 1  # of the seconds in a stamp
-# Of x, y [m^2] and yaw [rad^2], and of their rates, as configurations of diff_drive_controller commonly state them.
-_WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
-_UNKNOWN = 1e6 * np.eye(3)  # covariance of a twist that isn't measured
-_EXACT = np.zeros((3, 3))
 
 
 class RunTopics:

@@ -17,6 +17,17 @@ from trackslip.kinematics import Array
 
 MAX_FORCE = 1e5
 """Largest pull [N]."""
+_LEAST, _MOST = 1e-12, 1e6  # of all parameters, so that nothing derived from them overflows
+_CREEP = 0.02  # sprocket speed below which the gear's friction is smoothed [rad/s]
+RADIUS_ERROR = 0.0066
+"""Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
+MAX_RADIUS_ERROR = 0.5
+"""Largest magnitude of that error [-]."""
+_ROUNDING = 1 + 1e-6
+_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time")
+_PARAMETERS = ("radius", "_decay", "_mean_decay")
+MAX_SPEED = 5.0
+"""Largest belt speed that servos may have [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +40,6 @@ class Pull(Checked):
     """Height of the hitch above the ground [m]."""
     since: float = checked(0.0, require_non_negative)
     """Time since the start of a run at which the force begins to act [s]."""
-
-
-_LEAST, _MOST = 1e-12, 1e6  # of all parameters, so that nothing derived from them overflows
-_CREEP = 0.02  # sprocket speed below which the gear's friction is smoothed [rad/s]
 
 
 def _require_usable(name: str, value: float) -> None:
@@ -93,13 +100,6 @@ class Motor(Checked):
         return torque * omega + self.resistance * current**2
 
 
-RADIUS_ERROR = 0.0066
-"""Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
-MAX_RADIUS_ERROR = 0.5
-"""Largest magnitude of that error [-]."""
-_ROUNDING = 1 + 1e-6
-
-
 @dataclass(frozen=True)
 class Drive(Checked):
     """Servo and motor of a sprocket. Only the top speed is the paper's; everything else is assumed."""
@@ -142,10 +142,6 @@ class Drive(Checked):
 def tireless(top_speed: float = Drive.top_speed) -> Drive:
     """A drive that never saturates, which isolates the ground's effect; `top_speed` in m/s."""
     return Drive(top_speed=top_speed, torque_limit=1e6, motor=Motor(no_load_speed=1e6, stall_torque=1e6))
-
-
-_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time")
-_PARAMETERS = ("radius", "_decay", "_mean_decay")
 
 
 class Forecast(NamedTuple):
@@ -255,10 +251,6 @@ class DriveState(Restorable):
         """Angles (N, 2) in whole encoder counts [rad]."""
         count = 2 * np.pi / self.drive.encoder_counts
         return np.floor(self.angle / count) * count
-
-
-MAX_SPEED = 5.0
-"""Largest belt speed that servos may have [m/s]."""
 
 
 @dataclass(frozen=True)

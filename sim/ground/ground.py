@@ -31,6 +31,7 @@ UNLESS_ZERO = {"stored_unless": 0.0}
 """Metadata of a field that is left out of files where it is zero; older files stay unchanged."""
 _TURN = 2 * math.pi
 _MAX_PATCHES = 10_000  # largest number of patches of a ground, and of changes
+_HARD = 0.778 / 0.70
 
 
 @dataclass(frozen=True)
@@ -132,9 +133,6 @@ def friction_angle(friction: Sequence[float] | Array, uphill: float) -> float:
 def _require_friction(along: float, across: float) -> None:
     for name, value in (("along", along), ("across", across)):
         require_positive(name, value, MAX_FRICTION)
-
-
-_HARD = 0.778 / 0.70
 
 
 def _hard(along: float) -> Ground:

@@ -37,6 +37,8 @@ _MAX_PREVIEWS = 100
 _GRAVITY = 9.81  # [m/s^2]
 _MIN_OFF_PATH, _MIN_SCALE = 0.001, 1e-6  # [m], in a scale's own unit
 _MAX_PREVIEW = 20.0  # longest time that previews may look ahead [s]
+_BOUND = 2.0
+_LOAD, _WHERE = 0.5, ("ahead", "to the left")
 
 
 @dataclass(frozen=True)
@@ -207,10 +209,6 @@ class EnvConfig(OwnTerms):
 
 def _several(names: str | tuple[str, ...]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
-
-
-_BOUND = 2.0
-_LOAD, _WHERE = 0.5, ("ahead", "to the left")
 
 
 class TrackingLayout:

@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 
 from sim.drive.drive import Drive
-from sim.robot.keyframe import start
 from sim.robot.named import SHIPPED, RobotSource, load_parameters, load_tracked
 from sim.robot.robot import composite
 from sim.robot.tracked_model import TrackedModel, build_tracked
+from sim.robot.wheels import start
 from trackslip.errors import RobotWarning, TrackslipError, counted
 
 _G, _SLOPE = 9.81, np.radians(20)  # [m/s^2, rad]

@@ -9,11 +9,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.robot.keyframe import start, with_joints_of
 from sim.robot.named import load_tracked
 from sim.robot.parameters import WHEELS, RobotParameters
 from sim.robot.robot import BODY_LOOKS, shaped_robot
 from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, clear_angles, load_spec
+from sim.robot.wheels import start, with_joints_of
 from sim.tracks.drawing import TrackLook, WheelLook, draw
 from trackslip.kinematics import Array
 

@@ -11,13 +11,12 @@ import mujoco
 import numpy as np
 
 from sim.ground.ground import Ground
-from sim.robot.keyframe import start
 from sim.robot.parameters import WHEELS, RobotParameters
 from sim.robot.robot import MODELS, composite, shaped_robot
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.urdf import Refuse, refuse, said_of
-from sim.robot.wheels import own_wheels
+from sim.robot.wheels import own_wheels, start
 from sim.settings import build, read_named
 from trackslip.errors import InvalidValueError, SettingsFileError, require
 

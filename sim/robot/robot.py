@@ -27,6 +27,22 @@ MODELS = Path(models.__file__).parent
 BODY_LOOKS = ("hull", "deck", "bumper", "left_lamp", "right_lamp")
 """Geoms that are the looks of the body."""
 _TRACK_LOOKS = ("track0", "track1")
+SCANNED_GROUP = 0
+"""Geom group that the laser range finder sees."""
+VISUAL_GROUP = 1
+"""Geom group of the visuals, which are removed from the physics."""
+CONTACT_POINTS = 2
+"""Default number of contact points of a pad."""
+CONTACT_WIDTH = 9
+"""Numbers that a contact sensor gives per point, in this order: force, position in the world, velocity; force and
+velocity are normal to the ground, along the pad and across it."""
+_Bit = mujoco.mjtDisableBit
+_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # which one on its own lacks, for speed
+_FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
+_TILT = np.radians(45.0)  # of a pad with one point: its lower end touches, and its axis still gives the directions
+_LENGTH = 0.02  # between the ends of such a pad [m]
+_SHEARING = 4  # points of a wheel's patch on shearing ground
+_GAUSS = (-1 / math.sqrt(12), 1 / math.sqrt(12))  # those elsewhere, which spread as a uniform patch does [-]
 
 
 def shaped_robot(parameters: RobotParameters, file: str = "field.xml") -> Any:
@@ -73,24 +89,6 @@ def _with_yaw_inertia(inertia: Sequence[float], yaw_inertia: float) -> tuple[flo
     moments *= np.outer(away, away)
     moved = np.trace(moments) * np.eye(3) - moments
     return tuple(moved[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist())
-
-
-SCANNED_GROUP = 0
-"""Geom group that the laser range finder sees."""
-VISUAL_GROUP = 1
-"""Geom group of the visuals, which are removed from the physics."""
-CONTACT_POINTS = 2
-"""Default number of contact points of a pad."""
-CONTACT_WIDTH = 9
-"""Numbers that a contact sensor gives per point, in this order: force, position in the world, velocity; force and
-velocity are normal to the ground, along the pad and across it."""
-_Bit = mujoco.mjtDisableBit
-_NOT_FOR_A_BODY = _Bit.mjDSBL_ISLAND | _Bit.mjDSBL_SPRING | _Bit.mjDSBL_DAMPER  # which one on its own lacks, for speed
-_FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
-_TILT = np.radians(45.0)  # of a pad with one point: its lower end touches, and its axis still gives the directions
-_LENGTH = 0.02  # between the ends of such a pad [m]
-_SHEARING = 4  # points of a wheel's patch on shearing ground
-_GAUSS = (-1 / math.sqrt(12), 1 / math.sqrt(12))  # those elsewhere, which spread as a uniform patch does [-]
 
 
 def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Preset]:

@@ -11,11 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.robot.keyframe import add_start, warn_of_keyframes
 from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import Refuse, find_meshes, refuse, said_of, some, weightless
-from sim.robot.wheels import endless, switch_off
+from sim.robot.wheels import add_start, endless, switch_off, warn_of_keyframes
 from sim.tracks import Belts, add_tracks, connect
 from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from sim.fleet import Fleet
 from sim.restorable import Restorable
 from sim.robot.robot import SCANNED_GROUP
-from sim.scanner.obstacles import Obstacles
-from sim.scanner.scanner import LaserScanner
+from sim.scanner.scanner import LaserScanner, Obstacles
 from sim.seeds import generator
 from trackslip.errors import require
 from trackslip.kinematics import Array, wrap_angle

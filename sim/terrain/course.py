@@ -17,9 +17,8 @@ import numpy as np
 import models
 from sim.seeds import generator
 from sim.settings import build, read_named, read_toml
-from sim.terrain.fields import Rough
 from sim.terrain.loose import Beams, Blocks, Pallets
-from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, Stairs, Step, require_length
+from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, Rough, SideSlope, Site, Stairs, Step, require_length
 from sim.terrain.solids import EDGE, LINES, Base, Level, Solid, look
 from trackslip.errors import (
     Checked,

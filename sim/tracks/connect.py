@@ -23,6 +23,12 @@ SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Data that a contact sensor reports per contact, as bits: found, force, dist, normal, tangent, linvel."""
 _FINER = 10.0  # impratio over the preset's, for the slower sliding next to the pivot of a wide robot [-]
 _MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
+_MAX_PAIRS = 20_000  # about 0.3 ms a step, five times as much as everything else of a robot
+_MOST = mujoco.mjMAXCONPAIR  # contacts of two geoms that the engine keeps
+_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: for each cell of its length, and more
+_TWICE = 4  # contacts that a sensor reports for each that a belt has on a solid: on two of them, and with cores
+_MARGIN = 1.5  # the same for a height field, all of which a belt rarely touches [-]
+_CAPSULE, _HFIELD = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_HFIELD
 
 
 def add_tracks(
@@ -85,14 +91,6 @@ def add_tracks(
     if grounds is not None:
         connect_tracks(spec, name, description, grounds)
     return names
-
-
-_MAX_PAIRS = 20_000  # about 0.3 ms a step, five times as much as everything else of a robot
-_MOST = mujoco.mjMAXCONPAIR  # contacts of two geoms that the engine keeps
-_PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: for each cell of its length, and more
-_TWICE = 4  # contacts that a sensor reports for each that a belt has on a solid: on two of them, and with cores
-_MARGIN = 1.5  # the same for a height field, all of which a belt rarely touches [-]
-_CAPSULE, _HFIELD = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_HFIELD
 
 
 def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> None:

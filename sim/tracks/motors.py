@@ -25,6 +25,8 @@ _ROUGHNESS = 2e-4  # noise of the ground's forces, which the engine finds by ite
 
 Floats = NDArray[Any]
 Rows = NDArray[Any]
+_ATTEMPTS = 40
+_FLATTEST = 0.1  # slope of the traction where the belts slide, relative to the slope before, at least [-]
 
 
 @dataclass(frozen=True)
@@ -159,10 +161,6 @@ def _numbers(name: str, values: ArrayLike, shape: tuple[int, int], most: float =
     fits = given.shape in ((), shape[1:], shape) and ((given >= 0.0) & (given <= most)).all()
     require(fits, name, values, f"a number of at least 0, or one for each of {shape[1]} belts")
     return given
-
-
-_ATTEMPTS = 40
-_FLATTEST = 0.1  # slope of the traction where the belts slide, relative to the slope before, at least [-]
 
 
 @dataclass

@@ -30,6 +30,12 @@ MIDDLE: Lines = ((0.0, 1.0),)
 WHEEL_WEIGHT = 0.5
 """Load of a wheel on a plane, relative to a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
+TRACKS, WHEELS = "tracks", "wheels"
+"""What touches the ground."""
+_SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
+_MAX_SEGMENTS = 40
+_MAX_HALF_GAUGE = 10.0  # [m]
+_MAX_FRICTION = 10.0
 
 
 @dataclass(frozen=True)
@@ -124,14 +130,6 @@ def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> 
         "quat": [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0],
     }
     return Part(f"wheel{index}", across, WHEEL_WEIGHT / 2, True)
-
-
-TRACKS, WHEELS = "tracks", "wheels"
-"""What touches the ground."""
-_SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
-_MAX_SEGMENTS = 40
-_MAX_HALF_GAUGE = 10.0  # [m]
-_MAX_FRICTION = 10.0
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,9 @@ from trackslip.kinematics import Array
 
 SAMPLES = np.array([1.0, 1.25, 1.5])
 """Distances from the hinge at which a reflex samples the ground, in flipper lengths."""
+OPTIONS: dict[str, Any] = {"action": "correction", "flippers": "pairs", "period": 0.2}
+"""Fields of `TraverseConfig` for which policies are trained."""
+_FORMAT = "trackslip crossing policy 1"
 
 
 @dataclass(frozen=True)
@@ -77,11 +80,6 @@ def _grade(ground: Array, geometry: FlipperGeometry) -> Array:
     place = geometry.hinge[:, 0] + np.where(front, 1.0, -1.0) * SAMPLES.mean() * geometry.length
     rise = height[:, front].mean(axis=1) - height[:, ~front].mean(axis=1)
     return np.asarray(np.arctan2(rise, place[front].mean() - place[~front].mean()))
-
-
-OPTIONS: dict[str, Any] = {"action": "correction", "flippers": "pairs", "period": 0.2}
-"""Fields of `TraverseConfig` for which policies are trained."""
-_FORMAT = "trackslip crossing policy 1"
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,9 @@ from sim.robot.named import load_tracked
 from sim.settings import options_of
 from sim.task import Element, Floats, Task
 from sim.terrain import Course, load_course
-from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingReward, TraverseConfig
+from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingLayout, CrossingReward, TraverseConfig
 from sim.traverse.courses import FTR_BOXES, MAX_BOXES, draw_course, draw_ftr_course
-from sim.traverse.footprint import Footprint
-from sim.traverse.observation import CrossingLayout
+from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Outcome, Outcomes
 from sim.traverse.world import Command, Traverse
 from trackslip.errors import require, require_at_most, require_range, require_within

@@ -16,10 +16,8 @@ from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
 from sim.tracks import Reading
-from sim.traverse.contact import TrackContact
-from sim.traverse.footprint import Footprint
-from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
-from sim.traverse.slots import Slots
+from sim.traverse.ground import Footprint, Slots
+from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch, TrackContact
 from sim.world import World, quietly, steps_in
 from trackslip import se2
 from trackslip.errors import require

@@ -13,7 +13,7 @@ from sim.drive.drive import Motor
 from sim.ground.ground import NAMED_GROUNDS, load_ground
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import RobotParameters, robot_file_text
-from sim.scanner.obstacles import Obstacles, Post, Wall, load_obstacles
+from sim.scanner.scanner import Obstacles, Post, Wall, load_obstacles
 from sim.terrain import Course, Ramp, Rough, Stairs, load_course
 from trackslip.errors import InvalidValueError, SettingsFileError
 

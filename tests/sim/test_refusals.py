@@ -12,7 +12,7 @@ from sim.drive.drive import Motor
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import Change, Ground, Patch
 from sim.path_tracking.config import TrackingReward
-from sim.scanner.obstacles import Post, Wall
+from sim.scanner.scanner import Post, Wall
 from sim.terrain import Beams, Blocks, Course, Flat, HeightField, Ramp, Rough, Stairs
 from sim.tracks.hull import Hull
 from sim.traverse.courses import draw_course

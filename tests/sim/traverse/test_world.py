@@ -11,8 +11,7 @@ from sim.drive.drive import Servos, ServoState
 from sim.robot.tracked_model import FlipperGeometry
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.tracks import Belts
-from sim.traverse.contact import ContactPoints
-from sim.traverse.outcome import Limits, Outcome, StuckWatch
+from sim.traverse.outcome import ContactPoints, Limits, Outcome, StuckWatch
 from sim.traverse.policy import SAMPLES, Reflex
 from sim.world import quietly
 from trackslip.errors import InvalidValueError
