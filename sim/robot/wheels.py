@@ -22,7 +22,6 @@ _ROUND = 0.1  # largest difference between the extents of a wheel along x and z,
 _MIRRORED = 0.03  # largest difference between wheels on the left and right [m]
 _MIDDLE = 0.25  # of the largest |y|: what lies nearer to the middle is a caster [-]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
-_FREE = mujoco.mjtJoint.mjJNT_FREE
 
 
 def switch_off(spec: Any, robot: TrackedRobot) -> None:
