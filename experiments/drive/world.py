@@ -11,6 +11,7 @@ from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
 from sim.drive.drive import Servos
+from sim.policy import CrossingPolicy
 from sim.robot.named import load_tracked
 from sim.seeds import generator
 from sim.settings import from_options
@@ -19,7 +20,7 @@ from sim.traverse.config import CrossingLayout, TraverseConfig
 from sim.traverse.courses import FTR_COURSES, draw_ftr_course
 from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Limits
-from sim.traverse.policy import CrossingPolicy, Reflex
+from sim.traverse.policy import Reflex
 from sim.traverse.task import Actions
 from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit

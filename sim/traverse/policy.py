@@ -1,15 +1,12 @@
-"""Policies that cross courses: the scripted controller with its flipper reflexes, and trained corrections of it."""
+"""The scripted controller, which crosses courses with flipper reflexes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from sim.policy import Network, load_network
 from sim.robot.tracked_model import FlipperGeometry
 from sim.traverse.world import Command, Traverse
 from trackslip import se2
@@ -20,7 +17,6 @@ SAMPLES = np.array([1.0, 1.25, 1.5])
 """Distances from the hinge at which a reflex samples the ground, in flipper lengths."""
 OPTIONS: dict[str, Any] = {"action": "correction", "flippers": "pairs", "period": 0.2}
 """Fields of `TraverseConfig` for which policies are trained."""
-_FORMAT = "trackslip crossing policy 1"
 
 
 @dataclass(frozen=True)
@@ -80,30 +76,6 @@ def _grade(ground: Array, geometry: FlipperGeometry) -> Array:
     place = geometry.hinge[:, 0] + np.where(front, 1.0, -1.0) * SAMPLES.mean() * geometry.length
     rise = height[:, front].mean(axis=1) - height[:, ~front].mean(axis=1)
     return np.asarray(np.arctan2(rise, place[front].mean() - place[~front].mean()))
-
-
-@dataclass(frozen=True)
-class CrossingPolicy:
-    """The result of a training: the network, and the environment that it was trained in."""
-
-    network: Network
-    """From observations to actions in [-1, 1]."""
-    options: dict[str, Any]
-    """Fields of `TraverseConfig` on which observations and actions depend."""
-
-    def action(self, observation: ArrayLike) -> Array:
-        """Actions (N, A) in [-1, 1] for observations (N, n)."""
-        return np.clip(self.network(np.asarray(observation, float)), -1.0, 1.0)
-
-    def save(self, path: Path) -> None:
-        """Write a .npz file."""
-        self.network.save(path, {"format": _FORMAT, "options": self.options})
-
-    @classmethod
-    def load(cls, path: Path) -> CrossingPolicy:
-        """Read a file written by `save`, or policy.npz in a folder; raises LogError for any other file."""
-        network, (options,) = load_network(path, _FORMAT, "options")
-        return cls(network, options)
 
 
 @dataclass(frozen=True)
