@@ -47,8 +47,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise SettingsFileError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise SettingsFileError(f"{path}: {reason(error)}") from error
-    except (ValueError, RecursionError) as error:  # one that isn't tomllib's own is of a number with too many digits
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise SettingsFileError(f"{path}: not TOML ({reason(error)})") from error
+    except ValueError as error:  # the only one that isn't tomllib's own
+        raise SettingsFileError(f"{path}: not TOML (a number has too many digits)") from error
     if not table:
         raise SettingsFileError(f"{path}: no settings in it")
     return table
