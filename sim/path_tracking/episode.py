@@ -79,15 +79,9 @@ def draw(
     if "com" in options:
         weight = _finite("com", options["com"], 2)
         Randomization(com_x=weight[:1] * 2, com_y=weight[1:] * 2).require_standing(config.parameters)
-    setting = dataclasses.replace(
-        setting,
-        start=tuple(se2.compose(setting.start, error).tolist()),
-        ground=ground,
-        radius_error=float(options.get("radius_error", setting.radius_error)),
-        lag=float(options.get("lag", setting.lag or drive.lag)),
-        weight=weight,
-        mass=float(options.get("mass", setting.mass)),
-    )
+    given = {name: float(options[name]) for name in ("radius_error", "mass", "lag") if name in options}
+    start = tuple(se2.compose(setting.start, error).tolist())
+    setting = dataclasses.replace(setting, start=start, ground=ground, weight=weight, **given)
     return Episode(reference, setting, int(latency), noise=int(generator.integers(2**63)))
 
 

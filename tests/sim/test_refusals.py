@@ -16,8 +16,7 @@ from sim.scanner.scanner import Post, Wall
 from sim.terrain import Beams, Blocks, Course, Flat, HeightField, Ramp, Rough, Stairs
 from sim.tracks.hull import Hull
 from sim.traverse.courses import draw_course
-from sim.wander.commands import Driver, track_commands
-from sim.wander.motion import LawMotion
+from sim.wander.motion import Driver, LawMotion, track_commands
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
