@@ -1,4 +1,4 @@
-"""What comes of runs over courses: contacts of tracks, outcomes, and the limits that decide them."""
+"""What comes of runs over courses: outcomes, the limits that decide them, and points of contact."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from sim.restorable import Restorable
 from sim.robot.tracked_model import TrackedModel
-from sim.tracks import Reading
 from trackslip.errors import Checked, checked, require_positive
 from trackslip.kinematics import Array
 
 Outcomes = NDArray[np.int_]
 """Outcomes (N,) as the numbers of `Outcome`."""
-_STILL = 1e-3  # belt speed below which slip is not defined [m/s]
 
 
 class Outcome(IntEnum):
@@ -93,46 +91,6 @@ class StuckWatch(Restorable):
         travelled = np.abs(self._travelled - self._travel[0])
         idle = (travelled < self._limits.stuck_travel) | (moved >= self._limits.stuck_share * travelled)
         return (self._age > self._history) & ~idle
-
-
-@dataclass
-class TrackContact:
-    """Contacts of the T tracks of N robots over a control period, (N, T) each."""
-
-    traction: Array  # mean force of the ground along the belt, positive forwards [N]
-    load: Array  # mean normal force [N]
-    belt: Array  # mean belt speed [m/s]
-    slip: Array  # 1 - speed over ground / belt speed while it touched; NaN where it did not, or the belt stood [-]
-    touching: NDArray[np.bool_]  # whether it touched the ground
-    depth: Array  # largest penetration [m]
-    work: Array  # of the belts against the ground [J]
-
-    @classmethod
-    def none(cls, size: int, tracks: int) -> TrackContact:
-        """Tracks that have not touched anything."""
-        zero = np.zeros((size, tracks))
-        return cls(zero, zero.copy(), zero.copy(), np.full(zero.shape, np.nan), zero > 0, zero.copy(), zero.copy())
-
-    @classmethod
-    def mean(cls, reading: Reading, step: float) -> TrackContact:
-        """Means of a reading (N, steps, T) of physics steps of `step` [s]."""
-        belt, touching = reading.belt, reading.touching
-        slid, driven = (np.where(touching, values, 0.0).sum(axis=1) for values in (reading.sliding, belt))
-        touched: NDArray[np.bool_] = np.logical_or.reduce(touching, axis=1)
-        defined = touched & (np.abs(driven) > _STILL * belt.shape[1])
-        slip = np.divide(slid, driven, out=np.full(slid.shape, np.nan), where=defined)
-        work = (reading.traction * belt).sum(axis=1) * step
-        traction, load, mean = (values.mean(axis=1) for values in (reading.traction, reading.load, belt))
-        return cls(traction, load, mean, slip, touched, reading.depth.max(axis=1), work)
-
-    def put(self, rows: NDArray[np.int_], other: TrackContact) -> None:
-        """Replace the robots `rows` (R,) by the R robots of another."""
-        for name, values in vars(other).items():
-            getattr(self, name)[rows] = values
-
-    def clear(self, rows: NDArray[np.int_]) -> None:
-        """Reset the robots `rows` (R,)."""
-        self.put(rows, TrackContact.none(len(rows), self.load.shape[1]))
 
 
 class ContactPoints:

@@ -176,7 +176,7 @@ class Crossing(Task):
         before = self.world.way
         self.world.step(self.actions.command(action))
         contact = self.world.contact
-        work = np.where(running, _sum(contact.work), 0.0)
+        work = np.where(running, _sum(self.world.work), 0.0)
         self._work += work
         self._penetration = np.maximum(self._penetration, np.where(running, contact.depth.max(axis=1), 0.0))
         gain = np.where(running, before - self.world.way, 0.0)

@@ -17,7 +17,7 @@ from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
 from sim.tracks import Reading
 from sim.traverse.ground import Footprint, Slots
-from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch, TrackContact
+from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
 from sim.world import World, quietly, steps_in
 from trackslip import se2
 from trackslip.errors import require
@@ -40,7 +40,7 @@ class Command:
 class Traverse(World):
     """N robots on courses. Rows are bitwise independent, and the same at any number of threads."""
 
-    STATE = ("servo", "contact", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
+    STATE = ("servo", "contact", "work", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
 
     def __init__(
         self,
@@ -101,8 +101,10 @@ class Traverse(World):
         self._clear = clear_angles(self.tracked, np.zeros(len(self.flippers.length)))
         self.servo = ServoState(self.servos, size, len(self.flippers.length))
         """Belt speeds, and what the flippers' motors are set to."""
-        self.contact = TrackContact.none(size, len(self.track_names))
-        """Track contacts of the last control period."""
+        self.contact = Reading.none(size, len(self.track_names))
+        """Contacts of the tracks (N, T), means over the last control period."""
+        self.work: Array = np.zeros((size, len(self.track_names)))
+        """Work (N, T) of the belts against the ground in it [J]."""
         self._courses = tuple(courses)
         self.course: list[Course] = [courses[0]] * size
         """Course of each robot."""
@@ -155,7 +157,8 @@ class Traverse(World):
         self._place(where, poses)
         self._belts.begin(where)
         self._stuck.begin(where)
-        self.contact.clear(where)
+        self.contact.put(where, Reading.none(len(where), len(self.track_names)))
+        self.work[where] = 0.0
         self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
 
     def get_state(self) -> dict[str, Any]:
@@ -198,7 +201,8 @@ class Traverse(World):
         self.batch.state[broken] = before[broken]  # of a diverged run, the last finite one
         fine = ~broken[rows]
         reading = Reading.joined(readings)[fine].complete(self.track_names)
-        self.contact.put(rows[fine], TrackContact.mean(reading, float(self.tracked.model.opt.timestep)))
+        self.contact.put(rows[fine], reading.mean())
+        self.work[rows[fine]] = (reading.traction * reading.belt).sum(axis=1) * self.tracked.model.opt.timestep
         self._judge(rows, broken)
 
     def _torque_limit(self, goal: Array) -> Array | None:
