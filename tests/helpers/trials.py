@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from scipy.stats import binom, binomtest
 
+from experiments.common.check import Check, checks_table
 from trackslip.errors import TrackslipError
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.preparation import drives_of
@@ -91,3 +92,9 @@ def plausible_shares(low: float, high: float, trials: int) -> tuple[float, float
     """
     ends = binom.ppf([_CHANCE, 1 - _CHANCE], trials, [low, high]) / trials
     return float(ends[0]), float(ends[1])
+
+
+def report(title: str, checks: Sequence[Check]) -> None:
+    """Print the table of some checks and assert that all of them hold."""
+    checks_table(title, checks).print()
+    assert [str(check) for check in checks if not check.holds] == []

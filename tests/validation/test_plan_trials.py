@@ -10,8 +10,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from checked import report
-from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes
+from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes, report
 
 from experiments.common.check import Check
 from experiments.common.laws import symbol, unit_of

@@ -11,10 +11,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from checked import report
 from scipy.stats import chi2
 from slip_data import coverage
-from trials import LAW, outcomes, plausible_shares, share_text
+from trials import LAW, outcomes, plausible_shares, report, share_text
 
 from experiments.common.check import Check
 from experiments.common.laws import symbol

@@ -8,7 +8,6 @@ from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log
 from plain_drives import HUSKY, drive_of, log_of, measured
 
 from sim.wander.motion import WHITE
-from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.law_fit import REFERENCE, fit_drives
 from trackslip.identification.preparation import drives_of
@@ -18,7 +17,6 @@ from trackslip.laws.icr import ConstantIcr, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 from trackslip.se2 import Mounting
 
-GNSS = PoseSource(rate=5.0, position_noise=0.02, heading=False)
 MOUNTED = replace(SLAM, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)
 PLACE = {"sensor_x": 0.3, "sensor_y": 0.1, "sensor_yaw": np.radians(5), "clock_offset": -0.15}
 LAWS = {

@@ -3,10 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.identification.samples import usable_samples
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
+from trackslip.laws.icr_load import IcrLoad
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import MARGIN, SETTLE, steady_part, steady_parts
 
@@ -116,3 +118,22 @@ def test_standing_still_between_commands_is_no_sample():
     (part,) = steady_parts(log)
     assert part.name == "run"
     assert part.window[1] < 10.0
+
+
+def test_pieces_follow_the_law_where_the_load_turns_with_the_robot():
+    """A circle on a slope, which is not steady as a whole."""
+    law, omega, step, rows, pose = IcrLoad(0.04, 0.168, 0.01, 0.1, 0.2), np.array([1.5, 3.5]), 0.05, [], np.zeros(3)
+    for k in range(4 * 280):
+        load = np.tan(0.17) * np.array([np.cos(pose[2]), -np.sin(pose[2])])
+        if k % 4 == 0:
+            rows.append((pose, load))
+        v, w = law.under(load).twist(omega, GEOMETRY)
+        lateral = float(law.under(load).sideslip(np.array([v, w])))
+        pose = se2.drive(pose, np.array([v, lateral, w]) * step / 4)[0]
+    poses, loads = (np.array(values) for values in zip(*rows, strict=True))
+    log = RunLog("run", step * np.arange(280), np.tile(omega, (280, 1)), poses, load=loads)
+    with pytest.raises(LogError, match="its motion is not: v changes"):
+        usable_samples([log], GEOMETRY, longest=True)
+    pieces = usable_samples([log], GEOMETRY).samples
+    expected = law.under(pieces.load).twist(pieces.omega, GEOMETRY)
+    np.testing.assert_allclose(pieces.twist, expected, atol=2e-3)

@@ -84,10 +84,7 @@ def test_every_law_can_be_planned_for(law, monkeypatch):
     ("changes", "message"),
     [
         ({"max_speed": 0.0}, "max_speed = 0.0: must be from 0.001 to 10 m/s"),
-        ({"acceleration": -1.0}, "acceleration = -1.0: must be from 0.001 to 100 m/s^2"),
         ({"duration": 5.0}, "duration = 5.0: must be from 10 to 3600 s"),
-        ({"duration": float("nan")}, "duration = nan: must be from 10 to 3600 s"),
-        ({"area": (3.0, 0.0)}, "area = 0.0: must be from 0.001 to 1000 m"),
         ({"area": (3.0, 3.0), "clearance": 1.5}, "area = '3x3': must be more than twice the clearance, 1.5 m"),
     ],
 )

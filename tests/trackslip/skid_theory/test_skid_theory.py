@@ -21,11 +21,6 @@ def offset(speeds, contact=LEVEL, **options):
     return (speeds[..., 1] - speeds[..., 0]) / (2 * steady_twist(speeds, contact, **options)[..., 2]) - B
 
 
-def commanded(radius):
-    radius = np.asarray(radius)
-    return np.stack([radius - B, radius + B], axis=-1)
-
-
 def closed_form_offset(ratio):
     """D of a uniformly loaded line, from b F_along(D) = M_across(D), both integrals done by hand."""
 

@@ -110,7 +110,6 @@ def test_any_points_give_a_drivable_reference_or_are_refused(points):
     ("points", "message"),
     [
         ([(0, 0), (1, 1)], "number of waypoints = 2: must be from 3 to 10000"),
-        (np.zeros((4, 3)), r"shape of the waypoints = \(4, 3\): must be \(N, 2\)"),
         ([(0, 0), (np.nan, 0), (1, 1)], "point 2, column x = nan: must be from -100 to 100"),
         ([(0, 0), (1, 0), (1, 101)], "point 3, column y = 101.0: must be from -100 to 100"),
         ([(0, 0), (1, 0), (1, 0)], r"point 3 = \(1.0, 0.0\): must be at least 0.001 m from point 2"),
@@ -140,11 +139,8 @@ def test_files_are_spelt_as_those_of_logs(csv, content):
     ("content", "message"),
     [
         ("", "Empty CSV file"),
-        ("x,y\n", "number of waypoints = 0"),
         ("x,y\n0,0\n1,zero\n2,0", "row 2, column y: 'zero' is not a finite number"),
-        ("x,y\n0,0\n1,\n2,0", "row 2, column y: '' is not a finite number"),
         ("0,1\n1,0\n2,0", r"column x is missing \(found 0, 1\)"),
-        ("x,y\n0,0\n1,0\n1,0\n", r"point 3 = \(1.0, 0.0\): must be at least 0.001 m from point 2"),
         ("x,y,yaw\n0,0,0\n1,0,1.6\n2,0,0", "point 2, column yaw = 1.6: must be within 45 deg of the way from point 1"),
         ("v,x,y\n.1,0,0\n.1,1,0\n-.1,2,0", "point 3, column v = -0.1: must be at least 0 without a column yaw"),
         (b"\xff\xfe\x00\x81", "column x is missing|codec can't decode|CSV"),
