@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import csv
-import sys
-from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet
 import pytest
-from bags import in_order, joints_of, odometry, open_bag, pose_with_covariance, poses_of, write_bag
+from bags import in_order, joints_of, odometry, open_bag, pose_with_covariance, poses_of, write_bag, write_session
 from beside import drive, room, teleoperated
 from diff_drive import DiffDrive, parameters_in
-from scanned import write_session
-from wandered import wandered
+from plain_drives import wandered
 
 import trackslip as package
 from experiments.cli import main, parse
@@ -33,8 +30,6 @@ def bags(tmp_path_factory):
     motors = joints_of(LOG, names=("x1", "x2"), topic="/motors")
     both = in_order(motors, joints_of(LOG), poses_of(LOG, pose_with_covariance), poses_of(LOG), poses_of(LOG, odometry))
     write_bag(folder / "doubtful", "mcap", both)
-    backwards = joints_of(replace(LOG, omega=LOG.omega * [-1, 1]))
-    write_bag(folder / "backwards", "mcap", in_order(backwards, poses_of(LOG)))
     return folder
 
 
@@ -127,17 +122,10 @@ def test_a_plate_in_scans_is_found_by_log_and_by_identify(scanned, tmp_path, cap
         ("log {bags}/none.mcap", "none.mcap: no such file or folder"),
         ("log {bags}/run.mcap --out log.txt", "out = 'log.txt': must be a file that ends in .parquet or .csv"),
         ("log log.csv --out ./log.csv --overwrite", "out = 'log.csv': must be a file other than the one being read"),
-        ("log . --out runs.parquet --overwrite", "a file other than the one being read"),
-        ("log {bags}/run.mcap --left a", "right = None: must be given where left is"),
         ("log {bags}/run.mcap --left a,,b --right c", "left = 'a,,b': must be names of joints, separated by"),
         ("log {bags}/doubtful --out x.csv", "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"),
         ("log {scanned} --plate nanx0.1", "plate = 'nanx0.1': must be LENGTHxTHICKNESS in m, as in 0.5x0.02, longer"),
-        ("log {scanned} --plate 0.02x0.5", "plate = '0.02x0.5': must be LENGTHxTHICKNESS"),
         ("log {scanned} --plate 0.6x0.04 --poses /a", "poses = '/a': must be left out with plate"),
-        ("log {scanned} --plate 0.1x0.02 --out x.csv", "no plate of 0.1x0.02 m moves as the encoders say"),
-        (f"identify {{bags}}/doubtful {ROBOT}", "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"),
-        (f"identify {{bags}}/run.mcap {ROBOT} --poses /scan", "it has no topic '/scan'; its topics are /joint_states"),
-        (f"identify {{bags}}/backwards {ROBOT}", "change the sign of omega_l, for a bag by --reversed left"),
         (f"identify {{bags}}/run.mcap {ROBOT} --where a=1", "holds bags, not runs of a sweep"),
     ],
 )
@@ -164,11 +152,6 @@ def test_a_grids_bags_have_its_scans_and_change_no_number(trackslip, grid):
     ranges = np.array([scan.content.ranges for scan in scans])
     assert (np.isfinite(ranges).sum(axis=1) > log.scans.cluster.count).all()  # posts, too
     np.testing.assert_array_equal(log.truth.pose, plain.truth.pose)
-
-
-def test_without_rosbags_nothing_is_driven(refused, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    assert refused("wander", "--bag") == 'bags need the package rosbags: pip install -e ".[ros]"'
 
 
 @pytest.mark.parametrize("source", ["slam", "gnss"])
@@ -201,7 +184,7 @@ def heading_errors(controller, log):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(9))
+@pytest.mark.parametrize("seed", range(3))
 def test_odometry_with_deployed_parameters_turns_as_the_robot_does(seed, tmp_path, monkeypatch, capsys):
     """Identified from the bag of a drive, deployed, and compared on another drive."""
     monkeypatch.chdir(tmp_path)

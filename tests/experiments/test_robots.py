@@ -32,12 +32,12 @@ def test_a_tracked_robot_is_identified_and_controlled(trackslip, tmp_path, name,
     assert errors[1] < 0.3 * errors[0]
 
 
-def test_a_robot_brings_its_own_drive_into_every_command(trackslip, refused, tmp_path):
+def test_a_robot_brings_its_own_drive_and_ground_into_every_command(trackslip, refused, tmp_path):
     """A heavy robot, too much for the shipped motors; options change single fields."""
     heavy = tmp_path / "heavy.toml"
     heavy.write_text(
-        "half_gauge = 0.28\ncontact_length = 0.5\nsprocket_radius = 0.1\nmass = 75.0\nradius_error = 0.0\n"
-        "[drive]\nlag = 0.3\ntop_speed = 1.0\ntorque_limit = 90.0\n[drive.motor]\n"
+        "half_gauge = 0.28\ncontact_length = 0.5\nsprocket_radius = 0.1\nmass = 75.0\nradius_error = 0.03\n"
+        "[ground]\nalong = 0.5\nacross = 0.6\n[drive]\nlag = 0.3\ntop_speed = 1.0\ntorque_limit = 90.0\n[drive.motor]\n"
         "stall_torque = 3.0\nno_load_speed = 1000.0\n"
     )
     robot, own = ("--robot", str(heavy)), load_parameters(heavy)[0].drive
@@ -52,6 +52,7 @@ def test_a_robot_brings_its_own_drive_into_every_command(trackslip, refused, tmp
         (log,) = read_runs(result.folder / RUNS_FILE)
         assert log.metadata["drive"] == result.manifest["drive"] == plain(drive)
         assert log.truth.saturated.max() == 0
+        assert (log.metadata["ground"]["across"], log.metadata["radius_error"]) == (0.6, 0.03)
     for line, message in (
         (("grid", "--speeds", "1.2"), "speeds = 1.2: must be at most drive.top_speed = 1.0 m/s"),
         (("track", "--drive.motor.friction", "99"), "drive.torque_limit = 90.0: must be more than motor.friction"),

@@ -1,15 +1,20 @@
-"""Samples of slip with known laws and errors, for tests."""
+"""Samples of slip with known laws and errors, and identifications from them."""
 
+import itertools
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from trackslip.identification.result import Identification
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
+from trackslip.identification.steady_comparison import CrossValidation, SteadyComparison
 from trackslip.identification.steady_fit import fit_law
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.logfile import read_runs
-from trackslip.logs.runlog import stored_geometry
+from trackslip.logs.runlog import Refused, stored_geometry
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 RADII = (0.63, 1.27, 1.90, 2.53, 3.16)
@@ -61,3 +66,43 @@ def slip_errors(folder, method):
     logs = [log for log in read_runs(folder / "runs.parquet") if "radius" in log.metadata]
     geometry = stored_geometry(logs[0])
     return usable_samples(logs, geometry, method=method, longest=True).samples.slip - true_samples(logs, geometry).slip
+
+
+LAWS = ("none", "exponential", "icr", "icr_radius")
+_NOISE = 2e-3  # relative, of the twists
+
+
+def driven(twist, *, errors=True, seed=0):
+    """Samples of a robot with a constant ICR that drives twists (n, 2), with or without their errors."""
+    twist = np.asarray(twist, float)
+    omega = ConstantIcr(0.05, GEOMETRY.half_gauge, 0.007).sprocket_speeds(twist, GEOMETRY)
+    size = _NOISE * np.abs(twist) + 1e-6
+    measured = twist + size * np.random.default_rng(seed).standard_normal(twist.shape)
+    covariance = size[:, :, None] ** 2 * np.eye(2) if errors else None
+    return SlipSamples.of(omega, measured, GEOMETRY, [f"run {k}" for k in range(len(twist))], covariance)
+
+
+def circles(*, side=1):
+    """Twists (8, 2) of four radii at two speeds, to the left or, with -1, to the right."""
+    return [(v, side * v / radius) for radius, v in itertools.product((0.6, 1.2, 2.0, 3.0), (0.1, 0.2))]
+
+
+def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determined=True):
+    """Laws fitted to samples; `determined=False` imitates samples too few for a comparison."""
+    laws = {name: fit_law(name, samples, GEOMETRY) for name in names}
+    if not determined:
+        laws = {name: replace(law, aicc=None) for name, law in laws.items()}
+    predicted = {name: law.fit.left_out() if determined else None for name, law in laws.items()}
+    comparison = SteadyComparison(
+        samples=samples,
+        laws=laws,
+        validation={name: CrossValidation.of(twist, samples, GEOMETRY) for name, twist in predicted.items()},
+        score={},
+        best=best,
+        reason="it predicts best",
+        expressible=best,
+        warnings=("law exponential_speed: the samples don't determine gamma_outer",),
+    )
+    outliers = tuple(Refused(*outlier) for outlier in outliers)
+    warnings = (*map(str, outliers), *comparison.warnings)
+    return Identification(GEOMETRY, "steady", comparison, None, outliers, warnings)

@@ -14,7 +14,7 @@ import pyarrow.parquet
 import pytest
 
 from experiments.cli import main
-from experiments.common.results import file_names, results_folder
+from experiments.common.results import results_folder
 from trackslip.laws.file import SHIPPED
 from trackslip.logs.file_format import FORMAT
 
@@ -44,17 +44,6 @@ def tracked(tmp_path_factory):
 def old(tracked, tmp_path):
     """A folder with results."""
     return Path(shutil.copytree(tracked, tmp_path / "track"))
-
-
-def test_a_recording_on_a_full_disk_costs_a_line(old, refused, tmp_path):
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
-    try:
-        line = refused("view", str(old), "--save", str(tmp_path / "run.rrd"))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert line.startswith(f"{tmp_path / 'run.rrd'}: can't be written")
-    assert {file.name for file in tmp_path.iterdir()} == {"track"}
 
 
 @pytest.mark.parametrize("size", [500, 20_000])  # too little for the summary; for the runs
@@ -124,11 +113,6 @@ def test_files_of_others_are_never_replaced(refused, tmp_path):
     line = refused("predict", "--out", str(tmp_path), "--overwrite")
     assert line == f"out = {str(tmp_path)!r}: contains files that are no results; move them away"
     assert [file.name for file in tmp_path.iterdir()] == ["thesis.tex"]
-
-
-def test_file_names_are_all_different():
-    names = file_names(["radius=0.5 speed=0.1", "a/b", "a b", "..", "x" * 300], ".rrd")
-    assert names == ["radius=0.5_speed=0.1.rrd", "a_b.rrd", "a_b_2.rrd", "run.rrd", "x" * 120 + ".rrd"]
 
 
 def test_results_of_a_newer_version_are_told_from_this_ones(refused, old, tmp_path):

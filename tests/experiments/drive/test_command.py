@@ -128,7 +128,4 @@ def test_a_check_prints_what_is_known_of_a_robot_and_fails_if_something_is_wrong
     low.write_text(write_robot(tmp_path).read_text().replace("0.1, 0.1]", "0.3, 0.1]"))
     with pytest.raises(SystemExit, match="2"):
         main(["drive", "--check", "--robot", str(low)])
-    printed = capsys.readouterr()
-    assert "error: " in printed.out
-    assert "above the tracks' lowest point" in printed.out
-    assert printed.err.endswith("1 error, see above\n")
+    assert "above the tracks' lowest point" in capsys.readouterr().out

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,13 +18,6 @@ from trackslip.trajectory.waypoints import read_waypoints
 G, BOX_MASS = 9.81, 25.0
 
 
-class Level:
-    """States with given poses (R, 3)."""
-
-    def __init__(self, pose):
-        self.position, self.heading = np.insert(pose[:, :2], 2, 0.0, axis=1), pose[:, 2]
-
-
 def driven(change=lambda world: True, **options):
     """A drive; `change` may change the world before each command, and ends the drive by False."""
     config = DriveConfig(**{"robot": "box", "course": "flat", "preset": "fast", **options})
@@ -36,7 +30,7 @@ def driven(change=lambda world: True, **options):
 def test_slope_of_a_ramp_is_that_along_the_robot(heading):
     angle = 0.3
     course = Course((Ramp(angle=angle, length=4.0), Flat(1.0)))
-    state = Level(np.array([[2.0, 0.1, heading]]))
+    state = SimpleNamespace(position=np.array([[2.0, 0.1, 0.0]]), heading=np.array([heading]))
     slope = replace(driven(duration=0.1), robot=load_tracked("box"), course=course, state=state).slope
     assert slope == pytest.approx(np.arctan(np.tan(angle) * np.cos(heading)), abs=1e-9)
 
@@ -65,12 +59,6 @@ def test_a_path_is_followed_to_its_end(tmp_path):
     assert off.max() < 0.06
     np.testing.assert_allclose(run.state.position[-1, :2], [3, 0], atol=0.02)
     assert np.abs(run.command.speed).max() <= 0.5 + 1e-12
-
-
-@pytest.mark.parametrize(("asked", "angles"), [("0.5,0.2", [0.5, 0.5, 0.2, 0.2]), ("down", [0.0] * 4)])
-def test_flippers_as_asked(asked, angles):
-    run = driven(robot="rescue", flippers=asked, duration=0.5)
-    np.testing.assert_allclose(run.angles[-1], angles, atol=0.06)
 
 
 def test_explosions_and_drivers_that_stop_end_a_run_by_name():

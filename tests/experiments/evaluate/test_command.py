@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from command_runs import ran
 from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
-from wandered import identified_from, wandered
+from plain_drives import identified_from, wandered
 
 from experiments.common.plain_json import write_json
 from sim.wander.motion import LASTING
@@ -110,16 +110,6 @@ def test_the_first_law_comes_once_more_with_the_logs_gyro(trackslip, files, tmp_
     without, gyro = (models[name]["after_seconds"]["5"] for name in ("icr_radius", "icr_radius with gyro"))
     assert gyro["position"]["rms"] < 0.75 * without["position"]["rms"]
     assert gyro["heading"]["rms"] < 0.5 * without["heading"]["rms"]
-
-
-def test_positions_alone_are_enough(trackslip, files, tmp_path):
-    table = pq.read_table(files / "two.parquet").drop_columns("phi")
-    pq.write_table(table, tmp_path / "log.parquet")
-    true = f"{files / 'true.json'}:icr_radius"
-    result = trackslip("evaluate", str(tmp_path / "log.parquet"), "--law", true, "--law", "none")
-    models = result.summary["models"]
-    assert models["icr_radius"]["after_seconds"]["5"]["position"]["largest"] < 1e-6
-    assert models["none"]["after_seconds"]["5"]["heading"] is None
 
 
 @pytest.mark.slow

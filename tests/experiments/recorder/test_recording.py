@@ -45,7 +45,7 @@ def require_pose(file: Path, entity: str, log: RunLog) -> None:
     np.testing.assert_allclose(np.exp(2j * np.arctan2(z, w)), np.exp(1j * log.truth.pose[:, 2]), atol=1e-6)
 
 
-def test_recording_holds_the_run(driven):
+def test_recordings_hold_one_run_or_several_side_by_side(driven, tmp_path):
     file, log = driven[0] / FILES["icr_radius"], driven[1][1]
     verify(file)
     require_pose(file, "/run/robot/chassis", log)
@@ -58,6 +58,11 @@ def test_recording_holds_the_run(driven):
     assert np.isnan(slip[1:][~turning]).all()
     _, measured = component(file, "/run/sprocket/measured", "scalars")
     np.testing.assert_array_equal(measured, log.omega)
+    both = tmp_path / "both.rrd"
+    recording.record(both, driven[1])
+    for log in driven[1]:
+        require_pose(both, f"/run/{log.run.replace(' ', chr(92) + ' ')}/robot/chassis", log)
+    assert len(RrdReader(both).recordings()) == len(RrdReader(both).blueprints()) == 1
 
 
 def rows_of(file: Path, entity: str, name: str) -> list[list]:
@@ -99,24 +104,6 @@ def test_scan_points_lie_on_the_plate(driven):
     assert len(off) > 1000
     assert np.abs(np.minimum(off, 0.02)).mean() < 0.01  # the noise is 5 mm
     assert (off < 0.05).mean() > 0.99
-
-
-def test_runs_side_by_side(driven, tmp_path):
-    file = tmp_path / "both.rrd"
-    recording.record(file, driven[1])
-    verify(file)
-    for log in driven[1]:
-        require_pose(file, f"/run/{log.run.replace(' ', chr(92) + ' ')}/robot/chassis", log)
-    assert len(RrdReader(file).recordings()) == len(RrdReader(file).blueprints()) == 1
-
-
-def test_slips_agree_in_steady_turns(driven):
-    traces = Traces(driven[1][1])
-    steady = slice(160, 260)
-    for other in (traces.identified, traces.assumed):
-        np.testing.assert_allclose(np.nanmean(other[steady], axis=0), traces.slip[steady].mean(axis=0), atol=0.01)
-    distance = np.hypot(*traces.error[0, :2])
-    assert distance == pytest.approx(np.hypot(0.1, 0.1), abs=1e-6)  # the circle is the one that was asked for
 
 
 def test_the_slip_assumed_is_that_of_the_law_that_compensated(driven):

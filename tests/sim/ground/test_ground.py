@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from sim import Fleet, Pull
 from sim.drive.drive import tireless
@@ -115,3 +116,39 @@ def test_displacements_stay_bounded_under_belts_that_stand(robot):
     contact = line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12), points=100)
     theory = steady_twist([[0.0, 0.24], [-0.3, 0.0]], contact, 9.81, shear=0.002)
     np.testing.assert_allclose(fleet.twist()[:, 2], theory[:, 2], rtol=0.01)
+
+
+def least_power_twist(robot, belts, friction):
+    """The twist (v, u, w) that dissipates least, where every point has a friction of its own; Moreau's principle.
+
+    belts, friction: forward speed (K,) of the belt and (K, 2) coefficients at each point of contact.
+    """
+    x, y = robot.contact_points.T
+
+    def power(twist, rounding):
+        v, u, w = twist
+        along, across = v - w * y - belts, u + w * x
+        return np.sqrt((friction[:, 0] * along) ** 2 + (friction[:, 1] * across) ** 2 + rounding**2).sum()
+
+    twist = np.array([belts.mean(), 0.0, 0.0])
+    for rounding in 10.0 ** -np.arange(1, 6):  # convex, but for its corners: come nearer to them step by step
+        twist = minimize(power, twist, (rounding,), options={"gtol": 1e-10}).x
+    return twist
+
+
+@pytest.mark.parametrize("omega", [(2.0, 3.0), (3.0, 2.0), (-2.0, 2.0), (2.0, 2.0)])
+def test_a_patch_under_one_track_turns_the_robot_as_theory_says(robot, omega):
+    """The left track stands on ice, from one end of the world to the other: on the patch as long as y > 0."""
+    slow = 0.2 * np.array(omega)  # so that inertia doesn't count, and the tracks stay on their sides
+    patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.2, 0.25)
+    fleet = Fleet(robot, np.zeros((1, 3)), Ground(0.7, 0.8, patches=(patch,)), 0.0)
+    fleet.command(slow)
+    fleet.advance(1.4)
+    on_left = robot.contact_points[:, 1] > 0
+    friction = np.where(on_left[:, None], [0.2, 0.25], [0.7, 0.8])
+    expected = least_power_twist(robot, np.where(on_left, *slow) * 0.06, friction)
+    # 0.3 mrad/s for the creep of a track that grips, where the other's belt only spins
+    np.testing.assert_allclose(fleet.twist()[0, [0, 2]], expected[[0, 2]], rtol=0.01, atol=3e-4)
+    even = least_power_twist(robot, np.where(on_left, *slow) * 0.06, np.full((20, 2), [0.7, 0.8]))
+    if omega[0] != omega[1]:
+        assert abs(expected[2] / even[2] - 1) > 0.1  # the patch matters

@@ -49,15 +49,6 @@ def test_driving_uphill_takes_the_weight_and_the_motors_pay(robot):
     assert (fleet.drive.energy - before).sum() / 2.0 == pytest.approx(lifted + lost, rel=0.01)
 
 
-def test_a_robot_leans_to_its_heavier_side(robot):
-    """By theory: the springs of the ground give way by 2 mm under the weight."""
-    fleet = Fleet(load_robot(parameters=RobotParameters(com_y=0.04)), np.zeros((1, 3)))
-    fleet.advance(0.5)
-    roll = fleet.attitude()[0, 1]
-    assert roll == pytest.approx(-0.04 * 0.002 / (0.168**2 - 0.12 * 0.002), rel=0.05)
-    assert fleet.state.lean(robot.lrf_height)[0] == pytest.approx(-robot.lrf_height * np.sin(roll), rel=0.02)
-
-
 def test_lateral_speed_is_in_the_truth_and_as_theory_says():
     fleet = Fleet(load_robot(parameters=RobotParameters(com_x=0.02)), np.zeros((1, 3)), radius_error=0.0)
     (log,) = open_loop(fleet, [2.0, 4.0], 3.0, period=0.05)

@@ -29,16 +29,6 @@ def test_slip_in_a_turn_is_that_of_the_track_over_the_ground(robot):
     np.testing.assert_allclose(reading.sliding, speeds - over_ground, atol=1e-5)
 
 
-def test_tracks_share_the_pull_on_a_slope(robot):
-    model, data, belts = robot
-    model.opt.gravity[:] = [-9.81 * np.sin(0.3), 0, -9.81 * np.cos(0.3)]
-    belts.set([0.2, 0.2])
-    mujoco.mj_step(model, data, 1000)
-    reading = belts.read(data)
-    np.testing.assert_allclose(reading.traction, 25 * 9.81 * np.sin(0.3) / 2, rtol=1e-3)
-    np.testing.assert_allclose(reading.load, 25 * 9.81 * np.cos(0.3) / 2, rtol=1e-3)
-
-
 def test_a_track_in_the_air_has_no_slip(robot):
     model, data, belts = robot
     belts.set([0.2, 0.2])

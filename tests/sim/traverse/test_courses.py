@@ -47,14 +47,12 @@ def test_robots_drive_on_slots_as_on_the_course(world):
 
 
 def test_courses_without_room_are_refused(world):
-    steps, alone = Course((Stairs(0.1, 0.3, 6),), **SHORT), Traverse(load_tracked("box"), [OTHER], threads=1)
-    for robots, course, message in (
-        (world, steps, "course = '7 boxes': must be of at most 5"),
-        (world, Course((Rough(1.0, 0.05),), **SHORT), "1 height fields"),
-        (alone, steps, "courses"),
+    for course, message in (
+        (Course((Stairs(0.1, 0.3, 6),), **SHORT), "course = '7 boxes': must be of at most 5"),
+        (Course((Rough(1.0, 0.05),), **SHORT), "1 height fields"),
     ):
         with pytest.raises(InvalidValueError, match=message):
-            robots.begin([0], [course])
+            world.begin([0], [course])
 
 
 def test_every_course_fits_the_slots():
@@ -121,7 +119,6 @@ def test_tasks_take_courses_that_fit_the_robot(tank):
     assert all(episode.course.width >= 1.5 * 3.3 for episode in episodes)
 
 
-ID = "sim:trackslip/Traverse-v0"
 HULL = load_tracked("rescue").hull  # its wheels have a radius of 0.08 m, those of FTR-Bench's robot 0.1 m
 
 
@@ -155,10 +152,6 @@ def test_names_are_listed_and_courses_fit_into_the_environment():
         assert drawn(name, 0.3) == drawn(name, 0.3)
     sides = {np.sign(drawn("one_sided", 0.5, seed).pieces[0].blocks[0][1]) for seed in range(20)}
     assert sides == {-1.0, 1.0}
-    env = gym.make_vec(ID, num_envs=10, threads=1, course=KINDS, difficulty=(0.2, 0.4))
+    env = gym.make_vec("sim:trackslip/Traverse-v0", num_envs=10, threads=1, course=KINDS, difficulty=(0.2, 0.4))
     _, info = env.reset(seed=0, options={"course": list(KINDS)})
     assert ((info["difficulty"] >= 0.2) & (info["difficulty"] <= 0.4)).all()
-    env.task.set_difficulty(0.9, 1.0)
-    _, info = env.reset()
-    assert (info["difficulty"] >= 0.9).all()
-    env.step(np.zeros((10, 6), np.float32))

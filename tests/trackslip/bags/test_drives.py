@@ -19,7 +19,7 @@ from bags import (
 )
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from wandered import GEOMETRY, wandered
+from plain_drives import GEOMETRY, wandered
 
 import trackslip
 from trackslip import se2

@@ -6,7 +6,7 @@ from bags import JOINTS, START, joint_states, joints_of, open_bag, sprocket_angl
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from wandered import wandered
+from plain_drives import wandered
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.bags.encoders import read_encoders, unwrapped

@@ -7,8 +7,8 @@ import pytest
 from bags import KINDS, contents, expected, in_order, joints_of, open_bag, poses_of, write_bag
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from plain_drives import wandered
 from rosbags.highlevel import AnyReader
-from wandered import wandered
 
 from trackslip.bags.open import open_bags
 from trackslip.errors import LogError, TrackslipError

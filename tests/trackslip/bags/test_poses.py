@@ -22,8 +22,8 @@ from bags import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_drives import wandered
 from scipy.spatial.transform import Rotation
-from wandered import wandered
 
 from trackslip import se2
 from trackslip.bags.choice import AUTOMATIC

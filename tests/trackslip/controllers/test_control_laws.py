@@ -154,23 +154,6 @@ def test_each_axis_is_a_damped_spring(speed, stiffness, damping):
     np.testing.assert_allclose(error, wanted, atol=1e-4)
 
 
-def test_the_speed_never_jumps():
-    """Through stop, cusp and end, with an error that makes both laws disagree."""
-    forwards = [Segment(3.0, 0.0, 0.15, 0.5), Segment(3.0, 0.15, 0.0, 0.5)]
-    backwards = [Segment(3.0, 0.0, -0.15, -0.5), Segment(3.0, -0.15, 0.0, -0.5)]
-    reference = SegmentedReference((0.0, 0.0, 0.0), [*forwards, *backwards])
-    controller = DynamicFeedback(stiffness=0.5)
-    pose = pose_with_error(reference.pose(0.0), np.array([[0.08, 0.1, 0.3], [-0.08, 0.05, 0.0], [0.0, 0.0, 0.0]]))
-    step = 0.02
-    twists = []
-    for k in range(700):
-        twists.append(controller.twist(k * step, pose, reference))
-        pose = advance(pose, twists[-1], step)
-    jumps = np.abs(np.diff(twists, axis=0))
-    assert jumps[..., 0].max() < 0.5 * step  # 0.5 m/s^2
-    assert np.abs(twists).max() < 1.5
-
-
 @SPEEDS
 def test_errors_across_decay_with_the_distance_as_stated(speed):
     law = PathFollowing(approach_angle=0.7, approach=3.0, across=6.0, heading=4.0)

@@ -8,7 +8,6 @@ from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log
 from plain_drives import HUSKY, drive_of, log_of, measured
 
 from sim.wander.motion import WHITE
-from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.law_fit import REFERENCE, fit_drives
 from trackslip.identification.preparation import drives_of
 from trackslip.laws.base import NoSlip
@@ -145,11 +144,3 @@ def test_what_was_not_measured_is_held():
         assert headings.held[name] == "no positions were measured"
     gain = GEOMETRY.half_gauge / (GEOMETRY.half_gauge + headings.values["offset"])
     assert gain == pytest.approx(GEOMETRY.half_gauge * 1.0066 / 0.213, rel=2e-3)
-
-
-def test_unknown_laws_and_drives_without_poses_are_refused():
-    with pytest.raises(InvalidValueError, match="cubic"):
-        fitted("cubic", drive_log(1, 20.0))
-    log = drive_log(1, 20.0)
-    with pytest.raises(LogError, match="0 poses while it drives, needs at least 2"):
-        fitted(REFERENCE, replace(log, valid=np.zeros(len(log.time), bool)))

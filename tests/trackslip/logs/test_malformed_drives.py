@@ -48,8 +48,14 @@ MISTAKES = {
 }
 
 
-def check(mistakes, seed):
-    """Check that identification ends in laws or a TrackslipError, without a warning of NumPy's."""
+@settings(
+    max_examples=20,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+@given(st.lists(st.sampled_from(sorted(MISTAKES)), min_size=1, max_size=3, unique=True), st.integers(0, 20))
+def test_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
+    """Without a warning of NumPy's."""
     rng = np.random.default_rng(seed)
     message, driving = "", ("random", "eights", "stop_and_go", "loop")[seed % 4]
     log = drive_log(seed, 6.0, SLAM, driving=driving)
@@ -66,20 +72,3 @@ def check(mistakes, seed):
     if not message:
         json.dumps(identification_to_json(found))
         assert all(np.isfinite(list(fit.values.values())).all() for fit in found.drive.laws.values())
-
-
-def malformed(count):
-    """A property of `count` malformed drives."""
-    strategy = st.lists(st.sampled_from(sorted(MISTAKES)), min_size=1, max_size=3, unique=True)
-    checks = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
-
-    def of(test):
-        limited = settings(max_examples=count, derandomize=True, suppress_health_check=checks)
-        return limited(given(strategy, st.integers(0, 20))(test))
-
-    return of
-
-
-@malformed(20)
-def test_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
-    check(mistakes, seed)

@@ -72,7 +72,8 @@ def as_array(column):
         return pa.array([None if cell is None else str(cell) for cell in column], pa.string())
 
 
-def check(folder, damages, parquet):
+def read(folder, damages, parquet):
+    """The sampling of a log with some damages, and the lines that are said of it."""
     columns = sound()
     for kind in damages:
         columns = damaged(columns, *kind)
@@ -83,29 +84,23 @@ def check(folder, damages, parquet):
     else:
         text = [[("" if cell is None else str(cell)) for cell in array.to_pylist()] for array in arrays.values()]
         path.write_text("\n".join([",".join(arrays), *(",".join(row) for row in zip(*text, strict=True))]))
-    lines, sampling = [], None
     try:
         sampling = read_source(path, READING).sampling
     except (LogError, InvalidValueError) as error:
-        lines = [str(error)]
-    if sampling is not None:
-        assert len(sampling.samples) > 0
-        assert np.isfinite(sampling.samples.twist).all()
-        assert np.isfinite(sampling.samples.omega).all()
-        lines = [*sampling.notes, *map(str, sampling.refused)]
-    for line in lines:
-        assert "\n" not in line
-        assert 10 < len(line) < 600
+        return None, [str(error)]
+    return sampling, [*sampling.notes, *map(str, sampling.refused)]
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(DAMAGE, min_size=1, max_size=4), st.booleans())
 def test_a_malformed_log_gets_one_line(tmp_path_factory, damages, parquet):
-    check(tmp_path_factory.mktemp("log"), damages, parquet)
+    sampling, lines = read(tmp_path_factory.mktemp("log"), damages, parquet)
+    assert all("\n" not in line and 10 < len(line) < 600 for line in lines)
+    if sampling is not None:
+        assert len(sampling.samples) > 0
+        assert np.isfinite([sampling.samples.twist, sampling.samples.omega]).all()
 
 
 @pytest.mark.parametrize("parquet", [False, True])
 def test_the_sound_log_gives_a_sample_a_run(tmp_path, parquet):
-    check(tmp_path, [], parquet)
-    path = tmp_path / ("log.parquet" if parquet else "log.csv")
-    assert read_source(path, READING).sampling.samples.run == ("run 0", "run 1", "run 2")
+    assert read(tmp_path, [], parquet)[0].samples.run == ("run 0", "run 1", "run 2")

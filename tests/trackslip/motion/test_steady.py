@@ -78,34 +78,6 @@ def test_runs_without_a_steady_stretch():
     standing.omega[:] = 1e-5
     with pytest.raises(LogError, match="stand still"):
         steady_part(standing)
-
-
-@pytest.mark.slow
-def test_a_session_gives_as_much_as_its_commands_one_by_one():
-    """Twenty minutes of commands of six seconds, as one run, and the first of them as a run each."""
-    rng = np.random.default_rng(0)
-    twists = np.column_stack([rng.uniform(0.05, 0.3, 200), rng.uniform(-0.5, 0.5, 200)])
-    command = np.repeat(np.arange(200), 60)
-    omega = LAW.sprocket_speeds(twists, GEOMETRY)[command]
-    time = 0.1 * np.arange(len(command))
-    pose = [np.zeros(3)]
-    for k in command[1:]:
-        pose.append(advance(pose[-1], twists[k], 0.1))
-    noisy = np.array(pose) + rng.normal(size=(len(pose), 3)) * [0.005, 0.005, 0.005]
-    session = usable_samples([RunLog("session", time, omega, noisy)], GEOMETRY)
-    parts = [RunLog(str(k), *(values[command == k] for values in (time, omega, noisy))) for k in range(40)]
-    alone = usable_samples(parts, GEOMETRY)
-    assert len(alone.samples) == 40
-    assert len(session.samples) >= 195  # some commands differ too little from the next
-    assert session.refused == alone.refused == ()
-    samples = session.samples
-    error = samples.twist - LAW.twist(samples.omega, GEOMETRY)
-    stderr = np.sqrt(np.diagonal(samples.covariance, axis1=1, axis2=2))
-    assert np.sqrt(np.median((error / stderr) ** 2)) == pytest.approx(0.67, abs=0.1)  # of a normal distribution
-    assert np.median(stderr[:, 1]) < 0.0012
-
-
-def test_a_run_without_headings_has_no_steady_stretch():
     log = driven()
     log.pose[:, 2] = np.nan
     with pytest.raises(LogError, match="run 'run': has no headings: steady stretches need phi"):

@@ -28,11 +28,9 @@ class Drive:
     rng: np.random.Generator
 
     @classmethod
-    def begin(
-        cls, n: int, law: ConstantIcr | None = None, tuning: FilterTuning | None = None, seed: int = 0
-    ) -> "Drive":
+    def begin(cls, n: int, law: ConstantIcr | None = None, tuning: FilterTuning | None = None) -> "Drive":
         pose = np.zeros((n, 3))
-        return cls(IcrFilter(pose, GEOMETRY, law, tuning), pose, np.random.default_rng(seed))
+        return cls(IcrFilter(pose, GEOMETRY, law, tuning), pose, np.random.default_rng(0))
 
     def run(self, seconds: float, omega: tuple[float, float] = (2.0, 2.9), law: ConstantIcr = TRUE) -> None:
         speeds = np.tile(omega, (len(self.pose), 1))

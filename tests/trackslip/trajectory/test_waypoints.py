@@ -37,15 +37,11 @@ def nearest(reference, points):
     return np.array([np.hypot(*(xy - point).T).min() for point in points])
 
 
-def test_it_passes_through_all_points_in_order():
+def test_it_passes_through_all_points_in_order_with_a_continuous_curvature_that_is_zero_at_both_ends():
     reference = waypoints(POINTS)
     assert nearest(reference, POINTS).max() < 1e-4
     pose = reference.pose([0.0, reference.duration])
     np.testing.assert_allclose(pose[:, :2], POINTS[[0, -1]], atol=1e-12)
-
-
-def test_curvature_is_continuous_and_zero_at_both_ends():
-    reference = waypoints(POINTS)
     knots = reference.knots[1:-1]
     np.testing.assert_allclose(reference.twist(np.nextafter(knots, 0)), reference.twist(knots), atol=1e-10)
     v, w = reference.twist([1e-3, reference.duration - 1e-3]).T
