@@ -1,9 +1,8 @@
-"""Any robot in every command: from runs to laws to controllers, with a URDF and its tracks."""
+"""Any robot in every command: from runs to laws to controllers, with its tracks."""
 
 from dataclasses import replace
 
 import pytest
-from tracked_files import write_robot
 
 from experiments.common.plain_json import plain
 from experiments.common.results import RUNS_FILE
@@ -12,19 +11,15 @@ from trackslip.logs.logfile import read_runs
 from trackslip.skid_theory import line_contact, steady_turns
 
 
-@pytest.mark.parametrize(
-    ("name", "bound"),
-    [("rescue", 0.01), pytest.param("a URDF", 0.05, marks=pytest.mark.slow)],  # whose mass lies to its left
-)
-def test_a_tracked_robot_is_identified_and_controlled(trackslip, tmp_path, name, bound):
-    robot = ("--robot", name if name == "rescue" else str(write_robot(tmp_path)))
+def test_a_tracked_robot_is_identified_and_controlled(trackslip):
+    robot = ("--robot", "rescue")
     runs = trackslip("grid", *robot, "--radii", "0.6", "1.2", "--speeds", "0.1", "0.2", "--duration", "8")
     laws = trackslip("identify", str(runs.folder))
     parameters, ground = load_parameters(robot[1])
     size = parameters.half_gauge, parameters.contact_length / 2
     contact = line_contact(*size, ground.along, ground.across, parameters.centre_of_mass)
     theory = steady_turns([0.8, 1.5], contact).offset.mean()
-    assert laws.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(theory, rel=bound)
+    assert laws.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(theory, rel=0.01)
     circle, errors = ("--reference", "circle", "--localization", "truth"), []
     for compensation in (("none",), ("icr_radius", "--laws", str(laws.folder))):
         (row,) = trackslip("track", *robot, *circle, "--compensation", *compensation).summary["tracking"]

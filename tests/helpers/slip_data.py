@@ -1,20 +1,17 @@
 """Samples of slip with known laws and errors, and identifications from them."""
 
 import itertools
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from trackslip.identification.result import Identification
-from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
+from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_comparison import CrossValidation, SteadyComparison
 from trackslip.identification.steady_fit import fit_law
 from trackslip.kinematics import RobotGeometry
-from trackslip.laws.families import FAMILIES
 from trackslip.laws.icr import ConstantIcr
-from trackslip.logs.logfile import read_runs
-from trackslip.logs.runlog import Refused, stored_geometry
+from trackslip.logs.runlog import Refused
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 RADII = (0.63, 1.27, 1.90, 2.53, 3.16)
@@ -34,38 +31,6 @@ def grid(law, errors=ERRORS, told=True, seed=0, radii=RADII, speeds=SPEEDS):
     covariance = np.tile(errors, (count, 1, 1)) if told and errors is not None else None
     names = [f"R {r:g} v {v:g}" for r, v in zip(radius, speed, strict=True)]
     return SlipSamples.of(omega, twist, GEOMETRY, names, covariance)
-
-
-def coverage(
-    name: str,
-    values: Mapping[str, float],
-    design: SlipSamples,
-    geometry: RobotGeometry,
-    repeats: int,
-    rng: np.random.Generator,
-    known_errors: bool = True,
-) -> dict[str, float]:
-    """Share of the repeats in which the 95 % interval of each parameter of a law contains its value.
-
-    Each repeat draws the twists of a robot that follows the law with `values`, at the sprocket speeds of the design and
-    with its errors of twists. The fits know the covariances of these errors, or estimate the scatter from the samples.
-    """
-    root = np.linalg.cholesky(design.covariance)
-    errors = np.einsum("nij,mnj->mni", root, rng.standard_normal((repeats, len(design), 2)))
-    covariance = design.covariance if known_errors else None
-    covered = dict.fromkeys(values, 0)
-    for twist in FAMILIES[name].build(values, geometry).twist(design.omega, geometry) + errors:
-        samples = SlipSamples.of(design.omega, twist, geometry, design.run, covariance)
-        for key, (low, high) in fit_law(name, samples, geometry).interval95.items():
-            covered[key] += low <= values[key] <= high
-    return {key: count / repeats for key, count in covered.items()}
-
-
-def slip_errors(folder, method):
-    """Errors of slips (n, 2) of the runs on circles in a folder of results, by a motion method."""
-    logs = [log for log in read_runs(folder / "runs.parquet") if "radius" in log.metadata]
-    geometry = stored_geometry(logs[0])
-    return usable_samples(logs, geometry, method=method, longest=True).samples.slip - true_samples(logs, geometry).slip
 
 
 LAWS = ("none", "exponential", "icr", "icr_radius")

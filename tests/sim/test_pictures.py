@@ -87,11 +87,11 @@ def test_where_nothing_can_be_drawn_it_says_so(monkeypatch):
         env.reset(seed=0)
         with pytest.raises(TrackslipError, match="no OpenGL works here"):
             env.render()
-        with pytest.raises(InvalidValueError, match="render_mode"):
-            gym.make(name).unwrapped.render()
-        if sys.platform == "linux":
-            with pytest.raises(TrackslipError, match="needs a display"):
-                gym.make(name, render_mode="human").unwrapped.reset(seed=0)
+    with pytest.raises(InvalidValueError, match="render_mode"):
+        gym.make(TRACKING).unwrapped.render()
+    if sys.platform == "linux":
+        with pytest.raises(TrackslipError, match="needs a display"):
+            gym.make(TRACKING, render_mode="human").unwrapped.reset(seed=0)
 
 
 DRIVE = """

@@ -158,7 +158,8 @@ def test_twists_that_are_none_are_refused(robot, function, message, rows):
 
 
 def test_a_controller_that_fails_leaves_the_rows_before():
-    robot, reference = load_robot(contact_sensors=True), short_path()
+    robot = load_robot(contact_sensors=True)
+    reference = SegmentedReference((0.0, 0.0, np.pi / 2), [Segment(1.5, 0.1, 0.15)])
     start = np.tile(reference.pose(0.0), (2, 1))
     fleet, feed = set_up(robot, start)
     pilots = [Pilot(Feedforward(), [0]), Pilot(Custom(fails), [1])]

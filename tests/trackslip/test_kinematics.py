@@ -1,10 +1,8 @@
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import (
     RobotGeometry,
     body_twist,
@@ -44,11 +42,3 @@ def test_limiting_keeps_the_curvature(omega):
     np.testing.assert_allclose(limited[0] * omega[1], limited[1] * omega[0], atol=1e-9)
     if np.abs(omega).max() <= 5:
         np.testing.assert_array_equal(limited, omega)
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_geometry_must_be_positive(value):
-    with pytest.raises(InvalidValueError, match="half_gauge"):
-        RobotGeometry(value, 0.06)
-    with pytest.raises(InvalidValueError, match="sprocket_radius"):
-        RobotGeometry(0.168, value)

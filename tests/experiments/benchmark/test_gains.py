@@ -91,6 +91,7 @@ def test_a_search_without_a_candidate_that_drives_says_why(refused, short, tmp_p
     assert "does not work yet" in line
 
 
+@pytest.mark.slow
 def test_tuning_and_driving_with_the_gains(trackslip, short, tmp_path, monkeypatch):
     monkeypatch.setattr(tune, "TRAINING_PATHS", (str(tmp_path / "bend.csv"),))
     tuned = trackslip("tune", "linear", *QUICK, "--evaluations", "12")

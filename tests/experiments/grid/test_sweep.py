@@ -35,12 +35,13 @@ def fragile(cells, *rest):
 
 
 def test_every_combination_is_a_run_with_a_row(trackslip):
-    result = trackslip("grid", *SWEEP, "--grounds", "stone", "ice")
+    result = trackslip("grid", *ONE, *SWEEP[-5:], "--grounds", "stone", "ice")
     rows = pq.read_table(result.folder / "table.parquet").to_pylist()
-    assert len(rows) == len(logs(result.folder)) == 16
-    assert len({row["id"] for row in rows}) == len({row["run"] for row in rows}) == 16
+    assert len(rows) == len(logs(result.folder)) == 8
+    assert len({row["id"] for row in rows}) == len({row["run"] for row in rows}) == 8
+    stored = logs(result.folder)
     for row in rows:
-        log = logs(result.folder)[row["id"]]
+        log = stored[row["id"]]
         assert log.run == row["run"]
         ground, along = log.metadata["ground"], {"stone": 0.7, "ice": 0.12}[row["ground"]]
         assert ground["along"] == along
@@ -48,8 +49,8 @@ def test_every_combination_is_a_run_with_a_row(trackslip):
         assert (log.metadata["seed"], log.metadata["radius"]) == (row["seed"], row["radius"])
         assert row["slip_l"] == pytest.approx(row["true_slip_l"], abs=0.01)
         assert row["omega_r"] == pytest.approx(log.omega[-20:, 1].mean(), rel=1e-3)
-    assert [grid["runs"] for grid in result.summary["grids"]] == [2] * 8
-    assert "16 runs in 8 grids" in result.printed
+    assert [grid["runs"] for grid in result.summary["grids"]] == [1] * 8
+    assert "8 runs in 8 grids" in result.printed
     schema = pq.read_schema(result.folder / "table.parquet")
     for field in schema:
         assert set(field.metadata) == {b"unit", b"description"}, field.name

@@ -51,19 +51,6 @@ def rows(candidate, rng=None, noise=0.0, lateral=False):
     return SteadyRows(samples, candidate.geometry, turns=theory)
 
 
-@pytest.mark.slow
-def test_intervals_contain_the_truth_as_often_as_they_say():
-    """By theory, which is quick."""
-    inside, squares = [], []
-    for seed in range(40):
-        fit = calibrate(rows(TRUE, rng=np.random.default_rng(seed), noise=0.002), START, FREE)
-        pairs = [(fit.estimates[name], TRUE.value(name)) for name in FREE]
-        inside += [estimate.low <= truth <= estimate.high for estimate, truth in pairs]
-        squares.append([((estimate.value - truth) / estimate.stderr) ** 2 for estimate, truth in pairs])
-    assert 0.88 <= np.mean(inside) <= 0.99, np.mean(inside)
-    assert np.all(np.mean(squares, axis=0) < 2.0), np.mean(squares, axis=0)
-
-
 @pytest.mark.parametrize(
     ("free", "message"),
     [

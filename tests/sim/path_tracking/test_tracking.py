@@ -13,7 +13,7 @@ from trackslip.kinematics import wrap_angle
 from trackslip.laws.file import load_laws, save_laws
 from trackslip.laws.icr_load import IcrLoad
 from trackslip.online.compensation import named_compensation
-from trackslip.trajectory.named import REFERENCES, load_reference, named_reference
+from trackslip.trajectory.named import REFERENCES, load_reference
 
 
 def test_episodes_differ_within_their_ranges():
@@ -101,13 +101,15 @@ def test_observations_of_a_known_case():
     assert 0 < info["true_slip"][0] < 0.5
 
 
-def test_a_reference_ends_with_truncation_and_leaving_it_with_termination():
-    env = PathTrackingEnv(reference="circle", action="twist", compensation="icr_radius")
-    env.reset(seed=0)
-    reference = named_reference("circle")
+def test_a_reference_ends_with_truncation_and_leaving_it_with_termination(tmp_path):
+    path = tmp_path / "line.csv"
+    path.write_text("x,y\n0,0\n0.3,0\n0.7,0\n")
+    env, reference = PathTrackingEnv(reference=str(path), off_path=0.55, action="twist"), load_reference(path)
+    _, info = env.reset(seed=0)
     steps, ended = 0, False
     while not ended:
-        _, _, terminated, ended, info = env.step(np.array([0.5, 0.15], np.float32))
+        twist = reference.twist(info["time"]) / [0.3, 1.0]
+        _, _, terminated, ended, info = env.step(twist.astype(np.float32))
         steps += 1
         assert not terminated
     assert steps == np.ceil(reference.duration / 0.05)
@@ -117,7 +119,7 @@ def test_a_reference_ends_with_truncation_and_leaving_it_with_termination():
         before = info
         _, reward, terminated, truncated, info = env.step(np.zeros(2, np.float32))
         assert not truncated
-    assert np.hypot(*before["true_error"][:2]) <= 0.5 < np.hypot(*info["true_error"][:2])
+    assert np.hypot(*before["true_error"][:2]) <= 0.55 < np.hypot(*info["true_error"][:2])
     assert reward < -8
     assert info["reward_termination"] == -10
     assert not info["success"]

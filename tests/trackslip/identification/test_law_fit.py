@@ -76,7 +76,7 @@ def test_a_given_sensor_is_held_and_improves_the_rest():
 
 @pytest.mark.parametrize("lag", [0.0, 0.15])
 def test_a_lag_is_estimated_on_request_and_else_taken_up_by_the_clock(lag):
-    log = drive_log(2, 50.0, EXACT, STILL, lag=lag)
+    log = drive_log(2, 30.0, EXACT, STILL, lag=lag)
     fit = fitted(REFERENCE, log, lag=True)
     assert fit.extras["lag"] == pytest.approx(lag, abs=5e-3)
     assert fit.extras["clock_offset"] == pytest.approx(0, abs=5e-3)

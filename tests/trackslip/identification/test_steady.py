@@ -64,7 +64,6 @@ def require_within(fit, law, errors=4.0):
         ("none", NoSlip()),
         ("exponential", PUBLISHED),
         ("exponential_speed", ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)),
-        ("icr", ConstantIcr(0.045, 0.168)),
         ("icr_radius", ICR),
     ],
 )

@@ -49,7 +49,7 @@ MISTAKES = {
 
 
 @settings(
-    max_examples=20,
+    max_examples=12,
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )

@@ -91,7 +91,7 @@ def read(folder, damages, parquet):
     return sampling, [*sampling.notes, *map(str, sampling.refused)]
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(DAMAGE, min_size=1, max_size=4), st.booleans())
 def test_a_malformed_log_gets_one_line(tmp_path_factory, damages, parquet):
     sampling, lines = read(tmp_path_factory.mktemp("log"), damages, parquet)

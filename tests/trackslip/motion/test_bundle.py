@@ -21,10 +21,10 @@ PLATE = Plate()
 
 @pytest.fixture(scope="module")
 def logs(scan_rectangle):
-    """The same run scanned thirty times with other noise, on circles shifted a little; and its true poses."""
+    """The same run scanned twenty times with other noise, on circles shifted a little; and its true poses."""
     time = np.arange(0, 30, 0.2)
     found = []
-    for seed in range(30):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
         pose = advance([2.0, -0.5 + rng.uniform(-0.05, 0.05), 0.3 + rng.uniform(-0.1, 0.1)], TWIST, time)
         scan = scan_rectangle(pose, rng)

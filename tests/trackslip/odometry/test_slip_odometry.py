@@ -8,7 +8,6 @@ from drives import GEOMETRY, ICR, drive_log
 
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LASTING, WHITE, LawMotion, SlipVariation
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
 from trackslip.laws.base import NoSlip
 from trackslip.laws.exponential import PUBLISHED
@@ -144,26 +143,6 @@ def test_an_outward_drift_is_that_of_the_simulator():
     motion, _ = LawMotion(ICR, GEOMETRY, SlipVariation(), drift=0.05).drive(omega, RATE, np.random.default_rng(0))
     path = SlipOdometry(ICR, GEOMETRY, drift=0.05).path(time, omega)
     np.testing.assert_allclose(path.pose, motion.at(time), atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda o: o.update([1.0, np.nan], 0.1), "omega = nan: must be finite"),
-        (lambda o: o.update([1.0, 2.0, 3.0], 0.1), "omega = (3,): must be of shape (..., 2)"),
-        (lambda o: o.reset([0.0, 0.0, 0.0], np.zeros((2, 3))), "covariance = (2, 3): must be of shape (..., 3, 3)"),
-        (lambda o: o.path([0.0, 0.0], np.ones((2, 2))), "time = 0.0: must be finite, and ascending from row to row"),
-        (lambda o: SlipNoise.of({"slip_turn": 0.1}), "noise = ['slip_turn']: must be a mapping with"),
-        (lambda o: o.update([1.0, 1.0], 0.1, np.inf), "gyro = inf: must be finite, or NaN"),
-        (lambda o: LawErrors(("offset",), np.eye(2)), "covariance = (2, 2): must be of shape (1, 1)"),
-        (lambda o: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])), "correlations from -1 to 1"),
-        (lambda o: SlipOdometry(NoSlip(), GEOMETRY, errors=ERRORS).update([1.0, 2.0], 0.1), "names = 'offset'"),
-    ],
-)
-def test_bad_values_are_named(call, message):
-    with pytest.raises(InvalidValueError) as caught:
-        call(SlipOdometry(ICR, GEOMETRY))
-    assert message in str(caught.value)
 
 
 TIME = 0.02 * np.arange(1501)
