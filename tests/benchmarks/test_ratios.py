@@ -1,7 +1,5 @@
 """Speeds over the bare engine, with bounds: `pytest tests/benchmarks/test_ratios.py` prints docs/speed.md's table."""
 
-from __future__ import annotations
-
 import math
 import os
 import subprocess

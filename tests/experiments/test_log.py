@@ -1,7 +1,5 @@
 """`trackslip log`, bags written by --bag, and the way from teleoperation by a bag to ros2_control and back."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np
@@ -133,14 +131,6 @@ def test_a_plate_in_scans_is_found_by_log_and_by_identify(scanned, tmp_path, cap
 )
 def test_what_is_refused(bags, scanned, refused, line, message):
     assert message in refused(*line.format(bags=bags, scanned=scanned[1]).split())
-
-
-def test_identify_takes_the_topics_that_are_named(bags):
-    options = ("--encoders", "/motors", "--left", "x2", "--right", "x1", "--reversed", "both", "--poses", "/amcl_pose")
-    source = source_of(parse(["identify", str(bags / "doubtful"), *ROBOT.split(), *options]))
-    (log,) = source.logs
-    np.testing.assert_allclose(log.omega[1:], -LOG.omega[1:, ::-1], atol=1e-9)
-    assert source.taken == ("encoders: /motors, left x2, right x1; poses: /amcl_pose (as asked for)",)
 
 
 def test_a_grids_bags_have_its_scans_and_change_no_number(trackslip, grid):

@@ -1,7 +1,5 @@
 """Bags as robots and other programs write them, with a plate's scans too: by rosbags and by MCAP's own writer."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace

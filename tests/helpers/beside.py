@@ -1,7 +1,5 @@
 """An independent simulation of a robot with a plate in front of a scanner beside the field."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Stored laws of every family, and twists to compare them at."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from trackslip.kinematics import Array, RobotGeometry

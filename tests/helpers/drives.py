@@ -1,7 +1,5 @@
 """Simulated logs of drives with known laws and errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A log with everything that a log can hold."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from trackslip.localization.scan import Cluster, Plate, Scan

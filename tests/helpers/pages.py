@@ -12,8 +12,6 @@ A block is a fence with a language. A comment on the line above it may say what 
 `text` blocks are the output of the block before them, to the digit. A line that ends in … leaves out the rest of it.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import shlex

@@ -3,9 +3,8 @@
 The law of `Robot` is exact: v_side = v -/+ (half_gauge + offset) w = radius (1 + radius_error +/- unequal) omega.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import pyarrow as pa
@@ -61,9 +60,9 @@ class Drive:
     omega: Array  # (T, 2) mean speeds of the wheels since the row before [rad/s]
     pose: Array  # (T, 3) true [m, m, rad]
 
-    def with_wheels(self, omega: Array) -> Drive:
+    def with_wheels(self, omega: Array) -> Self:
         """The same motion with other readings of the encoders."""
-        return Drive(self.time, omega, self.pose)
+        return replace(self, omega=omega)
 
 
 def drive_of(

@@ -1,14 +1,12 @@
 """Repeated trials of the slow tests in tests/validation: processes, estimates and shares."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 from scipy.stats import binom, binomtest
@@ -67,7 +65,7 @@ class Estimates(NamedTuple):
     high: Array  # (n,)
 
     @classmethod
-    def of(cls, trials: Sequence[dict[str, Estimate]], name: str) -> Estimates:
+    def of(cls, trials: Sequence[dict[str, Estimate]], name: str) -> Self:
         missing = Estimate(*[np.nan] * 4)
         return cls(*np.array([trial.get(name, missing) for trial in trials], float).T)
 

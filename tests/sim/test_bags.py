@@ -1,7 +1,5 @@
 """Bags: read back with rosbags' and Foxglove's readers, and compared with what the log says."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

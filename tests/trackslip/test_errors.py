@@ -1,7 +1,5 @@
 """Numbers out of range, what isn't a number, and files that aren't what they are taken for: one line names them."""
 
-from __future__ import annotations
-
 import os
 import pickle
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 `pytest -m slow tests/validation/test_plan_trials.py -s` prints the tables of docs/shortest_experiment.md, in minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 

@@ -3,8 +3,6 @@
 `pytest -m slow tests/validation/test_steady_coverage.py -s` prints the tables of docs/validation.md, in minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial

@@ -66,13 +66,6 @@ def test_a_page_is_sections_of_blocks():
     assert re.findall(r"(?:src|href)=\"(?!#)[^\"]*|url\((?!#)|@import|<link|<script", text) == []  # no other file
 
 
-def test_the_same_table_on_the_terminal(capsys):
-    LAWS.print()
-    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    for row in (["icr", "D", "-43", "±", "2", "mm"], ["ε", "-"], [*HOSTILE.split(), "-", "1"], HOSTILE.split()):
-        assert row in lines
-
-
 def test_names_are_escaped_everywhere():
     blocks = [HOSTILE, LAWS, Bullets([HOSTILE]), Plot("slip", drawn(), HOSTILE, HOSTILE), Section(HOSTILE, [HOSTILE])]
     answer = Answer(HOSTILE, [(HOSTILE, HOSTILE)], [HOSTILE], [HOSTILE], [HOSTILE])

@@ -1,7 +1,5 @@
 """`trackslip plan`: a plan that can be driven, and a second round."""
 
-from __future__ import annotations
-
 import csv
 import json
 

@@ -11,10 +11,8 @@ from rrd import component
 from experiments import recorder as recording
 from experiments.cli import main
 from experiments.recorder.run import parameters_of
-from experiments.recorder.traces import Traces
 from sim.robot.parameters import RobotParameters
 from trackslip.kinematics import RobotGeometry, track_slip
-from trackslip.laws.exponential import ExponentialSpeed
 from trackslip.localization.scan import Plate
 from trackslip.logs.logfile import read_runs, write_csv
 from trackslip.logs.runlog import RunLog
@@ -105,17 +103,6 @@ def test_scan_points_lie_on_the_plate(driven):
     assert len(off) > 1000
     assert np.abs(np.minimum(off, 0.02)).mean() < 0.01  # the noise is 5 mm
     assert (off < 0.05).mean() > 0.99
-
-
-def test_the_slip_assumed_is_that_of_the_law_that_compensated(driven):
-    """Including a user's law that depends on speed."""
-    log = driven[1][0]
-    geometry = RobotGeometry(**log.metadata["geometry"])
-    law = ExponentialSpeed(0.12, -0.9, -0.3, -1.1, gamma_outer=0.2, gamma_inner=-0.3)
-    assumed = Traces(replace(log, command=law.sprocket_speeds(log.twist_command, geometry))).assumed
-    shown = np.isfinite(assumed)
-    assert shown.mean() > 0.8
-    np.testing.assert_allclose(assumed[shown], law.slip(log.twist_command)[shown], atol=1e-9)
 
 
 def test_view_of_a_real_robots_log(driven, tmp_path, capsys):

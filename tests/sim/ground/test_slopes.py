@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from sim import Fleet, Ground, Pilot, Pull, RobotParameters, closed_loop, load_robot, open_loop
-from sim.drive.motor import Motor
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.laws.icr import ConstantIcr
 from trackslip.laws.icr_load import IcrLoad
@@ -28,25 +27,6 @@ def test_beyond_the_friction_angle_it_slides_as_coulomb_says(robot, heading):
     fleet.advance(0.5)
     acceleration = (fleet.batch.qvel[0, 0] - before) / 0.5
     assert acceleration == pytest.approx(-9.81 * (np.sin(slope) - mu * np.cos(slope)), rel=0.02)
-
-
-def test_driving_uphill_takes_the_weight_and_the_motors_pay(robot):
-    slope = 0.15
-    fleet = Fleet(robot, np.zeros((1, 3)), Ground(slope=slope), radius_error=0.01)
-    fleet.command([3.0, 3.0])
-    fleet.advance(3.0)
-    weight = robot.mass * 9.81 * np.sin(slope)
-    fleet.advance(fleet.period)
-    assert fleet.mean_traction.sum() == pytest.approx(weight, rel=0.01)
-    torque = fleet.drive.torque
-    motor = Motor()
-    # at its sprocket: the pull at the real radius, and what the gear loses
-    np.testing.assert_allclose(torque, weight / 2 * 0.06 * 1.01 + motor.friction, rtol=0.01)
-    before = fleet.drive.energy.copy()
-    fleet.advance(2.0)
-    lifted = weight * fleet.twist()[0, 0]  # power against gravity
-    lost = (motor.friction * 3.0 + motor.resistance * (torque / motor.gear / motor.torque_constant) ** 2).sum()
-    assert (fleet.drive.energy - before).sum() / 2.0 == pytest.approx(lifted + lost, rel=0.01)
 
 
 def test_lateral_speed_is_in_the_truth_and_as_theory_says():

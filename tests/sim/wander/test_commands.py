@@ -1,7 +1,5 @@
 """What a driver commands, rows of encoders and poses joined into one log, and motion by a law, against the law."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """The yaw rate by the IMU in a bag: which one, about which axis, and when."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bags import fix, imu, in_order, joints_of, poses_of, stamp, write_bag

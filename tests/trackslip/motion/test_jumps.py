@@ -88,12 +88,3 @@ def test_wild_poses_hardly_matter(successive):
         rows = np.sort(rng.choice(len(time) // 10, 5, replace=False))[:, None] * 10 + np.arange(successive)
         pose[rows, :2] += rng.uniform(0.5, 5, (5, 1, 2)) * rng.choice([-1, 1], (5, 1, 2))
         assert np.abs(errors_of(samples_of(time, pose, twist), twist)).max() < 4.0
-
-
-def test_poses_that_are_held_do_not_count_as_jumps():
-    """Poses at 5 Hz beside encoders at 50 Hz, each repeated until the next."""
-    rng = np.random.default_rng(5)
-    for _ in range(2):
-        time, pose, twist = circle(rng, NOISE["fine"], rate=50.0)
-        held = pose[np.arange(len(time)) // 10 * 10]
-        np.testing.assert_allclose(samples_of(time, held, twist).twist[0], twist, atol=3e-3)

@@ -1,7 +1,5 @@
 """Maneuvers keep to the limits; where they lead is that of exact arcs, and spread by slip that of a simulation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

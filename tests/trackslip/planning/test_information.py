@@ -1,7 +1,5 @@
 """Expected errors against a Cramér-Rao bound by finite differences, and what must follow from more information."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Planned drives: in the area whatever the law, within the limits, the better the longer; and what can't be planned."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
