@@ -13,7 +13,7 @@ from trackslip.skid_theory import line_contact, steady_turns
 
 def test_a_tracked_robot_is_identified_and_controlled(trackslip):
     robot = ("--robot", "rescue")
-    runs = trackslip("grid", *robot, "--radii", "0.6", "1.2", "--speeds", "0.1", "0.2", "--duration", "8")
+    runs = trackslip("grid", *robot, "--radii", "0.6", "1.2", "--speeds", "0.1", "0.2", "--duration", "6")
     laws = trackslip("identify", str(runs.folder))
     parameters, ground = load_parameters(robot[1])
     size = parameters.half_gauge, parameters.contact_length / 2

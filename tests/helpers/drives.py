@@ -50,12 +50,6 @@ def constant_speeds(left: float, right: float, duration: float = 30.0) -> Array:
     return ramp[:, None] * np.array([left, right])
 
 
-def held(time, omega, period, shifts=(0.0, 0.0)):
-    """Speeds (T, 2) as a robot logs them that reads each encoder once a `period` [s], the two at times of their own."""
-    rows = [np.searchsorted(time, period * np.floor((time - s) / period + 1e-9) + s - 1e-9) for s in shifts]
-    return np.column_stack([omega[np.clip(row, 0, None), side] for side, row in enumerate(rows)])
-
-
 def without_poses(log: RunLog, rows: np.ndarray) -> RunLog:
     """The log without the poses of `rows` (T,) bool."""
     return replace(log, valid=log.is_valid & ~rows, pose=np.where(rows[:, None], np.nan, log.pose))

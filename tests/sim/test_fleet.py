@@ -14,7 +14,6 @@ from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import compiled, load_robot
 from sim.world import States
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import sprocket_speeds, track_speeds
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import line_contact, steady_twist
@@ -55,21 +54,6 @@ def test_turning_agrees_with_theory_over_the_grid(robot, ratio):
     np.testing.assert_allclose(slip, expected, atol=0.004)
     slow = np.abs(theory[:, 2]) < 0.2
     np.testing.assert_allclose(slip[slow], expected[slow], atol=0.001)
-
-
-@pytest.mark.parametrize(
-    ("options", "field"),
-    [
-        ({"start": [[0.0, np.nan, 0.0]]}, "start"),
-        ({"start": [[0.0, 0.0]]}, "start"),
-        ({"ground": [Ground()] * 3}, "ground"),
-        ({"ground": Ground(0.2, 0.2, slope=0.3)}, "slope"),
-        ({"drive": Drive(period=0.007)}, "drive.period"),
-    ],
-)
-def test_impossible_fleets_are_refused(robot, options, field):
-    with pytest.raises(InvalidValueError, match=field):
-        Fleet(robot, **{"start": np.zeros((2, 3)), **options})
 
 
 def test_headings_are_unwrapped(robot):

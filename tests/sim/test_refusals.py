@@ -7,11 +7,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from sim import Drive, LaserScanner, Pull, Randomization, RobotParameters, Traverse, load_tracked
+from sim import Drive, Fleet, LaserScanner, Pull, Randomization, RobotParameters, Traverse, load_robot, load_tracked
+from sim.calibration.calibration import calibrate
+from sim.calibration.candidate import Candidate
+from sim.calibration.targets import PublishedTurns
 from sim.drive.motor import Motor
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import Change, Ground, Patch
 from sim.path_tracking.config import TrackingReward
+from sim.robot.named import load_parameters
 from sim.scanner.obstacles import Wall
 from sim.terrain import Beams, Blocks, Course, Flat, HeightField, Ramp, Rough, Stairs
 from sim.tracks.hull import Hull
@@ -22,12 +26,17 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import NoSlip
 
+NAN = float("nan")
 PATCH, CHANGE = partial(Patch, (0, 1), (0, 1), 1.0, 1.0), partial(Change, 0.0, 1.0, 1.0)
 TRAVERSE = partial(gym.make_vec, "sim:trackslip/Traverse-v0", num_envs=1)
 WORLD = partial(Traverse, load_tracked("box"))
 LEVEL = [Course((Flat(4.0),))]
 COMMANDS = partial(track_commands, rate=50.0, driver=Driver(), rng=np.random.default_rng(0))
 WHEELS = Hull.from_wheels
+FLEET = partial(Fleet, load_robot(), np.zeros((2, 3)))
+CALIBRATE = partial(calibrate, PublishedTurns(), Candidate())
+HUSKY = load_parameters("husky")[0]
+ROVER = partial(RobotParameters, **{name: value for name, value in vars(HUSKY).items() if name != "contact_length"})
 BLOCKS = partial(Blocks, length=1.0)
 
 REFUSED = [
@@ -73,6 +82,20 @@ REFUSED = [
     (PoseSource, {"outliers": 1.0}, "outliers = 1.0: must be at least 0 and less than 1"),
     (PoseSource, {"jitter": 0.011}, "jitter = 0.011: must be at most 0.01 s, 0.2 of a period"),
     (PoseSource, {"scale_error": -1.0}, "scale_error = -1.0: must be greater than -1"),
+    (FLEET, {"ground": [Ground()] * 3}, "ground"),
+    (FLEET, {"ground": Ground(0.2, 0.2, slope=0.3)}, "slope"),
+    (FLEET, {"drive": Drive(period=0.007)}, "drive.period"),
+    (partial(Fleet, load_robot()), {"start": [[0.0, NAN, 0.0]]}, "start"),
+    (ROVER, {"contact": "tracks"}, 'axles = (-0.256, 0.256): must be left out without contact = "wheels"'),
+    (ROVER, {"axles": ()}, "axles = []: must be 2 to 10 positions"),
+    (ROVER, {"axles": (0.0, 0.5)}, "axles = [0.0, 0.5]: must be positions ahead of the middle of all, whose mean is 0"),
+    (ROVER, {"axles": (-0.04, 0.04)}, "patch_length = 0.1: must be less than the distance of the axles"),
+    (ROVER, {"patch_length": 0.4}, "patch_length = 0.4: must be less than"),
+    (ROVER, {"contact_length": 0.5}, "contact_length = 0.5: must be left out: the axles make it 0.612 m"),
+    (ROVER, {"yaw_inertia": 1e4}, "yaw_inertia = 10000.0: must be from"),
+    (CALIBRATE, {"free": ("mass",)}, "free = 'mass': must be one of half_gauge"),
+    (CALIBRATE, {"free": ("com_y", "com_y")}, "free = 'com_y': must be named once"),
+    (CALIBRATE, {"free": ("radius_error", "radius_left")}, "either radius_error, of both sides, or radius_left"),
 ]
 
 

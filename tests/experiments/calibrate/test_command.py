@@ -49,21 +49,6 @@ def test_published_numbers(trackslip, centred):
     assert parameters.com_y == found["parameters"]["com_y"]["value"]
 
 
-def test_a_robot_is_found_from_its_scans(trackslip, tmp_path):
-    (tmp_path / "true.toml").write_text(ROBOT.format(across=0.6))
-    (tmp_path / "start.toml").write_text(ROBOT.format(across=0.5).replace("0.02", "0.0"))
-    grid = trackslip("grid", "--robot", str(tmp_path / "true.toml"), "--radii", "0.6", "1.0", "2.0",
-                     "--speeds", "0.2", "--duration", "15")  # fmt: skip
-    found = trackslip("calibrate", "--target", str(grid.folder), "--robot", str(tmp_path / "start.toml"))
-    truth = {"friction_ratio": 1.2, "radius_error": 0.02, "com_y": 0.0}
-    for name, parameter in found.summary["parameters"].items():
-        assert parameter["value"] == pytest.approx(truth[name], abs=3 * parameter["stderr"])
-    assert found.summary["parameters"]["friction_ratio"]["stderr"] < 0.03
-    assert set(found.summary["parameters"]) == set(truth)
-    parameters, _ = load_parameters(found.folder / "robot.toml")
-    assert parameters.com_y == found.summary["parameters"]["com_y"]["value"]
-
-
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
     """Three teleoperated drives of 20 s by a robot with longer tracks, on another ground."""

@@ -17,7 +17,7 @@ from trackslip.localization.scan import Plate
 from trackslip.logs.logfile import read_runs, write_csv
 from trackslip.logs.runlog import RunLog
 
-TRACK = "track --reference circle --circle-duration 14 --circle-radius 0.8 --start -1.4 0.1 0.2"
+TRACK = "track --reference circle --circle-duration 10 --circle-radius 0.8 --start -1.4 0.1 0.2"
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ from sim import Fleet, Ground, load_robot
 from sim.drive.drive import tireless
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters
-from trackslip.errors import InvalidValueError
 from trackslip.skid_theory import Load, steady_twist
 
 HUSKY, WARTHOG = (load_parameters(name)[0] for name in ("husky", "warthog"))
@@ -130,21 +129,3 @@ def test_a_yaw_inertia_moves_mass_along_the_ground():
         if robot.inertia:  # second moments grow by half along x and y, and not along z
             np.testing.assert_allclose(inertia[0, 0] + inertia[1, 1] - inertia[2, 2], 4.0 + 6.0 - 8.0)
             np.testing.assert_allclose(inertia[[0, 0, 1], [1, 2, 2]], [0.45, -0.2 * 1.5**0.5, 0.1 * 1.5**0.5])
-
-
-@pytest.mark.parametrize(
-    ("changes", "wrong"),
-    [
-        ({"contact": "tracks"}, r"axles = \(-0.256, 0.256\): must be left out without contact = \"wheels\""),
-        ({"axles": ()}, r"axles = \[\]: must be 2 to 10 positions"),
-        ({"axles": (0.0, 0.5)}, r"axles = \[0.0, 0.5\]: must be positions ahead of the middle of all, whose mean is 0"),
-        ({"axles": (-0.04, 0.04)}, r"patch_length = 0.1: must be less than the distance of the axles"),
-        ({"patch_length": 0.4}, r"patch_length = 0.4: must be less than .* the wheels' diameter, 0.33 m"),
-        ({"contact_length": 0.5}, r"contact_length = 0.5: must be left out: the axles make it 0.612 m"),
-        ({"yaw_inertia": 1e4}, r"yaw_inertia = 10000.0: must be from .* for this mass, gauge and length"),
-    ],
-)
-def test_wheels_that_make_no_sense_are_refused_in_one_line(changes, wrong):
-    given = {f: getattr(HUSKY, f) for f in HUSKY.__dataclass_fields__ if f != "contact_length"}
-    with pytest.raises(InvalidValueError, match=wrong):
-        RobotParameters(**given | changes)

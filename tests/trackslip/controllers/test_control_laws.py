@@ -212,3 +212,20 @@ def test_speed_falls_before_a_cusp_where_the_robot_is():
         pose = pose_with_error(reference.pose(time), np.array([behind, 0.0, 0.0]))
         v, w = law.twist(time, pose, reference)
         np.testing.assert_allclose([abs(v), w], [wanted, 0.0], atol=1e-5)
+
+
+def test_the_speed_never_jumps():
+    """Through stop, cusp and end, with an error that makes both laws disagree."""
+    forwards = [Segment(3.0, 0.0, 0.15, 0.5), Segment(3.0, 0.15, 0.0, 0.5)]
+    backwards = [Segment(3.0, 0.0, -0.15, -0.5), Segment(3.0, -0.15, 0.0, -0.5)]
+    reference = SegmentedReference((0.0, 0.0, 0.0), [*forwards, *backwards])
+    controller = DynamicFeedback(stiffness=0.5)
+    pose = pose_with_error(reference.pose(0.0), np.array([[0.08, 0.1, 0.3], [-0.08, 0.05, 0.0], [0.0, 0.0, 0.0]]))
+    step = 0.02
+    twists = []
+    for k in range(700):
+        twists.append(controller.twist(k * step, pose, reference))
+        pose = advance(pose, twists[-1], step)
+    jumps = np.abs(np.diff(twists, axis=0))
+    assert jumps[..., 0].max() < 0.5 * step  # 0.5 m/s^2
+    assert np.abs(twists).max() < 1.5

@@ -129,3 +129,11 @@ def test_near_the_reference_a_long_horizon_is_the_linear_quadratic_regulator(spe
     cost = solve_discrete_are(a, b, q, r)
     wanted = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
     np.testing.assert_allclose(error_gains(controller, 5.0, reference, h=1e-4), -wanted, rtol=2e-3, atol=2e-3)
+
+
+def test_sampled_tracks_do_not_exceed_their_limit():
+    controller, reference = PathIntegral(), circle(0.7, 0.2, 40.0)
+    pose = pose_with_error(reference.pose(5.0), np.random.default_rng(0).uniform(-1, 1, (20, 3)))
+    tracks = track_speeds(controller.twist(5.0, pose, reference), controller.half_gauge)
+    assert np.abs(tracks).max() == pytest.approx(controller.track_speed, rel=0.1)
+    assert (np.abs(tracks) <= controller.track_speed + 1e-12).all()
