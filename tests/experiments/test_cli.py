@@ -72,14 +72,6 @@ def test_an_interrupt_prints_one_line_while_modules_are_imported():
         assert (process.returncode, said) == (130, "trackslip: interrupted\n"), module
 
 
-def test_a_module_that_hides_a_package_is_named(tmp_path):
-    (tmp_path / "sim.py").touch()
-    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\nimport experiments.__main__ as start\nstart.main()"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert (done.returncode, done.stderr.split()[1]) == (2, str(tmp_path / "sim.py"))
-    assert done.stderr.count("\n") == 1
-
-
 @pytest.mark.filterwarnings("default")
 def test_a_warning_is_one_line_without_code(tmp_path, capsys):
     (tmp_path / "wide.toml").write_text("half_gauge = 0.6\n")

@@ -3,8 +3,7 @@
 import json
 
 import pytest
-from deployed import GEOMETRY, stored
-from diff_drive import parameters_in
+from deployed import stored
 from plain_drives import identified_from, wandered
 
 import trackslip
@@ -30,13 +29,6 @@ def test_it_prints_what_it_writes(to, identified, tmp_path, capsys):
     main(["deploy", str(identified), "--to", to, "--out", str(tmp_path / "law")])
     assert capsys.readouterr().out == f"{tmp_path / 'law'}: written for {to}, law icr_radius\n"
     assert (tmp_path / "law").read_text() == printed
-
-
-def test_the_default_is_the_shipped_law_for_ros2_control(capsys):
-    main(["deploy"])
-    parameters = parameters_in(capsys.readouterr().out)
-    offset = trackslip.load_laws()["icr_radius"].offset
-    assert parameters["wheel_separation_multiplier"] == (GEOMETRY.half_gauge + offset) / GEOMETRY.half_gauge
 
 
 def test_a_file_is_not_replaced_unasked(refused, tmp_path):

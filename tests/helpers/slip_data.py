@@ -20,17 +20,14 @@ ERRORS = np.array([[4e-5**2, 2e-9], [2e-9, 8e-5**2]])
 """Covariance of a run's v and w, about as large as that of a bundle of 30 s [m/s, rad/s]."""
 
 
-def grid(law, errors=ERRORS, told=True, seed=0, radii=RADII, speeds=SPEEDS):
-    """Radius x speed driven under a law, measured with errors."""
-    radius, speed = (values.ravel() for values in np.meshgrid(radii, speeds, indexing="ij"))
-    twist = np.column_stack([speed, speed / radius])
-    omega = law.sprocket_speeds(twist, GEOMETRY)
-    count = len(radius)
-    if errors is not None:
-        twist = twist + np.random.default_rng(seed).multivariate_normal([0, 0], errors, count)
-    covariance = np.tile(errors, (count, 1, 1)) if told and errors is not None else None
+def grid(law, radii=RADII):
+    """Radius x speed driven under a law, measured with known errors."""
+    radius, speed = (values.ravel() for values in np.meshgrid(radii, SPEEDS, indexing="ij"))
+    true = np.column_stack([speed, speed / radius])
+    twist = true + np.random.default_rng(0).multivariate_normal([0, 0], ERRORS, len(true))
     names = [f"R {r:g} v {v:g}" for r, v in zip(radius, speed, strict=True)]
-    return SlipSamples.of(omega, twist, GEOMETRY, names, covariance)
+    omega = law.sprocket_speeds(true, GEOMETRY)
+    return SlipSamples.of(omega, twist, GEOMETRY, names, np.tile(ERRORS, (len(true), 1, 1)))
 
 
 LAWS = ("none", "exponential", "icr", "icr_radius")

@@ -1,4 +1,4 @@
-"""Repeated trials of the slow tests in tests/validation: processes, estimates and shares."""
+"""What slow tests in tests/validation share: trials in processes, estimates, shares, and MuJoCo's own contact."""
 
 import multiprocessing
 import os
@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple, Self, TypeVar
 
+import mujoco
 import numpy as np
 from scipy.stats import binom, binomtest
 
@@ -96,3 +97,14 @@ def report(title: str, checks: Sequence[Check]) -> None:
     """Print the table of some checks and assert that all of them hold."""
     checks_table(title, checks).print()
     assert [str(check) for check in checks if not check.holds] == []
+
+
+def use_default_contact(model: mujoco.MjModel) -> None:
+    """Replace the contact parameters of a model by MuJoCo's defaults, except the friction coefficients."""
+    plain = mujoco.MjSpec().option
+    model.pair_solref[:] = [0.02, 1.0]
+    model.pair_solreffriction[:] = 0.0
+    model.pair_solimp[:] = [0.9, 0.95, 0.001, 0.5, 2.0]
+    model.pair_margin[model.pair_dim == 1] = -1.0  # the cores of tracks never touch
+    for name in ("timestep", "cone", "impratio", "solver", "iterations"):
+        setattr(model.opt, name, getattr(plain, name))

@@ -1,7 +1,6 @@
 """Bags: read back with rosbags' and Foxglove's readers, and compared with what the log says."""
 
 from collections import Counter
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -133,18 +132,11 @@ def test_refusals(log, tmp_path):
     (tmp_path / "there").mkdir()
     with pytest.raises(OutputError, match=r"there: exists already$"):
         write_bag(log, tmp_path / "there")
-    (tmp_path / "file").touch()
-    seen = replace(log.scans.scan, ranges=log.scans.full)
-    with pytest.raises(OutputError, match=r"bag: can't be written \(.+\)$"):
-        write_bag(log, tmp_path / "file" / "bag")
     for given, message in (
         ({"poses": "Pose"}, "poses = 'Pose': must be one of PoseWithCovarianceStamped, PoseStamped, Odometry"),
         ({"readings": np.zeros(ROWS, bool)}, "readings = 'false everywhere': must be true in at least one row"),
-        ({"scans": (log.time[:3], seen)}, "scans = '3 times': must be 40, one per scan"),
-        ({"scans": (-log.time, seen)}, 'scans = "times that don\'t ascend": must be in order of time'),
         ({"start": -(10**9)}, "start = -1000000000: must be such that all stamps are from 0 to 2147483647 s"),
     ):
-        with pytest.raises(InvalidValueError) as refusal:
+        with pytest.raises(InvalidValueError, match=message):
             write_bag(log, tmp_path / "bag", **given)
-        assert str(refusal.value) == message
     assert not (tmp_path / "bag").exists()

@@ -14,7 +14,7 @@ from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import RobotParameters, robot_file_text
 from sim.scanner.obstacles import Obstacles, Post, Wall, load_obstacles
-from sim.terrain import Course, Ramp, Rough, Stairs, load_course
+from sim.terrain import Course, Rough, Stairs, load_course
 from trackslip.errors import InvalidValueError, SettingsFileError
 
 PAGE = ROOT / "docs" / "grounds_and_robots.md"
@@ -45,16 +45,6 @@ def test_files_hold_all_fields(tmp_path):
     box = (MODELS / "box_robot.toml").read_text().replace('"box_', f'"{MODELS}/box_')
     path.write_text(box + "[drive]\nlag = 0.2\n")
     assert load_parameters(path)[0].drive == load_tracked(path).drive == Drive(lag=0.2)
-
-
-def test_missing_fields_are_the_defaults(tmp_path):
-    path = tmp_path / "any.toml"
-    path.write_text("slope = 0.0\n")
-    assert load_ground(str(path)) == NAMED_GROUNDS["stone"] == Ground()
-    path.write_text("com_y = 0.01\n")
-    assert load_parameters(path) == (RobotParameters(com_y=0.01), Ground())
-    assert load_course("side_slope").pieces[0].blend == 1.0
-    assert load_course("ramp20").pieces[0] == Ramp(0.3491, 3.0)
 
 
 def test_the_page_lists_the_named_grounds():

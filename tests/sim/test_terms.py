@@ -14,7 +14,6 @@ from trackslip.errors import InvalidValueError
 def module(monkeypatch):
     own = types.ModuleType("own_terms")
     own.torque = lambda task: np.abs(task.fleet.drive.torque).sum(axis=1)
-    own.scalar = lambda task: 1.0
     monkeypatch.setitem(sys.modules, "own_terms", own)
 
 
@@ -54,10 +53,3 @@ def test_own_terms_of_path_tracking():
 def test_terms_that_cannot_be_are_refused(options, message):
     with pytest.raises(InvalidValueError, match=message):
         gym.make("sim:trackslip/PathTracking-v0", **options)
-
-
-def test_values_of_another_shape_are_refused():
-    env = gym.make("sim:trackslip/PathTracking-v0", own_rewards={"own_terms:scalar": 1.0}).unwrapped
-    env.reset(seed=0)
-    with pytest.raises(InvalidValueError, match=r"own_terms:scalar = 'an array of shape \(\)'"):
-        env.step(np.zeros(2, np.float32))

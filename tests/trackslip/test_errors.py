@@ -10,14 +10,12 @@ import pytest
 from bags import open_bag
 
 import trackslip
-from sim.ground.named import load_ground
 from sim.network import load_network
 from trackslip.errors import (
     InvalidValueError,
     LogError,
     OutputError,
     RunFailedError,
-    SettingsFileError,
     TrackslipError,
     require_at_most,
     require_finite,
@@ -81,15 +79,3 @@ def test_only_regular_files_are_read(tmp_path, make, reason):
     for read in readers[:3] if path.is_dir() else readers:
         with pytest.raises(trackslip.TrackslipError, match=r"input\.csv"):
             read(path)
-
-
-@pytest.mark.parametrize("digits", [400, 5000])
-def test_integers_of_any_length_are_read(tmp_path, digits):
-    path = tmp_path / "laws.json"
-    path.write_text(f'{{"geometry": {{"half_gauge": {"9" * digits}, "sprocket_radius": 0.06}}, "slip_laws": {{}}}}')
-    with pytest.raises(LogError, match=r"half_gauge = inf: must be from 0\.001 to 100 m"):
-        trackslip.load_laws(path)
-    ground = tmp_path / "ground.toml"
-    ground.write_text(f"along = {'9' * digits}\n")
-    with pytest.raises(SettingsFileError, match=r"along = 9+|too many digits"):
-        load_ground(str(ground))

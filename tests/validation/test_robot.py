@@ -10,8 +10,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from default_contact import use_default_contact
-from trials import report
+from trials import report, use_default_contact
 
 from experiments.common.check import Check
 from experiments.common.table import Table, pair, significant

@@ -6,9 +6,8 @@ The box in tests/sim/tracks has more: ground of a box, wide and small belts, mot
 import numpy as np
 import pytest
 from climbing_theory import SideView, highest_step
-from default_contact import use_default_contact
 from terrain_trials import DEPTH, FACE, STAIRS, LevelGround, Trial, box, limit, rescue
-from trials import report
+from trials import report, use_default_contact
 
 from experiments.common.check import Check
 from experiments.common.table import Table, percent, significant
@@ -51,12 +50,11 @@ def turning_error(robot, belts, by_default=False):
     trial = Trial(robot, len(belts))
     trial.drive(belts)
     trial.advance(2.0)
-    turned, before = np.zeros(len(belts)), trial.heading()
+    headings = [trial.heading()]
     for _ in range(20):
         trial.advance(0.1)
-        now = trial.heading()
-        turned += np.mod(now - before + np.pi, 2 * np.pi) - np.pi
-        before = now
+        headings.append(trial.heading())
+    turned = np.diff(np.unwrap(headings, axis=0)[[0, -1]], axis=0)[0]
     expected = steady_twist(belts, robot.line_contact(0.7), 9.81)[:, 2]
     half_width, theory = ((belts[:, 1] - belts[:, 0]) / (2 * rate) for rate in (turned / 2.0, expected))
     offset, by_theory = half_width - robot.half_gauge, theory - robot.half_gauge

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from experiments import tune
-from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import Gains
 from experiments.common.lookup import controller, tunable
@@ -47,13 +46,6 @@ def test_other_files_are_refused(tmp_path, content):
     (tmp_path / "gains.json").write_text(content)
     with pytest.raises(InvalidValueError, match="must be tuned, default, or a folder or file that trackslip tune"):
         Gains.load(str(tmp_path))
-
-
-def test_robots_whose_plants_would_exceed_limits_are_refused():
-    case = BenchmarkCase("linear", "none", "circle", "stone", "random", 0)
-    ClosedLoops(Config(radius_error=0.49)).check([case])
-    with pytest.raises(InvalidValueError, match="radius_error of drawn plants = "):
-        ClosedLoops(Config(radius_error=0.49), "drawn").check([case])
 
 
 def test_shipped_gains_are_those_of_controllers_that_take_them():

@@ -37,9 +37,9 @@ def fragile(cells, *rest):
 def test_every_combination_is_a_run_with_a_row(trackslip):
     result = trackslip("grid", *ONE, *SWEEP[-5:], "--grounds", "stone", "ice")
     rows = pq.read_table(result.folder / "table.parquet").to_pylist()
-    assert len(rows) == len(logs(result.folder)) == 8
-    assert len({row["id"] for row in rows}) == len({row["run"] for row in rows}) == 8
     stored = logs(result.folder)
+    assert len(rows) == len(stored) == 8
+    assert len({row["id"] for row in rows}) == len({row["run"] for row in rows}) == 8
     for row in rows:
         log = stored[row["id"]]
         assert log.run == row["run"]

@@ -8,9 +8,9 @@ import pytest
 from figures import assert_readable
 from slip_data import GEOMETRY, circles, driven, identified
 
-from experiments.common.laws import symbol, with_interval
+from experiments.common.laws import with_interval
 from experiments.common.page import Plot
-from experiments.identify import figures, tables
+from experiments.identify import figures
 from experiments.identify.library import identification_page
 from experiments.identify.page import page
 from experiments.identify.turns import Turns, slip_at
@@ -56,19 +56,6 @@ def test_the_answer_is_what_people_look_for_with_intervals_and_next_commands(fou
         assert answer.next[0] == "trackslip evaluate ANOTHER_LOG --law out/mine"
         assert ("trackslip deploy out/mine" in answer.next) == (not each.alarms)
     assert page(found, "Laws", "", {}).answer.next == []
-
-
-def test_parameters_have_intervals_or_a_reason_why_not(found, two_drives):
-    for comparison in (found.steady, two_drives.drive):
-        table = tables.parameters_table(comparison)
-        row = next(k for k, row in enumerate(table.rows) if getattr(row[0], "text", "") == "icr_radius")
-        fit, units = comparison.laws["icr_radius"], {"offset": 1e3, "radius_error": 1e2}
-        for (_, letter, cell), (name, factor) in zip(table.rows[row : row + 2], units.items(), strict=True):
-            assert letter == symbol("icr_radius", name)
-            ends = [end for end in fit.interval95[name] if np.isfinite(end)]
-            assert floats(cell) == pytest.approx(factor * np.array([fit.values[name], *ends]), rel=0.1)
-            assert bool(ends) == ("no interval" not in cell)
-    assert "0 ms (not asked for)" in [row[-1] for row in table.rows]
 
 
 def test_values_have_the_digits_that_their_intervals_allow():

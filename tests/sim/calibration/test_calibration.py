@@ -13,7 +13,6 @@ from sim.calibration.targets import Drives, SteadyRows
 from sim.robot.named import load_parameters
 from sim.robot.robot import compiled
 from trackslip import se2
-from trackslip.errors import LogError
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
@@ -114,18 +113,6 @@ def drive(time):
     return RunLog("drive", time, omega, se2.exp(time[:, None] * twist))
 
 
-def test_drives_are_cut_and_compared_at_every_horizon():
-    target = Drives([drive(np.arange(0, 20, 0.05))], BASE.geometry)
-    assert [round(one.time[-1] - one.time[0]) for one in target.windows] == [6, 6, 6]
-    assert target.windows[0].time[0] == 1.5  # what is before is only replayed
-    assert set(target.horizon) == {0.5, 1.0, 1.8, 5.0}
-    layout = target.layout
-    assert layout.clusters == 3
-    for cluster in range(3):
-        for kind in range(12):
-            assert layout.share[(layout.cluster == cluster) & (layout.kind == kind)].sum() == pytest.approx(1.0)
-
-
 def test_no_window_contains_a_jump_of_the_poses():
     whole = drive(np.arange(0, 20, 0.05))
     jumped = whole.pose + np.where(whole.time[:, None] < 10, 0.0, [3.0, 0.0, 0.0])
@@ -137,12 +124,6 @@ def test_no_window_contains_a_jump_of_the_poses():
     assert whole.time[wild] not in seen
     (left,) = [errors for name, errors in target.metrics(target.errors(BASE)).items() if name == "position_1s_p90"]
     assert left < 0.2
-
-
-def test_drives_without_headings_are_refused():
-    log = drive(np.arange(100) * 0.05)
-    with pytest.raises(LogError, match="no poses with headings"):
-        Drives([replace(log, pose=log.pose * [1, 1, np.nan])], BASE.geometry)
 
 
 GRIP = ("friction_ratio", "radius_left", "radius_right", "sensor_x", "sensor_y", "sensor_yaw", "clock")

@@ -13,7 +13,6 @@ from diff_drive import PARAMETERS, DiffDrive, parameters_in, read_yaml
 from trackslip.deploy.deploy import TARGETS, deploy_law
 from trackslip.deploy.differential_drive import diff_drive_text, yaml_number
 from trackslip.deploy.programs import c_text
-from trackslip.errors import InvalidValueError, LogError
 from trackslip.kinematics import advance
 from trackslip.laws.families import FAMILIES
 from trackslip.laws.file import SHIPPED, load_laws, read_stored
@@ -121,18 +120,6 @@ def test_json_is_a_file_of_laws_to_the_last_bit(name, tmp_path):
         assert c_text(read_stored(file), name).count(f"{GEOMETRY.sprocket_radius!r};") == 1
     units = json.loads(file.read_text())["units"]
     assert set(units) == set(VALUES[name])
-
-
-def test_the_best_law_is_the_default():
-    laws = stored(best="exponential")
-    assert laws.law_named(None) == "exponential"
-    assert laws.law_named("icr") == "icr"
-    assert stored({"icr": VALUES["icr"]}).law_named(None) == "icr"
-    assert "Slip law icr_radius" in deploy_law(SHIPPED)  # that with the smallest error among the shipped
-    with pytest.raises(LogError, match=r"nothing of which law is best: choose one of exponential"):
-        stored().law_named(None)
-    with pytest.raises(InvalidValueError, match=r"law = 'online': must be one of none, exponential.*\(in laws.json\)"):
-        stored().law_named("online")
 
 
 @pytest.mark.parametrize("key", ["drive", "laws", "alarms", "method", "best", "made_by", "expressible"])

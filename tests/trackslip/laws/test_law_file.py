@@ -3,7 +3,6 @@
 import json
 
 import pytest
-from deployed import stored
 from slip_data import GEOMETRY, grid
 
 from trackslip.errors import LogError
@@ -53,13 +52,3 @@ def test_laws_of_another_robot_are_refused():
     assert load_laws(SHIPPED, GEOMETRY)
     with pytest.raises(LogError, match=r"the robot has 0\.3 m"):
         load_laws(SHIPPED, RobotGeometry(0.3, 0.06))
-
-
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [({}, "steady"), ({"method": "drive"}, "drive"), ({"laws": {}}, "drive"), ({"laws": {}, "drive": {}}, "short")],
-)
-def test_the_fit_of_a_law_is_that_of_the_method(change, expected):
-    fits = {name: {"icr": {"values": {"offset": 0.04}, "of": name}} for name in ("short", "steady", "drive")}
-    content = {"slip_laws": fits["short"], "laws": fits["steady"], "drive": {"laws": fits["drive"]}, "method": "steady"}
-    assert stored({"icr": {"offset": 0.04}}, **content | change).fit("icr")["of"] == expected

@@ -15,8 +15,6 @@ from trackslip.errors import LogError
 from trackslip.logs.logfile import RUNS, join_parquet, read_runs, write_csv, write_parquet
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import COLUMNS, NO_UNIT, PURE, markdown
-from trackslip.logs.table import to_table
-from trackslip.logs.table_reader import runs_from_table
 
 DOCS = Path(__file__).parents[3] / "docs" / "data.md"
 OF_SAMPLES = {"v", "w", "slip_l", "slip_r"}
@@ -127,12 +125,6 @@ def test_malformed_logs_are_named_by_row_and_column(tmp_path, text, message):
     with pytest.raises(LogError, match=message) as caught:
         read_runs(path)
     assert str(path) in str(caught.value)
-
-
-@pytest.mark.parametrize("damage", [b"{", b"[]", b'{"runs": [1]}', b'{"runs": {"a": 1}}'])
-def test_damaged_metadata_is_named(full, damage):
-    with pytest.raises(LogError, match="odd: its metadata is damaged"):
-        runs_from_table(to_table([full]).replace_schema_metadata({b"trackslip": damage}), "odd")
 
 
 def damaged(good):

@@ -7,7 +7,6 @@ from evo.core.trajectory import PoseTrajectory3D
 from evo.core.units import Unit
 from evo.tools import file_interface
 
-from trackslip.errors import InvalidValueError, OutputError
 from trackslip.identification.prediction import Statistics
 from trackslip.kinematics import advance, wrap_angle
 from trackslip.odometry import trajectory_errors as errors
@@ -103,10 +102,3 @@ def test_a_gap_is_crossed_and_the_stretches_that_end_in_it_are_left_out():
     assert len(start) > 200
     assert (np.abs(uneven[end] - uneven[start] - 1.0) <= 0.1).all()
     assert not any(len(stretches(uneven[:count], 50.0, 1.0)[0]) for count in (0, 1, 2))
-
-
-def test_a_file_that_cannot_be_written(tmp_path):
-    with pytest.raises(OutputError, match="cannot be written"):
-        write_tum(tmp_path / "nowhere" / "a.tum", [0.0], [[0.0, 0.0, 0.0]])
-    with pytest.raises(InvalidValueError, match=r"pose = \(1, 2\): must be of shape \(1, 3\)"):
-        write_tum(tmp_path / "a.tum", [0.0], [[0.0, 0.0]])

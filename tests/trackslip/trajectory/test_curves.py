@@ -150,15 +150,3 @@ def test_it_starts_and_ends_at_rest_and_within_its_limits(name):
     acceleration = np.diff(reference.twist(at)[..., 0], axis=0)[0] / (np.diff(knots) / 2)
     assert np.abs(acceleration).max() <= limits.acceleration * (1 + 1e-5)
     np.testing.assert_allclose(reference.twist([1e-9, reference.duration - 1e-9]), 0, atol=1e-8)
-
-
-@pytest.mark.parametrize("name", REFERENCES)
-def test_a_reference_moves_with_its_start(name):
-    """Seen from its first pose, a reference is the same from anywhere."""
-    time = np.linspace(0, REFERENCES[name]().duration, 50)
-
-    def seen(start):
-        x, y, phi = (REFERENCES[name](start=start).pose(time) - np.array(start)).T
-        return np.column_stack([np.exp(-1j * start[2]) * (x + 1j * y), phi])
-
-    np.testing.assert_allclose(seen((3.0, -7.0, 2.0)), seen((0.0, 0.0, 0.0)), atol=1e-11)
