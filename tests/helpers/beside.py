@@ -63,6 +63,7 @@ def drive(
     scan_duration: float = 0.0,
     clockwise: bool = False,
     quantisation: float = 0.0,
+    jitter: float = 0.0,
 ) -> Session:
     """Drive exactly by the law of constant ICRs, and scan."""
     rng = np.random.default_rng(seed)
@@ -86,7 +87,7 @@ def drive(
     step = scan_duration / (beams - 1)
     when = time[:, None] + step * np.arange(beams)
     origin = np.asarray(mount, float)
-    direction = origin[2] + np.tile(bearings, (len(time), 1))
+    direction = origin[2] + bearings + rng.normal(0.0, jitter, (len(time), 1))
     u = np.stack([np.cos(direction), np.sin(direction)], axis=-1)
     ranges = rectangle(path(when), (LENGTH, THICKNESS))(origin[:2], u, when)
     for thing in things:

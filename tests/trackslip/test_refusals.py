@@ -22,7 +22,7 @@ from trackslip.planning.information import PoseQuality
 from trackslip.planning.limits import DriveLimits
 from trackslip.planning.plan import plan_drive
 from trackslip.skid_theory import Load, line_contact, steady_twist, wheel_contact
-from trackslip.trajectory.clothoid import clothoid, rounded_square
+from trackslip.trajectory.clothoid import rounded_square
 from trackslip.trajectory.curves import figure_eight, slalom, spiral
 from trackslip.trajectory.profile import MotionLimits
 from trackslip.trajectory.segmented import circle
@@ -39,7 +39,6 @@ ZIGZAG = [(100 * (-1) ** k, 0.1 * k) for k in range(10)]
 
 REFUSED = [
     (lambda: RobotGeometry(0.0, 0.06), "half_gauge = 0.0: must be"),
-    (lambda: RobotGeometry(0.168, np.inf), "sprocket_radius = inf: must be"),
     # laws
     (lambda: Exponential(0.07, 0.1, -0.15, -0.6), "beta_outer"),
     (lambda: ConstantIcr(-0.2, 0.168), "offset"),
@@ -49,14 +48,11 @@ REFUSED = [
     (lambda: Centrifugal(0.04, 0.168, centrifugal_slip=-0.1), "centrifugal_slip = -0.1: must be finite and >= 0"),
     (lambda: ExponentialSpeed(0.07, -0.68, -0.15, -0.63, NAN, 0.0), "gamma_outer"),
     (lambda: IcrLoad(0.04, 0.168, compliance=1.5), "compliance"),
-    (lambda: IcrLoad(0.04, 0.168, load=(NAN, 0.0)), "load"),
     (lambda: ConstantIcr(10**400, 0.168), "offset"),
     # theory
     (lambda: steady_twist([0.1, 0.1], LEVEL, load=Load(pull=0.8)), "load"),
-    (lambda: steady_twist([0.1, 0.1], LEVEL, load=Load(slope=0.7)), "load"),
     (lambda: steady_twist([0.1, 0.1], LEVEL, load=Load(pull=0.3, hitch_height=0.3)), "load"),
     (lambda: steady_twist([0.1, 0.1], LEVEL, shear=NAN), "shear"),
-    (lambda: steady_twist([NAN, 0.1], LEVEL), "surface_speeds"),
     (lambda: steady_twist([0.5, 3.5], HIGH, 9.81), "surface_speeds"),
     (lambda: wheel_contact(0.168, (-0.2, 0.2), 0.0, 0.7, 0.8), "patch_length"),
     (lambda: line_contact(0.168, 0.17, -0.7, 0.8), "along"),
@@ -68,21 +64,18 @@ REFUSED = [
     (lambda: ODOMETRY.path([0.0, 0.0], np.ones((2, 2))), "time = 0.0: must be finite, and ascending from row to row"),
     (lambda: ODOMETRY.update([1.0, 1.0], 0.1, np.inf), "gyro = inf: must be finite, or NaN"),
     (lambda: SlipNoise.of({"slip_turn": 0.1}), "noise = ['slip_turn']: must be a mapping with"),
-    (lambda: LawErrors(("offset",), np.eye(2)), "covariance = (2, 2): must be of shape (1, 1)"),
     (lambda: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])), "correlations from -1 to 1"),
     (
         lambda: SlipOdometry(NoSlip(), GEOMETRY, errors=LawErrors(("offset",), np.eye(1))).update([1.0, 2.0], 0.1),
         "names = 'offset'",
     ),
     (lambda: FilterTuning(gain_spread=0.0), "gain_spread"),
-    (lambda: FilterTuning(gain_walk=-1.0), "gain_walk"),
     # references
     (lambda: figure_eight(ORIGIN, 0.005), "radius of curvature at (0.004, 0.004) = 0.00167: must be"),
     (lambda: figure_eight(ORIGIN, 300.0), "length of the path"),
     (lambda: slalom(ORIGIN, amplitude=NAN), "amplitude = nan: must be"),
     (lambda: spiral(ORIGIN, 0.4, 0.5), "outer_radius = 0.4: must be"),
     (lambda: rounded_square(ORIGIN, 1.0, 0.5), "radius = 0.5: must be"),
-    (lambda: clothoid(ORIGIN, radius=0.0), "radius = 0.0: must be"),
     (lambda: circle(0.0, 0.1, 10.0), "abs(radius) = 0.0: must be"),
     (lambda: MotionLimits(track_speed=1e-4), "track_speed = 0.0001: must be at least 0.001 m/s"),
     (lambda: waypoints([(0, 0), (1, 1)]), "number of waypoints = 2: must be from 3 to 10000"),
@@ -105,7 +98,6 @@ REFUSED = [
     ),
     (lambda: BagChoice(reversed="up"), "reversed = 'up': must be left, right or both"),
     (lambda: BagChoice(poses="tf:map:map"), "poses = 'tf:map:map': must be tf:FRAME:FRAME"),
-    (lambda: BagChoice(scan="/scan"), "scan = '/scan': must be"),
     (lambda: BagChoice(plate=Plate(), poses="/pose"), "poses = "),
 ]
 
