@@ -138,7 +138,7 @@ def test_each_axis_is_a_damped_spring(speed, stiffness, damping):
     reference = SegmentedReference((1.0, 2.0, 0.7), [Segment(10.0, speed, 1.5 * speed, 0.8)])
     controller = DynamicFeedback(stiffness, damping)
     pose = pose_with_error(reference.pose(0.0), np.array([0.03, 0.04, 0.1]))
-    step, steps = 1e-3, 1500
+    step, steps = 2e-3, 750
     error, twist = np.zeros((steps, 2)), np.zeros((steps, 2))
     for k in range(steps):
         error[k] = (reference.pose(k * step) - pose)[:2]

@@ -65,7 +65,7 @@ def test_plans_repeat_longer_drives_tell_more_and_smaller_areas_less(plan):
 
 
 def test_a_second_round_is_made_for_what_is_left_open(plan, monkeypatch):
-    monkeypatch.setattr(planning, "_EVALUATIONS", 120)
+    monkeypatch.setattr(planning, "_EVALUATIONS", 80)
     known = LawErrors(("offset", "radius_error"), np.diag(np.square([1e-3, 1e-4])))
     second = plan_drive(GEOMETRY, LIMITS, SLAM, known=known)
     model = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
@@ -77,7 +77,7 @@ def test_a_second_round_is_made_for_what_is_left_open(plan, monkeypatch):
 
 @pytest.mark.parametrize("law", PLANNED_LAWS[1:])  # icr_radius is planned for above
 def test_every_law_can_be_planned_for(law, monkeypatch):
-    monkeypatch.setattr(planning, "_EVALUATIONS", 100)  # few drives determine a loss in turns
+    monkeypatch.setattr(planning, "_EVALUATIONS", 60)  # few drives determine a loss in turns
     found = plan_drive(GEOMETRY, LIMITS, SLAM, law)
     assert all(0 < found.expectation.stderr[name] < 0.04 * size for name, size in found.sizes.items())
 
