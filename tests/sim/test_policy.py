@@ -1,12 +1,16 @@
+"""Policies: what they do, on the benchmark and as ONNX files too, and files of them that are refused."""
+
 import json
 from itertools import pairwise
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from sim.env import PathTrackingEnv
 from sim.network import Network
 from sim.policy import Policy, PolicyController
+from sim.traverse.policy import OPTIONS as CROSSING
 from sim.traverse.policy import CrossingPolicy
 from trackslip.controllers.base import SensesSprockets
 from trackslip.errors import InvalidValueError, LogError
@@ -105,3 +109,27 @@ def test_a_stored_policy_is_the_same(tmp_path):
             np.testing.assert_array_equal(stored.action(seen), policy.action(seen))
             assert stored.options == policy.options
             assert getattr(stored, "authority", None) == getattr(policy, "authority", None)
+
+
+@pytest.mark.parametrize("task", ["PathTracking", "Traverse"])
+def test_as_an_onnx_file_it_is_a_graph_from_observations_to_actions_with_their_units(tmp_path, task):
+    """By onnx's own reference implementation."""
+    onnx, reference = pytest.importorskip("onnx"), pytest.importorskip("onnx.reference")
+    from sim.onnx_file import write_onnx
+
+    crossing = task == "Traverse"
+    options = CROSSING | {"course": "flat"} if crossing else {"action": "twist"}
+    env = gym.make(f"sim:trackslip/{task}-v0", **options).unwrapped
+    layers = network(np.random.default_rng(0), (len(env.observed), 16, len(env.commanded)))
+    layers.weights[1][:] *= 3.0
+    policy = CrossingPolicy(layers, options) if crossing else Policy(layers, (0.2, 0.6), options)
+    write_onnx(tmp_path / "policy.onnx", policy, env.observed, env.commanded)
+    model = onnx.load(tmp_path / "policy.onnx")
+    seen = np.array([env.observation_space.sample() for _ in range(50)])
+    (action,) = reference.ReferenceEvaluator(model).run(None, {"observation": seen})
+    np.testing.assert_allclose(action, policy.action(seen), atol=1e-5)
+    assert 0.05 < (np.abs(action) < 1).mean() < 1  # some are clipped
+    about = {each.key: json.loads(each.value) for each in model.metadata_props}
+    assert about["observation"][0].keys() == {"name", "unit", "scale", "bound"}
+    assert [each["unit"] for each in about["action"]] == [each.unit for each in env.commanded]
+    assert about["options"] == options
