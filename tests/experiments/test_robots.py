@@ -20,7 +20,7 @@ def test_a_tracked_robot_is_identified_and_controlled(trackslip):
     contact = line_contact(*size, ground.along, ground.across, parameters.centre_of_mass)
     theory = steady_turns([0.8, 1.5], contact).offset.mean()
     assert laws.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(theory, rel=0.01)
-    circle, errors = ("--reference", "circle", "--localization", "truth"), []
+    circle, errors = ("--reference", "circle", "--circle-duration", "22", "--localization", "truth"), []
     for compensation in (("none",), ("icr_radius", "--laws", str(laws.folder))):
         (row,) = trackslip("track", *robot, *circle, "--compensation", *compensation).summary["tracking"]
         errors.append(row["rms_position_after_12s"])
