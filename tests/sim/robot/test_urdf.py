@@ -296,6 +296,22 @@ def test_inertias_that_no_body_can_have_are_said(tmp_path, wheel, chassis):
         build_tracked(load_tracked(write(tmp_path, parts)))
 
 
+def test_wheels_of_an_mjcf_go_with_their_motors_and_sensors(tmp_path):
+    wheels = "".join(
+        f'<body name="{name}" pos="{x} {y} 0"><joint name="{name}" axis="0 1 0"/><geom size="0.1"/></body>'
+        for name, (x, y) in WHEELS.items()
+    )
+    motors = "".join(f'<velocity name="m{name}" joint="{name}"/>' for name in WHEELS)
+    sensors = "".join(f'<jointpos joint="{name}"/><actuatorfrc actuator="m{name}"/>' for name in WHEELS)
+    (tmp_path / "r.xml").write_text(
+        f'<mujoco><worldbody><body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 .2"/>{wheels}'
+        f"</body></worldbody><actuator>{motors}</actuator><sensor>{sensors}</sensor></mujoco>"
+    )
+    (tmp_path / "r.toml").write_text('model = "r.xml"\nwheels = "replace"\n')
+    model = build_tracked(load_tracked(tmp_path / "r.toml")).model
+    assert (model.nv, model.nu) == (6, 0)
+
+
 BOX = '<worldbody><body name="b"><freejoint/><geom type="box" size=".2 .1 .05" pos="0 0 .2"/></body></worldbody>'
 STEP = '<option timestep="0.002"/>'
 

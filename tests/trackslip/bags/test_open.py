@@ -1,6 +1,7 @@
 """Bags of all kinds, written by rosbags and by MCAP's own writer: complete, compressed, cut off, damaged."""
 
 import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from plain_drives import wandered
 from rosbags.highlevel import AnyReader
 
+import trackslip
 from trackslip.bags.open import open_bags
 from trackslip.errors import LogError, TrackslipError
 
@@ -144,3 +146,9 @@ def test_damage_never_ends_in_a_traceback(damaged, seed):
     except TrackslipError as error:
         said = str(error)
     assert not said or (file.name in said and "\n" not in said)
+
+
+def test_without_rosbags_one_line_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    with pytest.raises(TrackslipError, match=r'bags need the package rosbags: pip install -e "\.\[ros\]"'):
+        trackslip.load(write_bag(tmp_path / "run", "mcap", MESSAGES))
