@@ -190,3 +190,13 @@ def test_a_robot_tips_over_the_edges_of_its_belts(preset, height, part):
     over = np.arctan((HALF_GAUGE + WIDTH / 2) / height)
     assert not tips(preset, part * over, height)
     assert tips(preset, 1.01 * over, height)
+
+
+@pytest.mark.parametrize(("segments", "across", "inertia"), [(8, 0.7, 5.0), (40, 0.8, 0.5)])
+def test_no_point_is_softer_than_the_engine_knows(segments, across, inertia):
+    spec = plane()
+    add_robot(spec).inertia = [inertia] * 3
+    model, _, _ = built(spec, segments=segments, friction=(0.7, across), width=WIDTH)
+    assert model.pair_solimp[:, :2].min() >= mujoco.mjMINIMP
+    grip = model.pair_solreffriction[:, 1] / np.maximum(model.pair_solimp[:, 0], mujoco.mjMINIMP)
+    np.testing.assert_allclose(grip, -PRESETS["accurate"].grip, rtol=1e-6)

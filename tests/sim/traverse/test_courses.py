@@ -10,7 +10,7 @@ import pytest
 from experiments.common.choices import FTR_NAMES
 from sim import Command, TrackedRobot, Traverse, load_tracked
 from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
-from sim.traverse.courses import MAX_BOXES, draw_course
+from sim.traverse.courses import MAX_BOXES, OBSTACLES, draw_course
 from sim.traverse.footprint import Footprint
 from sim.traverse.ftr_courses import FTR_BOXES, FTR_COURSES, KINDS, draw_ftr_course
 from trackslip.errors import InvalidValueError
@@ -58,6 +58,16 @@ def test_every_course_fits_the_slots():
     courses = [draw_course(np.random.default_rng(seed), 1.0) for seed in range(400)]
     assert max(len(course.solids) for course in courses) == MAX_BOXES
     assert {course.width for course in courses} == {2.0}
+
+
+@pytest.mark.parametrize("kind", OBSTACLES)
+def test_a_harder_course_has_larger_obstacles(kind):
+    sizes = []
+    for difficulty in (0.0, 0.5, 1.0):
+        course = draw_course(np.random.default_rng(5), difficulty, 1, (kind,))
+        height = np.ptp(course.height(np.linspace(-0.5, course.goal, 400), 0.0))
+        sizes.append(course.goal if kind == "gap" else height)
+    assert sizes == sorted(set(sizes))
 
 
 RAMP = Course((Ramp(0.58, 6.0),))

@@ -9,7 +9,7 @@ from sim.wander.commands import DRIVING, Driver, track_commands
 from sim.wander.log import encoder_log, joined_log, quantised
 from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
 from trackslip import se2
-from trackslip.kinematics import RobotGeometry, advance
+from trackslip.kinematics import RobotGeometry, advance, twist_of_tracks, wrap_angle
 from trackslip.laws.icr import ConstantIcr
 
 RATE = 50.0
@@ -29,6 +29,17 @@ def test_speeds_and_accelerations_stay_within_their_limits(driving, seed, max_sp
     assert np.abs(np.diff(speeds, axis=0)).max() * RATE <= acceleration * (1 + 1e-9)
     np.testing.assert_array_equal(speeds[0], 0.0)
     assert len(speeds) == 1501
+
+
+@pytest.mark.parametrize("driving", ["eights", "loop"])
+def test_figures_close_for_the_half_gauge_that_the_driver_reckons_with(driving):
+    driver = Driver(half_gauge=0.213, acceleration=100.0)  # a short ramp, which would shift the figure
+    twist = twist_of_tracks(commands(driving, 0, 200.0, driver), driver.half_gauge)
+    pose = se2.chain(np.zeros(3), se2.exp(np.insert(twist[1:], 1, 0.0, axis=-1) / RATE))
+    pose = pose[100:]
+    away, turned = np.hypot(*(pose[:, :2] - pose[0, :2]).T), wrap_angle(pose[:, 2] - pose[0, 2])
+    leaves = np.flatnonzero(away > 0.5)[0]
+    assert ((away < 0.02) & (np.abs(turned) < 0.1))[leaves:].sum() >= 2
 
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
