@@ -89,6 +89,31 @@ def test_entries_are_compared_pair_by_pair():
         assert 0.0009 < low <= entry["behind"] <= high < 0.0011
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("paths", "grounds", "seeds"), [(1, 1, 32), (4, 1, 8), (8, 3, 3)])
+def test_intervals_of_paired_differences_and_gains_cover_as_they_should(paths, grounds, seeds):
+    """Of a benchmark's suites; on the grounds of a seed the differences are nearly the same."""
+    rng = np.random.default_rng(1)
+    covered, gains = [], []
+    for _ in range(400):
+        shape = paths, grounds, seeds
+        plant, differs = rng.exponential(0.01, shape), 0.002 + rng.normal(0, 0.002, (paths, 1, seeds))
+        errors = {"online": plant, "none": plant + differs + rng.normal(0, 0.0002, shape)}
+        runs = [
+            run("linear", 0.1 + rms, seed=seed, compensation=name) | {"reference": f"{path}", "ground": f"{ground}"}
+            for name, values in errors.items()
+            for (path, ground, seed), rms in np.ndenumerate(values)
+        ]
+        entries = {entry["compensation"]: entry for entry in board(runs)}
+        low, high = entries["none"]["behind_ci95"]
+        covered.append(low < 0.002 < high)
+        low, high = entries["online"]["gain_ci95"]
+        gains.append(low < 0.112 / 0.11 < high)
+        assert entries["none"]["gain"] is None
+    assert 0.90 < np.mean(covered) < 0.99
+    assert 0.90 < np.mean(gains) < 0.99
+
+
 def test_a_single_plant_tells_no_interval():
     first, second = board([run("a", 0.001), run("b", 0.002)])
     assert (first["rank"], second["rank"], second["behind_ci95"]) == (1, 2, None)

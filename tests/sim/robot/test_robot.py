@@ -13,7 +13,7 @@ from sim.robot.looks import robot_looks
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import SINK
 from sim.tracks.recipe import LEVEL
-from trackslip.errors import InvalidValueError, SettingsFileError
+from trackslip.errors import InvalidValueError, RobotWarning, SettingsFileError
 from trackslip.skid_theory import line_contact, steady_twist
 
 FIELD = MODELS / "field.xml"
@@ -75,6 +75,11 @@ def test_the_icrs_of_a_wide_robot_are_where_theory_has_them(width, shear, within
     expected = steady_twist(belts, contact, 9.81, shear)[:, 2]
     offset, by_theory = (spread / (2 * w) - half_gauge for w in (fleet.twist()[:, 2], expected))
     np.testing.assert_allclose(offset, by_theory, rtol=within)
+
+
+def test_robots_wider_than_verified_are_told_of():
+    with pytest.warns(RobotWarning, match=r"half_gauge = 0\.6: turns are verified up to 0\.51 m, 1\.5 contact lengths"):
+        load_robot(RobotParameters(half_gauge=0.6))
 
 
 WIDE = RobotParameters(half_gauge=0.3, contact_length=0.5, mass=60.0, com_x=0.03, com_height=0.2)
