@@ -35,7 +35,6 @@ OPTIONS = [
     ("grid --obstacles forest", "obstacles = 'forest': must be one of posts"),
     (f"{DRAG} --ground clay --pull 300", "pull = 300.0: must be less, to park"),
     (f"{DRAG} --pull 160 --pull.height 0.6", "tips over"),
-    # logs of real robots
     # predictions from theory
     ("predict --slope 0.9", "less than the friction limit"),
     # drives by people, over courses, and planned
@@ -66,7 +65,9 @@ OPTIONS = [
     ("benchmark --controllers mpc:intervals=1000000", "intervals = 1000000: must be a whole number from 1 to 100"),
     ("benchmark --controllers mppi:samples=100000", "samples = 100000: must be a whole number from 2 to 10000"),
     ("benchmark --controllers none:Mine", "controllers = 'none:Mine': must be MODULE:CLASS that"),
+    ("benchmark --radius-error 0.49", "radius_error of drawn plants = "),
 ]
+GAINS = '{"gains": [{"controller": "linear", "compensation": "none", "arguments": {"weight": 1.0}}]}'
 TRACE = "run,t,omega_l,omega_r,x,y,phi\n" + "".join(f"a,{k / 20},2,3,{k / 100},0,0\n" for k in range(200))
 FILES = [
     ("grid --ground {}", "odd.toml", "slope = 0.9", "slope = 0.9: must be less, to park with heading"),
@@ -75,6 +76,7 @@ FILES = [
     (f"identify {ROBOT} {{}} --plate 0.6x0.04", "log.csv", TRACE, "is no bag"),
     (f"identify {ROBOT} {{}} --encoders /a", "log.csv", TRACE, "encoders = '/a': must be left out: "),
     ("calibrate --target {} --folds 7", "samples.csv", "omega_l,omega_r,v,w\n2,3,0.15,0.1\n3,2,0.15,-0.1", "folds = 7"),
+    ("benchmark --controllers linear --compensations none --gains {}", "gains.json", GAINS, "weight"),
     ("track --laws {}", "laws.json", "[" * 100_000, "laws.json"),
     ("deploy {}", "laws.json", '{"slip_laws": {"icr"', "not JSON"),
 ]
