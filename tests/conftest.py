@@ -1,7 +1,5 @@
 """What several tests share."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -19,7 +17,7 @@ from sim.robot.robot import Robot, load_robot
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate, Scan
 
-settings.register_profile("trackslip", deadline=None, max_examples=30)  # a busy machine is no error
+settings.register_profile("trackslip", deadline=None, max_examples=15)  # a busy machine is no error
 settings.load_profile("trackslip")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background, which the commands would inherit
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,7 +1,5 @@
 """Ratios of times measured side by side, their bounds, and the table of them at the end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bare_engine import seconds

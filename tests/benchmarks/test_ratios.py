@@ -1,7 +1,5 @@
 """Speeds over the bare engine, with bounds: `pytest tests/benchmarks/test_ratios.py` prints docs/speed.md's table."""
 
-from __future__ import annotations
-
 import math
 import os
 import subprocess
@@ -13,7 +11,7 @@ import numpy as np
 import pytest
 from bare_engine import SameMotion, bare_copy, seconds
 
-from experiments.common.lookup import locator
+from experiments.common.lookup import controller, locator
 from experiments.simulate.grid_options import GridConfig
 from experiments.simulate.grid_runs import before_scanner, cells_of, drive_grid
 from experiments.simulate.options import IDENTIFIED
@@ -25,9 +23,10 @@ from sim.path_tracking.config import PERIOD
 from sim.stopwatch import Stopwatch
 from sim.terrain import Course, Flat
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.kinematics import sprocket_speeds
+from trackslip.kinematics import RobotGeometry, sprocket_speeds
 from trackslip.laws.file import load_laws
 from trackslip.online.compensation import KNOWN_LAWS, FixedLaw
+from trackslip.trajectory.named import load_reference
 from trackslip.trajectory.segmented import circle, paper_reference
 
 SECONDS = 20.0  # simulated time of all robots together in a round, of which slow cases drive a part [s]
@@ -216,3 +215,18 @@ def test_reproduce_over_its_physics(benchmark, within, robot, tmp_path):
 
     benchmark.pedantic(reproduce)
     within(whole[0] / bare, most=6.0)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_hundred_steps_of_a_controller(benchmark, name):
+    """A hundred steps of a single robot, 5 cm beside a circle."""
+    pilot, path = controller(name, RobotGeometry(0.168, 0.06), 0.3, 0.05), load_reference("circle")
+    times = 0.05 * np.arange(100)
+    poses = path.pose(times) + np.array([0.05, 0.0, 0.0])
+
+    def drive():
+        pilot.reset()
+        for time, pose in zip(times, poses, strict=True):
+            pilot.twist(time, pose[None], path)
+
+    benchmark(drive)

@@ -36,8 +36,8 @@ def runner(workplace, capsys):
     return PageRunner(workplace, lambda: "".join(capsys.readouterr()))
 
 
-def run(text, runner):
-    for block in blocks(text):
+def run(page, runner):
+    for block in blocks(page.read_text(encoding="utf-8")):
         try:
             runner.run(block)
         except BaseException as error:
@@ -54,14 +54,14 @@ def test_every_command_and_its_options_are_there(page):
 
 @pytest.mark.parametrize("page", FIRST, ids=ids)
 def test_blocks_of_the_first_pages_run(page, runner):
-    run(page.read_text(encoding="utf-8"), runner)
+    run(page, runner)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=ids)
 def test_every_block_runs(page, runner):
     runner.slow = True
-    run(page.read_text(encoding="utf-8"), runner)
+    run(page, runner)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids)
@@ -79,27 +79,3 @@ def test_the_index_lists_every_page_once():
     assert sorted(name for name in listed if name.endswith(".md") and "/" not in name) == sorted(pages)
     site = re.findall(r"^ +- .*?(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
     assert sorted(name for name in site if "/" not in name) == sorted([*pages, "README.md"])
-
-
-PRINTS = "```python\nprint('a 1.0 b')\nprint('c')\n```\n```text\n{}\n```\n"
-REFUSED = "<!-- refused -->\n```sh\ntrackslip grid --radius 1\n```\n"
-WRITTEN = "<!-- file: b.py -->\n```toml\nc = 1\n```\n```python\nimport b\nassert b.c == 1\n```\n"
-SLOW = "<!-- slow: hours -->\n```python\nassert False\n```\n"
-
-
-@pytest.mark.parametrize("text", [PRINTS.format("a 1.0 …\nc"), WRITTEN, REFUSED, SLOW])
-def test_blocks_that_are_right_pass(text, runner):
-    run(text, runner)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (REFUSED.partition("\n")[2], "radius"),
-        (PRINTS.format("a 1.1"), "not printed: a 1.1"),
-        (PRINTS.format("c\na 1.0 b"), "not printed: a 1.0"),
-    ],
-)
-def test_blocks_that_are_wrong_fail(text, message, runner):
-    with pytest.raises(AssertionError, match=message):
-        run(text, runner)

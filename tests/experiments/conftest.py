@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 from command_runs import Result, ran
-from wandered import identified_from, wandered
+from plain_drives import identified_from, wandered
 
 from experiments.cli import main
 

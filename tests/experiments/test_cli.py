@@ -1,6 +1,5 @@
 """The command line: help, examples, completion, what it imports, unwritable folders and interrupts."""
 
-import importlib.metadata
 import shlex
 import signal
 import subprocess
@@ -18,21 +17,9 @@ def printed_by(capsys, *command):
     return capsys.readouterr().out
 
 
-def test_version(capsys):
-    main(["--version"])
-    assert capsys.readouterr().out == f"trackslip {importlib.metadata.version('trackslip')}\n"
-
-
 def test_python_m_trackslip_runs_the_commands():
     command = [sys.executable, "-m", "trackslip", "--version"]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.startswith("trackslip ")
-
-
-def test_the_help_groups_every_command(capsys):
-    main([])
-    text = capsys.readouterr().out
-    assert [name for name in commands() if text.count(f"\n  {name:10} ") != 1] == []
-    assert "others:" not in text
 
 
 @pytest.mark.parametrize("command", commands())
@@ -58,11 +45,6 @@ def test_the_list_of_commands_imports_none_of_them(capsys):
     assert done.stdout.splitlines()[-1] == "['experiments.cli']"
 
 
-def test_completion_knows_commands_options_and_choices(capsys):
-    script = printed_by(capsys, "--tyro-print-completion", "bash")
-    assert all(word in script for word in ("grid", "--radii", "truth"))
-
-
 def test_an_output_path_that_is_a_file(refused, tmp_path):
     (tmp_path / "file").write_text("mine")
     assert "can't be written" in refused("grid", "--out", str(tmp_path / "file"))
@@ -71,11 +53,6 @@ def test_an_output_path_that_is_a_file(refused, tmp_path):
     (tmp_path / "loop").symlink_to("loop")
     for command in ("predict", f"evaluate {tmp_path / 'file'}"):
         assert "can't be written" in refused(*command.split(), "--out", str(tmp_path / "loop" / "below"))
-
-
-def test_an_output_path_that_is_too_deep(refused, tmp_path):
-    assert "can't be written" in refused("predict", "--out", str(tmp_path / ("a/" * 1500)))
-    assert not list(tmp_path.iterdir())
 
 
 def test_an_interrupt_prints_one_line_while_modules_are_imported():
@@ -93,23 +70,6 @@ def test_an_interrupt_prints_one_line_while_modules_are_imported():
             process.send_signal(signal.SIGINT)
             _, said = process.communicate(timeout=30)
         assert (process.returncode, said) == (130, "trackslip: interrupted\n"), module
-
-
-def test_a_module_that_hides_a_package_is_named(tmp_path):
-    (tmp_path / "sim.py").touch()
-    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\nimport experiments.__main__ as start\nstart.main()"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert (done.returncode, done.stderr.split()[1]) == (2, str(tmp_path / "sim.py"))
-    assert done.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize("name", ["bag", "export", "localize", "replay", "reality", "coverage", "sensitivity", "bench"])
-def test_a_command_that_is_gone_names_what_to_use(name, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main([name, "--out", "x"])
-    (line,) = capsys.readouterr().err.splitlines()
-    assert stop.value.code == 2
-    assert line.startswith(f"trackslip: {name} is gone; use: ")
 
 
 @pytest.mark.filterwarnings("default")

@@ -3,9 +3,8 @@
 import json
 
 import pytest
-from deployed import GEOMETRY, stored
-from diff_drive import parameters_in
-from wandered import identified_from, wandered
+from deployed import stored
+from plain_drives import identified_from, wandered
 
 import trackslip
 from experiments.cli import main
@@ -32,28 +31,10 @@ def test_it_prints_what_it_writes(to, identified, tmp_path, capsys):
     assert (tmp_path / "law").read_text() == printed
 
 
-def test_the_default_is_the_shipped_law_for_ros2_control(capsys):
-    main(["deploy"])
-    parameters = parameters_in(capsys.readouterr().out)
-    offset = trackslip.load_laws()["icr_radius"].offset
-    assert parameters["wheel_separation_multiplier"] == (GEOMETRY.half_gauge + offset) / GEOMETRY.half_gauge
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (
-            "--law turn_loss",
-            "ros2_control can only express constant ICRs; those in laws.json: icr, icr_radius, two_gains, icr_s",
-        ),
-        ("--law exponential --to c", "c can express constant ICRs and turn loss; those in laws.json: icr, icr_radius"),
-        ("", "laws.json: says nothing of which law is best: choose one of"),
-        ("--law icr --out laws.json", "laws.json: exists already; --overwrite replaces it"),
-    ],
-)
-def test_refusals(options, message, refused, tmp_path):
+def test_a_file_is_not_replaced_unasked(refused, tmp_path):
     (tmp_path / "laws.json").write_text(json.dumps(dict(stored().content)))
-    assert message in refused("deploy", "laws.json", *options.split())
+    line = refused("deploy", "laws.json", "--law", "icr", "--out", "laws.json")
+    assert "laws.json: exists already; --overwrite replaces it" in line
 
 
 def test_a_law_with_an_alarm_is_refused_unless_the_user_accepts(refused, tmp_path, capsys):

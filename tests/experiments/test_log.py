@@ -1,25 +1,22 @@
 """`trackslip log`, bags written by --bag, and the way from teleoperation by a bag to ros2_control and back."""
 
-from __future__ import annotations
-
 import csv
-import sys
-from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet
 import pytest
-from bags import in_order, joints_of, odometry, open_bag, pose_with_covariance, poses_of, write_bag
+from bags import in_order, joints_of, odometry, open_bag, pose_with_covariance, poses_of, write_bag, write_session
 from beside import drive, room, teleoperated
 from diff_drive import DiffDrive, parameters_in
-from scanned import write_session
-from wandered import wandered
+from plain_drives import wandered
 
 import trackslip as package
 from experiments.cli import main, parse
 from experiments.identify.command import source_of
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.schema import COLUMNS
+from trackslip.metrics import rms
+from trackslip.odometry.trajectory_errors import Trajectory, errors_after_metres
 
 LOG = wandered(duration=20.0)
 ROBOT = "--half-gauge 0.168 --sprocket-radius 0.06"
@@ -33,8 +30,6 @@ def bags(tmp_path_factory):
     motors = joints_of(LOG, names=("x1", "x2"), topic="/motors")
     both = in_order(motors, joints_of(LOG), poses_of(LOG, pose_with_covariance), poses_of(LOG), poses_of(LOG, odometry))
     write_bag(folder / "doubtful", "mcap", both)
-    backwards = joints_of(replace(LOG, omega=LOG.omega * [-1, 1]))
-    write_bag(folder / "backwards", "mcap", in_order(backwards, poses_of(LOG)))
     return folder
 
 
@@ -127,30 +122,15 @@ def test_a_plate_in_scans_is_found_by_log_and_by_identify(scanned, tmp_path, cap
         ("log {bags}/none.mcap", "none.mcap: no such file or folder"),
         ("log {bags}/run.mcap --out log.txt", "out = 'log.txt': must be a file that ends in .parquet or .csv"),
         ("log log.csv --out ./log.csv --overwrite", "out = 'log.csv': must be a file other than the one being read"),
-        ("log . --out runs.parquet --overwrite", "a file other than the one being read"),
-        ("log {bags}/run.mcap --left a", "right = None: must be given where left is"),
         ("log {bags}/run.mcap --left a,,b --right c", "left = 'a,,b': must be names of joints, separated by"),
         ("log {bags}/doubtful --out x.csv", "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"),
         ("log {scanned} --plate nanx0.1", "plate = 'nanx0.1': must be LENGTHxTHICKNESS in m, as in 0.5x0.02, longer"),
-        ("log {scanned} --plate 0.02x0.5", "plate = '0.02x0.5': must be LENGTHxTHICKNESS"),
         ("log {scanned} --plate 0.6x0.04 --poses /a", "poses = '/a': must be left out with plate"),
-        ("log {scanned} --plate 0.1x0.02 --out x.csv", "no plate of 0.1x0.02 m moves as the encoders say"),
-        (f"identify {{bags}}/doubtful {ROBOT}", "poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"),
-        (f"identify {{bags}}/run.mcap {ROBOT} --poses /scan", "it has no topic '/scan'; its topics are /joint_states"),
-        (f"identify {{bags}}/backwards {ROBOT}", "change the sign of omega_l, for a bag by --reversed left"),
         (f"identify {{bags}}/run.mcap {ROBOT} --where a=1", "holds bags, not runs of a sweep"),
     ],
 )
 def test_what_is_refused(bags, scanned, refused, line, message):
     assert message in refused(*line.format(bags=bags, scanned=scanned[1]).split())
-
-
-def test_identify_takes_the_topics_that_are_named(bags):
-    options = ("--encoders", "/motors", "--left", "x2", "--right", "x1", "--reversed", "both", "--poses", "/amcl_pose")
-    source = source_of(parse(["identify", str(bags / "doubtful"), *ROBOT.split(), *options]))
-    (log,) = source.logs
-    np.testing.assert_allclose(log.omega[1:], -LOG.omega[1:, ::-1], atol=1e-9)
-    assert source.taken == ("encoders: /motors, left x2, right x1; poses: /amcl_pose (as asked for)",)
 
 
 def test_a_grids_bags_have_its_scans_and_change_no_number(trackslip, grid):
@@ -166,14 +146,9 @@ def test_a_grids_bags_have_its_scans_and_change_no_number(trackslip, grid):
     np.testing.assert_array_equal(log.truth.pose, plain.truth.pose)
 
 
-def test_without_rosbags_nothing_is_driven(refused, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    assert refused("wander", "--bag") == 'bags need the package rosbags: pip install -e ".[ros]"'
-
-
 @pytest.mark.parametrize("source", ["slam", "gnss"])
 def test_a_drive_and_its_bag_are_read_alike(trackslip, source):
-    result = trackslip("wander", "--motion", "law", "--source", source, "--duration", "20", "--bag")
+    result = trackslip("wander", "--motion", "law", "--source", source, "--duration", "10", "--bag")
     (log,), (again,) = package.load(result.folder), package.load(result.folder / "bags")
     np.testing.assert_allclose(again.time - again.time[0] + log.time[0], log.time, atol=2e-9)
     np.testing.assert_allclose(again.omega[1:], log.omega[1:], atol=1e-4)  # times in whole nanoseconds
@@ -183,25 +158,16 @@ def test_a_drive_and_its_bag_are_read_alike(trackslip, source):
     np.testing.assert_allclose(places[1], places[0] - first, atol=1e-6)
 
 
-LENGTHS = (1.0, 2.0, 5.0)  # driven, after which headings are compared [m]
-GAIN = 5.0  # least factor by which heading errors get smaller
-
-
 def heading_errors(controller, log):
-    """Root mean square heading errors per metre [rad/m] of the controller's odometry, over LENGTHS."""
-    heading, true = controller.odometry(log.time, log.omega)[:, 2], log.truth.pose
-    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T))])
-    errors = []
-    for length in LENGTHS:
-        start = np.flatnonzero(driven + length <= driven[-1])
-        end = np.searchsorted(driven, driven[start] + length)
-        missed = (heading[end] - heading[start]) - (true[end, 2] - true[start, 2])
-        errors.append(np.sqrt(np.mean(missed**2)) / length)
-    return np.array(errors)
+    """Root mean square heading errors (3,) of the controller's odometry after 1, 2 and 5 m [rad]."""
+    true = log.truth.pose
+    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(true[:, :2], axis=0).T)))
+    drive = Trajectory("drive", log.time, way, true, controller.odometry(log.time, log.omega), true[:, 2])
+    return np.array([rms(errors_after_metres(drive, length)[2]) for length in (1.0, 2.0, 5.0)])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(9))
+@pytest.mark.parametrize("seed", range(3))
 def test_odometry_with_deployed_parameters_turns_as_the_robot_does(seed, tmp_path, monkeypatch, capsys):
     """Identified from the bag of a drive, deployed, and compared on another drive."""
     monkeypatch.chdir(tmp_path)
@@ -213,5 +179,5 @@ def test_odometry_with_deployed_parameters_turns_as_the_robot_does(seed, tmp_pat
     (other,) = (log for log in package.load("driven") if log.run == "random 2")
     before, after = (heading_errors(DiffDrive.of(values), other) for values in (nominal, parameters))
     with capsys.disabled():
-        print(f"\nseed {seed}: heading errors smaller by {np.round(before / after, 1)} after {LENGTHS} m")
-    assert (before > GAIN * after).all()
+        print(f"\nseed {seed}: heading errors smaller by {np.round(before / after, 1)}")
+    assert (before > 5 * after).all()

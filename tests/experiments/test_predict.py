@@ -18,17 +18,6 @@ def test_the_default_is_the_simulated_robot(robot, trackslip):
     assert predicted.offset == pytest.approx(0.0445, abs=0.0005)
 
 
-@pytest.mark.slow
-def test_on_ground_that_shears_slip_depends_on_radius_and_load(trackslip):
-    result = trackslip("predict", "--shear", "0.01", "--slope", "0.174533", "--radii", "0.606", "2.938")
-    summary = result.summary
-    assert summary["straight_slip"] == pytest.approx(0.0158, abs=6e-5)
-    assert load_laws(result.folder)["icr_radius"].offset == pytest.approx(sum(summary["offset"]) / 2)
-    level = trackslip("predict", "--shear", "0.01", "--radii", "0.606", "2.938").summary
-    assert level["straight_slip"] == 0
-    assert level["offset"] == pytest.approx([0.0371, 0.0296], abs=6e-5)
-
-
 def test_turns_counted_by_hand_give_the_multiplier(capsys, refused):
     main(["predict", "--turns", "10", "--measured", "8", "--multiplier", "1.2", "--half-gauge", "0.2"])
     first, second = capsys.readouterr().out.splitlines()

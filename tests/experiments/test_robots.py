@@ -1,9 +1,8 @@
-"""Any robot in every command: from runs to laws to controllers, with a URDF and its tracks."""
+"""Any robot in every command: from runs to laws to controllers, with its tracks."""
 
 from dataclasses import replace
 
 import pytest
-from tracked_files import write_robot
 
 from experiments.common.plain_json import plain
 from experiments.common.results import RUNS_FILE
@@ -12,32 +11,28 @@ from trackslip.logs.logfile import read_runs
 from trackslip.skid_theory import line_contact, steady_turns
 
 
-@pytest.mark.parametrize(
-    ("name", "bound"),
-    [("rescue", 0.01), pytest.param("a URDF", 0.05, marks=pytest.mark.slow)],  # whose mass lies to its left
-)
-def test_a_tracked_robot_is_identified_and_controlled(trackslip, tmp_path, name, bound):
-    robot = ("--robot", name if name == "rescue" else str(write_robot(tmp_path)))
-    runs = trackslip("grid", *robot, "--radii", "0.6", "1.2", "--speeds", "0.1", "0.2", "--duration", "8")
+def test_a_tracked_robot_is_identified_and_controlled(trackslip):
+    robot = ("--robot", "rescue")
+    runs = trackslip("grid", *robot, "--radii", "0.6", "1.2", "--speeds", "0.1", "0.2", "--duration", "6")
     laws = trackslip("identify", str(runs.folder))
     parameters, ground = load_parameters(robot[1])
     size = parameters.half_gauge, parameters.contact_length / 2
     contact = line_contact(*size, ground.along, ground.across, parameters.centre_of_mass)
     theory = steady_turns([0.8, 1.5], contact).offset.mean()
-    assert laws.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(theory, rel=bound)
-    circle, errors = ("--reference", "circle", "--localization", "truth"), []
+    assert laws.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(theory, rel=0.01)
+    circle, errors = ("--reference", "circle", "--circle-duration", "22", "--localization", "truth"), []
     for compensation in (("none",), ("icr_radius", "--laws", str(laws.folder))):
         (row,) = trackslip("track", *robot, *circle, "--compensation", *compensation).summary["tracking"]
         errors.append(row["rms_position_after_12s"])
     assert errors[1] < 0.3 * errors[0]
 
 
-def test_a_robot_brings_its_own_drive_into_every_command(trackslip, refused, tmp_path):
+def test_a_robot_brings_its_own_drive_and_ground_into_every_command(trackslip, refused, tmp_path):
     """A heavy robot, too much for the shipped motors; options change single fields."""
     heavy = tmp_path / "heavy.toml"
     heavy.write_text(
-        "half_gauge = 0.28\ncontact_length = 0.5\nsprocket_radius = 0.1\nmass = 75.0\nradius_error = 0.0\n"
-        "[drive]\nlag = 0.3\ntop_speed = 1.0\ntorque_limit = 90.0\n[drive.motor]\n"
+        "half_gauge = 0.28\ncontact_length = 0.5\nsprocket_radius = 0.1\nmass = 75.0\nradius_error = 0.03\n"
+        "[ground]\nalong = 0.5\nacross = 0.6\n[drive]\nlag = 0.3\ntop_speed = 1.0\ntorque_limit = 90.0\n[drive.motor]\n"
         "stall_torque = 3.0\nno_load_speed = 1000.0\n"
     )
     robot, own = ("--robot", str(heavy)), load_parameters(heavy)[0].drive
@@ -52,6 +47,7 @@ def test_a_robot_brings_its_own_drive_into_every_command(trackslip, refused, tmp
         (log,) = read_runs(result.folder / RUNS_FILE)
         assert log.metadata["drive"] == result.manifest["drive"] == plain(drive)
         assert log.truth.saturated.max() == 0
+        assert (log.metadata["ground"]["across"], log.metadata["radius_error"]) == (0.6, 0.03)
     for line, message in (
         (("grid", "--speeds", "1.2"), "speeds = 1.2: must be at most drive.top_speed = 1.0 m/s"),
         (("track", "--drive.motor.friction", "99"), "drive.torque_limit = 90.0: must be more than motor.friction"),

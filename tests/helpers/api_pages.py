@@ -3,8 +3,6 @@
 Run `python tests/helpers/api_pages.py` after a public name has come, moved or gone; a test says when.
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
 from pathlib import Path

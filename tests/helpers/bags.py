@@ -1,11 +1,11 @@
-"""Bags as robots and other programs write them: by rosbags, and by the writer of MCAP's own libraries."""
-
-from __future__ import annotations
+"""Bags as robots and other programs write them, with a plate's scans too: by rosbags and by MCAP's own writer."""
 
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+from beside import Session
 from mcap.writer import CompressionType
 from mcap_ros2.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
@@ -24,6 +24,8 @@ WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 FIX = "sensor_msgs/msg/NavSatFix"
 IMU = "sensor_msgs/msg/Imu"
 TF = "tf2_msgs/msg/TFMessage"
+JOINT_NAMES = ("left_wheel_joint", "right_wheel_joint")
+SCAN = "sensor_msgs/msg/LaserScan"
 
 
 @cache
@@ -231,19 +233,34 @@ def expected(messages):
     ]
 
 
-def ecef(latitude, longitude, height):
-    """Earth-centred coordinates of a geodetic place on WGS 84."""
-    a, f = 6378137.0, 1 / 298.257223563
-    e2 = f * (2 - f)
-    phi, lam = np.radians(latitude), np.radians(longitude)
-    n = a / np.sqrt(1 - e2 * np.sin(phi) ** 2)
-    across = (n + height) * np.cos(phi)
-    return np.stack([across * np.cos(lam), across * np.sin(lam), (n * (1 - e2) + height) * np.sin(phi)], axis=-1)
-
-
 def imu(at, rates, frame="imu_link", topic="/imu/data", unknown=False, late=1_000_000, heading=None):
     """An IMU's angular velocities about its axes [rad/s], and its orientation if it has a heading [rad]."""
     fields = {"header": header(at, frame), "angular_velocity": dict(zip("xyz", rates, strict=True))}
     if heading is not None:
         fields["orientation"] = quaternion(heading)
     return topic, IMU, at + late, fields | {"angular_velocity_covariance": [-1.0 if unknown else 0.0, *[0.0] * 8]}
+
+
+def scan_messages(session: Session):
+    """A message for each scan."""
+    made = []
+    for time, row in zip(session.time, session.ranges.astype(np.float32).tolist(), strict=False):
+        fields = {
+            "header": header(stamp(time), "laser"),
+            "angle_min": session.angle_min,
+            "angle_max": session.angle_min + session.angle_increment * (len(row) - 1),
+            "angle_increment": session.angle_increment,
+            "time_increment": session.time_increment,
+            "scan_time": 0.05,
+            "range_min": 0.05,
+            "range_max": 30.0,
+            "ranges": row,
+        }
+        made.append(("/scan", SCAN, stamp(time) + 2_000_000, fields))
+    return made
+
+
+def write_session(path, kind, session: Session, *more):
+    """A bag of encoders, scans and what else is given."""
+    encoders = SimpleNamespace(time=session.encoder_time, omega=session.omega)
+    return write_bag(path, kind, in_order(joints_of(encoders, JOINT_NAMES), scan_messages(session), *more))

@@ -1,7 +1,5 @@
 """MuJoCo alone in the motion of a simulation, to compare speeds with."""
 
-from __future__ import annotations
-
 from time import perf_counter
 
 from mujoco import batch

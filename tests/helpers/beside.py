@@ -1,7 +1,5 @@
 """An independent simulation of a robot with a plate in front of a scanner beside the field."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -60,15 +58,12 @@ def drive(
     things: Sequence[Thing] = (),
     noise: float = 0.005,
     seed: int = 0,
-    rate: float = 20.0,
     beams: int = 361,
     fov: float = np.pi,
     scan_duration: float = 0.0,
     clockwise: bool = False,
-    dropout: float = 0.0,
     quantisation: float = 0.0,
     jitter: float = 0.0,
-    size: tuple[float, float] = (LENGTH, THICKNESS),
 ) -> Session:
     """Drive exactly by the law of constant ICRs, and scan."""
     rng = np.random.default_rng(seed)
@@ -85,23 +80,21 @@ def drive(
     def path(time: Array) -> Array:
         return compose(at(time), np.asarray(place, float))
 
-    time = np.arange(0.1, encoder_time[-1] - 0.1, 1 / rate)
+    time = np.arange(0.1, encoder_time[-1] - 0.1, 0.05)
     increment = (fov / (beams - 1)) * (-1 if clockwise else 1)
     first = -increment * (beams - 1) / 2
     bearings = first + increment * np.arange(beams)
     step = scan_duration / (beams - 1)
     when = time[:, None] + step * np.arange(beams)
     origin = np.asarray(mount, float)
-    direction = origin[2] + bearings + rng.normal(0.0, 1.0, (len(time), 1)) * jitter
+    direction = origin[2] + bearings + rng.normal(0.0, jitter, (len(time), 1))
     u = np.stack([np.cos(direction), np.sin(direction)], axis=-1)
-    ranges = rectangle(path(when), size)(origin[:2], u, when)
+    ranges = rectangle(path(when), (LENGTH, THICKNESS))(origin[:2], u, when)
     for thing in things:
         ranges = np.minimum(ranges, thing(origin[:2], u, when))
     ranges = ranges + rng.normal(0.0, noise, ranges.shape)
     if quantisation:
         ranges = np.round(ranges / quantisation) * quantisation
-    if dropout:
-        ranges[rng.random(ranges.shape) < dropout] = np.inf
     return Session(encoder_time, omega, time, ranges, first, increment, step, origin, path, at)
 
 

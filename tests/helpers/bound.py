@@ -10,8 +10,6 @@ The bound doesn't apply where the ranges are not smooth functions of the pose: w
 the face that a beam meets determines the heading.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from beside import rectangle
 

@@ -11,8 +11,6 @@ above the edge of a step of
 at the pitch theta, with a the distance of the centre of mass ahead of the rear wheel's axis and c its height.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Commands run in this process, and their results."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """Stored laws of every family, and twists to compare them at."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from trackslip.kinematics import Array, RobotGeometry
@@ -12,17 +10,9 @@ VALUES = {
     "icr": {"offset": 0.0436},
     "icr_radius": {"offset": 0.045, "radius_error": 0.0067},
     "two_gains": {"offset": 0.045, "radius_error": 0.0067},
-    "icr_sides": {
-        "offset_left": 0.04,
-        "offset_right": 0.05,
-        "radius_error_left": 0.005,
-        "radius_error_right": -0.012,
-    },
+    "icr_sides": dict(offset_left=0.04, offset_right=0.05, radius_error_left=0.005, radius_error_right=-0.012),
     "turn_loss": {"offset": 0.045, "radius_error": 0.0067, "turn_loss": 0.3},
-    "turn_loss_sides": {
-        **{"offset": 0.045, "radius_error_left": 0.005, "radius_error_right": -0.012},
-        "turn_loss": 0.3,
-    },
+    "turn_loss_sides": dict(offset=0.045, radius_error_left=0.005, radius_error_right=-0.012, turn_loss=0.3),
     "centrifugal": {"offset": 0.045, "radius_error": 0.0067, "turn_loss": 0.3, "centrifugal_slip": 0.3},
     "exponential": {"alpha_outer": 0.0814, "beta_outer": -0.892, "alpha_inner": -0.184, "beta_inner": -0.854},
     "exponential_speed": {

@@ -1,7 +1,5 @@
 """A model of ros2_control's diff_drive_controller: commands and odometry."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass

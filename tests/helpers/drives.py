@@ -1,7 +1,5 @@
 """Simulated logs of drives with known laws and errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -49,12 +47,6 @@ def constant_speeds(left: float, right: float, duration: float = 30.0) -> Array:
     """Track speeds (T, 2) [m/s] at 50 Hz that don't change, after a start from rest."""
     ramp = np.minimum(np.arange(int(duration * _ENCODERS) + 1) / _ENCODERS, 1.0)
     return ramp[:, None] * np.array([left, right])
-
-
-def held(time, omega, period, shifts=(0.0, 0.0)):
-    """Speeds (T, 2) as a robot logs them that reads each encoder once a `period` [s], the two at times of their own."""
-    rows = [np.searchsorted(time, period * np.floor((time - s) / period + 1e-9) + s - 1e-9) for s in shifts]
-    return np.column_stack([omega[np.clip(row, 0, None), side] for side, row in enumerate(rows)])
 
 
 def without_poses(log: RunLog, rows: np.ndarray) -> RunLog:

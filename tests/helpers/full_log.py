@@ -1,6 +1,4 @@
-"""A log with every optional field."""
-
-from __future__ import annotations
+"""A log with everything that a log can hold."""
 
 import numpy as np
 
@@ -13,23 +11,27 @@ MOUNT = np.array([-1.0, 2.0, 0.3])
 
 
 def full_log():
-    """A log with every optional field, uneven times and full-precision numbers."""
+    """Every optional field, uneven times and full-precision numbers; a beam of each scan is the plate's."""
     rng = np.random.default_rng(0)
-    time = np.cumsum(rng.uniform(0.02, 0.08, ROWS))
-    root = rng.normal(0, 0.1, (ROWS, 3, 3))
+    time, root = np.cumsum(rng.uniform(0.02, 0.08, ROWS)), rng.normal(0, 0.1, (ROWS, 3, 3))
+    two, three = rng.normal(0, 3, (ROWS, 2)), rng.normal(0, 2, (ROWS, 3))
     ranges = rng.uniform(1, 5, (ROWS, BEAMS)).astype(np.float32)
     ranges[:, ::4] = np.nan
     scan = Scan(np.linspace(-1.5, 1.5, BEAMS), np.empty((0, BEAMS)), 0.005, MOUNT, 20.0)
-    none, zero = np.zeros(0), np.zeros(ROWS, int)
-    cluster = Cluster(none, none, zero, zero, np.zeros((ROWS, 2)))
+    one, zero = np.ones(ROWS, int), np.zeros(ROWS, int)
+    cluster = Cluster(np.full(ROWS, scan.bearings[1]), ranges[:, 1], one, zero, np.zeros((ROWS, 2)))
     return RunLog(
-        run="a run",
+        run="a",
         time=time,
-        omega=rng.normal(0, 3, (ROWS, 2)),
-        pose=rng.normal(0, 2, (ROWS, 3)),
-        command=rng.normal(0, 3, (ROWS, 2)),
+        omega=two,
+        pose=three,
+        command=two + 1,
+        twist_command=two + 2,
+        icr=two + 3,
         covariance=root @ root.swapaxes(1, 2),
         valid=rng.random(ROWS) < 0.7,
-        truth=Truth(rng.normal(0, 2, (ROWS, 3)), rng.normal(0, 1, (ROWS, 3))),
+        load=two + 4,
+        truth=Truth(three + 1, three, two, two, two, two, three[:, 0], np.ones((ROWS, 20, 3)), np.ones((ROWS, 20))),
         scans=ScanLog(scan, Plate(), cluster, ranges),
+        metadata={"seed": 1, "geometry": {"half_gauge": 0.168}},
     )

@@ -1,7 +1,5 @@
 """Controllers linearised about the body-frame error."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from trackslip.controllers.base import Controller

@@ -12,8 +12,6 @@ A block is a fence with a language. A comment on the line above it may say what 
 `text` blocks are the output of the block before them, to the digit. A line that ends in … leaves out the rest of it.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import shlex
@@ -35,13 +33,10 @@ _BLOCK = re.compile(r"(?:^<!-- ([a-z ]+)(?:: (.+))? -->\n)?^(```+|~~~+)(.*)\n((?
 class Block:
     """A code block."""
 
-    line: int
-    """Line number of its beginning, counted from 1."""
+    line: int  # of its beginning, counted from 1
     language: str
-    directive: str
-    """One of DIRECTIVES."""
-    about: str
-    """What the directive says: a file's name, a module, or a reason."""
+    directive: str  # one of DIRECTIVES
+    about: str  # what the directive says: a file's name, a module, or a reason
     text: str
 
 
@@ -89,15 +84,11 @@ def missing_line(text: str, printed: str) -> str | None:
 class PageRunner:
     """Runs the blocks of a page, in order, and compares what they print with what it shows."""
 
-    folder: Path
-    """Where the page's files are written: the working directory."""
-    captured: Callable[[], str]
-    """Gives what was printed since the last call."""
-    slow: bool = False
-    """Whether slow blocks are run, too; their commands are parsed anyhow."""
+    folder: Path  # where the page's files are written: the working directory
+    captured: Callable[[], str]  # gives what was printed since the last call
+    slow: bool = False  # whether slow blocks are run, too; their commands are parsed anyhow
     names: dict[str, Any] = field(default_factory=lambda: {"__name__": "__main__"})
-    printed: str | None = None
-    """By the block before, if it was run."""
+    printed: str | None = None  # by the block before, if it was run
 
     def __post_init__(self) -> None:
         (self.folder / "examples").symlink_to(ROOT / "examples")  # pages are read in a checkout

@@ -1,20 +1,28 @@
-"""Logs of a skid-steered robot with a known law, as tables that people write, without a simulator.
+"""Logs of robots with a known law, as tables that people write, without a simulator; first looks at them and laws.
 
-The law is exact: v_side = v -/+ (half_gauge + offset) w = radius (1 + radius_error +/- unequal) omega.
+The law of `Robot` is exact: v_side = v -/+ (half_gauge + offset) w = radius (1 + radius_error +/- unequal) omega.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import pyarrow as pa
 
+from trackslip import se2
+from trackslip.identification.drive_comparison import compare_drives
+from trackslip.identification.first_look import Look, first_look
+from trackslip.identification.fitted import Gain
+from trackslip.identification.preparation import drives_of
+from trackslip.identification.result import Identification
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
+from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table_reader import runs_from_table
 
+GEOMETRY = RobotGeometry(0.168, 0.06)
+LAW = ConstantIcr(0.045, GEOMETRY.half_gauge, 0.006)
 ENCODER_STEP = 0.02
 """Time between rows with encoders [s]."""
 _SETTLING = 0.4  # time constant with which the robot takes up new speeds [s]
@@ -52,9 +60,9 @@ class Drive:
     omega: Array  # (T, 2) mean speeds of the wheels since the row before [rad/s]
     pose: Array  # (T, 3) true [m, m, rad]
 
-    def with_wheels(self, omega: Array) -> Drive:
+    def with_wheels(self, omega: Array) -> Self:
         """The same motion with other readings of the encoders."""
-        return Drive(self.time, omega, self.pose)
+        return replace(self, omega=omega)
 
 
 def drive_of(
@@ -151,3 +159,56 @@ def log_of(drive: Drive, time: Array, pose: Array, run: str = "a") -> RunLog:
     """Encoders and poses as a log, read from their table."""
     (log,) = runs_from_table(table_of(drive, time, pose, run), "a table").runs
     return log
+
+
+def wandered(*, name="drive", duration=30.0, headings=True, outliers=0, seed=0):
+    """A log at 20 Hz with poses at 10 Hz, whose noise is 5 mm and 15 mrad."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, 0.05)
+    at = time[:, None] + rng.uniform(0, 10, 2)
+    sway = np.sin(2.3 * at[:, 1]) + 0.6 * np.sin(0.7 * at[:, 0])
+    twist = np.column_stack([0.12 + 0.08 * np.sin(0.9 * at[:, 0]), 0.5 * sway])
+    omega = LAW.sprocket_speeds(twist, GEOMETRY)
+    motion = np.insert(twist[1:] * 0.05, 1, 0.0, axis=1)
+    pose = se2.chain(np.zeros(3), se2.exp(motion))
+    pose += [0.005, 0.005, 0.015] * rng.standard_normal(pose.shape)
+    pose[10 : 10 + 20 * outliers : 20, :2] += 0.5
+    if not headings:
+        pose[:, 2] = np.nan
+    return RunLog(name, time, omega, pose, valid=np.arange(len(time)) % 2 == 0)
+
+
+def identified_from(*logs, names=("none", "icr", "icr_radius")) -> Identification:
+    """An identification of laws fitted to drives."""
+    found = compare_drives(first_look(drives_of(logs)[0], GEOMETRY), GEOMETRY, names=names)
+    return Identification(GEOMETRY, "drive", None, found, (), found.warnings, logs)
+
+
+DRIVE = drive_of()
+TIME, POSE = measured(DRIVE)
+KINDS = {"poses": [], "positions": [2], "headings": [0, 1]}
+"""Columns of poses that are missing."""
+
+
+def look(*logs: RunLog, robot: Robot = HUSKY) -> Look:
+    """The look at logs."""
+    drives, refused = drives_of(logs)
+    assert not refused
+    return first_look(drives, robot.geometry)
+
+
+def look_at(drive: Drive = DRIVE, time: Array = TIME, pose: Array = POSE, robot: Robot = HUSKY) -> Look:
+    """The look at encoders and poses."""
+    return look(log_of(drive, time, pose), robot=robot)
+
+
+def without(pose: Array, kind: str) -> Array:
+    """Poses of a kind."""
+    pose = pose.copy()
+    pose[:, KINDS[kind]] = np.nan
+    return pose
+
+
+def holds(gain: Gain, truth: float) -> bool:
+    """True if the 99.7 % interval of a gain, one and a half times its own, holds the truth."""
+    return abs(gain.value - truth) <= 1.5 * gain.error

@@ -1,7 +1,5 @@
 """A reference's twist integrated to its poses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from trackslip.kinematics import Array

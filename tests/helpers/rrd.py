@@ -1,19 +1,10 @@
-"""Reading recordings, and options of a run to record."""
+"""Reading recordings."""
 
-from __future__ import annotations
-
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 from rerun.chunk import RrdReader
-
-CIRCLE = (
-    *("--reference", "circle", "--circle-duration", "14", "--circle-radius", "0.8"),
-    *("--start", "-1.4", "0.1", "0.2"),
-)
 
 
 def component(file: Path, entity: str, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -30,9 +21,3 @@ def component(file: Path, entity: str, name: str) -> tuple[np.ndarray, np.ndarra
             times.append(batch.column("time").cast("int64").to_numpy() / 1e9)
     order = np.argsort(np.concatenate(times))
     return np.concatenate(times)[order], np.concatenate(values)[order]
-
-
-def verify(file: Path) -> None:
-    command = [str(Path(sys.executable).with_name("rerun")), "rrd", "verify", str(file)]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr

@@ -1,15 +1,15 @@
-"""Samples of slip with known laws and errors, for tests."""
+"""Samples of slip with known laws and errors, and identifications from them."""
 
-from collections.abc import Mapping
+import itertools
 
 import numpy as np
 
-from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
-from trackslip.identification.steady import fit_law
+from trackslip.identification.result import Identification
+from trackslip.identification.samples import SlipSamples
+from trackslip.identification.steady import CrossValidation, SteadyComparison, fit_law
 from trackslip.kinematics import RobotGeometry
-from trackslip.laws.families import FAMILIES
-from trackslip.logs.logfile import read_runs
-from trackslip.logs.runlog import stored_geometry
+from trackslip.laws.icr import ConstantIcr
+from trackslip.logs.runlog import Refused
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 RADII = (0.63, 1.27, 1.90, 2.53, 3.16)
@@ -18,46 +18,49 @@ ERRORS = np.array([[4e-5**2, 2e-9], [2e-9, 8e-5**2]])
 """Covariance of a run's v and w, about as large as that of a bundle of 30 s [m/s, rad/s]."""
 
 
-def grid(law, errors=ERRORS, told=True, seed=0, radii=RADII, speeds=SPEEDS):
-    """Radius x speed driven under a law, measured with errors."""
-    radius, speed = (values.ravel() for values in np.meshgrid(radii, speeds, indexing="ij"))
-    twist = np.column_stack([speed, speed / radius])
-    omega = law.sprocket_speeds(twist, GEOMETRY)
-    count = len(radius)
-    if errors is not None:
-        twist = twist + np.random.default_rng(seed).multivariate_normal([0, 0], errors, count)
-    covariance = np.tile(errors, (count, 1, 1)) if told and errors is not None else None
+def grid(law, radii=RADII):
+    """Radius x speed driven under a law, measured with known errors."""
+    radius, speed = (values.ravel() for values in np.meshgrid(radii, SPEEDS, indexing="ij"))
+    true = np.column_stack([speed, speed / radius])
+    twist = true + np.random.default_rng(0).multivariate_normal([0, 0], ERRORS, len(true))
     names = [f"R {r:g} v {v:g}" for r, v in zip(radius, speed, strict=True)]
-    return SlipSamples.of(omega, twist, GEOMETRY, names, covariance)
+    omega = law.sprocket_speeds(true, GEOMETRY)
+    return SlipSamples.of(omega, twist, GEOMETRY, names, np.tile(ERRORS, (len(true), 1, 1)))
 
 
-def coverage(
-    name: str,
-    values: Mapping[str, float],
-    design: SlipSamples,
-    geometry: RobotGeometry,
-    repeats: int,
-    rng: np.random.Generator,
-    known_errors: bool = True,
-) -> dict[str, float]:
-    """Share of the repeats in which the 95 % interval of each parameter of a law contains its value.
-
-    Each repeat draws the twists of a robot that follows the law with `values`, at the sprocket speeds of the design and
-    with its errors of twists. The fits know the covariances of these errors, or estimate the scatter from the samples.
-    """
-    root = np.linalg.cholesky(design.covariance)
-    errors = np.einsum("nij,mnj->mni", root, rng.standard_normal((repeats, len(design), 2)))
-    covariance = design.covariance if known_errors else None
-    covered = dict.fromkeys(values, 0)
-    for twist in FAMILIES[name].build(values, geometry).twist(design.omega, geometry) + errors:
-        samples = SlipSamples.of(design.omega, twist, geometry, design.run, covariance)
-        for key, (low, high) in fit_law(name, samples, geometry).interval95.items():
-            covered[key] += low <= values[key] <= high
-    return {key: count / repeats for key, count in covered.items()}
+LAWS = ("none", "exponential", "icr", "icr_radius")
+_NOISE = 2e-3  # relative, of the twists
 
 
-def slip_errors(folder, method):
-    """Errors of slips (n, 2) of the runs on circles in a folder of results, by a motion method."""
-    logs = [log for log in read_runs(folder / "runs.parquet") if "radius" in log.metadata]
-    geometry = stored_geometry(logs[0])
-    return usable_samples(logs, geometry, method=method, longest=True).samples.slip - true_samples(logs, geometry).slip
+def driven(twist, *, errors=True, seed=0):
+    """Samples of a robot with a constant ICR that drives twists (n, 2), with or without their errors."""
+    twist = np.asarray(twist, float)
+    omega = ConstantIcr(0.05, GEOMETRY.half_gauge, 0.007).sprocket_speeds(twist, GEOMETRY)
+    size = _NOISE * np.abs(twist) + 1e-6
+    measured = twist + size * np.random.default_rng(seed).standard_normal(twist.shape)
+    covariance = size[:, :, None] ** 2 * np.eye(2) if errors else None
+    return SlipSamples.of(omega, measured, GEOMETRY, [f"run {k}" for k in range(len(twist))], covariance)
+
+
+def circles(*, side=1):
+    """Twists (8, 2) of four radii at two speeds, to the left or, with -1, to the right."""
+    return [(v, side * v / radius) for radius, v in itertools.product((0.6, 1.2, 2.0, 3.0), (0.1, 0.2))]
+
+
+def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determined=True):
+    """Laws fitted to samples; `determined=False` imitates samples too few for a comparison."""
+    laws = {name: fit_law(name, samples, GEOMETRY) for name in names}
+    predicted = {name: law.fit.left_out() if determined else None for name, law in laws.items()}
+    comparison = SteadyComparison(
+        samples=samples,
+        laws=laws,
+        validation={name: CrossValidation.of(twist, samples, GEOMETRY) for name, twist in predicted.items()},
+        score={},
+        best=best,
+        reason="it predicts best",
+        expressible=best,
+        warnings=("law exponential_speed: the samples don't determine gamma_outer",),
+    )
+    outliers = tuple(Refused(*outlier) for outlier in outliers)
+    warnings = (*map(str, outliers), *comparison.warnings)
+    return Identification(GEOMETRY, "steady", comparison, None, outliers, warnings)

@@ -1,7 +1,5 @@
 """Robots on terrain: a box with two tracks and the rescue robot, N copies side by side."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,6 +1,4 @@
-"""Repeated trials of the slow tests in tests/validation: processes, estimates and shares."""
-
-from __future__ import annotations
+"""What slow tests in tests/validation share: trials in processes, estimates, shares, and MuJoCo's own contact."""
 
 import multiprocessing
 import os
@@ -8,11 +6,13 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
+import mujoco
 import numpy as np
 from scipy.stats import binom, binomtest
 
+from experiments.common.check import Check, checks_table
 from trackslip.errors import TrackslipError
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.preparation import drives_of
@@ -66,7 +66,7 @@ class Estimates(NamedTuple):
     high: Array  # (n,)
 
     @classmethod
-    def of(cls, trials: Sequence[dict[str, Estimate]], name: str) -> Estimates:
+    def of(cls, trials: Sequence[dict[str, Estimate]], name: str) -> Self:
         missing = Estimate(*[np.nan] * 4)
         return cls(*np.array([trial.get(name, missing) for trial in trials], float).T)
 
@@ -91,3 +91,20 @@ def plausible_shares(low: float, high: float, trials: int) -> tuple[float, float
     """
     ends = binom.ppf([_CHANCE, 1 - _CHANCE], trials, [low, high]) / trials
     return float(ends[0]), float(ends[1])
+
+
+def report(title: str, checks: Sequence[Check]) -> None:
+    """Print the table of some checks and assert that all of them hold."""
+    checks_table(title, checks).print()
+    assert [str(check) for check in checks if not check.holds] == []
+
+
+def use_default_contact(model: mujoco.MjModel) -> None:
+    """Replace the contact parameters of a model by MuJoCo's defaults, except the friction coefficients."""
+    plain = mujoco.MjSpec().option
+    model.pair_solref[:] = [0.02, 1.0]
+    model.pair_solreffriction[:] = 0.0
+    model.pair_solimp[:] = [0.9, 0.95, 0.001, 0.5, 2.0]
+    model.pair_margin[model.pair_dim == 1] = -1.0  # the cores of tracks never touch
+    for name in ("timestep", "cone", "impratio", "solver", "iterations"):
+        setattr(model.opt, name, getattr(plain, name))

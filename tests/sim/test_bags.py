@@ -1,12 +1,9 @@
 """Bags: read back with rosbags' and Foxglove's readers, and compared with what the log says."""
 
-from __future__ import annotations
-
-from dataclasses import replace
+from collections import Counter
 
 import numpy as np
 import pytest
-from bags import ecef
 from full_log import BEAMS, MOUNT, ROWS, full_log
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -63,9 +60,17 @@ def assert_poses(rows, prefix, pose):
     assert (Rotation.from_quat(turned) * heading.inv()).magnitude().max() < 1e-15
 
 
-def test_every_topic_is_read_back_bit_for_bit(log, tmp_path):
+def test_every_topic_is_read_back_bit_for_bit_and_by_foxgloves_reader(log, tmp_path):
     write_bag(log, tmp_path / "bag", GEOMETRY)
-    bag, valid = read(tmp_path / "bag"), log.valid
+    bag, valid, count = read(tmp_path / "bag"), log.valid, Counter()
+    with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
+        for _, channel, message, decoded in make_reader(file, True, [DecoderFactory()]).iter_decoded_messages():
+            stamp, own = bag[channel.topic][count[channel.topic]]
+            assert message.log_time == message.publish_time == stamp
+            if channel.topic == "/joint_states":
+                assert decoded.velocity == own.velocity.tolist()
+            count[channel.topic] += 1
+    assert count == {topic: len(rows) for topic, rows in bag.items()}
     names = "/joint_states", "/odom", "/tf", "/pose", "/scan"
     types = [bag[name][0][1].__msgtype__.split("/")[-1] for name in names]
     assert types == ["JointState", "Odometry", "TFMessage", "PoseWithCovarianceStamped", "LaserScan"]
@@ -123,53 +128,15 @@ def test_transforms_lead_from_the_map_to_the_robot(log, tmp_path):
     assert static.ext.offered_qos_profiles[0].durability is QosDurability.TRANSIENT_LOCAL
 
 
-def test_foxgloves_reader_decodes_every_topic(log, tmp_path):
-    write_bag(log, tmp_path / "bag", GEOMETRY)
-    bag, count = read(tmp_path / "bag"), {}
-    with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
-        for _, channel, message, decoded in make_reader(file, True, [DecoderFactory()]).iter_decoded_messages():
-            stamp, own = bag[channel.topic][count.setdefault(channel.topic, 0)]
-            count[channel.topic] += 1
-            assert message.log_time == message.publish_time == stamp
-            if channel.topic == "/joint_states":
-                assert decoded.velocity == own.velocity.tolist()
-            elif channel.topic == "/scan":
-                assert decoded.ranges == own.ranges.tolist()
-    assert count == {topic: len(rows) for topic, rows in bag.items()}
-
-
-def test_poses_without_headings_are_fixes(log, tmp_path):
-    pose = log.pose.copy()
-    pose[::2, 2] = np.nan
-    write_bag(replace(log, pose=pose), tmp_path / "bag", GEOMETRY)
-    bag, odd = read(tmp_path / "bag"), np.arange(ROWS) % 2 > 0
-    assert_stamps(bag["/pose"], log.time[log.valid & odd])
-    assert_stamps(bag["/fix"], log.time[log.valid & ~odd])
-    fixed = log.valid & ~odd
-    place = ecef(*numbers(bag["/fix"], "latitude", "longitude", "altitude").T)
-    far = np.linalg.norm(place - place[0], axis=1)
-    np.testing.assert_allclose(far, np.hypot(*(pose[fixed] - pose[fixed][0])[:, :2].T), atol=1e-6)
-    covariance = numbers(bag["/fix"], "position_covariance")[:, 0].reshape(-1, 3, 3)
-    np.testing.assert_array_equal(covariance[:, :2, :2], log.covariance[fixed][:, :2, :2])
-    assert {message.status.status for _, message in bag["/fix"]} == {2}
-
-
 def test_refusals(log, tmp_path):
     (tmp_path / "there").mkdir()
     with pytest.raises(OutputError, match=r"there: exists already$"):
         write_bag(log, tmp_path / "there")
-    (tmp_path / "file").touch()
-    seen = replace(log.scans.scan, ranges=log.scans.full)
-    with pytest.raises(OutputError, match=r"bag: can't be written \(.+\)$"):
-        write_bag(log, tmp_path / "file" / "bag")
     for given, message in (
         ({"poses": "Pose"}, "poses = 'Pose': must be one of PoseWithCovarianceStamped, PoseStamped, Odometry"),
         ({"readings": np.zeros(ROWS, bool)}, "readings = 'false everywhere': must be true in at least one row"),
-        ({"scans": (log.time[:3], seen)}, "scans = '3 times': must be 40, one per scan"),
-        ({"scans": (-log.time, seen)}, 'scans = "times that don\'t ascend": must be in order of time'),
         ({"start": -(10**9)}, "start = -1000000000: must be such that all stamps are from 0 to 2147483647 s"),
     ):
-        with pytest.raises(InvalidValueError) as refusal:
+        with pytest.raises(InvalidValueError, match=message):
             write_bag(log, tmp_path / "bag", **given)
-        assert str(refusal.value) == message
     assert not (tmp_path / "bag").exists()

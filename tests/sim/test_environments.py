@@ -1,8 +1,9 @@
 """Both environments through gymnasium: its checker, seeds, and rows of the batch that are the single environment."""
 
 import itertools
+import subprocess
+import sys
 from dataclasses import fields
-from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -11,23 +12,12 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from results import assert_same
 
-from sim import (
-    Drive,
-    Ground,
-    LaserScanner,
-    Limits,
-    Pull,
-    Randomization,
-    Reflex,
-    RobotParameters,
-    SensorNoise,
-    TraverseConfig,
-)
+from sim import Drive, Ground, LaserScanner, Limits, Pull, Randomization, Reflex, RobotParameters, SensorNoise
 from sim.drive.drive import Servos
 from sim.path_tracking.config import EnvConfig, TrackingReward
 from sim.settings import from_options
 from sim.terrain import Course, Flat, Ramp, Step
-from sim.traverse.config import CrossingReward
+from sim.traverse.config import CrossingReward, TraverseConfig
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.icr_load import IcrLoad
@@ -67,7 +57,7 @@ SHORT = {"limits": Limits(time=1.2, stuck_time=0.4), "course": ("random", "rough
 )
 def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_path):
     file = tmp_path / "short.csv"
-    file.write_text("x,y\n0,0\n0.02,0\n0.04,0.002\n")  # of two seconds, so that an episode comes to its end
+    file.write_text("x,y\n0,0\n0.01,0\n0.02,0.001\n")  # of 1.3 s, so that an episode comes to its end
     if name == TRACKING:
         options = options | {"reference": ("slalom", str(file))}
     native = gym.make_vec(name, num_envs=2, autoreset_mode=mode, threads=2, **options)
@@ -77,7 +67,7 @@ def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_pat
     assert_same(native.reset(seed=7), single.reset(seed=7))
     single.action_space.seed(3)
     ends = 0
-    for _ in range(9 if name == TRAVERSE else 50):
+    for _ in range(9 if name == TRAVERSE else 32):
         actions = single.action_space.sample()
         if name == TRAVERSE:
             actions[0] = -1.0, 1.0, 0.0, 0.0, 0.0, 0.0  # turns on the spot until its time is over
@@ -88,20 +78,6 @@ def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_pat
         if mode is AutoresetMode.DISABLED and ended.any():
             assert_same(*(env.reset(options={"reset_mask": ended.copy()}) for env in (native, single)))
     assert ends >= 1
-
-
-def test_a_robot_file_brings_its_ground_and_its_drive(tmp_path):
-    file = tmp_path / "robot.toml"
-    file.write_text("mass = 20.0\n[drive]\nlag = 0.2\ntop_speed = 0.4\n[ground]\nalong = 0.5\nacross = 0.6\n")
-    for given, drive in ((None, Drive(lag=0.2, top_speed=0.4)), (Drive(lag=0.1), Drive(lag=0.1))):
-        env = gym.make(TRACKING, robot=file, ground="robot", drive=given).unwrapped
-        env.reset(seed=0)
-        fleet = env.task.fleet
-        assert (fleet.robot.mass, fleet.ground[0].along, fleet.ground[0].across) == (pytest.approx(20.0), 0.5, 0.6)
-        for _ in range(4):
-            env.step(np.ones(2, np.float32))
-        expected = drive.top_speed / 0.06 * -np.expm1(-0.2 / drive.lag)
-        np.testing.assert_allclose(fleet.drive.omega, expected, rtol=1e-9)
 
 
 def test_seeds_and_options_may_be_one_each_and_none_is_drawn():
@@ -184,51 +160,33 @@ HOSTILE = [
 ]
 
 
-def refused_in_one_line(function, *args, **kwargs):
-    """Whether a function refuses something in one short line; no other error is allowed."""
-    try:
-        function(*args, **kwargs)
-    except TrackslipError as error:
-        message = str(error)
-    else:
-        return False
-    assert "\n" not in message
-    assert len(message) < 600
-    return True
-
-
 @pytest.mark.parametrize(
     "configuration", [EnvConfig, TrackingReward, Randomization, TraverseConfig, Limits, Servos, Reflex]
 )
 def test_hostile_options_are_accepted_or_refused_in_one_line(configuration):
-    tries = list(itertools.product([f.name for f in fields(configuration)], HOSTILE))
-    make = (
-        partial(from_options, configuration) if "Config" in configuration.__name__ else lambda one: configuration(**one)
-    )
-    assert sum(refused_in_one_line(make, {name: value}) for name, value in tries) > 0.7 * len(tries)
+    tries, messages = list(itertools.product([f.name for f in fields(configuration)], HOSTILE)), []
+    for name, value in tries:
+        try:
+            from_options(configuration, {name: value}) if "Config" in str(configuration) else configuration(
+                **{name: value}
+            )
+        except TrackslipError as error:
+            messages.append(str(error))
+    assert all("\n" not in message and len(message) < 600 for message in messages)
+    assert len(messages) > 0.7 * len(tries)
 
 
 @pytest.mark.parametrize("name", [TRACKING, TRAVERSE])
-def test_hostile_values_do_no_harm_in_an_environment(name):
-    env, envs = gym.make(name).unwrapped, gym.make_vec(name, num_envs=2)
-    env.reset(seed=0)
+def test_actions_and_options_that_make_no_sense_are_refused(name):
+    envs = gym.make_vec(name, num_envs=2)
     envs.reset(seed=0)
     count = envs.single_action_space.shape[0]
     for actions in (np.zeros((2, count + 1)), np.zeros(count), np.full((2, count), NAN), np.full((2, count), INF)):
-        assert refused_in_one_line(envs.step, actions)
-    for value in HOSTILE:
-        refused_in_one_line(envs.reset, options=value)
-        refused_in_one_line(envs.reset, seed=value)
-        assert refused_in_one_line(envs.reset, options={"reset_mask": value})
-        refused_in_one_line(env.step, value)
-        assert refused_in_one_line(env.set_state, value)
-        for option in ("start_error", "radius_error", "com", "lag", "latency", "ground", "start_offset", "difficulty"):
-            if not refused_in_one_line(env.reset, options={option: value}):
-                observation, reward, *_ = env.step(np.zeros(env.action_space.shape))
-                assert np.isfinite(observation).all()
-                assert np.isfinite(reward)
-        for option in ("num_envs", "threads", "autoreset_mode", "max_episode_steps"):
-            refused_in_one_line(gym.make_vec, name, **({"num_envs": 1} | {option: value}))
+        with pytest.raises(TrackslipError):
+            envs.step(actions)
+    for value in (NAN, "x", object(), {}, np.zeros(3)):
+        with pytest.raises(TrackslipError):
+            envs.reset(options={"reset_mask": value})
 
 
 ROUGH = {"course": ("random", "rough")}
@@ -275,3 +233,18 @@ def test_masses_are_drawn_and_weigh():
     needed = masses * 9.81 * np.sin(0.1) * robot.geometry.sprocket_radius
     friction = 2 * tracking.unwrapped.task.fleet.drive.drive.motor.friction
     np.testing.assert_allclose(info["torque"].sum(axis=1) - friction, needed, rtol=0.05)
+
+
+CODE = """
+import sys
+import sim, sim.scanner.scanner, sim.drive.drive, sim.ground.ground, sim.robot.parameters
+assert not [module for module in ("mujoco", "scipy", "sim.fleet") if module in sys.modules]
+import gymnasium
+for name in ("PathTracking", "Traverse"):
+    print(gymnasium.make_vec(f"trackslip/{name}-v0", 2).reset(seed=0)[0].shape)
+"""
+
+
+def test_importing_the_package_starts_no_simulator_and_registers_the_environments():
+    ran = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
+    assert ran.stdout == "(2, 19)\n(2, 63)\n"

@@ -14,7 +14,7 @@ from sim.ground.ground import NAMED_GROUNDS, load_ground
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import RobotParameters, robot_file_text
 from sim.scanner.scanner import Obstacles, Post, Wall, load_obstacles
-from sim.terrain import Course, Ramp, Rough, Stairs, load_course
+from sim.terrain import Course, Rough, Stairs, load_course
 from trackslip.errors import InvalidValueError, SettingsFileError
 
 PAGE = ROOT / "docs" / "grounds_and_robots.md"
@@ -47,16 +47,6 @@ def test_files_hold_all_fields(tmp_path):
     assert load_parameters(path)[0].drive == load_tracked(path).drive == Drive(lag=0.2)
 
 
-def test_missing_fields_are_the_defaults(tmp_path):
-    path = tmp_path / "any.toml"
-    path.write_text("slope = 0.0\n")
-    assert load_ground(str(path)) == NAMED_GROUNDS["stone"] == Ground()
-    path.write_text("com_y = 0.01\n")
-    assert load_parameters(path) == (RobotParameters(com_y=0.01), Ground())
-    assert load_course("side_slope").pieces[0].blend == 1.0
-    assert load_course("ramp20").pieces[0] == Ramp(0.3491, 3.0)
-
-
 def test_the_page_lists_the_named_grounds():
     rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (\d+) \|", PAGE.read_text(), re.MULTILINE)
     listed = {name: tuple(map(float, values)) for name, *values in rows}
@@ -67,41 +57,29 @@ def load_robot(source):
     return load_parameters(Path(source))
 
 
-PIECE, RAMP = "[[patches]]\ny = [0, 1]\nalong = 1\nacross = 1\n", '[[pieces]]\nkind = "ramp"\n'
-STAIRS, BLOCKS = '[[pieces]]\nkind = "stairs"\n', '[[pieces]]\nkind = "blocks"\n'
+PIECE, BLOCKS = "[[patches]]\ny = [0, 1]\nalong = 1\nacross = 1\n", '[[pieces]]\nkind = "blocks"\n'
+LATE, EARLY = "{time = 2, along = 1, across = 1}", "{time = 1, along = 1, across = 1}"
 MISTAKES = [
     # what any file can have
     (load_ground, "along = ", "not TOML"),
     (load_ground, "a = " + "[" * 5000, "not TOML (nested too deeply)"),
     (load_ground, "x = {" + "a." * 33 + "a = 1}", "nested more than 32 deep"),
-    (load_ground, "# nothing" + 40 * ".", "no settings in it"),
     (load_ground, "along = true", "along = True: must be a number"),
     (load_ground, "grip = 1.0", "grip is unknown; known are along, across"),
     # grounds
     (load_ground, "base = 'mud'", "base = 'mud': must be one of stone"),
-    (load_ground, "patches = 3", "patches = 3: must be a list"),
-    (load_ground, "patches = [3]", "patches[0] = 3: must be a Patch"),
     (load_ground, PIECE, "patches[0]: x is missing"),
     (load_ground, PIECE + "x = [[0], [1]]", "patches[0]: x = [0]: must be a number"),
-    (
-        load_ground,
-        "changes = [{time = 2, along = 1, across = 1}, {time = 1, along = 1, across = 1}]",
-        "changes = [2.0, 1.0]: must be in ascending order",
-    ),
+    (load_ground, f"changes = [{LATE}, {EARLY}]", "changes = [2.0, 1.0]: must be in ascending order"),
     # robots
-    (load_robot, "ground = 3", "ground: 3 is not a table"),
-    (load_robot, "[ground]\nalong = -1", "ground: along = -1.0: must be a finite number > 0"),
     (load_robot, "[drive]\nlag = 2", "drive: lag = 2.0: must be at most 1 s"),
     (load_robot, "[drive.motor]\ngear = 0", "drive: motor: gear = 0.0: must be a finite number > 0"),
-    (load_tracked, ROBOT.replace("= 0.2", "= -1", 1), "half_gauge = -1.0: must be a finite number > 0"),
     (load_tracked, ROBOT.replace("[-0.2, 0.1, 0.1], ", ""), "from 2 to 100 wheels"),
     (load_tracked, ROBOT.replace("[-0.2", '["a"'), "hull[0] = 'a': must be a number"),
     # obstacles
     (load_obstacles, "[[trees]]\nx = 1.0", "trees is unknown; known are posts, walls"),
     # courses
-    (load_course, "pieces = 3", "pieces = 3: must be a list of tables"),
     (load_course, "[[pieces]]\nangle = 1", "pieces[0]: kind = None: must be one of flat, ramp, step, stairs"),
-    (load_course, STAIRS + "number = 3.0", "pieces[0]: number = 3.0: must be a whole number"),
     (load_course, BLOCKS + "blocks = [[0.5, 0, 0.1, 0.1, 0.1, 0]]", "pieces[0]: length is missing"),
 ]
 
@@ -115,7 +93,6 @@ def test_a_mistake_is_one_line_with_file_and_field(tmp_path, load, text, message
     line = str(error.value)
     assert line.startswith(str(tmp_path))
     assert message in line
-    assert "\n" not in line
     assert len(line) < len(str(path)) + 200
 
 

@@ -11,7 +11,6 @@ from sim.run_recorder import Description, RunRecorder
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.error_feedback import Feedforward, LinearTimeVarying
 from trackslip.errors import InvalidValueError, RunFailedError
-from trackslip.kinematics import advance
 from trackslip.laws.icr import ConstantIcr
 from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import tracking_errors
@@ -54,8 +53,7 @@ def test_open_loop_logs_what_happened(robot):
         np.testing.assert_allclose(log.truth.power[20:], power, rtol=0.05, atol=0.05)
 
 
-def test_tractions_and_pad_forces_are_means_since_the_row_before(robot):
-    """Together their impulses are the momentum that a robot gains."""
+def test_impulses_of_tractions_and_pad_forces_are_the_momentum_that_a_robot_gains(robot):
     fleet = Fleet(load_robot(contact_sensors=True), [[0.0, 0.0, 0.0]])
     (log,) = open_loop(fleet, np.array([[3.0, 3.0]]), 0.5, period=0.05)
     gained = robot.mass * log.truth.twist[-1, 0]
@@ -160,7 +158,8 @@ def test_twists_that_are_none_are_refused(robot, function, message, rows):
 
 
 def test_a_controller_that_fails_leaves_the_rows_before():
-    robot, reference = load_robot(contact_sensors=True), short_path()
+    robot = load_robot(contact_sensors=True)
+    reference = SegmentedReference((0.0, 0.0, np.pi / 2), [Segment(1.5, 0.1, 0.15)])
     start = np.tile(reference.pose(0.0), (2, 1))
     fleet, feed = set_up(robot, start)
     pilots = [Pilot(Feedforward(), [0]), Pilot(Custom(fails), [1])]
@@ -210,12 +209,3 @@ def test_a_pilot_of_many_robots_is_as_many_pilots_to_the_bit(fleet, controller):
         together = commands(fleet, [Pilot(controller(), range(4), make(), 0.02)])
         alone = commands(fleet, [Pilot(controller(), [k], make(), 0.02) for k in range(4)])
         np.testing.assert_array_equal(together, alone)
-
-
-def test_a_preview_looks_ahead_of_the_motion_and_the_reference(fleet):
-    geometry, controller, reference = fleet.robot.geometry, LinearTimeVarying(), paper_reference()
-    law = ConstantIcr(0.03, geometry.half_gauge, 0.006)
-    found = commands(fleet, [Pilot(controller, range(4), FixedLaw(law), 0.1)])
-    ahead = advance(STARTS, law.twist(np.ones((4, 2)), geometry), 0.1)
-    expected = law.sprocket_speeds(controller.twist(0.1, ahead, reference), geometry)
-    np.testing.assert_allclose(found[0], expected, rtol=1e-12)

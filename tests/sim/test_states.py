@@ -10,7 +10,6 @@ from results import assert_same
 
 from sim import Drive, LaserScanner, Limits, Pull
 from sim.ground.ground import Change, Ground
-from trackslip.errors import InvalidValueError
 from trackslip.laws.icr_load import IcrLoad
 
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
@@ -20,13 +19,12 @@ DRAWN = {"reference": ("paper", "slalom"), "ground": ("stone", "clay"), "randomi
 TWIST = DRAWN | {"action": "twist"}
 COARSE = {"pose_source": "scanner", "scanner": LaserScanner(resolution=0.01, dropout=0.05)}
 LEARNING = {"loads": True, "pull": Pull(10.0, since=1.0), "pose_source": "noisy", "compensation": "online_cold"}
-ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=2, threads=2, max_episode_steps=15)
+ALONE, BATCH = gym.make, partial(gym.make_vec, num_envs=2, threads=2, max_episode_steps=8)
 STATES = [
     (BATCH, TRACKING, DRAWN | {"drive": Drive(lag=0.127, torque_limit=3.0)}, {"reference": "circle"}),
     (ALONE, TRACKING, TWIST | COARSE | {"compensation": UNDER_LOAD}, {"ground": CHANGING}),
     (BATCH, TRACKING, TWIST | LEARNING, {"ground": CHANGING}),
-    (BATCH, TRAVERSE, {"course": ("random", "rough"), "limits": Limits(time=1.2, stuck_time=0.4), "period": 0.2}, {}),
-    (ALONE, TRAVERSE, {"course": "step10", "limits": Limits(stuck_time=0.8, stuck_share=2.0)}, {}),
+    (BATCH, TRAVERSE, {"course": ("random", "rough"), "limits": Limits(time=1.0, stuck_time=0.4), "period": 0.2}, {}),
 ]
 
 
@@ -46,18 +44,12 @@ def continued(env, steps):
 def test_an_environment_continues_from_its_state_and_from_anothers_to_the_bit(make, name, options, given):
     env, other = (make(name, **options) for _ in range(2))
     env.reset(seed=1, options=given)
-    continued(env, 7)
+    continued(env, 4)
     state = env.unwrapped.get_state()
-    expected = continued(env, 10)
+    expected = continued(env, 6)
     other.reset(seed=2)
-    continued(other, 5)
+    continued(other, 2)
     for each, stored in ((env, state), (other, pickle.loads(pickle.dumps(state)))):
         each.unwrapped.set_state(stored)
-        for before, after in zip(expected, continued(each, 10), strict=True):
+        for before, after in zip(expected, continued(each, 6), strict=True):
             assert_same(before, after)
-
-
-def test_states_of_other_environments_are_refused():
-    for wrong in (gym.make_vec(TRACKING, num_envs=2).unwrapped.get_state(), {}, None):
-        with pytest.raises(InvalidValueError, match="state = 'that of"):
-            gym.make(TRACKING).unwrapped.set_state(wrong)

@@ -14,8 +14,6 @@ from trackslip.errors import InvalidValueError
 def module(monkeypatch):
     own = types.ModuleType("own_terms")
     own.torque = lambda task: np.abs(task.fleet.drive.torque).sum(axis=1)
-    own.distance = lambda task: task.world.state.position[:, 0]
-    own.scalar = lambda task: 1.0
     monkeypatch.setitem(sys.modules, "own_terms", own)
 
 
@@ -42,20 +40,6 @@ def test_own_terms_of_path_tracking():
     assert (info["energy"] > 0).all()
 
 
-def test_own_terms_of_crossing_and_of_a_specification():
-    name = "own_terms:distance"
-    options = {"course": "flat", "own_rewards": {name: 0.5}, "own_observations": {name: 2.0}}
-    spec = gym.make("sim:trackslip/Traverse-v0", **options).spec
-    env = gym.make(gym.envs.registration.EnvSpec.from_json(spec.to_json())).unwrapped
-    observation, _ = env.reset(seed=0)
-    assert observation in env.observation_space
-    observation, reward, *_, info = env.step(np.ones(6, np.float32))
-    place = info["true_position"][0]
-    assert observation[-1] == pytest.approx(place / 2, rel=1e-6)
-    usual = sum(value for key, value in info.items() if key.startswith("reward_") and name not in key)
-    assert reward == pytest.approx(usual + 0.5 * place)
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -69,10 +53,3 @@ def test_own_terms_of_crossing_and_of_a_specification():
 def test_terms_that_cannot_be_are_refused(options, message):
     with pytest.raises(InvalidValueError, match=message):
         gym.make("sim:trackslip/PathTracking-v0", **options)
-
-
-def test_values_of_another_shape_are_refused():
-    env = gym.make("sim:trackslip/PathTracking-v0", own_rewards={"own_terms:scalar": 1.0}).unwrapped
-    env.reset(seed=0)
-    with pytest.raises(InvalidValueError, match=r"own_terms:scalar = 'an array of shape \(\)'"):
-        env.step(np.zeros(2, np.float32))

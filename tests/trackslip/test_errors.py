@@ -1,14 +1,16 @@
-"""Numbers out of range, and what isn't a number, are named in one line."""
+"""Numbers out of range, what isn't a number, and files that aren't what they are taken for: one line names them."""
 
-from __future__ import annotations
-
+import os
 import pickle
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 import pytest
+from bags import open_bag
 
+import trackslip
+from sim.policy import load_network
 from trackslip.errors import (
     InvalidValueError,
     LogError,
@@ -20,6 +22,8 @@ from trackslip.errors import (
     require_non_negative,
     require_positive,
 )
+from trackslip.files import read_json, regular_file
+from trackslip.trajectory.named import load_reference
 
 CHECKS = (require_positive, require_non_negative, require_finite, partial(require_at_most, limit=2.0))
 
@@ -50,3 +54,28 @@ def test_what_is_no_number_is_refused_by_name(check: Callable[[str, object], Non
 def test_numbers_out_of_range_are_refused(check: Callable[[str, object], None], value: float) -> None:
     with pytest.raises(InvalidValueError, match="mass"):
         check("mass", value)
+
+
+def pointer(path):
+    path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12\n")
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (os.mkfifo, "not a regular file"),
+        (lambda path: path.symlink_to("/dev/zero"), "not a regular file"),
+        (lambda path: path.symlink_to(path), "Too many levels of symbolic links"),
+        (lambda path: path.mkdir(), "Is a directory"),
+        (pointer, "a Git LFS pointer instead of the file"),
+    ],
+)
+def test_only_regular_files_are_read(tmp_path, make, reason):
+    path = tmp_path / "input.csv"
+    make(path)
+    with pytest.raises(OSError, match=reason):
+        regular_file(path)
+    readers = (read_json, trackslip.load, load_reference, open_bag, lambda path: load_network(path, "policy"))
+    for read in readers[:3] if path.is_dir() else readers:
+        with pytest.raises(trackslip.TrackslipError, match=r"input\.csv"):
+            read(path)

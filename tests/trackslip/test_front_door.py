@@ -1,8 +1,5 @@
-import re
 import subprocess
 import sys
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +9,6 @@ import sim
 import trackslip
 from trackslip.kinematics import advance
 
-ROOT = Path(trackslip.__file__).parents[1]
 LAW = trackslip.ConstantIcr(0.045, GEOMETRY.half_gauge, 0.0067)
 
 
@@ -21,23 +17,13 @@ def modules_after(statement):
     return set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
 
 
-def steady_run(radius, speed=0.2, duration=12.0, metadata=None):
+def steady_run(radius, speed):
     twist = np.array([speed, speed / radius])
-    time = np.arange(0, duration, 0.05)
+    time = np.arange(0, 12.0, 0.05)
     noise = np.random.default_rng([round(1000 * radius), round(1000 * speed)]).normal(0, 0.002, (time.size, 3))
     pose = advance([0.0, 0.0, 0.0], twist, time) + noise
     omega = np.tile(LAW.sprocket_speeds(twist, GEOMETRY), (time.size, 1))
-    return trackslip.RunLog(f"R{radius:g}_v{speed:g}", time, omega, pose, metadata=metadata or {})
-
-
-@pytest.fixture(scope="module")
-def runs():
-    return [steady_run(radius, speed) for radius in (0.6, 1.0, 2.0) for speed in (0.1, 0.2)]
-
-
-@pytest.fixture(scope="module")
-def found(runs):
-    return trackslip.identify(runs, GEOMETRY)
+    return trackslip.RunLog(f"R{radius:g}_v{speed:g}", time, omega, pose)
 
 
 @pytest.mark.parametrize(("package", "some"), [(trackslip, "identify"), (sim, "Fleet")])
@@ -55,26 +41,14 @@ def test_importing_the_package_imports_next_to_nothing():
     assert not found & {"numpy", "scipy", "typing", "dataclasses", "pathlib"}
 
 
-def test_runs_in_memory_and_in_a_folder_give_the_same_laws(runs, found, tmp_path):
+def test_runs_in_memory_and_in_a_folder_give_the_same_laws_whose_intervals_cover_the_true_one(tmp_path):
     from trackslip.logs.logfile import RUNS, write_parquet
 
+    runs = [steady_run(radius, speed) for radius in (0.6, 1.0, 2.0) for speed in (0.1, 0.2)]
+    found = trackslip.identify(runs, GEOMETRY)
     write_parquet(runs, tmp_path / RUNS)
     assert found.best == "icr_radius"
     assert trackslip.identify(tmp_path, GEOMETRY).laws == found.laws
-
-
-def test_intervals_cover_the_law_that_was_driven(found):
     for name, (low, high) in found.intervals["icr_radius"].items():
         assert low < getattr(LAW, name) < high
     assert set(found.intervals) == set(found.laws)
-
-
-def test_extras_are_installed_from_a_checkout():
-    """No index has a distribution called trackslip: messages and docs install it, and only extras that there are."""
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    folders = ("trackslip", "sim", "experiments", "docs", "examples")
-    files = [file for folder in folders for kind in ("py", "md") for file in (ROOT / folder).rglob(f"*.{kind}")]
-    text = "\n".join(file.read_text() for file in (*files, ROOT / "README.md"))
-    assert not re.findall(r"trackslip\[[a-z,]+\]", text)
-    named = {name for listed in re.findall(r'pip install -e "\.\[([a-z,]+)\]"', text) for name in listed.split(",")}
-    assert {"rl", "dask", "ros"} <= named <= extras.keys()

@@ -14,7 +14,6 @@ PROGRAM = '''
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +24,11 @@ import sim
 import trackslip
 
 
-@dataclass(frozen=True)
 class Saturating(trackslip.SlipLaw):
-    """A law of one's own: slip grows with curvature and saturates."""
-
-    size: float
+    """A law of one's own."""
 
     def __call__(self, kappa: ArrayLike) -> NDArray[np.floating[Any]]:
-        grown = self.size * np.tanh(np.asarray(kappa, float))
-        return np.stack([-grown, grown], axis=-1)
+        return np.stack([-0.1 * np.tanh(kappa), 0.1 * np.tanh(kappa)], axis=-1)
 
 
 class Proportional:
@@ -43,8 +38,7 @@ class Proportional:
 
     def twist(self, time: float, pose: ArrayLike, reference: trackslip.Reference) -> NDArray[np.floating[Any]]:
         error = trackslip.body_errors(pose, reference.pose(time))
-        gains = np.array([[1.0, 0.0], [0.0, 4.0], [0.0, 2.0]])
-        twist: NDArray[np.floating[Any]] = reference.twist(time) + error @ gains
+        twist: NDArray[np.floating[Any]] = reference.twist(time) + error @ np.diag([1.0, 4.0, 2.0])[:, [0, 2]]
         return twist
 
 
@@ -63,7 +57,7 @@ def main(log: Path, folder: Path) -> None:
     laws: dict[str, trackslip.SlipLaw] = trackslip.load_laws(folder / "laws.json", robot)
     page: Path = found.report(folder / "report.html")
     speeds = [follow(controller, law, robot) for controller in (Proportional(), trackslip.LinearTimeVarying())
-              for law in (best, Saturating(0.1), trackslip.PUBLISHED)]
+              for law in (best, Saturating(), trackslip.PUBLISHED)]
     filtered = trackslip.IcrFilter(np.zeros((2, 3)), robot)
     fleet = sim.Fleet(sim.load_robot(), np.zeros((2, 3)), sim.Ground())
     print(trackslip.__version__, low < high, len(laws), page.name, max(speeds), filtered.offset.shape)

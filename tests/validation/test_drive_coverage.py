@@ -4,8 +4,6 @@
 robot and its law are those of `plain_drives`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import product
 

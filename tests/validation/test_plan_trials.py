@@ -3,15 +3,12 @@
 `pytest -m slow tests/validation/test_plan_trials.py -s` prints the tables of docs/shortest_experiment.md, in minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
 import pytest
-from checked import report
-from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes
+from trials import LAW, TRUE_LAW, Estimate, Estimates, identified, outcomes, report
 
 from experiments.common.check import Check
 from experiments.common.laws import symbol, unit_of

@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
-from checked import report
 from terrain_trials import LevelGround, box, rescue
+from trials import report
 
 from experiments.common.check import Check
 

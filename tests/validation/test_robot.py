@@ -1,4 +1,4 @@
-"""Robots on Coulomb ground against theory, over radius, speed, friction, length and centre of mass; energy.
+"""Robots on Coulomb ground against theory, over radius, speed, friction, length and centre of mass; physics steps.
 
 MuJoCo's default contact does the same turns, on the same robot with the same friction.
 """
@@ -7,15 +7,16 @@ import itertools
 import warnings
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
-from checked import report
-from default_contact import use_default_contact
+from trials import report, use_default_contact
 
 from experiments.common.check import Check
 from experiments.common.table import Table, pair, significant
 from experiments.validate.measurements import Setup, drive_steadily, measure_loads, paper_turns
-from sim import Ground, RobotParameters
+from sim import Drive, Ground, RobotParameters
+from sim.seeds import generator
 from trackslip.errors import InvalidValueError, RobotWarning
 
 ROBOTS = {"shipped": RobotParameters(), "larger": RobotParameters(half_gauge=0.25, contact_length=0.5)}
@@ -95,3 +96,38 @@ def test_straight_on_robots_do_not_drift():
     fleet.advance(40.0)
     x, y, _ = fleet.pose()[0]
     assert abs(y * np.cos(0.3) - x * np.sin(0.3)) < 0.1e-3
+
+
+DURATION, COUNT = 30, 8  # of random driving [s], and of robots
+REFERENCE = 0.00025  # physics step to compare with [s]
+
+
+@pytest.mark.slow
+def test_the_error_is_proportional_to_the_step_and_solvers_agree():
+    setup = Setup(RobotParameters(), Ground())
+    limit = Drive().top_speed / setup.parameters.sprocket_radius
+    commands = generator(0, "convergence").uniform(-limit, limit, (DURATION, COUNT, 2))
+
+    def end(step, solver="CG"):
+        robot = setup.robot()
+        robot.model.opt.timestep = step
+        robot.model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{solver.upper()}")
+        fleet = setup.fleet(np.zeros((COUNT, 3)), robot=robot)
+        for omega in commands:
+            fleet.command(omega)
+            fleet.advance(1.0)
+        return fleet.pose()[:, :2]
+
+    def distance(some, others):
+        return float(np.hypot(*(some - others).T).max())
+
+    own, exact = setup.robot().model.opt.timestep, end(REFERENCE)
+    errors = {step: distance(end(step), exact) for step in (0.0005, 0.001, 0.002, 0.005, 0.01)}
+    solvers = distance(end(own), end(own, "Newton"))
+    rows = [(f"physics step of {1e3 * step:g} ms", significant(1e3 * error, "mm")) for step, error in errors.items()]
+    rows.append(("CG and Newton, at the model's own step", significant(1e3 * solvers, "mm")))
+    Table("Distance after 30 s of random commands, largest of 8 robots", ("", "distance"), rows).print()
+    rates = np.array([error / (step - REFERENCE) for step, error in errors.items()])
+    assert rates.min() > 0
+    assert rates.max() < 2 * rates.min()
+    assert solvers < 0.2e-3

@@ -5,7 +5,7 @@ Parked robots and equal bits at any number of threads are in tests/sim.
 
 import numpy as np
 import pytest
-from checked import report
+from trials import report
 
 from experiments.common.check import Check
 from experiments.validate.measurements import Setup, drive_steadily, paper_turns

@@ -1,4 +1,4 @@
-"""The runs of benchmarks: suites, starts, plants, and independence of their company."""
+"""The runs of benchmarks, their means over seeds, and the leaderboard with its intervals."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,8 @@ import pytest
 from experiments.benchmark.cases import BenchmarkCase, planned_cases
 from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops
+from experiments.benchmark.page import answer
+from experiments.benchmark.rows import board, over_seeds
 from sim.ground.ground import load_ground
 from sim.stopwatch import Stopwatch
 
@@ -38,15 +40,6 @@ def test_a_run_is_the_same_in_any_company(tmp_path):
     assert np.any(linear != logs[cases[0].name].truth.pose[0])
 
 
-def test_starts_are_the_papers_or_random_and_the_same_for_all_controllers():
-    case = BenchmarkCase("linear", "none", "paper", "stone", "paper", 0)
-    np.testing.assert_allclose(case.start_pose(), [0.3, -0.2, np.pi / 3], atol=1e-12)
-    runs = ("lqr", 0), ("samson", 0), ("lqr", 1)
-    first, same, other = (BenchmarkCase(c, "none", "paper", "stone", "random", n).start_pose() for c, n in runs)
-    np.testing.assert_array_equal(first, same)
-    assert np.hypot(*(first - other)[:2]) > 0.01
-
-
 def test_plants_are_drawn_around_the_nominal_one_and_are_the_same_for_all_controllers():
     loops = ClosedLoops(Config(), "drawn")
     plants = [loops.plant(BenchmarkCase("linear", "none", "circle", "stone", "zero", seed)) for seed in range(200)]
@@ -58,3 +51,69 @@ def test_plants_are_drawn_around_the_nominal_one_and_are_the_same_for_all_contro
         assert low <= min(values) < max(values) <= high
         assert np.mean(values) == pytest.approx((low + high) / 2, abs=0.1 * (high - low))
     assert abs(np.corrcoef(ratios, noises)[0, 1]) < 0.3
+
+
+def run(controller, rms, success=True, error=None, seed=0, compensation="online"):
+    axes = BenchmarkCase(controller, compensation, "paper", "stone", "zero", seed).axes
+    if error:
+        return axes | {"error": error}
+    return axes | {"error": None, "rms_position": rms, "rms_position_after_12s": rms, "success": success}
+
+
+def test_means_are_over_the_seeds_that_ran():
+    (row,) = over_seeds([run("a", 1.0), run("a", 3.0, seed=1), run("a", 0.0, error="no", seed=2)])
+    assert row["rms_position"] == 2.0
+    assert (row["seeds"], row["failed"]) == (3, 1)
+    assert row["success"] == pytest.approx(2 / 3)
+    assert row["final_position"] is None
+
+
+def test_who_keeps_the_path_stands_above_who_is_near_it():
+    runs = [run("near", 0.001, success=False), run("kept", 0.1), run("better", 0.05), run("failed", 0, error="no")]
+    entries = board(runs)
+    assert [entry["controller"] for entry in entries] == ["better", "kept", "near", "failed"]
+    assert "2 of 4 entries lose the path in some runs" in answer(entries, "next", {}, 0.05).warnings
+
+
+def test_entries_are_compared_pair_by_pair():
+    """Plants differ far more than the second entry from the first; the third can't be told from the second."""
+    rng = np.random.default_rng(0)
+    plant = rng.uniform(0.001, 0.1, 32)
+    errors = {"first": plant, "second": plant + 0.001, "third": plant + 0.001 + 3e-5 * rng.normal(size=32)}
+    runs = [run(name, rms, seed=k) for name, values in errors.items() for k, rms in enumerate(values)]
+    first, *others = board(runs)
+    assert (first["controller"], first["rank"], first["behind"], first["behind_ci95"]) == ("first", 1, 0.0, None)
+    assert [entry["rank"] for entry in others] == [2, 2]
+    for entry in others:
+        low, high = entry["behind_ci95"]
+        assert 0.0009 < low <= entry["behind"] <= high < 0.0011
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("paths", "grounds", "seeds"), [(1, 1, 32), (4, 1, 8), (8, 3, 3)])
+def test_intervals_of_paired_differences_and_gains_cover_as_they_should(paths, grounds, seeds):
+    """Of a benchmark's suites; on the grounds of a seed the differences are nearly the same."""
+    rng = np.random.default_rng(1)
+    covered, gains = [], []
+    for _ in range(400):
+        shape = paths, grounds, seeds
+        plant, differs = rng.exponential(0.01, shape), 0.002 + rng.normal(0, 0.002, (paths, 1, seeds))
+        errors = {"online": plant, "none": plant + differs + rng.normal(0, 0.0002, shape)}
+        runs = [
+            run("linear", 0.1 + rms, seed=seed, compensation=name) | {"reference": f"{path}", "ground": f"{ground}"}
+            for name, values in errors.items()
+            for (path, ground, seed), rms in np.ndenumerate(values)
+        ]
+        entries = {entry["compensation"]: entry for entry in board(runs)}
+        low, high = entries["none"]["behind_ci95"]
+        covered.append(low < 0.002 < high)
+        low, high = entries["online"]["gain_ci95"]
+        gains.append(low < 0.112 / 0.11 < high)
+        assert entries["none"]["gain"] is None
+    assert 0.90 < np.mean(covered) < 0.99
+    assert 0.90 < np.mean(gains) < 0.99
+
+
+def test_a_single_plant_tells_no_interval():
+    first, second = board([run("a", 0.001), run("b", 0.002)])
+    assert (first["rank"], second["rank"], second["behind_ci95"]) == (1, 2, None)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from experiments import tune
-from experiments.benchmark.cases import BenchmarkCase
 from experiments.benchmark.drive import ClosedLoops
 from experiments.benchmark.gains import Gains
 from experiments.common.lookup import controller, tunable
@@ -19,16 +18,12 @@ ROWS = [
     {"controller": "linear", "compensation": "icr_radius", "arguments": {"stiffness": 40.0}},
     {"controller": "linear", "compensation": "online", "arguments": {"stiffness": 60.0, "damping": 1.0}},
 ]
-QUICK = ("--localization", "truth", "--threads", "1", "--compensations", "none")
-CLASSES = """
+NEVER = """
 from trackslip.controllers.error_feedback import Kanayama
-class Good(Kanayama):
-    def __init__(self, across={across}): super().__init__(across=across)
-class Other(Good):
-    def twist(self, time, pose, reference):
-        assert {works}, "does not work yet"
-        return super().twist(time, pose, reference)
+class Never(Kanayama):
+    def twist(self, time, pose, reference): raise ValueError("does not work yet")
 """
+QUICK = ("--localization", "truth", "--threads", "1", "--compensations", "none")
 
 
 def test_a_controller_gets_the_gains_of_its_compensation_or_the_like(tmp_path):
@@ -53,20 +48,6 @@ def test_other_files_are_refused(tmp_path, content):
         Gains.load(str(tmp_path))
 
 
-@pytest.mark.parametrize(("name", "value"), [("stiffness", float("nan")), ("weight", 1.0)])
-def test_gains_that_a_controller_refuses_are_refused_before_driving(refused, tmp_path, name, value):
-    row = {"controller": "linear", "compensation": "none", "arguments": {name: value}}
-    (tmp_path / "gains.json").write_text(json.dumps({"gains": [row]}))
-    assert name in refused("benchmark", "--controllers", "linear", "--compensations", "none", "--gains", "gains.json")
-
-
-def test_robots_whose_plants_would_exceed_limits_are_refused():
-    case = BenchmarkCase("linear", "none", "circle", "stone", "random", 0)
-    ClosedLoops(Config(radius_error=0.49)).check([case])
-    with pytest.raises(InvalidValueError, match="radius_error of drawn plants = "):
-        ClosedLoops(Config(radius_error=0.49), "drawn").check([case])
-
-
 def test_shipped_gains_are_those_of_controllers_that_take_them():
     gains = Gains.load("tuned")
     for (name, compensation), arguments in gains.tables["tuned"].items():
@@ -79,15 +60,11 @@ def test_the_search_finds_the_best_gains_within_the_limit_on_roughness():
 
     def drive(generation):
         assert len(generation) == 12
-        return [
-            {
-                "error": None,
-                "gains": gains,
-                "position": 0.01 + np.log(gains["damping"] / 0.9) ** 2 + np.log(gains["stiffness"] / 40) ** 2,
-                "roughness": gains["stiffness"] / 15,
-            }
-            for gains in generation.values()
-        ]
+        rows = []
+        for gains in generation.values():
+            position = 0.01 + np.log(gains["damping"] / 0.9) ** 2 + np.log(gains["stiffness"] / 40) ** 2
+            rows.append({"error": None, "gains": gains, "position": position, "roughness": gains["stiffness"] / 15})
+        return rows
 
     config = Config(evaluations=600, roughness=2.0)
     row = tune.Search(config, ClosedLoops(config, "drawn"), "linear", "none").best(drive)
@@ -97,26 +74,16 @@ def test_the_search_finds_the_best_gains_within_the_limit_on_roughness():
     assert row["default_error"] == pytest.approx(0.01 + np.log(0.7 / 0.9) ** 2 + np.log(10 / 40) ** 2)
 
 
-def test_where_nothing_is_smooth_enough_the_defaults_stay():
-    def drive(generation):
-        rows = [{"error": None, "gains": gains, "position": gains["stiffness"]} for gains in generation.values()]
-        return [row | {"roughness": 3 + 1 / row["position"]} for row in rows]  # the smoother, the worse
-
-    config = Config(evaluations=24, roughness=2.0)
-    row = tune.Search(config, ClosedLoops(config, "drawn"), "linear", "none").best(drive)
-    assert row["arguments"] == tunable("linear")[0]
-    assert row["error"] == row["default_error"]
-
-
 def test_a_search_without_a_candidate_that_drives_says_why(refused, short, tmp_path, monkeypatch):
     monkeypatch.setattr(tune, "TRAINING_PATHS", (str(tmp_path / "bend.csv"),))
     monkeypatch.setattr("sys.dont_write_bytecode", True)  # a refused command leaves nothing
-    Path("never_drives.py").write_text(CLASSES.format(across=15.0, works=False))
-    line = refused("tune", "never_drives:Other", *QUICK, "--evaluations", "12")
-    assert line.startswith("never_drives:Other with none: no gains drive all training runs: run ")
+    Path("never_drives.py").write_text(NEVER)
+    line = refused("tune", "never_drives:Never", *QUICK, "--evaluations", "12")
+    assert line.startswith("never_drives:Never with none: no gains drive all training runs: run ")
     assert "does not work yet" in line
 
 
+@pytest.mark.slow
 def test_tuning_and_driving_with_the_gains(trackslip, short, tmp_path, monkeypatch):
     monkeypatch.setattr(tune, "TRAINING_PATHS", (str(tmp_path / "bend.csv"),))
     tuned = trackslip("tune", "linear", *QUICK, "--evaluations", "12")

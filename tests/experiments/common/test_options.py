@@ -6,6 +6,7 @@ The cases are generated from the options' fields: a new command or option is tes
 import dataclasses
 import shlex
 import typing
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -25,18 +26,17 @@ from experiments.common.options import (
 from trackslip.errors import InvalidValueError
 
 CONFIGS = {name: config_module(name).Config for name in commands()}
-BOUNDED = [
-    (name, *bound) for name, config in CONFIGS.items() if issubclass(config, Options) for bound in bounds_of(config)
-]
+WITH_BOUNDS = {name: config for name, config in CONFIGS.items() if issubclass(config, Options)}
+BOUNDED = [(name, *bound) for name, config in WITH_BOUNDS.items() for bound in bounds_of(config)]
 EXCLUDED = [
     (name, exclusion, option)
-    for name, config in CONFIGS.items()
-    if issubclass(config, Options)
+    for name, config in WITH_BOUNDS.items()
     for exclusion in exclusions_of(config)
     for option in exclusion.names
 ]
 
 
+@cache
 def example(name):
     """The options of a command's first example."""
     return parse(shlex.split(config_module(name).EXAMPLES[0][1])[1:])

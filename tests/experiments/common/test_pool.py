@@ -6,13 +6,12 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import CancelledError, Executor, Future
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from experiments.common.pool import Workers, workers
+from experiments.common.pool import workers
 from experiments.common.sweep import STORE
 from trackslip.errors import TrackslipError
 
@@ -50,26 +49,11 @@ def test_every_task_is_done_once(name, count):
 
 
 def test_what_a_task_raises_arrives_and_a_worker_that_dies_is_reported():
-    with pytest.raises(ValueError, match="0"), workers("processes", 1) as pool:
+    with pytest.raises(ValueError, match="0"), workers("inline", 1) as pool:
         list(pool.each(refuse, [0]))
-    with pytest.raises(TrackslipError, match="a worker died"), workers("processes", 2) as pool:
-        list(pool.each(die, range(4)))
+    with pytest.raises(TrackslipError, match="a worker died"), workers("processes", 1) as pool:
+        list(pool.each(die, range(2)))
     assert gone()
-
-
-KILLED = type("KilledWorker", (Exception,), {"__module__": "distributed.scheduler"})
-
-
-@pytest.mark.parametrize(("error", "message"), [(KILLED(), "KilledWorker"), (CancelledError(), "a worker died")])
-def test_failures_in_a_cluster(error, message):
-    class Cluster(Executor):
-        def submit(self, *_):
-            future = Future()
-            future.set_exception(error)
-            return future
-
-    with pytest.raises(TrackslipError, match=message):
-        list(Workers(Cluster(), 1).each(double, [1]))
 
 
 @pytest.mark.parametrize(("do", "tasks"), [(time.sleep, [0, *[1.5] * 20]), (large, [20] * 20)])
@@ -110,7 +94,6 @@ SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
 COMMANDS = {
     "reproduce": (*SMALL, "--threads", "2"),
     "grid": (*SMALL, "--vary", "scanner.noise=0.001,0.002,0.003,0.004", "--jobs", "2"),
-    "benchmark": ("--controllers", "linear", "lqr", "--references", "circle", "--seeds", "0", "1", "--jobs", "2"),
 }
 
 
@@ -127,12 +110,7 @@ def lives(group):
 
 
 @pytest.mark.parametrize(
-    ("command", "send", "number"),
-    [
-        ("reproduce", os.killpg, signal.SIGINT),
-        ("grid", os.kill, signal.SIGTERM),
-        ("benchmark", os.killpg, signal.SIGINT),
-    ],
+    ("command", "send", "number"), [("reproduce", os.killpg, signal.SIGINT), ("grid", os.kill, signal.SIGTERM)]
 )
 def test_an_interrupted_command_ends_at_once_and_leaves_nothing(command, send, number, tmp_path):
     """No process of its group, and no file but a store, with which it resumes."""

@@ -14,7 +14,7 @@ import pyarrow.parquet
 import pytest
 
 from experiments.cli import main
-from experiments.common.results import file_names, results_folder
+from experiments.common.results import results_folder
 from trackslip.laws.file import SHIPPED
 from trackslip.logs.file_format import FORMAT
 
@@ -46,17 +46,6 @@ def old(tracked, tmp_path):
     return Path(shutil.copytree(tracked, tmp_path / "track"))
 
 
-def test_a_recording_on_a_full_disk_costs_a_line(old, refused, tmp_path):
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
-    try:
-        line = refused("view", str(old), "--save", str(tmp_path / "run.rrd"))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert line.startswith(f"{tmp_path / 'run.rrd'}: can't be written")
-    assert {file.name for file in tmp_path.iterdir()} == {"track"}
-
-
 @pytest.mark.parametrize("size", [500, 20_000])  # too little for the summary; for the runs
 def test_a_full_disk_costs_a_line_and_nothing_old(old, refused, size):
     """A limit on file sizes fails in the midst of writing, as a full disk does."""
@@ -79,20 +68,17 @@ def test_output_that_nobody_takes(tmp_path):
     assert message == "trackslip: can't write (No space left on device)\n"
 
 
-def test_two_commands_do_not_share_a_folder(refused, tmp_path):
+def test_what_is_not_replaced(refused, tmp_path):
+    """A folder in which another command writes, what is no regular file, and files of others."""
     with results_folder(tmp_path / "out", overwrite=False):
-        for line in (TRACK, ("predict",)):
-            line = refused(*line, "--out", "out")
-            assert line == "out = 'out': another command is writing there"
-    assert not list(tmp_path.iterdir())
-
-
-def test_only_a_regular_file_is_replaced(refused, tmp_path):
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    line = refused("deploy", "--law", "icr", "--out", str(pipe), "--overwrite")
-    assert line == f"{pipe}: can't be replaced (it is not a regular file)"
-    assert pipe.is_fifo()
+        assert refused("predict", "--out", "out") == "out = 'out': another command is writing there"
+    os.mkfifo(tmp_path / "pipe")
+    line = refused("deploy", "--law", "icr", "--out", "pipe", "--overwrite")
+    assert line == "pipe: can't be replaced (it is not a regular file)"
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "thesis.tex").touch()
+    line = refused("predict", "--out", "thesis", "--overwrite")
+    assert line == "out = 'thesis': contains files that are no results; move them away"
 
 
 def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
@@ -117,18 +103,6 @@ def test_results_are_replaced_only_on_request(old, refused):
     main([*predict, "--overwrite"])
     assert json.loads((old / "manifest.json").read_text())["command"] == "predict"
     assert {file.name for file in old.iterdir()} == {"manifest.json", "summary.json"}
-
-
-def test_files_of_others_are_never_replaced(refused, tmp_path):
-    (tmp_path / "thesis.tex").touch()
-    line = refused("predict", "--out", str(tmp_path), "--overwrite")
-    assert line == f"out = {str(tmp_path)!r}: contains files that are no results; move them away"
-    assert [file.name for file in tmp_path.iterdir()] == ["thesis.tex"]
-
-
-def test_file_names_are_all_different():
-    names = file_names(["radius=0.5 speed=0.1", "a/b", "a b", "..", "x" * 300], ".rrd")
-    assert names == ["radius=0.5_speed=0.1.rrd", "a_b.rrd", "a_b_2.rrd", "run.rrd", "x" * 120 + ".rrd"]
 
 
 def test_results_of_a_newer_version_are_told_from_this_ones(refused, old, tmp_path):

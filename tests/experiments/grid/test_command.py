@@ -1,32 +1,16 @@
 """`trackslip grid`: stored files, repeatability, and the options of the world."""
 
-import numpy as np
 import pytest
-from rrd import component
-from slip_data import slip_errors
 
-from trackslip.identification.identify import identify
-from trackslip.kinematics import RobotGeometry
+from experiments.cli import parse
+from experiments.common.sweep import fleets
+from experiments.grid.plan import plan
+from experiments.grid.runs import GridRuns
 from trackslip.logs.logfile import read_runs
+from trackslip.paper import SPEEDS
 
 SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
 SHORT = ("--radii", "1.0", "--speeds", "0.1", "--duration", "6")
-SHEAR = ("--radii", "1.0", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
-GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
-
-
-@pytest.mark.slow
-def test_errors_of_slip_are_those_of_the_chosen_motion_method(trackslip):
-    result = trackslip("grid", *SMALL[:-1], "20", "--motion", "paper")
-    (grid,) = result.summary["grids"]
-    for name, most in (("arc", 0.0006), ("paper", 0.05)):
-        errors = slip_errors(result.folder, name)
-        assert (np.abs(errors.mean(axis=0)) + errors.std(axis=0) < most).all()
-    outer, inner = (grid["slip_error"][track]["bias"] for track in ("outer", "inner"))
-    assert (inner, outer) == pytest.approx(tuple(errors.mean(axis=0)))  # of the last method, the chosen one
-    found = [identify(result.folder, motion=name, method="steady") for name in ("arc", "paper")]
-    offsets = [one.comparison.laws["icr_radius"].values["offset"] for one in found]
-    assert offsets[0] == pytest.approx(offsets[1], abs=0.003)
 
 
 def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
@@ -36,9 +20,7 @@ def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
     )
     stored = [(grid.folder / "runs.parquet").read_bytes() for grid in (one, two, other)]
     assert stored[0] == stored[1] != stored[2]
-    assert {path.name for path in one.folder.iterdir()} == {
-        *("manifest.json", "runs.parquet", "summary.json", "table.parquet")
-    }
+    assert {path.stem for path in one.folder.iterdir()} == {"manifest", "runs", "summary", "table"}
     assert one.manifest["seed"] == 5
     (radii,) = (each["radius"] for each in one.summary["grids"])
     assert (radii["commanded"], radii["published"]) == ([0.6, 1.5], [None, 2.05])
@@ -77,34 +59,64 @@ def test_a_ground_by_name_or_from_a_file_with_changes(trackslip, tmp_path):
     assert ground["patches"][0]["x"] == [None, None]  # infinite
 
 
-def test_a_robot_file_and_a_ground_that_overrides_its_own(trackslip, tmp_path):
-    path = tmp_path / "robot.toml"
-    path.write_text("half_gauge = 0.2\nradius_error = 0.03\n[ground]\nalong = 0.5\nacross = 0.6\n")
-    own = trackslip("grid", *SHORT, "--robot", str(path))
-    assert ground_of(own)["across"] == 0.6
-    assert own.manifest["robot"]["half_gauge"] == 0.2
-    (log,) = read_runs(own.folder / "runs.parquet")
-    assert (log.metadata["geometry"]["half_gauge"], log.metadata["radius_error"]) == (0.2, 0.03)
-    assert log.truth.twist[-1, 0] / (0.06 * log.omega[-1].mean()) == pytest.approx(1.03, abs=0.01)
-    other = trackslip("grid", *SHORT, "--robot", str(path), "--ground", "ice", "--radius-error", "0.0")
-    assert ground_of(other)["across"] == 0.12
-    assert read_runs(other.folder / "runs.parquet")[0].metadata["radius_error"] == 0.0
+def planned(*arguments):
+    return plan(parse(["grid", *arguments]))
 
 
-@pytest.mark.slow
-def test_a_robot_too_heavy_for_its_motors_is_named(trackslip):
-    result = trackslip("grid", *SHORT, "--vary", "robot.mass=25,100")
-    (warning,) = result.summary["warnings"]
-    assert warning.startswith("run 'radius=1.0 speed=0.1 robot.mass=100.0': a motor is at its limit for ")
-    assert warning in result.printed
+def test_a_run_is_the_same_however_it_is_asked_for():
+    (one,) = planned("--radii", "1", "--speeds", "0.1", "--ground", "ice", "--ground.slope", "0.02", "--seed", "7")
+    (same,) = planned("--radii", "1", "--speeds", "0.1", "--grounds", "ice", "--vary", "slope=0.02", "--seeds", "7")
+    assert (one.id, one.cell.key) == (same.id, same.cell.key)
+    assert one.name == "radius=1.0 speed=0.1"
+    assert same.name == "radius=1.0 speed=0.1 ground=ice seed=7 slope=0.02"
+    usual = {"--radii": "1", "--speeds": "0.1", "--ground": "ice", "--ground.slope": "0.02", "--seed": "7"}
+    others = {"--seed": "8", "--radii": "1.1", "--scanner.noise": "0.006", "--drive.lag": "0.06", "--motion": "arc"}
+    others |= {"--obstacles": "posts", "--radius-error": "0.01", "--duration": "20"}
+    ids = {one.id}
+    for change in others.items():
+        (other,) = planned(*(word for pair in (usual | dict([change])).items() for word in pair))
+        ids.add(other.id)
+    assert len(ids) == 1 + len(others)
 
 
-@pytest.mark.slow
-def test_recordings_show_how_far_the_ground_gives_way(trackslip):
-    result = trackslip("grid", *SHEAR, "--ground", "clay", "--rrd")
-    (log,) = read_runs(result.folder / "runs.parquet")
-    assert log.truth.shear.shape == (len(log.time), 20)
-    (file,) = (result.folder / "recordings").iterdir()
-    _, colours = component(file, "/run/robot/chassis/shear", "colors")
-    assert colours.shape == (len(log.time), 18)
-    assert len(np.unique(colours)) > 10
+def _shared(setting):
+    return (setting.specification.parameters, setting.config.scanner, setting.config.random_phase)
+
+
+def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
+    (tmp_path / "sweep.toml").write_text(
+        'radius = [1.0, 2.0]\nspeed = 0.1\nground = ["stone", "gravel"]\n[robot]\nhalf_gauge = [0.15, 0.168]\n'
+        "[scanner]\nnoise = [0.005, 0.01]\n"
+    )
+    runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--vary", "random_phase=False,True")
+    assert len(runs) == 32
+    assert len(fleets(runs, 2, GridRuns.sizes)) == 8
+    for fleet in fleets(runs, 2, GridRuns.sizes):
+        assert len({_shared(run.setting) for run in fleet}) == 1
+    narrow = [run for run in runs if run.axes["robot.half_gauge"] == 0.15]
+    assert {run.world(1).robot.geometry.half_gauge for run in narrow} == {0.15}
+    assert len(narrow) == 16
+
+
+@pytest.mark.parametrize(
+    ("duration", "ratios", "workers", "count", "largest"),
+    [
+        *((30, 40, *rest) for rest in ((1, 8, 125), (2, 8, 125), (3, 12, 84), (4, 16, 63), (64, 16, 63))),
+        *((duration, 1, 2, count, 25) for duration, count in ((30, 1), (79, 1), (160, 2), (300, 2), (3600, 5))),
+        *((duration, 1, 1, -(-25 // most), most) for duration, most in ((120, 25), (1800, 11), (3600, 5))),
+    ],
+)
+def test_fleets_are_large_but_every_worker_has_some_and_logs_fit_into_memory(duration, ratios, workers, count, largest):
+    ratio = f"friction_ratio={','.join(str(0.8 + 0.01 * k) for k in range(ratios))}"
+    runs = planned("--duration", str(duration), "--vary", ratio)
+    parts = fleets(runs, workers, GridRuns.sizes)
+    assert sorted(run.id for part in parts for run in part) == sorted(run.id for run in runs)
+    assert len(parts) == count
+    assert max(map(len, parts)) <= largest
+
+
+def test_options_win_over_a_sweep_file(tmp_path):
+    (tmp_path / "sweep.toml").write_text("radius = [1, 2]\nseed = [0, 1]\n[ground]\nslope = 0.1")
+    runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--seeds", "7", "--vary", "radius=0.5", "motion=arc")
+    fixed = {"seed": 7, "motion": "arc", "slope": 0.1, "radius": 0.5}
+    assert [run.axes for run in runs] == [fixed | {"speed": speed} for speed in SPEEDS]

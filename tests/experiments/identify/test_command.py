@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from wandered import wandered
+from plain_drives import wandered
 
 from trackslip.identification.identify import identify
 from trackslip.kinematics import RobotGeometry, advance
@@ -57,29 +57,6 @@ def test_steady_samples_with_encoders_before_a_gear(trackslip, tmp_path):
     assert result.summary["laws"]["icr_radius"]["values"]["offset"] == pytest.approx(0.09, abs=0.01)
     assert (result.summary["best"], result.summary["samples"]) == ("icr_radius", 12)
     assert (result.folder / "runs.parquet").is_file()
-
-
-def test_turns_either_way_forwards_backwards_and_in_place(trackslip, tmp_path):
-    more = [(-0.4, 0.3), (-0.3, -0.2), (0.0, 0.5), (0.0, -0.8)]
-    log = written(rows_of(twists=(*TWISTS, *more)), tmp_path / "log.csv")
-    result = trackslip("identify", log, *OF_ROBOT, "--method", "steady")
-    assert (result.summary["outliers"], result.summary["samples"]) == ([], len(TWISTS) + 4)
-    assert result.summary["best"] == "icr_radius"
-    law = result.summary["laws"]["icr_radius"]
-    assert law["values"] == pytest.approx({"offset": 0.09, "radius_error": 0.015}, abs=0.002)
-    keys = {"values", "stderr", "interval95", "rms", "cv_slip", "cv_yaw_rate"}
-    assert keys <= set(law)
-    low, high = law["interval95"]["offset"]
-    assert low < 0.09 < high
-    assert not {"drive", "look"} & set(result.summary)
-    assert result.summary["answer"]["offset"]["value"] == law["values"]["offset"]
-    assert result.printed.startswith("wheel_separation_multiplier")
-
-
-@pytest.mark.parametrize("per_second", [1e3, 1e9])
-def test_times_in_other_units_are_guessed(refused, tmp_path, per_second):
-    runs = [[[row[0], per_second * row[1], *row[2:]] for row in run] for run in rows_of()]
-    assert "are these ms or ns" in refused("identify", written(runs, tmp_path / "log.csv"), *OF_ROBOT)
 
 
 @pytest.mark.usefixtures("few_laws")
@@ -178,10 +155,3 @@ def test_odometry_as_encoders_needs_the_multiplier_that_it_was_computed_with(tra
         "odometry /odom was computed with a wheel_separation_multiplier that the log does not state: give --multiplier "
         f"(1 if it had none); the answer is then current × {right / 1.2:.2f}"
     )
-
-
-def test_the_lag_is_estimated_on_request(few_laws):
-    log = wandered(duration=40.0)
-    for lag, held in ((False, True), (True, False)):
-        found = identify(log, RobotGeometry(0.168, 0.06), method="drive", lag=lag)
-        assert (found.drive.laws["icr_radius"].held.get("lag") == "not asked for") == held

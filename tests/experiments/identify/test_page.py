@@ -1,4 +1,4 @@
-"""The page of an identification, its tables and figures, for every kind of data."""
+"""The page of an identification, its tables and figures, and the slips and radii in them."""
 
 import html
 import re
@@ -6,17 +6,18 @@ import re
 import numpy as np
 import pytest
 from figures import assert_readable
-from identifications import GEOMETRY, driven, grid, identified
+from slip_data import GEOMETRY, circles, driven, identified
 
-from experiments.common.laws import symbol, with_interval
+from experiments.common.laws import with_interval
 from experiments.common.page import Plot
-from experiments.identify import figures, tables
+from experiments.identify import figures
 from experiments.identify.library import identification_page
 from experiments.identify.page import page
-from experiments.identify.turns import Turns
+from experiments.identify.turns import Turns, slip_at
+from trackslip.laws.exponential import PUBLISHED
+from trackslip.laws.icr import IcrSides
 
 OF_STEADY = ["fig06_slip_laws", "fig05_slip_over_speed"]
-OF_DRIVES = ["drive_path"]
 
 
 def plots(found):
@@ -35,7 +36,7 @@ def floats(text):
 
 @pytest.fixture(scope="module")
 def found():
-    return identified(driven(grid()), outliers=[("run 9", "it is 0.3 off")])
+    return identified(driven(circles()), outliers=[("run 9", "it is 0.3 off")])
 
 
 def test_the_answer_is_what_people_look_for_with_intervals_and_next_commands(found, two_drives):
@@ -57,22 +58,6 @@ def test_the_answer_is_what_people_look_for_with_intervals_and_next_commands(fou
     assert page(found, "Laws", "", {}).answer.next == []
 
 
-def test_parameters_have_intervals_or_a_reason_why_not(found, two_drives):
-    for comparison in (found.steady, two_drives.drive):
-        table = tables.parameters_table(comparison)
-        assert [row[0].mark for row in table.rows if hasattr(row[0], "mark")].count("best") == 1
-        row = next(k for k, row in enumerate(table.rows) if getattr(row[0], "text", "") == "icr_radius")
-        fit = comparison.laws["icr_radius"]
-        for (_, letter, cell), name, factor in zip(
-            table.rows[row : row + 2], ("offset", "radius_error"), (1e3, 1e2), strict=True
-        ):
-            assert letter == symbol("icr_radius", name)
-            ends = [end for end in fit.interval95[name] if np.isfinite(end)]
-            assert floats(cell) == pytest.approx(factor * np.array([fit.values[name], *ends]), rel=0.1)
-            assert bool(ends) == ("no interval" not in cell)
-    assert "0 ms (not asked for)" in [row[-1] for row in table.rows]
-
-
 def test_values_have_the_digits_that_their_intervals_allow():
     assert with_interval(1.77012, (1.7521, 1.7879)) == "1.770 (1.752 to 1.788)"
     assert with_interval(0.2, (0.15, 0.25), (1e3, "mm")) == "200 mm (150 to 250)"
@@ -80,29 +65,14 @@ def test_values_have_the_digits_that_their_intervals_allow():
     assert with_interval(1.0, None) == "1 (no interval)"
 
 
-def test_predictions_are_printed_in_metres_and_degrees(two_drives):
-    drive = two_drives.drive
-    table = tables.prediction_table(drive)
-    assert [row[0].text for row in table.rows] == ["today", "two_gains", *drive.laws]
-    errors, at = drive.errors["none"][2.0], table.header.index("2 s")
-    position, turn = floats(table.rows[-1][at])
-    assert (position, turn) == pytest.approx((errors.position.median, np.degrees(errors.heading.median)), abs=6e-2)
-
-
-@pytest.mark.parametrize(
-    "twists",
-    [
-        [*grid(), *grid(side=-1), (0.1, 0.0), (0.2, 0.0)],
-        [(0.0, 0.4), (0.0, -0.4), (0.0, 0.6), *grid()[:4]],
-    ],
-    ids=["both sides and straight", "on the spot"],
-)
-def test_all_kinds_of_turns_have_a_page(twists):
-    found = identified(driven(twists), ("icr", "icr_radius"))
-    assert plots(found) == OF_STEADY
-    turns = Turns.of(found.samples, GEOMETRY)
-    for figure in (*figures.fitted_laws(turns, found.steady), *figures.slip_against_speed(turns)):
-        assert_readable(figure)
+def test_turns_to_both_sides_straight_and_on_the_spot_have_a_page():
+    on_the_spot = [(0.0, 0.4), (0.0, -0.4), (0.0, 0.6)]
+    for twists in ([*circles(), *circles(side=-1), (0.1, 0.0), (0.2, 0.0)], [*on_the_spot, *circles()[:4]]):
+        found = identified(driven(twists), ("icr", "icr_radius"))
+        assert plots(found) == OF_STEADY
+        turns = Turns.of(found.samples, GEOMETRY)
+        for figure in (*figures.fitted_laws(turns, found.steady), *figures.slip_against_speed(turns)):
+            assert_readable(figure)
 
 
 def test_few_straight_or_single_runs_have_a_page():
@@ -113,3 +83,34 @@ def test_few_straight_or_single_runs_have_a_page():
     samples = driven([(0.1, 0.1), (0.1, 0.2)], errors=False)
     few = text_of(identified(samples, ("icr", "icr_radius"), determined=False))
     assert "nan" not in few.lower().split()
+
+
+def test_left_and_right_turns_have_the_same_inner_and_outer_slips():
+    left, right = (Turns.of(driven(circles(side=side)), GEOMETRY) for side in (1, -1))
+    assert left.left.all()
+    assert not right.left.any()
+    for turns in (left, right):
+        assert (turns.slip[:, 0] < 0).all()  # the inner track runs slower than it moves
+        assert (turns.slip[:, 1] > 0).all()
+
+
+def test_straight_runs_are_left_out_and_turns_on_the_spot_have_radius_zero():
+    turns = Turns.of(driven([(0.1, 0.0), (0.1, 0.1), (0.0, 0.4), (0.0, -0.4)]), GEOMETRY)
+    assert len(turns) == 3
+    np.testing.assert_allclose(turns.radius, [1, 0, 0], atol=0.02)
+
+
+def test_errors_are_the_scatter_of_many_measurements():
+    many = [Turns.of(driven(np.array([[0.15, 0.12]]), seed=seed), GEOMETRY) for seed in range(1000)]
+    assert np.std([each.radius[0] for each in many]) == pytest.approx(many[0].radius_error[0], rel=0.06)
+    np.testing.assert_allclose(np.std([each.slip[0] for each in many], axis=0), many[0].slip_error[0], rtol=0.06)
+
+
+def test_a_law_has_a_curve_for_each_side_that_it_tells_apart():
+    radius = np.array([0.5, 1.0, 2.0])
+    (curve,) = Turns.of(driven(circles()), GEOMETRY).curves(PUBLISHED, radius)
+    np.testing.assert_allclose(curve[:, 0], PUBLISHED.alpha_inner * np.exp(PUBLISHED.beta_inner * radius))
+    np.testing.assert_allclose(curve, slip_at(PUBLISHED, radius, 0.1, left=False))
+    law = IcrSides(0.03, 0.07, 0.0, 0.01, GEOMETRY.half_gauge)
+    for twists, sides in (([*circles(), *circles(side=-1)], 2), (circles(), 1)):
+        assert len(Turns.of(driven(twists), GEOMETRY).curves(law, radius)) == sides

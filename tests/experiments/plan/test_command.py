@@ -1,10 +1,7 @@
 """`trackslip plan`: a plan that can be driven, and a second round."""
 
-from __future__ import annotations
-
 import csv
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -51,13 +48,6 @@ def test_its_page_answers_how_well_the_law_will_be_known_and_what_to_run_next(tr
     command = "trackslip identify LOG --half-gauge 0.168 --sprocket-radius 0.06"
     assert command in report
     assert f"next: drive it, then {command}" in result.printed
-
-
-def test_without_rosbags_a_line_says_that_the_bag_is_left_out(trackslip, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    result = trackslip("plan", *SHORT)
-    assert "no ROS 2 bag of the commands, as the package rosbags is missing" in result.printed
-    assert not (result.folder / "bags").exists()
 
 
 def test_a_second_round_takes_the_robot_and_the_law_of_the_first(trackslip, tmp_path):

@@ -6,18 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
-from rrd import CIRCLE, component, verify
+from rrd import component
 
 from experiments import recorder as recording
 from experiments.cli import main
 from experiments.recorder.run import parameters_of
-from experiments.recorder.traces import Traces
 from sim.robot.parameters import RobotParameters
 from trackslip.kinematics import RobotGeometry, track_slip
-from trackslip.laws.exponential import ExponentialSpeed
 from trackslip.localization.scan import Plate
 from trackslip.logs.logfile import read_runs, write_csv
 from trackslip.logs.runlog import RunLog
+
+TRACK = "track --reference circle --circle-duration 10 --circle-radius 0.8 --start -1.4 0.1 0.2"
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def driven(tmp_path_factory) -> tuple[Path, list[RunLog]]:
     logs, folder = [], tmp_path_factory.mktemp("recording")
     for compensation in ("none", "icr_radius"):
         out = folder / compensation
-        main(["track", *CIRCLE, "--compensation", compensation, "--obstacles", "posts", "--rrd", "--out", str(out)])
+        main([*TRACK.split(), "--compensation", compensation, "--obstacles", "posts", "--rrd", "--out", str(out)])
         logs += read_runs(out / "runs.parquet")
     return folder, logs
 
@@ -45,9 +45,8 @@ def require_pose(file: Path, entity: str, log: RunLog) -> None:
     np.testing.assert_allclose(np.exp(2j * np.arctan2(z, w)), np.exp(1j * log.truth.pose[:, 2]), atol=1e-6)
 
 
-def test_recording_holds_the_run(driven):
+def test_recordings_hold_one_run_or_several_side_by_side(driven, tmp_path):
     file, log = driven[0] / FILES["icr_radius"], driven[1][1]
-    verify(file)
     require_pose(file, "/run/robot/chassis", log)
     _, slip = component(file, "/run/slip/true", "scalars")
     geometry = RobotGeometry(**log.metadata["geometry"])
@@ -58,6 +57,11 @@ def test_recording_holds_the_run(driven):
     assert np.isnan(slip[1:][~turning]).all()
     _, measured = component(file, "/run/sprocket/measured", "scalars")
     np.testing.assert_array_equal(measured, log.omega)
+    both = tmp_path / "both.rrd"
+    recording.record(both, driven[1])
+    for log in driven[1]:
+        require_pose(both, f"/run/{log.run.replace(' ', chr(92) + ' ')}/robot/chassis", log)
+    assert len(RrdReader(both).recordings()) == len(RrdReader(both).blueprints()) == 1
 
 
 def rows_of(file: Path, entity: str, name: str) -> list[list]:
@@ -101,35 +105,6 @@ def test_scan_points_lie_on_the_plate(driven):
     assert (off < 0.05).mean() > 0.99
 
 
-def test_runs_side_by_side(driven, tmp_path):
-    file = tmp_path / "both.rrd"
-    recording.record(file, driven[1])
-    verify(file)
-    for log in driven[1]:
-        require_pose(file, f"/run/{log.run.replace(' ', chr(92) + ' ')}/robot/chassis", log)
-    assert len(RrdReader(file).recordings()) == len(RrdReader(file).blueprints()) == 1
-
-
-def test_slips_agree_in_steady_turns(driven):
-    traces = Traces(driven[1][1])
-    steady = slice(160, 260)
-    for other in (traces.identified, traces.assumed):
-        np.testing.assert_allclose(np.nanmean(other[steady], axis=0), traces.slip[steady].mean(axis=0), atol=0.01)
-    distance = np.hypot(*traces.error[0, :2])
-    assert distance == pytest.approx(np.hypot(0.1, 0.1), abs=1e-6)  # the circle is the one that was asked for
-
-
-def test_the_slip_assumed_is_that_of_the_law_that_compensated(driven):
-    """Including a user's law that depends on speed."""
-    log = driven[1][0]
-    geometry = RobotGeometry(**log.metadata["geometry"])
-    law = ExponentialSpeed(0.12, -0.9, -0.3, -1.1, gamma_outer=0.2, gamma_inner=-0.3)
-    assumed = Traces(replace(log, command=law.sprocket_speeds(log.twist_command, geometry))).assumed
-    shown = np.isfinite(assumed)
-    assert shown.mean() > 0.8
-    np.testing.assert_allclose(assumed[shown], law.slip(log.twist_command)[shown], atol=1e-9)
-
-
 def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     bare = [replace(log, truth=None, metadata={}, covariance=None, command=None, scans=None) for log in driven[1]]
     write_csv(bare, tmp_path / "real.csv")
@@ -138,7 +113,6 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     said = capsys.readouterr().out
     assert "2 runs; showing 'linear none'. --run NAME chooses one; repeat it to compare" in said
     assert f"to open it: rerun '{file}'" in said  # as a shell takes it
-    verify(file)
     _, translation = component(file, "/run/robot/chassis", "translation")
     seen = bare[0].is_valid
     np.testing.assert_allclose(translation[seen, :2], bare[0].pose[seen, :2], atol=1e-6)

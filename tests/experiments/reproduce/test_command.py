@@ -8,11 +8,12 @@ from bound import beside_bound
 from command_runs import ran
 from figures import assert_readable
 from pages import ROOT, missing_line, shown
-from slip_data import slip_errors
 
 from experiments.reproduce import figures
+from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.laws.file import SHIPPED, load_laws
 from trackslip.logs.logfile import read_runs
+from trackslip.logs.runlog import stored_geometry
 from trackslip.metrics import body_errors
 from trackslip.trajectory.segmented import paper_reference
 
@@ -33,6 +34,13 @@ def summary(reproduced):
 def grid_of(folder):
     """The runs on circles, without the closed loops."""
     return [log for log in read_runs(folder / "runs.parquet") if "radius" in log.metadata]
+
+
+def slip_errors(folder, method):
+    """Errors of slips (n, 2) of the runs on circles in a folder of results, by a motion method."""
+    logs = grid_of(folder)
+    geometry = stored_geometry(logs[0])
+    return usable_samples(logs, geometry, method=method, longest=True).samples.slip - true_samples(logs, geometry).slip
 
 
 def over_bound(logs):

@@ -37,20 +37,6 @@ def test_a_weak_robot_rolls_back_with_the_inertia_of_its_rotors(robot, slope, li
     np.testing.assert_allclose(fleet.drive.saturated_time, 1.0, atol=0.02)
 
 
-@pytest.mark.parametrize(("limit", "period"), [(0.8, 0.02), (2.0, 0.005), (30.0, 0.01)])
-def test_impulses_of_the_motors_become_momentum(robot, limit, period):
-    """From rest to 0.18 m/s, however hard the motors push and however seldom they are sampled."""
-    drive = Drive(torque_limit=limit, period=period, motor=Motor(friction=0.3))
-    fleet = Fleet(robot, np.zeros((1, 3)), radius_error=0.0, drive=drive)
-    fleet.command([3.0, 3.0])
-    impulse = np.zeros(2)
-    for _ in range(round(1.5 / period)):
-        fleet.advance(period)
-        impulse += (fleet.drive.torque - MOTOR.loss(fleet.drive.omega))[0] * period
-    momentum = robot.mass * fleet.twist()[0, 0] / 2 * robot.geometry.sprocket_radius
-    np.testing.assert_allclose(impulse, momentum + MOTOR.inertia * fleet.drive.omega[0], rtol=5e-3)
-
-
 def test_power_of_a_steady_turn_is_what_ground_gear_and_winding_dissipate(robot):
     """What the ground takes follows from Coulomb's law at every point of contact."""
     ground = Ground(0.6, 0.7)

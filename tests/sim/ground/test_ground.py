@@ -1,15 +1,21 @@
-"""Grounds: patches and changes under each pad, gravity, and ground that shears, against theory."""
+"""Grounds against theory: patches and changes under each pad, slopes, what is pulled, and ground that shears."""
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
-from sim import Fleet, Pull
+from sim import Fleet, Ground, Pilot, Pull, RobotParameters, closed_loop, load_robot, open_loop
 from sim.drive.drive import tireless
 from sim.fleet_ground import PadFriction
-from sim.ground.ground import Change, Ground, Patch, friction_angle
+from sim.ground.ground import Change, Patch, friction_angle
 from sim.ground.shear import LARGEST, LEAST_SHARE
+from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.kinematics import track_slip
+from trackslip.laws.icr import ConstantIcr
+from trackslip.laws.icr_load import IcrLoad
+from trackslip.online.compensation import FixedLaw, LoadedLaw
 from trackslip.skid_theory import Load, line_contact, steady_twist
+from trackslip.trajectory.segmented import Segment, SegmentedReference
 
 PADS = np.array([[0.1, 0.2], [0.1, -0.2]])
 
@@ -115,3 +121,93 @@ def test_displacements_stay_bounded_under_belts_that_stand(robot):
     contact = line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12), points=100)
     theory = steady_twist([[0.0, 0.24], [-0.3, 0.0]], contact, 9.81, shear=0.002)
     np.testing.assert_allclose(fleet.twist()[:, 2], theory[:, 2], rtol=0.01)
+
+
+def least_power_twist(robot, belts, friction):
+    """The twist (v, u, w) that dissipates least, where every point has a friction of its own; Moreau's principle.
+
+    belts, friction: forward speed (K,) of the belt and (K, 2) coefficients at each point of contact.
+    """
+    x, y = robot.contact_points.T
+
+    def power(twist, rounding):
+        v, u, w = twist
+        along, across = v - w * y - belts, u + w * x
+        return np.sqrt((friction[:, 0] * along) ** 2 + (friction[:, 1] * across) ** 2 + rounding**2).sum()
+
+    twist = np.array([belts.mean(), 0.0, 0.0])
+    for rounding in 10.0 ** -np.arange(1, 6):  # convex, but for its corners: come nearer to them step by step
+        twist = minimize(power, twist, (rounding,), options={"gtol": 1e-10}).x
+    return twist
+
+
+@pytest.mark.parametrize("omega", [(2.0, 3.0), (3.0, 2.0), (-2.0, 2.0), (2.0, 2.0)])
+def test_a_patch_under_one_track_turns_the_robot_as_theory_says(robot, omega):
+    """The left track stands on ice, from one end of the world to the other: on the patch as long as y > 0."""
+    slow = 0.2 * np.array(omega)  # so that inertia doesn't count, and the tracks stay on their sides
+    patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.2, 0.25)
+    fleet = Fleet(robot, np.zeros((1, 3)), Ground(0.7, 0.8, patches=(patch,)), 0.0)
+    fleet.command(slow)
+    fleet.advance(1.4)
+    on_left = robot.contact_points[:, 1] > 0
+    friction = np.where(on_left[:, None], [0.2, 0.25], [0.7, 0.8])
+    expected = least_power_twist(robot, np.where(on_left, *slow) * 0.06, friction)
+    # 0.3 mrad/s for the creep of a track that grips, where the other's belt only spins
+    np.testing.assert_allclose(fleet.twist()[0, [0, 2]], expected[[0, 2]], rtol=0.01, atol=3e-4)
+    even = least_power_twist(robot, np.where(on_left, *slow) * 0.06, np.full((20, 2), [0.7, 0.8]))
+    if omega[0] != omega[1]:
+        assert abs(expected[2] / even[2] - 1) > 0.1  # the patch matters
+
+
+TEN_DEGREES = float(np.radians(10.0))
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2])
+def test_beyond_the_friction_angle_it_slides_as_coulomb_says(robot, heading):
+    """On slippery ground, whose friction angle is so small that no pad lifts."""
+    ground = Ground(0.2, 0.25)
+    mu = ground.along if heading == 0 else ground.across
+    fleet = Fleet(robot, [(0.0, 0.0, heading)], ground)
+    for slope in np.arctan(mu) * np.array([0.95, 1.3]):
+        fleet.set_ground(Ground(ground.along, ground.across, slope=float(slope)))
+        fleet.advance(0.5)
+    before = fleet.batch.qvel[0, 0]
+    fleet.advance(0.5)
+    acceleration = (fleet.batch.qvel[0, 0] - before) / 0.5
+    assert acceleration == pytest.approx(-9.81 * (np.sin(slope) - mu * np.cos(slope)), rel=0.02)
+
+
+def test_lateral_speed_is_in_the_truth_and_as_theory_says():
+    fleet = Fleet(load_robot(parameters=RobotParameters(com_x=0.02)), np.zeros((1, 3)), radius_error=0.0)
+    (log,) = open_loop(fleet, [2.0, 4.0], 3.0, period=0.05)
+    ground = Ground()
+    forwards = 0.02 + 0.12 * fleet.attitude()[0, 2]  # it leans forwards, and so does its weight
+    contact = line_contact(0.168, 0.17, ground.along, ground.across, (forwards, 0.0, 0.12))
+    expected = steady_twist(np.array([2.0, 4.0]) * 0.06, contact, 9.81)
+    assert abs(expected[1]) > 5e-3
+    # the grip's lag of 10 ms moves the centre of rotation forwards by 10 ms of way; see models/README.md
+    expected[1] -= 0.01 * expected[0] * expected[2]
+    np.testing.assert_allclose(log.truth.twist[-20:].mean(axis=0), expected, rtol=0.02)
+
+
+def test_the_needed_traction_is_the_slopes_component_and_the_pull(robot):
+    slope, force = 0.15, 20.0
+    headings = np.array([0.0, np.pi / 2, 0.7])
+    start = np.column_stack([np.zeros((3, 2)), headings])
+    fleet = Fleet(robot, start, Ground(slope=slope, uphill=np.pi / 2), pull=Pull(force))
+    weight = robot.mass * np.linalg.norm(robot.model.opt.gravity)
+    towed = force / (weight * np.cos(slope))
+    expected = np.tan(slope) * np.column_stack([np.sin(headings), np.cos(headings)]) + [towed, 0.0]
+    np.testing.assert_allclose(fleet.needed_traction(), expected, rtol=1e-6, atol=1e-9)
+
+
+def test_a_robot_that_knows_its_sideslip_keeps_to_a_line_across_the_slope(robot):
+    """Straight across a slope of 10 deg, it crabs by C t; the heading that the controller holds must allow for it."""
+    b = robot.geometry.half_gauge
+    line = SegmentedReference((0.0, 0.0, 0.0), [Segment(8.0, 0.15, 0.0)])
+    fleet = Fleet(robot, np.zeros((2, 3)), Ground(slope=TEN_DEGREES, uphill=np.pi / 2, shear=0.01))
+    laws = FixedLaw(ConstantIcr(0.035, b, 0.004)), LoadedLaw(IcrLoad(0.035, b, 0.004, 0.085, 0.2))
+    pilots = [Pilot(LinearTimeVarying(), [k], law) for k, law in enumerate(laws)]
+    aside = [abs(log.truth.pose[-1, 1]) for log in closed_loop(fleet, pilots, line)]
+    assert aside[0] > 0.006
+    assert aside[1] < aside[0] / 2

@@ -71,7 +71,6 @@ def base(shape="", mass=10, look=""):
     [
         ("package://rover_description/meshes/cube.obj", "rover_description/meshes", ""),
         ("package://other/cube.obj", "elsewhere/other", 'packages = ["elsewhere"]'),
-        ("package://other/cube.obj", "elsewhere/other", 'packages = ["elsewhere/other"]'),
         ("package://named/cube.obj", "elsewhere/other", 'packages = ["elsewhere/other"]'),
         ("../meshes/cube.obj", "rover_description/meshes", ""),
         ("../meshes/cube.dae", "rover_description/meshes", ""),
@@ -81,7 +80,7 @@ def test_meshes_are_found(tmp_path, filename, at, packages):
     (tmp_path / at).mkdir(parents=True)
     (tmp_path / at / "cube.obj").write_text(CUBE)
     (tmp_path / at / "package.xml").write_text("<package><name>named</name></package>")
-    for extra in ("", "<mujoco/>", '<mujoco><compiler strippath="true"/></mujoco>'):
+    for extra in ("", '<mujoco><compiler strippath="true"/></mujoco>'):
         file = write(tmp_path, [base(f'<mesh filename="{filename}"/>'), extra], TRACKS + packages)
         assert build_tracked(load_tracked(file)).model.nmesh == 1
 
@@ -121,13 +120,10 @@ def below(shape):
     [
         (mesh("package://gone/a.stl"), "", {}, "link 'base' needs package://gone/a.stl .*`packages` must list"),
         (mesh("../meshes/a.dae"), "", {"meshes/a.dae": ""}, "'base' needs .*MuJoCo doesn't read .dae; convert it"),
-        (mesh("package://"), "", {}, "link 'base' needs package://"),
         (mesh("a.stl", 0), "", {}, "link 'base' needs a.stl to collide or for its mass, but there is no"),
         (mesh("../meshes/a.stl"), "", {"meshes/a.stl": ASCII_STL}, r"such an \.stl \(ASCII, or over 200,000 faces\)"),
         (mesh("../meshes/a.obj"), "", {"meshes/a.obj": POINTER}, "but a.obj is a Git LFS .*git lfs pull"),
-        (mesh("../meshes/a.dae"), "", {"meshes/a.dae": POINTER}, "but a.dae is a Git LFS .*git lfs pull"),
         (mesh("package://named/a.stl"), OTHER, PACKAGE, "package named in .*other has no a.stl$"),
-        (mesh("package://other/a.stl"), OTHER, PACKAGE, "package other in .*other has no a.stl$"),
         (below('<box size="0.3 0.1 0.02"/>'), "", {}, "a geom of link plate reaches down to -0.12 m in the frame of"),
         (below('<mesh filename="../meshes/a.obj"/>'), "", {"meshes/a.obj": CUBE}, "mesh a of link plate reaches down"),
         (['<xacro:include filename="a.xacro"/>', base()], "", {}, "is xacro; run `xacro rover.urdf > robot.urdf`"),
@@ -153,7 +149,6 @@ RADAR = [link("radar", 1, '<box size="0.3 0.1 0.1"/>'), joint("base", "radar", "
         ([base()], '"replace"', "wheels = replace: must be round links .* found are none"),
         (rover()[:-2], '"replace"', "alike on the left and right; found are left_front"),
         (rover(), '"all"', "wheels = 'all': must be \"replace\" or a list"),
-        (rover(), ["world"], "wheels = 'world': must be links of the model, such as base"),
         (rover(), ["left_frnt"], "wheels = 'left_frnt': must be links of the model, such as base"),
         (rover(), ["left_front", "right_front"], "of its wheels, hull = .*wheels"),
         ([*rover(), *RADAR], [*LISTED, "radar"], "'radar': turns endlessly, must be round to be a wheel"),
@@ -171,8 +166,6 @@ def test_wheels_that_tell_no_hull_are_refused(tmp_path, parts, wheels, said):
         ('<mujoco><asset><texture name="p" type="2d" file="p.png"/></asset></mujoco>', "'p' needs p.png, but it"),
         ('<?xml version="1.0"?><!-- <robot --><sdf version="1.7"/>', "XML of <sdf>; `model` must be an MJCF .* or"),
         ("#usda 1.0", "is no XML"),
-        ("<html><body/></html>", "XML of <html>"),
-        ("<!-- " * 100_000, "XML"),
     ],
 )
 def test_files_that_are_no_models_are_named(tmp_path, text, said):
@@ -223,11 +216,9 @@ ROLLERS = [
         (rover(**ENDLESS), '"replace"'),
         ([part.replace('<origin xyz="0 0 0"/><geometry><cyl', LYING) for part in rover(CYLINDER)], '"replace"'),
         (rover('<mesh filename="package://rover_description/wheel.obj"/>'), '"replace"'),
-        ([*rover(), *CAPS], '"replace"'),
         ([*rover(), *CAPS], [*LISTED, *(f"{name}_cap" for name in LISTED)]),
         ([*rover(kind="fixed", parent="block"), *BLOCK, *BELT], [*LISTED, "belt", "block"]),
         ([*rover(), *fixed(link("rider", 0, '<box size="1 1 1"/>', "0 0 1"))], '"replace"'),
-        ([*rover(), *below('<box size="0.3 0.1 0.02"/>')[1:]], [*LISTED, "plate"]),
         (rover(heights=OFF), '"replace"'),  # a hair apart, and alike
         ([*rover(heights=OFF), *ROLLERS], '"replace"'),
     ],
@@ -305,7 +296,7 @@ def test_inertias_that_no_body_can_have_are_said(tmp_path, wheel, chassis):
         build_tracked(load_tracked(write(tmp_path, parts)))
 
 
-def test_wheels_of_an_mjcf_go_with_their_motors(tmp_path):
+def test_wheels_of_an_mjcf_go_with_their_motors_and_sensors(tmp_path):
     wheels = "".join(
         f'<body name="{name}" pos="{x} {y} 0"><joint name="{name}" axis="0 1 0"/><geom size="0.1"/></body>'
         for name, (x, y) in WHEELS.items()
@@ -353,7 +344,3 @@ def test_a_check_says_at_once_what_is_known_left_out_and_wrong(tmp_path):
     assert facts["mass"].startswith("16 kg")
     assert facts["joints without"] == "arm_joint"
     assert not check("rescue").errors + check("warthog").errors
-    for text in ("half_gauge = 0.2", 'model = "gone.urdf"\nwheels = "replace"'):
-        (tmp_path / "r.toml").write_text(text + "\nhull = 3\n")
-        (error,) = check(tmp_path / "r.toml").errors
-        assert "r.toml" in error

@@ -11,7 +11,6 @@ from sim import Fleet, Ground, load_robot
 from sim.drive.drive import tireless
 from sim.robot.named import load_parameters
 from sim.robot.parameters import SINK, RobotParameters
-from trackslip.errors import InvalidValueError
 from trackslip.skid_theory import Load, steady_twist
 
 HUSKY, WARTHOG = (load_parameters(name)[0] for name in ("husky", "warthog"))
@@ -75,8 +74,7 @@ def test_turns_are_those_of_theory(robot, ground, within):
     np.testing.assert_allclose(twist[:, 0], expected[:, 0], atol=0.002)
 
 
-@pytest.mark.parametrize("shears", [False, True])
-@pytest.mark.parametrize("axles", [2, 3, 6, 10])
+@pytest.mark.parametrize(("axles", "shears"), [(2, False), (10, False), (10, True)])
 def test_the_engine_grips_as_asked(axles, shears):
     model = load_robot(parameters=train(axles), single_contacts=shears).model
     assert model.pair_solimp[:, :2].min() >= mujoco.mjMINIMP
@@ -131,27 +129,3 @@ def test_a_yaw_inertia_moves_mass_along_the_ground():
         if robot.inertia:  # second moments grow by half along x and y, and not along z
             np.testing.assert_allclose(inertia[0, 0] + inertia[1, 1] - inertia[2, 2], 4.0 + 6.0 - 8.0)
             np.testing.assert_allclose(inertia[[0, 0, 1], [1, 2, 2]], [0.45, -0.2 * 1.5**0.5, 0.1 * 1.5**0.5])
-
-
-@pytest.mark.parametrize(
-    ("changes", "wrong"),
-    [
-        ({"contact": "legs"}, "contact = 'legs': must be tracks or wheels"),
-        ({"contact": "tracks"}, r"axles = \(-0.256, 0.256\): must be left out without contact = \"wheels\""),
-        ({"axles": ()}, r"axles = \[\]: must be 2 to 10 positions"),
-        ({"axles": (0.0, 0.5)}, r"axles = \[0.0, 0.5\]: must be positions ahead of the middle of all, whose mean is 0"),
-        ({"axles": (-0.04, 0.04)}, r"patch_length = 0.1: must be less than the distance of the axles"),
-        ({"axles": (-20.0, 20.0)}, r"contact_length = 40.1: must be at most 10 m"),
-        ({"patch_length": 0.4}, r"patch_length = 0.4: must be less than .* the wheels' diameter, 0.33 m"),
-        ({"patch_length": 0.0}, r"patch_length = 0.0: must be a finite number > 0"),
-        ({"contact_length": 0.5}, r"contact_length = 0.5: must be left out: the axles make it 0.612 m"),
-        ({"yaw_inertia": -1.0}, r"yaw_inertia = -1.0: must be a finite number >= 0"),
-        ({"yaw_inertia": 1e4}, r"yaw_inertia = 10000.0: must be from .* for this mass, gauge and length"),
-        ({"com_x": 0.3}, r"com_x = 0.3: must be between"),
-    ],
-)
-def test_wheels_that_make_no_sense_are_refused_in_one_line(changes, wrong):
-    given = {f: getattr(HUSKY, f) for f in HUSKY.__dataclass_fields__ if f != "contact_length"}
-    with pytest.raises(InvalidValueError, match=wrong) as error:
-        RobotParameters(**given | changes)
-    assert "\n" not in str(error.value)

@@ -10,7 +10,6 @@ from tracked import add_robot, built, plane
 from sim.tracks import DrawnTracks
 from sim.tracks.hull import Hull
 
-OVAL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
 NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
 
 

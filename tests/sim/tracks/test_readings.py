@@ -1,7 +1,6 @@
 import mujoco
 import numpy as np
 import pytest
-from mujoco import batch
 from tracked import add_robot, built, plane
 
 from sim.terrain import Course, HeightField
@@ -27,16 +26,6 @@ def test_slip_in_a_turn_is_that_of_the_track_over_the_ground(robot):
     reading = belts.read(data)
     np.testing.assert_allclose(reading.slip, 1 - over_ground / speeds, atol=1e-4)
     np.testing.assert_allclose(reading.sliding, speeds - over_ground, atol=1e-5)
-
-
-def test_tracks_share_the_pull_on_a_slope(robot):
-    model, data, belts = robot
-    model.opt.gravity[:] = [-9.81 * np.sin(0.3), 0, -9.81 * np.cos(0.3)]
-    belts.set([0.2, 0.2])
-    mujoco.mj_step(model, data, 1000)
-    reading = belts.read(data)
-    np.testing.assert_allclose(reading.traction, 25 * 9.81 * np.sin(0.3) / 2, rtol=1e-3)
-    np.testing.assert_allclose(reading.load, 25 * 9.81 * np.cos(0.3) / 2, rtol=1e-3)
 
 
 def test_a_track_in_the_air_has_no_slip(robot):
@@ -123,19 +112,3 @@ def test_a_reading_that_lacks_contacts_says_so():
     mujoco.mj_step(model, data, 200)
     with pytest.raises(TrackslipError, match="touches the terrain at more points than its sensor reports"):
         belts.read(data)
-
-
-def test_belts_of_a_batch_run_and_read_every_step(robot):
-    model, _, belts = robot
-    pair = [batch.Batch(model, 2, nthread=1) for _ in range(2)]
-    stepped, run = (belts.bind_batch(each) for each in pair)
-    speeds = np.array([[0.1, 0.3], [0.2, 0.2]])
-    for live in (stepped, run):
-        live.set(speeds)
-    readings = run.run(20)
-    for k in range(20):
-        pair[0].step()
-        for name, values in vars(stepped.read()).items():
-            np.testing.assert_array_equal(getattr(readings, name)[:, k], values, err_msg=name)
-    np.testing.assert_array_equal(pair[0].state, pair[1].state)
-    assert run.run(3, rows=[1]).load.shape == (1, 3, 2)

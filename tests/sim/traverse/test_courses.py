@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from experiments.common.choices import FTR_NAMES
-from sim import Command, TrackedRobot, Traverse, TraverseConfig, load_tracked
+from sim import Command, TrackedRobot, Traverse, load_tracked
 from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
 from sim.traverse.courses import FTR_BOXES, FTR_COURSES, KINDS, MAX_BOXES, OBSTACLES, draw_course, draw_ftr_course
 from sim.traverse.ground import Footprint
-from sim.traverse.task import Crossing
 from trackslip.errors import InvalidValueError
 
 SHORT = {"width": 2.0, "start_length": 1.0, "goal_length": 1.0}
@@ -46,14 +45,12 @@ def test_robots_drive_on_slots_as_on_the_course(world):
 
 
 def test_courses_without_room_are_refused(world):
-    steps, alone = Course((Stairs(0.1, 0.3, 6),), **SHORT), Traverse(load_tracked("box"), [OTHER], threads=1)
-    for robots, course, message in (
-        (world, steps, "course = '7 boxes': must be of at most 5"),
-        (world, Course((Rough(1.0, 0.05),), **SHORT), "1 height fields"),
-        (alone, steps, "courses"),
+    for course, message in (
+        (Course((Stairs(0.1, 0.3, 6),), **SHORT), "course = '7 boxes': must be of at most 5"),
+        (Course((Rough(1.0, 0.05),), **SHORT), "1 height fields"),
     ):
         with pytest.raises(InvalidValueError, match=message):
-            robots.begin([0], [course])
+            world.begin([0], [course])
 
 
 def test_every_course_fits_the_slots():
@@ -112,15 +109,6 @@ def test_a_course_that_a_robot_does_not_fit_on_is_refused(tank):
     Traverse(tank, [replace(RAMP, start_length=8.0, width=4.0)], threads=1)
 
 
-def test_tasks_take_courses_that_fit_the_robot(tank):
-    task = Crossing(TraverseConfig(robot=tank, course="random", start_heading=0.5), 2, threads=1)
-    episodes = [task.draw(np.random.default_rng(seed), {"start_heading": 0.5 - seed}) for seed in range(2)]
-    task.begin([0, 1], episodes)
-    np.testing.assert_allclose(task.world.state.position[:, 2], 0.002, atol=1e-9)
-    assert all(episode.course.width >= 1.5 * 3.3 for episode in episodes)
-
-
-ID = "sim:trackslip/Traverse-v0"
 HULL = load_tracked("rescue").hull  # its wheels have a radius of 0.08 m, those of FTR-Bench's robot 0.1 m
 
 
@@ -154,10 +142,6 @@ def test_names_are_listed_and_courses_fit_into_the_environment():
         assert drawn(name, 0.3) == drawn(name, 0.3)
     sides = {np.sign(drawn("one_sided", 0.5, seed).pieces[0].blocks[0][1]) for seed in range(20)}
     assert sides == {-1.0, 1.0}
-    env = gym.make_vec(ID, num_envs=10, threads=1, course=KINDS, difficulty=(0.2, 0.4))
+    env = gym.make_vec("sim:trackslip/Traverse-v0", num_envs=10, threads=1, course=KINDS, difficulty=(0.2, 0.4))
     _, info = env.reset(seed=0, options={"course": list(KINDS)})
     assert ((info["difficulty"] >= 0.2) & (info["difficulty"] <= 0.4)).all()
-    env.task.set_difficulty(0.9, 1.0)
-    _, info = env.reset()
-    assert (info["difficulty"] >= 0.9).all()
-    env.step(np.zeros((10, 6), np.float32))

@@ -1,7 +1,5 @@
 """The yaw rate by the IMU in a bag: which one, about which axis, and when."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bags import fix, imu, in_order, joints_of, poses_of, stamp, write_bag
@@ -89,7 +87,6 @@ def test_gaps_are_not_measured(tmp_path):
     ("messages", "words"),
     [
         (imus(unknown=True), "topic /imu/data: it states no angular velocities: read without gyro"),
-        ([imu(stamp(t), (np.nan, 1e9, 0.0)) for t in TIME], "topic /imu/data: it states no angular velocities"),
         ([imu(0, (0.0, 0.0, 0.1), late=stamp(t)) for t in TIME], "read without gyro: topic /imu/data: "),
         (
             [imu(stamp(t), w) for t, w in zip(TIME, np.random.default_rng(0).normal(size=(len(TIME), 3)), strict=True)],
@@ -114,8 +111,7 @@ def without_poses(path, heading=None, **others):
     return read(path, messages, poses=[])
 
 
-@pytest.mark.parametrize("unfilled", [None, 0.0])
-def test_an_orientation_without_positions_gives_headings_alone_and_without_one_there_is_the_gyro(tmp_path, unfilled):
+def test_an_orientation_without_positions_gives_headings_alone_and_without_one_there_is_the_gyro(tmp_path):
     found = without_poses(tmp_path)
     (log,) = found.runs
     assert "poses: /imu/data (headings of an IMU); gyro: /imu/data" in found.taken[0]
@@ -123,7 +119,7 @@ def test_an_orientation_without_positions_gives_headings_alone_and_without_one_t
     heading, true = log.pose[log.has_heading, 2], np.interp(log.time, LOG.time, YAW)[log.has_heading]
     np.testing.assert_allclose(heading - heading[0], true - true[0], atol=0.01)
     require_true(log)
-    found = without_poses(tmp_path / "without", heading=[unfilled] * len(TIME))
+    found = without_poses(tmp_path / "without", heading=[0.0] * len(TIME))
     (log,) = found.runs
     assert "; no poses; gyro: /imu/data" in found.taken[0]
     assert not log.is_valid.any()

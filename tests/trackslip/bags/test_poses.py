@@ -1,4 +1,4 @@
-"""Poses from every type of message: headings, tilt, covariances, fixes, transforms, and what means nothing."""
+"""Poses from every type of message, which topic they are taken from, and what means nothing."""
 
 from functools import reduce
 
@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from bags import (
     KINDS,
+    START,
     chain_of,
     fix,
+    in_order,
     odometry,
     open_bag,
     pose_stamped,
@@ -15,15 +17,18 @@ from bags import (
     poses_of,
     quaternion,
     stamp,
+    transform,
     write_bag,
 )
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_drives import wandered
 from scipy.spatial.transform import Rotation
-from wandered import wandered
 
 from trackslip import se2
+from trackslip.bags.choice import AUTOMATIC
 from trackslip.bags.poses import headings, read_poses
+from trackslip.bags.topics import pose_source, pose_sources
 from trackslip.errors import LogError
 
 LOG = wandered(duration=8.0)
@@ -134,3 +139,60 @@ def test_a_chain_of_transforms_is_sampled_where_its_slowest_link_changes(tmp_pat
         expected = reduce(se2.compose, [(1.0 + 0.01 * np.floor(time), 2.0, 0.3), between, (0.2, 0.1, 0.5)])
         np.testing.assert_allclose(where[:2], expected[:2], atol=1e-9)
         assert se2.wrap_angle(where[2] - expected[2]) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("source", "line"),
+    [
+        ("tf:map:robot", "frame 'robot' is not in the transforms; they have base_link, cup, map, odom, sensor, table"),
+        ("tf:map:cup", "frames 'map' and 'cup' are not connected by transforms: 'map' is in 'map', 'cup' in 'table'"),
+        ("tf:table:cup", "the transforms from 'table' to 'cup' never change"),
+        ("/scan", "it has no topic '/scan'"),
+        ("/odd", r"topic /odd has messages of odd_msgs/.*; poses are read from nav_msgs/"),
+    ],
+)
+def test_sources_that_do_not_exist(tmp_path, source, line):
+    more = [transform(START, "table", "cup", (0, 0, 0), topic="/tf_static"), ("/odd", "odd_msgs/msg/Odd", START, {})]
+    with pytest.raises(LogError, match=line):
+        read(tmp_path, [*chain_of(LOG), *more], source)
+
+
+def sources(tmp_path, *messages):
+    bag = open_bag(write_bag(tmp_path / "run", "mcap", in_order(*messages)))
+    return bag, [source.name for source in pose_sources(bag)]
+
+
+def test_sources_by_how_independent_of_the_wheels_they_are(tmp_path):
+    wheels, goal = poses_of(LOG, odometry), poses_of(LOG, topic="/goal_pose")
+    fused = poses_of(LOG, odometry, topic="/odometry/filtered")
+    truth = poses_of(LOG, odometry, topic="/ground_truth")
+    mocap = poses_of(LOG, topic="/vrpn/robot/pose")
+    gnss = [fix(stamp(t), 47.0, 8.0) for t in LOG.time]
+    bag, names = sources(tmp_path, wheels, goal, fused, truth, mocap, gnss, chain_of(LOG), poses_of(LOG))
+    topics = "/vrpn/robot/pose /slam/pose tf:map:base_link /fix /ground_truth /odometry/filtered /odom"
+    assert names == topics.split()
+    assert pose_source(bag, AUTOMATIC).name == "/vrpn/robot/pose"
+
+
+ROBOTS = [
+    message
+    for name in ("a/base_link", "b/base_link")
+    for message in poses_of(LOG, lambda at, where, name=name: transform(at, "map", name, where))
+]
+
+
+@pytest.mark.parametrize(
+    ("messages", "line"),
+    [
+        (
+            [poses_of(LOG), poses_of(LOG, pose_with_covariance)],
+            "poses may be /amcl_pose, /slam/pose: choose with --poses",
+        ),
+        ([ROBOTS], "poses may be tf:map:a/base_link, tf:map:b/base_link: choose with --poses"),
+        ([poses_of(LOG, topic="/goal_pose")], r"no poses: no topic of .*; its topics are /goal_pose"),
+    ],
+)
+def test_what_leaves_a_doubt_is_for_the_user_to_choose(tmp_path, messages, line):
+    bag, _ = sources(tmp_path, *messages)
+    with pytest.raises(LogError, match=line):
+        pose_source(bag, AUTOMATIC)

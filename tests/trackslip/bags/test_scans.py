@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bags import START, stamp, transform
+from bags import START, scan_messages, stamp, transform, write_session
 from beside import LENGTH, THICKNESS, compose, drive, teleoperated
-from scanned import scan_messages, write_session
 from scipy.spatial.transform import Rotation
 
 from trackslip.bags.choice import BagChoice
@@ -72,7 +71,6 @@ def test_scans_with_other_beams_are_left_out(tmp_path, driven):
 @pytest.mark.parametrize(
     ("messages", "choice", "said"),
     [
-        ([], replace(CHOICE, scan="/nope"), "it has no topic '/nope'"),
         ([], replace(CHOICE, scan="/joint_states"), "needs sensor_msgs/msg/LaserScan"),
         ([], replace(CHOICE, plate=Plate(0.1, 0.02)), "topic /scan: no plate of 0.1x0.02 m moves"),
         (ON_ROBOT, CHOICE, "topic /scan: .* frame 'laser' moves in 'odom': a scanner beside the field"),

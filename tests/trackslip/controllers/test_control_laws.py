@@ -1,4 +1,4 @@
-"""The static laws about their reference, against their closed forms."""
+"""The static and dynamic laws, and those that choose their own speed, against their closed forms."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from linearised import closed_loop, error_gains, pose_with_error
 
+from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.error_feedback import Kanayama, LinearTimeVarying, OffsetPoint, Samson
-from trackslip.controllers.steering import PathAhead, PurePursuit, Stanley
+from trackslip.controllers.path_following import PathFollowing
+from trackslip.controllers.steering import PathAhead, PurePursuit, RegulatedPurePursuit, Stanley
 from trackslip.kinematics import advance
 from trackslip.metrics import body_errors
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle
@@ -128,3 +130,102 @@ def test_beyond_a_cusp_and_the_end_the_path_goes_on_straight():
         np.testing.assert_allclose(path.point(time, 0.3)[0], advance(start, [way, 0.0], 1.0), atol=1e-4)
     standing = SegmentedReference((1.0, 2.0, 3.0), [Segment(2.0, 0.0, 0.0)])
     np.testing.assert_array_equal(PathAhead(standing).point(1.0, 0.3)[0], [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(("speed", "stiffness", "damping"), [(0.15, 1.0, 1.4), (-0.15, 0.5, 2.0)])
+def test_each_axis_is_a_damped_spring(speed, stiffness, damping):
+    """e'' + k_d e' + k_p e = 0 in the world frame, along an arc that speeds up, against its solution."""
+    reference = SegmentedReference((1.0, 2.0, 0.7), [Segment(10.0, speed, 1.5 * speed, 0.8)])
+    controller = DynamicFeedback(stiffness, damping)
+    pose = pose_with_error(reference.pose(0.0), np.array([0.03, 0.04, 0.1]))
+    step, steps = 2e-3, 750
+    error, twist = np.zeros((steps, 2)), np.zeros((steps, 2))
+    for k in range(steps):
+        error[k] = (reference.pose(k * step) - pose)[:2]
+        twist[k] = controller.twist(k * step, pose, reference)
+        if k == 0:
+            heading = [np.cos(pose[2]), np.sin(pose[2])]
+            desired = np.array([np.cos(0.7), np.sin(0.7)]) * speed
+            rate = desired - twist[0, 0] * np.array(heading)
+        pose = advance(pose, twist[k], step)
+    roots = np.roots([1, damping, stiffness]).astype(complex)
+    weights = np.linalg.solve([[1, 1], roots], np.stack([error[0], rate]))
+    wanted = (np.exp(np.outer(np.arange(steps) * step, roots)) @ weights).real
+    np.testing.assert_allclose(error, wanted, atol=1e-4)
+
+
+@SPEEDS
+def test_errors_across_decay_with_the_distance_as_stated(speed):
+    law = PathFollowing(approach_angle=0.7, approach=3.0, across=6.0, heading=4.0)
+    _, (_, by_left, by_turn) = error_gains(law, 5.0, circle(1e9, speed, 40.0))
+    motion = np.array([[0.0, speed], [-by_left, -by_turn]]) / abs(speed)  # of (y, theta) = -(e_y, e_phi), per metre
+    slope = 0.7 * 3.0
+    np.testing.assert_allclose(np.poly(motion), [1.0, 4.0 + slope, 4.0 * slope + 6.0], rtol=1e-6)
+
+
+def drive(law, reference, pose, duration, held=0.0, step=0.05):
+    """Poses (T, ..., 3) and twists (T, ..., 2) of ideal robots, held in place for the first `held` seconds."""
+    poses, twists = [], []
+    for k in range(round(duration / step)):
+        twists.append(law.twist(k * step, pose, reference))
+        pose = pose if k * step < held else advance(pose, twists[-1], step)
+        poses.append(pose)
+    return np.array(poses), np.array(twists)
+
+
+@SPEEDS
+def test_a_late_robot_stays_on_its_path_and_hurries_by_a_limited_share(speed):
+    """Held for 3 s on a circle of 1 m, it is 0.45 m late; Eq. 31 then cuts the corner by centimetres."""
+    reference = circle(1.0, speed, 60.0)
+
+    def away(law):
+        poses, twists = drive(law, reference, reference.pose(0.0), 40.0, held=3.0)
+        assert np.hypot(*(poses[-1] - reference.pose(40.0))[:2]) < 2e-3
+        return np.abs(np.hypot(poses[:, 0], poses[:, 1] - 1.0) - 1.0).max(), np.abs(twists[:, 0])
+
+    distance, speeds = away(PathFollowing())
+    assert distance < 5e-3
+    assert speeds.max() == pytest.approx(1.3 * abs(speed), rel=0.02)
+    assert away(LinearTimeVarying())[0] > 0.02
+
+
+@SPEEDS
+def test_regulated_pure_pursuit_is_pure_pursuit_where_nothing_is_regulated(speed):
+    reference = circle(1.0, speed, 40.0)
+    plain = error_gains(PurePursuit(look_ahead=0.3), 5.0, reference)
+    np.testing.assert_allclose(error_gains(RegulatedPurePursuit(lookahead_time=2.0), 5.0, reference), plain, atol=1e-9)
+    near = RegulatedPurePursuit(min_lookahead_dist=0.3, max_lookahead_dist=0.3)
+    np.testing.assert_allclose(error_gains(near, 5.0, reference), plain, atol=1e-9)
+
+
+def test_speed_falls_before_a_cusp_where_the_robot_is():
+    ramps = [Segment(2.0, 0.2, 0.2), Segment(2.0, -0.2, -0.2)]
+    reference = SegmentedReference((0.0, 0.0, 0.0), ramps)
+    law = RegulatedPurePursuit(approach_velocity_scaling_dist=0.2, stiffness=1e-9)  # doesn't hurry
+    for time, behind, wanted in (
+        (0.5, 0.0, 0.2),
+        (1.5, 0.0, 0.1),
+        (1.5, 0.05, 0.15),
+        (1.9, 0.0, 0.05),
+        (3.7, 0.0, 0.06),
+    ):
+        pose = pose_with_error(reference.pose(time), np.array([behind, 0.0, 0.0]))
+        v, w = law.twist(time, pose, reference)
+        np.testing.assert_allclose([abs(v), w], [wanted, 0.0], atol=1e-5)
+
+
+def test_the_speed_never_jumps():
+    """Through stop, cusp and end, with an error that makes both laws disagree."""
+    forwards = [Segment(3.0, 0.0, 0.15, 0.5), Segment(3.0, 0.15, 0.0, 0.5)]
+    backwards = [Segment(3.0, 0.0, -0.15, -0.5), Segment(3.0, -0.15, 0.0, -0.5)]
+    reference = SegmentedReference((0.0, 0.0, 0.0), [*forwards, *backwards])
+    controller = DynamicFeedback(stiffness=0.5)
+    pose = pose_with_error(reference.pose(0.0), np.array([[0.08, 0.1, 0.3], [-0.08, 0.05, 0.0], [0.0, 0.0, 0.0]]))
+    step = 0.02
+    twists = []
+    for k in range(700):
+        twists.append(controller.twist(k * step, pose, reference))
+        pose = advance(pose, twists[-1], step)
+    jumps = np.abs(np.diff(twists, axis=0))
+    assert jumps[..., 0].max() < 0.5 * step  # 0.5 m/s^2
+    assert np.abs(twists).max() < 1.5

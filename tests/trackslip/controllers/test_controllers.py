@@ -70,7 +70,7 @@ def test_start_errors_die_out_on_an_ideal_robot(name, reference):
     feedback, reference = CONTROLLERS[name](), REFERENCES[reference]
     robots = 1 if name in OPTIMISING else 4
     pose = pose_with_error(reference.pose(0.0), start_errors(robots, np.random.default_rng(1)))
-    step, steps = 0.1, 400
+    step, steps = 0.2, 200
     distance = np.zeros((steps, len(pose)))
     for k in range(steps):
         pose = advance(pose, feedback.twist(k * step, pose, reference), step)

@@ -1,16 +1,17 @@
-"""Predictive controllers against the optima of their problems, found in other ways."""
+"""The linear quadratic regulator and predictive controllers, against optima that are found in other ways."""
 
 import numpy as np
 import pytest
-from linearised import pose_with_error
+from linearised import error_gains, pose_with_error
+from scipy.linalg import solve_discrete_are
 from scipy.optimize import lsq_linear, minimize
 
-from trackslip.controllers.lqr import error_dynamics
+from trackslip.controllers.lqr import Lqr, error_dynamics
 from trackslip.controllers.mpc import LinearPredictive, ModelPredictive, bounded_optimum
 from trackslip.controllers.mppi import PathIntegral
 from trackslip.kinematics import advance, track_speeds, twist_of_tracks
-from trackslip.trajectory.named import named_reference
-from trackslip.trajectory.segmented import circle
+from trackslip.metrics import body_errors
+from trackslip.trajectory.segmented import circle, paper_reference
 
 
 @pytest.mark.parametrize("error", [(0.02, -0.01, 0.05), (0.3, 0.2, -0.4), (-0.5, 0.1, 0.8), (0.0, -0.6, 0.3)])
@@ -64,34 +65,6 @@ def test_ill_conditioned_problems_end():
     assert np.isfinite(controller.twist(5.0, pose, reference)).all()
 
 
-@pytest.mark.parametrize("make", [LinearPredictive, ModelPredictive, PathIntegral])
-def test_no_track_exceeds_its_limit(make):
-    controller, reference = make(), circle(0.7, 0.2, 40.0)
-    rng = np.random.default_rng(0)
-    for time in np.arange(5.0, 5.5, 0.05):
-        pose = pose_with_error(reference.pose(time), rng.uniform(-1, 1, (5, 3)))
-        tracks = track_speeds(controller.twist(time, pose, reference), controller.half_gauge)
-        assert (np.abs(tracks) <= controller.track_speed + 1e-12).all()
-
-
-def test_linearised_and_nonlinear_prediction_drive_alike():
-    """Near the path to second order of the error; from 0.2 m off, both come back within the same 4 s."""
-    reference = named_reference("slalom")
-    offsets = np.array([[0.01, 0.01, 0.02], [0.1, 0.17, -0.3]])
-    paths = []
-    for controller in (LinearPredictive(), ModelPredictive()):
-        pose = pose_with_error(reference.pose(0.0), offsets)
-        path = []
-        for time in np.arange(0.0, 15.0, 0.1):
-            pose = advance(pose, controller.twist(time, pose, reference), 0.1)
-            path.append(pose)
-        paths.append(path)
-    apart = np.linalg.norm(np.subtract(*paths)[..., :2], axis=-1)
-    assert apart[:, 0].max() < 5e-4
-    assert apart[:, 1].max() < 0.05
-    assert apart[-50:].max() < 1e-3
-
-
 def test_many_samples_tend_to_the_linear_quadratic_optimum():
     """The path integral of a linear system with a quadratic cost is known: its mean plan is the optimum."""
     reference = circle(1.0, 0.15, 40.0)
@@ -102,3 +75,65 @@ def test_many_samples_tend_to_the_linear_quadratic_optimum():
     found = np.mean([sampling.twist(5.0 + 1e-6 * k, pose, reference) for k in range(100)][20:], axis=0)
     change = wanted - reference.twist(5.0)
     np.testing.assert_allclose(found - reference.twist(5.0), change, atol=0.05 * np.abs(change).max())
+
+
+@pytest.mark.parametrize("twist", [(0.15, 0.12), (-0.2, 0.1), (0.15, 0.0), (0.0, 0.0)])
+def test_error_dynamics_by_finite_differences(twist):
+    """A and B are the derivatives of the true motion of robot and reference over a period."""
+    desired, period, h = np.array([1.0, 2.0, 0.7]), 0.1, 1e-6
+    a, b = error_dynamics(twist, period)
+
+    def after(error, correction):
+        pose = advance(pose_with_error(desired, np.asarray(error)), np.add(twist, correction), period)
+        return body_errors(pose, advance(desired, twist, period))
+
+    by_error = [(after(h * e, [0, 0]) - after(-h * e, [0, 0])) / (2 * h) for e in np.eye(3)]
+    by_correction = [(after(np.zeros(3), h * u) - after(np.zeros(3), -h * u)) / (2 * h) for u in np.eye(2)]
+    np.testing.assert_allclose(a, np.transpose(by_error), atol=1e-8)
+    np.testing.assert_allclose(b, np.transpose(by_correction), atol=1e-8)
+
+
+@pytest.mark.parametrize("speed", [0.15, -0.15])
+def test_on_a_long_arc_the_gain_solves_the_algebraic_riccati_equation(speed):
+    controller = Lqr()
+    reference = circle(1.0, speed, 120.0)
+    a, b = error_dynamics(reference.twist(5.0), controller.period)
+    q, r = controller.weights
+    cost = solve_discrete_are(a, b, q, r)
+    wanted = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
+    gains = controller.gains(reference)
+    np.testing.assert_allclose(gains[100], wanted, rtol=1e-6)
+    np.testing.assert_allclose(error_gains(controller, 5.0, reference), -wanted, atol=1e-6)
+    assert np.abs(np.linalg.eigvals(a - b @ wanted)).max() < 1
+
+
+def test_gains_do_not_fade_towards_the_end():
+    """The robot is thought to stand for a while, so what can be held there still is."""
+    reference = paper_reference()
+    gains = Lqr().gains(reference)
+    last = gains[-1]
+    assert -last[0, 0] > 0.5
+    assert -last[1, 2] > 0.5
+    np.testing.assert_allclose(last[[0, 1, 1], [1, 0, 1]], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("speed", [0.15, -0.15])
+def test_near_the_reference_a_long_horizon_is_the_linear_quadratic_regulator(speed):
+    """The same errors and inputs weighed over the same intervals, where no limit is near."""
+    controller = ModelPredictive(intervals=60, interval=0.25, final_weight=1.0, iterations=2)
+    reference = circle(1.0, speed, 60.0)
+    a, b = error_dynamics(reference.twist(5.0), controller.interval)
+    scales = np.array([controller.position_scale, controller.position_scale, controller.heading_scale])
+    tracks = track_speeds(np.eye(2), controller.half_gauge).T / controller.speed_scale
+    q, r = np.diag(scales**-2), tracks.T @ tracks
+    cost = solve_discrete_are(a, b, q, r)
+    wanted = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
+    np.testing.assert_allclose(error_gains(controller, 5.0, reference, h=1e-4), -wanted, rtol=2e-3, atol=2e-3)
+
+
+def test_sampled_tracks_do_not_exceed_their_limit():
+    controller, reference = PathIntegral(), circle(0.7, 0.2, 40.0)
+    pose = pose_with_error(reference.pose(5.0), np.random.default_rng(0).uniform(-1, 1, (20, 3)))
+    tracks = track_speeds(controller.twist(5.0, pose, reference), controller.half_gauge)
+    assert np.abs(tracks).max() == pytest.approx(controller.track_speed, rel=0.1)
+    assert (np.abs(tracks) <= controller.track_speed + 1e-12).all()

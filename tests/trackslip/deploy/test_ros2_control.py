@@ -1,18 +1,21 @@
-"""Parameters of diff_drive_controller, by a model of it that is written from its equations."""
+"""Parameters of diff_drive_controller, by a model of it, and what deployed laws say of themselves."""
 
 import json
 import re
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
-from deployed import GEOMETRY, stored, twists
+from deployed import GEOMETRY, VALUES, stored, twists
 from diff_drive import PARAMETERS, DiffDrive, parameters_in, read_yaml
 
-from trackslip.deploy.deploy import deploy_law
+from trackslip.deploy.deploy import TARGETS, deploy_law
 from trackslip.deploy.differential_drive import diff_drive_text, yaml_number
-from trackslip.errors import TrackslipError
+from trackslip.deploy.programs import c_text
 from trackslip.kinematics import advance
-from trackslip.laws.file import SHIPPED
+from trackslip.laws.families import FAMILIES
+from trackslip.laws.file import SHIPPED, load_laws, read_stored
 
 STORED = stored()
 EVEN_SIDES = {"offset_left": 0.04, "offset_right": 0.04, "radius_error_left": 0.01, "radius_error_right": -0.02}
@@ -83,5 +86,45 @@ def test_the_law_that_identification_named_stands_in_for_a_best_one_that_cannot_
     assert "Slip law icr: " in text
     assert "The best law is turn_loss: this is icr" in text
     assert "Slip law turn_loss" in deploy_law(file, "c")
-    with pytest.raises(TrackslipError, match=r"ros2_control can only express constant ICRs; those in laws.json: icr, "):
-        deploy_law(file, law="turn_loss")
+
+
+NASTY = '*/ int x; /* ??/ \\ \n\r\x00 */ é # : - "\'\'\'""" %s {0} \u2028 tail\\'
+DRIVE = {"method": "drive", "best": "icr_radius", "made_by": NASTY, "alarms": [{"kind": "bound", "line": NASTY + " ±"}]}
+
+
+@pytest.mark.parametrize("to", TARGETS)
+def test_nasty_names_stay_in_comments(to, tmp_path):
+    laws = stored(**DRIVE)
+    text = TARGETS[to](laws, "icr_radius")
+    assert text.isascii()
+    if to == "json":
+        assert json.loads(text)["alarms"] == [NASTY + " ±"]
+    elif to in ("ros2_control", "ros_control"):
+        assert len(read_yaml(text)["diff_drive_controller"]) == (1 if to == "ros2_control" else 5)
+    elif to == "python":
+        names = {}
+        exec(compile(text, "law", "exec"), names)
+        assert {name for name in names if name.islower()} == {"__builtins__", "sprocket_speeds", "body_twist"}
+    elif shutil.which("cc"):
+        (tmp_path / "law.h").write_text(text)
+        command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", "-x", "c", "law.h"]
+        subprocess.run(command, cwd=tmp_path, check=True)
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_json_is_a_file_of_laws_to_the_last_bit(name, tmp_path):
+    file = tmp_path / "law.json"
+    file.write_text(TARGETS["json"](stored(), name))
+    assert load_laws(file, GEOMETRY) == {name: stored().laws[name]}
+    if "c" in FAMILIES[name].targets:
+        assert c_text(read_stored(file), name).count(f"{GEOMETRY.sprocket_radius!r};") == 1
+    units = json.loads(file.read_text())["units"]
+    assert set(units) == set(VALUES[name])
+
+
+@pytest.mark.parametrize("key", ["drive", "laws", "alarms", "method", "best", "made_by", "expressible"])
+@pytest.mark.parametrize("value", [None, 3, [1, [2]], {"icr": 3}])
+def test_whatever_else_a_file_says(key, value):
+    laws = stored({"icr": VALUES["icr"]}, **{"method": "drive", key: value})
+    for text in TARGETS.values():
+        assert text(laws, "icr")

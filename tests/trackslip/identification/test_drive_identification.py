@@ -13,7 +13,7 @@ from trackslip.errors import InvalidValueError, LogError, TrackslipError
 from trackslip.identification.identify import identify, identify_source
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import Sampling
-from trackslip.identification.source import ReadOptions, Source
+from trackslip.identification.source import ReadOptions, Source, source_of_runs
 from trackslip.laws.file import load_laws
 from trackslip.logs.runlog import RunLog
 
@@ -89,3 +89,31 @@ def test_what_a_robot_shows_too_little_of_is_an_alarm():
 def test_what_is_no_drive_is_said(log, said):
     with pytest.raises(LogError, match=said):
         identify(log, GEOMETRY, method="drive")
+
+
+GROUND = {"along": 0.7, "across": 0.778, "slope": 0.0, "uphill": 0.0, "shear": 0.01}
+
+
+def run(loads: bool = True, **changed: float) -> RunLog:
+    time = np.arange(0, 5, 0.05)
+    log = RunLog("run", time, np.ones((100, 2)), np.zeros((100, 3)), load=np.zeros((100, 2)) if loads else None)
+    return replace(log, metadata={"geometry": vars(GEOMETRY), "ground": GROUND | changed})
+
+
+def test_runs_that_tell_their_loads_may_differ_in_slope():
+    (note,) = source_of_runs([run(), run(slope=0.1, uphill=1.0)]).notes
+    assert note == "its runs differ in ground (slope, uphill): only icr_load takes that into account"
+    assert source_of_runs([run(), run()]).notes == ()
+
+
+@pytest.mark.parametrize(
+    ("runs", "named"),
+    [
+        ([run(), run(loads=False, slope=0.1)], "slope"),
+        ([run(), run(shear=0.02)], "shear"),
+        ([run(), run(slope=0.1, along=0.6)], "along, slope"),
+    ],
+)
+def test_other_differences_are_refused(runs, named):
+    with pytest.raises(LogError, match=rf"differ in ground \({named}\): choose with --where"):
+        source_of_runs(runs)

@@ -8,8 +8,6 @@ from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, constant_speeds, drive_log
 from plain_drives import HUSKY, drive_of, log_of, measured
 
 from sim.wander.motion import WHITE
-from sim.wander.pose_source import PoseSource
-from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.preparation import drives_of
@@ -19,7 +17,6 @@ from trackslip.laws.icr import ConstantIcr, IcrSides
 from trackslip.laws.turn_loss import Centrifugal, TurnLoss, TurnLossSides
 from trackslip.se2 import Mounting
 
-GNSS = PoseSource(rate=5.0, position_noise=0.02, heading=False)
 MOUNTED = replace(SLAM, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)
 PLACE = {"sensor_x": 0.3, "sensor_y": 0.1, "sensor_yaw": np.radians(5), "clock_offset": -0.15}
 LAWS = {
@@ -80,7 +77,7 @@ def test_a_given_sensor_is_held_and_improves_the_rest():
 
 @pytest.mark.parametrize("lag", [0.0, 0.15])
 def test_a_lag_is_estimated_on_request_and_else_taken_up_by_the_clock(lag):
-    log = drive_log(2, 50.0, EXACT, STILL, lag=lag)
+    log = drive_log(2, 30.0, EXACT, STILL, lag=lag)
     fit = fitted(REFERENCE, log, lag=True)
     assert fit.extras["lag"] == pytest.approx(lag, abs=5e-3)
     assert fit.extras["clock_offset"] == pytest.approx(0, abs=5e-3)
@@ -148,11 +145,3 @@ def test_what_was_not_measured_is_held():
         assert headings.held[name] == "no positions were measured"
     gain = GEOMETRY.half_gauge / (GEOMETRY.half_gauge + headings.values["offset"])
     assert gain == pytest.approx(GEOMETRY.half_gauge * 1.0066 / 0.213, rel=2e-3)
-
-
-def test_unknown_laws_and_drives_without_poses_are_refused():
-    with pytest.raises(InvalidValueError, match="cubic"):
-        fitted("cubic", drive_log(1, 20.0))
-    log = drive_log(1, 20.0)
-    with pytest.raises(LogError, match="0 poses while it drives, needs at least 2"):
-        fitted(REFERENCE, replace(log, valid=np.zeros(len(log.time), bool)))

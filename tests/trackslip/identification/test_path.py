@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drives import drive_log, held, model
+from drives import drive_log, model
 
 from trackslip.identification.path import path_at
 from trackslip.identification.preparation import Drives, drive_of, interval_means
@@ -61,6 +61,12 @@ def test_each_of_several_drives_moves_as_it_does_alone(clock_offset, lag):
         slope = together.heading_slope[:, rows] - together.heading_slope[:, [begin]]
         np.testing.assert_allclose(slope, alone.heading_slope - alone.heading_slope[:, :1], atol=1e-9)
         begin += len(drive.time)
+
+
+def held(time, omega, period, shifts=(0.0, 0.0)):
+    """Speeds (T, 2) as a robot logs them that reads each encoder once a `period` [s], the two at times of their own."""
+    rows = [np.searchsorted(time, period * np.floor((time - s) / period + 1e-9) + s - 1e-9) for s in shifts]
+    return np.column_stack([omega[np.clip(row, 0, None), side] for side, row in enumerate(rows)])
 
 
 def test_a_reading_that_is_logged_again_and_again_counts_once_in_the_middle_of_its_time():

@@ -137,11 +137,3 @@ def test_what_the_robot_has_today_knows_no_delay_and_no_gains():
     assert list(found.errors)[:2] == ["today", "two_gains"]
     assert best.position.rms < 1e-3 < none.position.rms < today.position.rms
     assert best.heading.rms < gains.heading.rms < none.heading.rms
-
-
-def test_poses_too_short_for_any_horizon_give_no_score():
-    log = drive_log(1, 12.0, replace(EXACT, rate=20.0), STILL)
-    found = compared(log.between(*np.searchsorted(log.time, [6.0, 6.9])))
-    assert found.score == {}
-    assert found.reason.startswith("no motion can be predicted")
-    assert found.best == "icr_radius"

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from slip_data import ERRORS, GEOMETRY, RADII, coverage, grid
+from slip_data import ERRORS, GEOMETRY, RADII, grid
 
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
@@ -63,7 +63,6 @@ def require_within(fit, law, errors=4.0):
         ("none", NoSlip()),
         ("exponential", PUBLISHED),
         ("exponential_speed", ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)),
-        ("icr", ConstantIcr(0.045, 0.168)),
         ("icr_radius", ICR),
     ],
 )
@@ -111,13 +110,6 @@ def test_sides_that_differ_are_told_when_turns_go_both_ways():
     assert found.best == "icr_sides"
     require_within(found.laws["icr_sides"], sides)
     assert compare_laws(grid(ICR, radii=both), GEOMETRY).best == "icr_radius"
-
-
-@pytest.mark.parametrize("known", [True, False])
-def test_intervals_cover(known):
-    values = {"offset": 0.045, "radius_error": 0.0067}
-    shares = coverage("icr_radius", values, grid(ICR), GEOMETRY, 40, np.random.default_rng(0), known)
-    assert np.abs(np.array([*shares.values()]) - 0.95).max() < 0.138  # four standard errors of each share
 
 
 @pytest.mark.parametrize(("count", "told"), [(1, False), (7, True)])
@@ -197,7 +189,6 @@ def test_a_yaw_rate_within_its_error_says_nothing_of_swapped_tracks():
     assert len(sample(omega, twist, yaw_stderr=0.05)) == 1
 
 
-@pytest.mark.parametrize("radius", [0.6, 2.0])
 @pytest.mark.parametrize(
     ("wheels", "motion"),
     [
@@ -209,8 +200,8 @@ def test_a_yaw_rate_within_its_error_says_nothing_of_swapped_tracks():
         *((lambda w: w, units) for units in ((1000, 1), (100, 1), (1, 180 / np.pi))),  # mm, cm, degrees
     ],
 )
-def test_other_sides_signs_and_units_are_noticed(radius, wheels, motion):
-    twist = np.array([0.2, 0.2 / radius])
+def test_other_sides_signs_and_units_are_noticed(wheels, motion):
+    twist = np.array([0.2, 0.1])
     omega = (twist[0] + np.array([-1, 1]) * 0.21 * twist[1]) / 0.06
     match = (
         r"moves at .* but its sprockets say .*: check the units .* the gear, sprocket_radius = 0\.06 m, left and right"

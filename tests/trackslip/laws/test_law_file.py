@@ -3,7 +3,6 @@
 import json
 
 import pytest
-from deployed import stored
 from slip_data import GEOMETRY, grid
 
 from trackslip.errors import LogError
@@ -13,6 +12,8 @@ from trackslip.identification.samples import Sampling
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.file import SHIPPED, load_laws
+
+ROBOT = '"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06}'
 
 
 def test_laws_survive_their_file(tmp_path):
@@ -31,17 +32,9 @@ def test_laws_survive_their_file(tmp_path):
         ("[1, 2]", "no slip laws"),
         ('{"a": ' * 100_000, "no"),
         ('{"format": 99}', "reads formats up to"),
-        (
-            '{"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06},'
-            ' "slip_laws": {"icr_radius": {"values": {"offset": 0.04, "radius_error": 1e308}}}}',
-            r"icr_radius\.radius_error = 1e\+308: must be from -0\.95 to 9",
-        ),
-        ('{"geometry": {"half_gauge": 0.1, "sprocket_radius": 0.06}, "slip_laws": {"icr": {"values": {}}}}', "offset"),
-        (
-            '{"geometry": {"half_gauge": -1, "sprocket_radius": 0.06},'
-            ' "slip_laws": {"icr": {"values": {"offset": 0.1}}}}',
-            "half_gauge",
-        ),
+        (f'{{{ROBOT}, "slip_laws": {{"icr": {{"values": {{"offset": 1e308}}}}}}}}', r"icr\.offset = 1e\+308: must be"),
+        (f'{{{ROBOT}, "slip_laws": {{"icr": {{"values": {{}}}}}}}}', "offset"),
+        (f'{{{ROBOT.replace("0.168", "-1")}, "slip_laws": {{"icr": {{"values": {{"offset": 0.1}}}}}}}}', "half_gauge"),
     ],
 )
 def test_files_without_laws(tmp_path, text, message):
@@ -59,13 +52,3 @@ def test_laws_of_another_robot_are_refused():
     assert load_laws(SHIPPED, GEOMETRY)
     with pytest.raises(LogError, match=r"the robot has 0\.3 m"):
         load_laws(SHIPPED, RobotGeometry(0.3, 0.06))
-
-
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [({}, "steady"), ({"method": "drive"}, "drive"), ({"laws": {}}, "drive"), ({"laws": {}, "drive": {}}, "short")],
-)
-def test_the_fit_of_a_law_is_that_of_the_method(change, expected):
-    fits = {name: {"icr": {"values": {"offset": 0.04}, "of": name}} for name in ("short", "steady", "drive")}
-    content = {"slip_laws": fits["short"], "laws": fits["steady"], "drive": {"laws": fits["drive"]}, "method": "steady"}
-    assert stored({"icr": {"offset": 0.04}}, **content | change).fit("icr")["of"] == expected

@@ -1,7 +1,5 @@
 """The column gyro: written and read back, in the right unit, and left out where it measures something else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -80,12 +78,3 @@ def test_what_does_not_follow_the_headings_is_left_out(log, tmp_path, what):
     read = read_log(tmp_path / "a.parquet")
     assert read.runs[0].gyro is None
     assert "column gyro left out: its turns don't follow the headings" in read.warnings[0]
-
-
-def test_headings_that_come_late_or_not_at_all_leave_no_doubt(log, tmp_path):
-    late = np.interp(TIME - 0.5, TIME, HEADING)
-    for heading in (late, np.full(len(TIME), np.nan)):
-        write_parquet([replace(log, pose=np.column_stack([log.pose[:, :2], heading]))], tmp_path / "a.parquet")
-        read = read_log(tmp_path / "a.parquet")
-        np.testing.assert_array_equal(read.runs[0].gyro, log.gyro)
-        assert not read.warnings

@@ -47,7 +47,6 @@ def test_a_row_with_a_damaged_reading_or_time_is_left_out(tmp_path, column, valu
         ({4: "a,0.4,1,6,1e300,0,0,true"}, [4], "1 pose left out: row 5, column x: '1e300' is not a finite number"),
         ({4: "a,0.4,1,6,0.4,0,0,perhaps"}, [4], "1 pose left out: row 5, column valid: 'perhaps' is not true or false"),
         ({4: "a,0.4,1,6,nan,oops,inf,false"}, [4], None),
-        ({4: "a,0.4,1,6,nan,NaN,nan,true"}, [4], None),
         ({4: "a,0.4,1,6,,,,"}, [4], None),
         ({5: "a,0.5,1,7,0.5,0,,true"}, [], None),
     ],

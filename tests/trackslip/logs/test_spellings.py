@@ -32,9 +32,7 @@ SPELLINGS = {
     "semicolons": text(separator=";"),
     "tabs": text(separator="\t"),
     "decimal commas": text(separator=";").replace(".", ","),
-    "tabs and decimal commas": text(separator="\t").replace(".", ","),
     "a row of units": PLAIN.replace("\n", "\n-,s,rad/s,rad/s,m,m,rad\n", 1),
-    "units in brackets": PLAIN.replace("\n", "\n,[s],[rad/s],[rad/s],[m],[m],[rad]\n", 1),
     "all of it": "# robot\n"
     + text([["", "s", "rad/s", "rad/s", "m", "m", "rad"], *ROWS], separator=" ; ").replace(".", ","),
     "a mark of the byte order": "\ufeff" + PLAIN,

@@ -1,10 +1,20 @@
+"""The twist of a steady stretch by every method, against the truth, repeats and the Cramér-Rao bound."""
+
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from bound import pose_bound
 
 from trackslip.errors import LogError
+from trackslip.identification.samples import best_method
 from trackslip.kinematics import advance
-from trackslip.logs.runlog import RunLog
-from trackslip.motion.arc import arc
+from trackslip.localization.plate import PlateLocator
+from trackslip.localization.scan import Plate, extract_plate
+from trackslip.logs.logfile import read_runs, write_parquet
+from trackslip.logs.runlog import RunLog, ScanLog
+from trackslip.motion.arc import arc, poses_on_arc
+from trackslip.motion.bundle import bundle
 from trackslip.motion.filtered import even_poses, paper
 from trackslip.motion.steady_twist import long_run_covariance
 
@@ -28,19 +38,6 @@ def test_gaps_are_bridged_along_the_arc(radius, seconds):
     true = log.pose.copy()
     log.pose[~valid] = np.nan
     np.testing.assert_allclose(even_poses(log)[1], true, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("log", "message"),
-    [
-        (circle_log((0.2, 0.4), valid=np.abs(np.arange(600) * 0.05 - 10) > 5), "can be bridged"),
-        (circle_log((0.2, 0.4), step=0.5), "log it more often"),
-        (circle_log((0.1, 0.1), rows=10), "needs at least"),
-    ],
-)
-def test_what_cannot_be_filtered_is_refused(log, message):
-    with pytest.raises(LogError, match=message):
-        paper(log, WINDOW)
 
 
 METHODS = {"arc": arc, "paper": paper}
@@ -84,12 +81,6 @@ def test_a_lateral_speed_does_not_bend_the_arc():
     assert found.lateral == pytest.approx(u, abs=2e-6)
 
 
-def test_noise_makes_the_papers_speed_larger():
-    """Why it isn't the default: the length of a noisy displacement is longer than the displacement."""
-    log = circle_log((0.05, 0.04), noise=(0.003, 0.003, 0.004), seed=1)
-    assert METHODS["paper"](log, WINDOW).twist[0] > 1.1 * 0.05
-
-
 @pytest.mark.parametrize("method", ["arc", "paper"])
 def test_a_window_without_poses_is_refused(method):
     time = np.arange(600) * 0.05
@@ -110,3 +101,81 @@ def test_long_run_covariance_is_that_of_newey_and_west(share):
         product = series[lag:].T @ series[:-lag]
         expected += (1 - lag / (lags + 1)) * (product + product.T)
     np.testing.assert_allclose(long_run_covariance(series, share), expected / 60, rtol=1e-12, atol=1e-12 * 60)
+
+
+TWIST = np.array([0.2, 0.25])
+SCANNED = (1.0, 29.0)
+PLATE = Plate()
+
+
+@pytest.fixture(scope="module")
+def logs(scan_rectangle):
+    """The same run scanned twenty times with other noise, on circles shifted a little; and its true poses."""
+    time = np.arange(0, 30, 0.2)
+    found = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        pose = advance([2.0, -0.5 + rng.uniform(-0.05, 0.05), 0.3 + rng.uniform(-0.1, 0.1)], TWIST, time)
+        scan = scan_rectangle(pose, rng)
+        estimate = PlateLocator().locate(scan)
+        heading = estimate.pose[:, 2] - np.pi * np.round((estimate.pose[:, 2] - pose[:, 2]) / np.pi)
+        cluster = extract_plate(scan, PLATE, scan.from_world(pose))
+        scans = ScanLog(replace(scan, ranges=np.empty((0, len(scan.bearings)))), PLATE, cluster)
+        located = np.column_stack([estimate.pose[:, :2], heading])
+        log = RunLog("circle", time, np.ones((150, 2)), located, valid=estimate.valid, scans=scans)
+        found.append((log, pose))
+    return found
+
+
+def test_bundle_is_at_the_bound_and_its_errors_are_its_scatter(logs):
+    found = [bundle(log, SCANNED) for log, _ in logs]
+    error = np.array([steady.twist for steady in found]) - TWIST
+    rms = np.sqrt(np.mean(error**2, axis=0))
+    # the bound of a pose and a twist with lateral speed, from the bounds of the single scans that have one
+    log, pose = logs[0]
+    rows = (log.time > SCANNED[0]) & (log.time < SCANNED[1])
+    covariance = pose_bound(pose[rows], PLATE, log.scans.scan.bearings, log.scans.scan.noise)
+    held = np.isfinite(covariance).all(axis=(1, 2))
+    _, jacobian = poses_on_arc(np.array([*pose[75], TWIST[0], 0.0, TWIST[1]]), log.time[rows] - log.time[75])
+    information = np.einsum("tki,tkl,tlj->ij", jacobian[held], np.linalg.inv(covariance[held]), jacobian[held])
+    bound = np.sqrt(np.diag(np.linalg.inv(information)))[[3, 5]]
+    assert np.all(rms < 1.1 * bound * (1 + 3 / np.sqrt(2 * len(logs))))
+    stated = np.sqrt(np.mean([np.diag(steady.covariance) for steady in found], axis=0))
+    assert np.all(np.abs(rms / stated - 1) < 3 / np.sqrt(2 * len(logs)))
+    assert np.all(np.abs(error.mean(axis=0)) < 3.5 * rms / np.sqrt(len(logs)))
+    assert np.all(error.std(axis=0) < np.std([arc(log, SCANNED).twist for log, _ in logs], axis=0))
+
+
+def test_scans_of_something_else_are_left_out(logs):
+    log, _ = logs[0]
+    cluster = log.scans.cluster
+    nearer = cluster.range.copy()
+    nearer[(cluster.row >= 50) & (cluster.row < 65)] -= 0.4
+    spoilt = replace(log, scans=replace(log.scans, cluster=replace(cluster, range=nearer)))
+    change = bundle(spoilt, SCANNED).twist - bundle(log, SCANNED).twist
+    assert np.all(np.abs(change) < np.sqrt(np.diag(bundle(log, SCANNED).covariance)))
+
+
+def test_logs_without_ranges_are_refused_and_take_the_arc(logs):
+    log = replace(logs[0][0], scans=None)
+    with pytest.raises(LogError, match="has no ranges, which bundle needs"):
+        bundle(log, SCANNED)
+    assert best_method(log) == "arc"
+    assert best_method(logs[0][0]) == "bundle"
+
+
+def test_ranges_survive_their_file_and_a_cut(logs, tmp_path):
+    log = logs[0][0]
+    hidden = log.scans.cluster.hidden.copy()
+    hidden[3, 1] = np.inf
+    log = replace(log, scans=replace(log.scans, cluster=replace(log.scans.cluster, hidden=hidden)))
+    write_parquet([log, replace(log, run="without", scans=None)], tmp_path / "runs.parquet")
+    back, without = read_runs(tmp_path / "runs.parquet")
+    assert without.scans is None
+    assert back.scans.plate == log.scans.plate
+    np.testing.assert_allclose(back.scans.scan.bearings, log.scans.scan.bearings)
+    for name, values in vars(log.scans.cluster).items():
+        np.testing.assert_allclose(getattr(back.scans.cluster, name), values, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(bundle(back, SCANNED).twist, bundle(log, SCANNED).twist, rtol=1e-6)
+    inner = (6.0, 24.0)
+    np.testing.assert_allclose(bundle(log.between(25, 125), inner).twist, bundle(log, inner).twist, rtol=1e-9)

@@ -71,14 +71,6 @@ def test_without_headings_stretches_start_as_the_positions_before():
     assert none.count > 100
 
 
-def test_what_a_drive_is_too_short_for_is_said():
-    found = odometry_errors(drive_log(6, 8.0, EXACT, STILL), BY_LAW)
-    assert 10.0 not in found.after_seconds
-    assert 5.0 not in found.after_metres
-    assert found.notes[-1] == "no two poses are 10 s apart, so relative errors end before"
-    assert "5, 10 m apart" in found.notes[-2]
-
-
 def test_a_drive_without_poses_is_left_out_of_several():
     log = drive_log(7, 10.0, EXACT, STILL)
     empty = without_poses(replace(log, run="blind"), log.is_valid)

@@ -2,10 +2,9 @@
 
 import json
 
-import numpy as np
 import pytest
 from drives import GEOMETRY, ICR
-from wandered import identified_from, wandered
+from plain_drives import identified_from, wandered
 
 from experiments.common.plain_json import write_json
 from trackslip.errors import LogError, TrackslipError
@@ -33,14 +32,10 @@ def test_a_folder_holds_the_same_as_the_identification(found, folder, name):
     here, there = identified_law(found, name), identified_law(folder, name)
     assert here.name == there.name == (name or found.best)
     assert type(here.law) is type(there.law)
-    assert (here.noise, here.drift, here.mounting, here.clock_offset) == (
-        there.noise, there.drift, there.mounting, there.clock_offset,
-    )  # fmt: skip
-    if here.errors is None or there.errors is None:
-        assert here.errors is there.errors is None
-    else:
-        assert here.errors.names == there.errors.names
-        np.testing.assert_array_equal(here.errors.covariance, there.errors.covariance)
+    for about in ("noise", "drift", "mounting", "clock_offset"):
+        assert getattr(here, about) == getattr(there, about)
+    errors = [(law.errors.names, law.errors.covariance.tolist()) if law.errors else None for law in (here, there)]
+    assert errors[0] == errors[1]
 
 
 def test_a_file_of_laws_knows_nothing_else(tmp_path):
@@ -53,14 +48,15 @@ def test_a_file_of_laws_knows_nothing_else(tmp_path):
 
 def test_what_is_wrong_is_told_in_a_line(found, folder, tmp_path):
     save_laws(tmp_path / "two.json", {"icr_radius": ICR, "icr": ConstantIcr(0.04, 0.168)}, GEOMETRY)
-    other = RobotGeometry(0.2, 0.06)
     for source, name, robot, message in [
-        (folder, "exponential", None, "law = 'exponential': must be one of none, icr, icr_radius (in "),
-        (found, "exponential", None, "(in the identification)"),
+        (
+            found,
+            "exponential",
+            None,
+            "law = 'exponential': must be one of none, icr, icr_radius (in the identification",
+        ),
         (tmp_path / "two.json", None, None, "two.json: says nothing of which law is best: choose one of icr, "),
-        (folder, "icr", other, "its laws are for half_gauge = 0.168 m and sprocket_radius = 0.06 m"),
-        (found, "icr", other, "the identification: its laws are for half_gauge = 0.168 m"),
-        (tmp_path / "nowhere", "icr", None, "nowhere: No such file or directory"),
+        (folder, "icr", RobotGeometry(0.2, 0.06), "its laws are for half_gauge = 0.168 m and sprocket_radius = 0.06"),
     ]:
         with pytest.raises(TrackslipError) as caught:
             identified_law(source, name, robot)

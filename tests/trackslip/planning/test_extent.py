@@ -1,17 +1,17 @@
-"""Where a drive may lead: paths against exact arcs step by step, spread by slip against a Monte Carlo simulation."""
-
-from __future__ import annotations
+"""Maneuvers keep to the limits; where they lead is that of exact arcs, and spread by slip that of a simulation."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sim.wander.motion import LawMotion, SlipVariation
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr
 from trackslip.planning.limits import DriveLimits, first_knowledge
-from trackslip.planning.route import RATE, Maneuvers, extent, path
+from trackslip.planning.route import RATE, TURNING, Maneuvers, extent, longest_spin, path
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LIMITS = DriveLimits(0.3, 0.5, (3.0, 3.0), 60.0)
@@ -69,3 +69,38 @@ def test_every_law_that_the_robot_may_have_stays_inside(index):
     if index:
         expected = extent(MANEUVERS, 0.0, replace(known, reach_doubt=0.0, radius_doubt=0.0, pull=0.0))
         assert (at.min(axis=0) < expected[0]).any() or (at.max(axis=0) > expected[1]).any()
+
+
+WAYS = st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4)), min_size=1, max_size=8)
+
+
+@given(WAYS, st.floats(0.05, 3.0), st.floats(0.1, 5.0))
+def test_speeds_and_accelerations_stay_within_the_limits(ways, speed, acceleration):
+    limits = DriveLimits(speed, acceleration, (3.0, 3.0), 60.0)
+    maneuvers = Maneuvers.of(np.array(ways), limits)
+    if not len(maneuvers.way):
+        return
+    speeds = maneuvers.speeds(maneuvers.duration.sum() + 1.0)
+    assert np.abs(speeds).max() <= speed * (1 + 1e-9)
+    change = np.diff(speeds, axis=0, prepend=np.zeros((1, 2)), append=np.zeros((1, 2)))
+    assert np.abs(change).max() * RATE <= acceleration * (1 + 1e-6)
+    np.testing.assert_allclose(speeds.sum(axis=0) / RATE, maneuvers.way.sum(axis=0), atol=1e-9)
+    np.testing.assert_array_equal(speeds[-1], 0.0)
+
+
+def test_times_are_those_of_trapezoids_and_triangles_and_yaw_rates_are_limited():
+    straight = Maneuvers.of(np.array([[3.0, 3.0], [0.1, 0.1]]), LIMITS)
+    np.testing.assert_allclose(straight.duration, [3.0 / 0.3 + 0.3 / 0.5, 2 * np.sqrt(0.1 / 0.5)], atol=1 / RATE)
+    assert (straight.duration >= [10.6, 2 * np.sqrt(0.2)]).all()
+    spin = Maneuvers.of(np.array([[-3.0, 3.0]]), LIMITS).speeds(60.0)
+    assert np.abs(spin).max() == pytest.approx(TURNING * 0.3, rel=1e-3)
+    bend = Maneuvers.of(np.array([[2.0, 3.0]]), LIMITS).speeds(60.0)
+    assert bend.max() == pytest.approx(0.3, rel=1e-2)
+
+
+@pytest.mark.parametrize("duration", [0.1, 0.5, 1.0, 7.31])
+def test_the_longest_spin_fits_and_none_longer_does(duration):
+    way = longest_spin(duration, LIMITS)
+    assert Maneuvers.of(np.array([[-way, way]]), LIMITS).duration.sum() <= duration + 1e-9
+    longer = way + 0.3 / RATE
+    assert Maneuvers.of(np.array([[-longer, longer]]), LIMITS).duration.sum() > duration

@@ -1,20 +1,22 @@
 """Planned drives: in the area whatever the law, within the limits, the better the longer; and what can't be planned."""
 
-from __future__ import annotations
-
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from trackslip.errors import InvalidValueError
+from sim.wander.motion import LawMotion, SlipVariation
+from trackslip.errors import TrackslipError
+from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.path import DriveModel
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
+from trackslip.laws.icr import ConstantIcr
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning import plan as planning
 from trackslip.planning.information import PoseQuality, drive_to_measure, expected
-from trackslip.planning.limits import DriveLimits, first_knowledge
+from trackslip.planning.limits import DriveLimits, first_knowledge, read_identification
 from trackslip.planning.plan import PLANNED_LAWS, plan_drive
 from trackslip.planning.route import RATE, path
 
@@ -63,7 +65,7 @@ def test_plans_repeat_longer_drives_tell_more_and_smaller_areas_less(plan):
 
 
 def test_a_second_round_is_made_for_what_is_left_open(plan, monkeypatch):
-    monkeypatch.setattr(planning, "_EVALUATIONS", 120)
+    monkeypatch.setattr(planning, "_EVALUATIONS", 80)
     known = LawErrors(("offset", "radius_error"), np.diag(np.square([1e-3, 1e-4])))
     second = plan_drive(GEOMETRY, LIMITS, SLAM, known=known)
     model = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
@@ -75,38 +77,126 @@ def test_a_second_round_is_made_for_what_is_left_open(plan, monkeypatch):
 
 @pytest.mark.parametrize("law", PLANNED_LAWS[1:])  # icr_radius is planned for above
 def test_every_law_can_be_planned_for(law, monkeypatch):
-    monkeypatch.setattr(planning, "_EVALUATIONS", 100)  # few drives determine a loss in turns
+    monkeypatch.setattr(planning, "_EVALUATIONS", 60)  # few drives determine a loss in turns
     found = plan_drive(GEOMETRY, LIMITS, SLAM, law)
     assert all(0 < found.expectation.stderr[name] < 0.04 * size for name, size in found.sizes.items())
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"max_speed": 0.0}, "max_speed = 0.0: must be from 0.001 to 10 m/s"),
-        ({"acceleration": -1.0}, "acceleration = -1.0: must be from 0.001 to 100 m/s^2"),
-        ({"duration": 5.0}, "duration = 5.0: must be from 10 to 3600 s"),
-        ({"duration": float("nan")}, "duration = nan: must be from 10 to 3600 s"),
-        ({"area": (3.0, 0.0)}, "area = 0.0: must be from 0.001 to 1000 m"),
-        ({"area": (3.0, 3.0), "clearance": 1.5}, "area = '3x3': must be more than twice the clearance, 1.5 m"),
-    ],
-)
-def test_limits_that_cannot_be(changes, message):
-    with pytest.raises(InvalidValueError) as refused:
-        replace(LIMITS, **changes)
-    assert message in str(refused.value)
+STDERR = {"offset": 2e-4, "radius_error": 9e-4, "sensor_x": 1e-3}
+CORRELATION = [[1.0, 0.5, 0.1], [0.5, 1.0, 0.0], [0.1, 0.0, 1.0]]
+LAW = {
+    "values": {"offset": 0.045, "radius_error": 0.006},
+    "stderr": STDERR,
+    "interval95": {"offset": [0.0441, 0.0459]},
+    "correlation": CORRELATION,
+    "extras": dict.fromkeys(("sensor_x", "sensor_y", "sensor_yaw", "drift", "clock_offset", "lag"), 0.0),
+    "noise": {"position": 0.02, "heading": 0.01, "slip_forward": 0.003, "slip_sideways": 1e-9, "slip_turn": 0.004},
+}
+ICR = {"values": {"offset": 0.044}, "stderr": {"offset": 1e-3}}
+
+
+def summary(**changes):
+    """What an identification by whole drives stores, with changes to what it says of icr_radius."""
+    law = {**LAW, **changes}
+    return {
+        "format": 1,
+        "method": "drive",
+        "geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06},
+        "slip_laws": {"icr": ICR, "icr_radius": {key: law[key] for key in ("values", "stderr", "interval95")}},
+        "drive": {"best": "icr_radius", "laws": {"icr_radius": law, "none": {"values": {}, "stderr": {}}}},
+    }
+
+
+def written(folder, content):
+    (folder / "summary.json").write_text(json.dumps(content))
+    return folder
+
+
+def test_law_noise_and_covariance(tmp_path):
+    before, knowledge = read_identification(written(tmp_path, summary()), "icr_radius")
+    assert before.law == ConstantIcr(0.045, 0.168, 0.006)
+    assert before.errors.names == ("offset", "radius_error")
+    wide = 0.0018 / 2 / 1.959964  # the interval is wider than the model's
+    expected = np.array([[wide**2, 0.5 * wide * 9e-4], [0.5 * wide * 9e-4, 9e-4**2]])
+    np.testing.assert_allclose(before.errors.covariance, expected, rtol=1e-6)
+    assert knowledge.slip == (0.003, 1e-4, 0.004)
+    assert knowledge.offset == 0.045
+    assert knowledge.reach_doubt == pytest.approx(0.01)
+    assert before.geometry.half_gauge == 0.168
 
 
 @pytest.mark.parametrize(
-    ("changes", "options", "message"),
+    ("content", "message"),
     [
-        ({"area": (3.0, 0.6)}, {}, "area = '3x0.6': must be more than 0.672 m long and wide, for the robot to turn"),
-        ({"max_speed": 1e-3, "duration": 10.0}, {}, "duration = 10.0: must be longer, for a drive within the limits"),
-        ({}, {"knowledge": replace(first_knowledge(GEOMETRY), slip=(0.5,) * 3)}, "area = '3x3': must be larger"),
-        ({}, {"law": "none"}, "law = 'none': must be one of icr_radius, turn_loss"),
+        ({}, "no slip laws in it"),
+        (summary() | {"geometry": {"half_gauge": -1, "sprocket_radius": 1}}, "half_gauge = -1"),
+        (summary() | {"slip_laws": {"icr": ICR}}, "law = 'icr_radius': must be one of none, icr (in "),
+        (summary(stderr={}), "no standard errors of the law icr_radius in it"),
+        (summary(values={"offset": 0.04}), "radius_error = None: must be a number"),
+        (summary(correlation=[[1, 2, 0], [2, 1, 0], [0, 0, 1]]), "is damaged (covariance"),
+        (summary(noise={"slip_turn": 1.0}), "is damaged (noise"),
     ],
 )
-def test_drives_that_cannot_be(changes, options, message):
-    with pytest.raises(InvalidValueError) as refused:
-        plan_drive(GEOMETRY, replace(LIMITS, **changes), SLAM, **options)
+def test_summaries_that_cannot_be_used(tmp_path, content, message):
+    with pytest.raises(TrackslipError) as refused:
+        read_identification(written(tmp_path, content), "icr_radius")
     assert message in str(refused.value)
+
+
+def test_limits_that_allow_no_drive_are_refused():
+    with pytest.raises(TrackslipError, match=r"duration = 10\.0: must be longer, for a drive within the limits"):
+        plan_drive(GEOMETRY, replace(LIMITS, max_speed=1e-3, duration=10.0), SLAM)
+    with pytest.raises(TrackslipError, match="area = '3x3': must be larger"):
+        plan_drive(GEOMETRY, LIMITS, SLAM, knowledge=replace(first_knowledge(GEOMETRY), slip=(0.5,) * 3))
+
+
+MODEL = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
+TRUTH = np.array([0.045, 0.0066])
+SLIP = (0.002, 0.002, 0.005)
+COARSE = PoseQuality(10.0, 0.02, np.radians(1.0))
+READINGS = 20.0  # of the encoders [Hz]
+TIME = np.arange(400) / READINGS
+SPEEDS = np.column_stack([0.2 + 0.1 * np.sin(0.7 * TIME), 0.2 * np.cos(0.5 * TIME)])
+
+
+@pytest.mark.parametrize("poses", [COARSE, PoseQuality(5.0, 0.02, None)])
+def test_fits_miss_the_law_by_about_what_is_expected(poses):
+    """Drives of two minutes with slip that varies and noisy poses; `validation/test_plan_trials.py` has hundreds."""
+    speeds = np.tile(SPEEDS, (6, 1))
+    drive = drive_to_measure(speeds, READINGS, poses, 0.06)
+    stated = expected(MODEL, TRUTH, [drive], poses, SLIP).stderr
+    law = LawMotion(FAMILIES["icr_radius"].law(TRUTH, GEOMETRY), GEOMETRY, SlipVariation(*SLIP))
+    missed = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        motion, _ = law.drive(np.concatenate([speeds[:1], speeds]) / 0.06, READINGS, rng)
+        noise = rng.normal(size=drive.pose.shape) * [poses.position, poses.position, poses.heading or np.nan]
+        fit = fit_drives("icr_radius", [replace(drive, pose=motion.at(drive.time) + noise)], GEOMETRY)
+        missed.append(
+            [(value - true) / stated[name] for (name, value), true in zip(fit.values.items(), TRUTH, strict=True)]
+        )
+    ratio = np.sqrt(np.mean(np.square(missed), axis=0))
+    assert ((ratio > 0.55) & (ratio < 1.5)).all()  # within two standard errors
+
+
+def test_what_the_driving_does_not_tell_is_held():
+    straight = np.full((400, 2), 0.3)
+    found = expected(MODEL, TRUTH, [drive_to_measure(straight, READINGS, COARSE, 0.06)], COARSE, SLIP)
+    assert "offset" in found.held
+    assert "radius_error" in found.stderr
+    without = PoseQuality(5.0, 0.05, None)
+    found = expected(MODEL, TRUTH, [drive_to_measure(SPEEDS, READINGS, without, 0.06)], without, SLIP)
+    assert "sensor_yaw" in found.held
+
+
+def test_information_from_before_adds_up():
+    """Twice the same drive, or one and what is known of the law from the other: the extras of the first are its own."""
+    drive = drive_to_measure(SPEEDS, READINGS, COARSE, 0.06)
+    alone = expected(MODEL, TRUTH, [drive], COARSE, SLIP)
+    covariance = np.diag([alone.stderr["offset"] ** 2, alone.stderr["radius_error"] ** 2])
+    known = LawErrors(("offset", "radius_error"), covariance)
+    both = expected(MODEL, TRUTH, [drive], COARSE, SLIP, known)
+    for name in known.names:
+        assert 0.5 * alone.stderr[name] < both.stderr[name] < 0.8 * alone.stderr[name]
+    certain = LawErrors(("offset", "radius_error"), 1e-12 * np.eye(2))
+    assert expected(MODEL, TRUTH, [drive], COARSE, SLIP, certain).stderr["offset"] < 1.1e-6

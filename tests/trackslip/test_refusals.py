@@ -1,0 +1,108 @@
+"""What classes and functions of `trackslip` refuse: one line names the field, its value and what is allowed."""
+
+import re
+from functools import partial
+
+import numpy as np
+import pytest
+
+from trackslip.bags.choice import BagChoice
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import RobotGeometry
+from trackslip.laws.base import NoSlip
+from trackslip.laws.exponential import Exponential, ExponentialSpeed
+from trackslip.laws.icr import ConstantIcr, IcrSides
+from trackslip.laws.icr_load import IcrLoad
+from trackslip.laws.turn_loss import Centrifugal, TurnLoss
+from trackslip.localization.scan import Plate
+from trackslip.odometry.slip_odometry import SlipOdometry
+from trackslip.odometry.uncertainty import LawErrors, SlipNoise
+from trackslip.online.filter import FilterTuning
+from trackslip.planning.information import PoseQuality
+from trackslip.planning.limits import DriveLimits
+from trackslip.planning.plan import plan_drive
+from trackslip.skid_theory import Load, line_contact, steady_twist, wheel_contact
+from trackslip.trajectory.clothoid import rounded_square
+from trackslip.trajectory.curves import figure_eight, slalom, spiral
+from trackslip.trajectory.profile import MotionLimits
+from trackslip.trajectory.segmented import circle
+from trackslip.trajectory.waypoints import waypoints
+
+NAN, ORIGIN = float("nan"), (0.0, 0.0, 0.0)
+GEOMETRY = RobotGeometry(0.168, 0.06)
+ICR = ConstantIcr(0.045, 0.168, 0.0066)
+ODOMETRY = SlipOdometry(ICR, GEOMETRY)
+LEVEL, HIGH = line_contact(0.168, 0.17, 0.7, 0.778), line_contact(0.168, 0.17, 0.7, 0.778, (0.0, 0.0, 0.12))
+LIMITS = partial(DriveLimits, 0.3, 0.5)
+PLAN = partial(plan_drive, GEOMETRY, poses=PoseQuality(10.0, 0.02, np.radians(1.0)))
+ZIGZAG = [(100 * (-1) ** k, 0.1 * k) for k in range(10)]
+
+REFUSED = [
+    (lambda: RobotGeometry(0.0, 0.06), "half_gauge = 0.0: must be"),
+    # laws
+    (lambda: Exponential(0.07, 0.1, -0.15, -0.6), "beta_outer"),
+    (lambda: ConstantIcr(-0.2, 0.168), "offset"),
+    (lambda: ConstantIcr(0.04, 0.168, -1.0), "radius_error"),
+    (lambda: IcrSides(0.04, -0.2, 0.0, 0.0, 0.168), "offset_right"),
+    (lambda: TurnLoss(0.04, 0.168, 0.0, 1.0), "turn_loss"),
+    (lambda: Centrifugal(0.04, 0.168, centrifugal_slip=-0.1), "centrifugal_slip = -0.1: must be finite and >= 0"),
+    (lambda: ExponentialSpeed(0.07, -0.68, -0.15, -0.63, NAN, 0.0), "gamma_outer"),
+    (lambda: IcrLoad(0.04, 0.168, compliance=1.5), "compliance"),
+    (lambda: ConstantIcr(10**400, 0.168), "offset"),
+    # theory
+    (lambda: steady_twist([0.1, 0.1], LEVEL, load=Load(pull=0.8)), "load"),
+    (lambda: steady_twist([0.1, 0.1], LEVEL, load=Load(pull=0.3, hitch_height=0.3)), "load"),
+    (lambda: steady_twist([0.1, 0.1], LEVEL, shear=NAN), "shear"),
+    (lambda: steady_twist([0.5, 3.5], HIGH, 9.81), "surface_speeds"),
+    (lambda: wheel_contact(0.168, (-0.2, 0.2), 0.0, 0.7, 0.8), "patch_length"),
+    (lambda: line_contact(0.168, 0.17, -0.7, 0.8), "along"),
+    (lambda: line_contact(0.168, 0.17, 0.7, 0.8, centre_of_mass=(0.2, 0.0, 0.1)), "centre_of_mass"),
+    # odometry and the filter
+    (lambda: ODOMETRY.update([1.0, NAN], 0.1), "omega = nan: must be finite"),
+    (lambda: ODOMETRY.update([1.0, 2.0, 3.0], 0.1), "omega = (3,): must be of shape (..., 2)"),
+    (lambda: ODOMETRY.reset(ORIGIN, np.zeros((2, 3))), "covariance = (2, 3): must be of shape (..., 3, 3)"),
+    (lambda: ODOMETRY.path([0.0, 0.0], np.ones((2, 2))), "time = 0.0: must be finite, and ascending from row to row"),
+    (lambda: ODOMETRY.update([1.0, 1.0], 0.1, np.inf), "gyro = inf: must be finite, or NaN"),
+    (lambda: SlipNoise.of({"slip_turn": 0.1}), "noise = ['slip_turn']: must be a mapping with"),
+    (lambda: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])), "correlations from -1 to 1"),
+    (
+        lambda: SlipOdometry(NoSlip(), GEOMETRY, errors=LawErrors(("offset",), np.eye(1))).update([1.0, 2.0], 0.1),
+        "names = 'offset'",
+    ),
+    (lambda: FilterTuning(gain_spread=0.0), "gain_spread"),
+    # references
+    (lambda: figure_eight(ORIGIN, 0.005), "radius of curvature at (0.004, 0.004) = 0.00167: must be"),
+    (lambda: figure_eight(ORIGIN, 300.0), "length of the path"),
+    (lambda: slalom(ORIGIN, amplitude=NAN), "amplitude = nan: must be"),
+    (lambda: spiral(ORIGIN, 0.4, 0.5), "outer_radius = 0.4: must be"),
+    (lambda: rounded_square(ORIGIN, 1.0, 0.5), "radius = 0.5: must be"),
+    (lambda: circle(0.0, 0.1, 10.0), "abs(radius) = 0.0: must be"),
+    (lambda: MotionLimits(track_speed=1e-4), "track_speed = 0.0001: must be at least 0.001 m/s"),
+    (lambda: waypoints([(0, 0), (1, 1)]), "number of waypoints = 2: must be from 3 to 10000"),
+    (lambda: waypoints([(0, 0), (NAN, 0), (1, 1)]), "point 2, column x = nan: must be from -100 to 100"),
+    (lambda: waypoints([(0, 0), (1, 0), (1, 0)]), "point 3 = (1.0, 0.0): must be at least 0.001 m from point 2"),
+    (lambda: waypoints([(0, 0), (1, 0), (0.5, 0)]), "path = 'turns back sharply at "),
+    (lambda: waypoints([(0, 0), (1, 0.05), (0.5, 0)]), "must be large enough to drive at 0.001 m/s"),
+    (lambda: waypoints(ZIGZAG), "way through all points = "),
+    # plans
+    (lambda: LIMITS((3.0, 3.0), 5.0), "duration = 5.0: must be from 10 to 3600 s"),
+    (lambda: LIMITS((3.0, 3.0), 40.0, 1.5), "area = '3x3': must be more than twice the clearance, 1.5 m"),
+    (lambda: PLAN(LIMITS((3.0, 0.6), 40.0)), "area = '3x0.6': must be more than 0.672 m long and wide"),
+    (lambda: PLAN(LIMITS((3.0, 3.0), 40.0), law="none"), "law = 'none': must be one of icr_radius, turn_loss"),
+    # what is taken from bags
+    (lambda: BagChoice(left=("a",)), "right = None: must be given where left is"),
+    (lambda: BagChoice(left=(), right=("a",)), "left = (): must be names of joints"),
+    (
+        lambda: BagChoice(left=("a", "b"), right=("b",)),
+        "right = 'b': must be the name of a joint that is not on the left",
+    ),
+    (lambda: BagChoice(reversed="up"), "reversed = 'up': must be left, right or both"),
+    (lambda: BagChoice(poses="tf:map:map"), "poses = 'tf:map:map': must be tf:FRAME:FRAME"),
+    (lambda: BagChoice(plate=Plate(), poses="/pose"), "poses = "),
+]
+
+
+@pytest.mark.parametrize(("make", "message"), REFUSED, ids=[message[:40] for _, message in REFUSED])
+def test_one_line_names_field_value_and_what_is_allowed(make, message):
+    with pytest.raises(InvalidValueError, match=re.escape(message)):
+        make()
