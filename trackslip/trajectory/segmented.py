@@ -45,10 +45,12 @@ class SegmentedReference(PiecewiseReference):
         self._start_poses, self._curvatures = np.array(poses[:-1]), np.array([s.curvature for s in segments])
         super().__init__(*np.array([(s.duration, s.start_speed, s.end_speed) for s in segments]).T)
 
-    def _pose(self, k: NDArray[np.intp], way: Array) -> Array:
+    def pose_in(self, k: NDArray[np.intp], way: Array) -> Array:
+        """See PiecewiseReference."""
         return advance(self._start_poses[k], np.stack([way, way * self._curvatures[k]], axis=-1), 1.0)
 
-    def _curvature(self, k: NDArray[np.intp], way: Array) -> Array:
+    def curvature_in(self, k: NDArray[np.intp], way: Array) -> Array:
+        """See PiecewiseReference."""
         return self._curvatures[k]
 
 
