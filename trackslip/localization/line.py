@@ -8,13 +8,11 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.scan import MIN_RETURNS, Cluster, Plate, Scan, extract_plate
+from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
 
-MAX_STARTS = 6  # maximum number of starts per cluster, reached with an expected pose
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
 _WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it
-_CHUNK = 120_000  # returns times starts processed at a time, which stay in the cache
 _MIN_EXTENT = 0.35  # of a valid line [m]
 
 
@@ -128,13 +126,3 @@ def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Arra
         near = np.where(away, low + size / 2, high - size / 2)  # unless almost all of a side is seen, its near end is
         centre += np.where(high - low > _WHOLE * size, (low + high) / 2, near)[:, None] * axis
     return np.concatenate([centre, heading[:, None]], axis=-1)
-
-
-def portions(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) -> list[np.ndarray]:
-    """Rows of clusters with MIN_RETURNS or more returns, in portions whose memory is bounded, of those in a mask."""
-    wanted = cluster.count >= MIN_RETURNS
-    rows = np.flatnonzero(wanted if among is None else wanted & among)
-    total = starts_each * cluster.count[rows].cumsum()
-    if not rows.size or total[-1] <= _CHUNK:
-        return [rows] if rows.size else []
-    return np.split(rows, np.searchsorted(total, np.arange(_CHUNK, total[-1], _CHUNK)))

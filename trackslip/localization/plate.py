@@ -18,10 +18,21 @@ from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate, Rows
 from trackslip.localization.beams import PlateBeams
 from trackslip.localization.likelihood import EDGE_ON, UNKNOWN, Evaluation, PlateLikelihood, in_axes, viewing_angle
-from trackslip.localization.line import MAX_STARTS, portions, starts
+from trackslip.localization.line import starts
 from trackslip.localization.returns import best_of_each
-from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
+from trackslip.localization.scan import (
+    FINER_GAPS,
+    MAX_GAP,
+    MIN_RETURNS,
+    Cluster,
+    Plate,
+    Scan,
+    candidates,
+    extract_plate,
+    returns_at,
+)
 
+_AT_ONCE = 2000  # scans, which bounds the memory
 _HUBER = 3.0  # residual above which the loss of a range is linear [standard deviations]
 _SCREENING = 4  # iterations from every start before the best one is selected
 _ITERATIONS = 8  # at most, from the best start
@@ -79,12 +90,22 @@ class PlateLocator:
         If a cluster may contain returns from something else, or lack some of its own, its returns are selected again
         by the pose found.
         """
-        if predicted is None:
-            near = None
+        near = None if predicted is None else scan.from_world(predicted)
+        found = PlateSolution.none(len(scan.ranges))
+        for rows in np.array_split(np.arange(len(scan.ranges)), -(-len(scan.ranges) // _AT_ONCE) or 1):
+            part = replace(scan, ranges=scan.ranges[rows])
+            found.put(rows, self._located(part, None if near is None else near[rows]))
+        valid = self._believed(found)
+        covariance = scan.covariance_to_world(found.covariance)
+        covariance[~valid] = np.nan
+        return PoseEstimate(scan.to_world(found.pose), covariance, valid)
+
+    def _located(self, scan: Scan, near: Array | None) -> PlateSolution:
+        """Solutions, with expected poses `near` (S, 3) in the LRF's frame if there are any."""
+        if near is None:
             found = self._best(scan, MAX_GAP)
             doubtful = astray = np.flatnonzero(found.doubtful | ~np.isfinite(found.misfit))
         else:
-            near = scan.from_world(predicted)
             found = self._solve(scan, extract_plate(scan, self.plate, near), near)
             strange = found.misfit > _MAX_MISFIT
             (astray,), (doubtful,) = strange.nonzero(), (found.doubtful | strange).nonzero()
@@ -92,11 +113,7 @@ class PlateLocator:
             found.improve(astray, self._best(replace(scan, ranges=scan.ranges[astray]), gap))
         if doubtful.size:
             self._sort_out(scan, found, doubtful, near)
-        valid = self._believed(found)
-        covariance = scan.covariance_to_world(found.covariance)
-        if not valid.all():
-            covariance[~valid] = np.nan
-        return PoseEstimate(scan.to_world(found.pose), covariance, valid)
+        return found
 
     def _sort_out(self, scan: Scan, found: PlateSolution, rows: np.ndarray, near: Array | None) -> None:
         """Improve the solutions `found` for the scans `rows` where selecting the returns by the pose explains more."""
@@ -127,31 +144,24 @@ class PlateLocator:
         )
 
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
-        """The pose that explains each cluster best."""
-        parts = portions(cluster, MAX_STARTS if near is None else 1)
-        if len(parts) == 1 and len(parts[0]) == len(cluster.count):
-            return self._solved(scan, cluster, near)
-        found = PlateSolution.none(len(cluster.count))
-        for rows in parts:
-            found.put(rows, self._solved(scan, cluster.take(rows), None if near is None else near[rows]))
-        return found
-
-    def _solved(self, scan: Scan, cluster: Cluster, near: Array | None) -> PlateSolution:
-        """Solutions of clusters with MIN_RETURNS or more returns, all at once."""
+        """The pose that explains each cluster of MIN_RETURNS or more returns best."""
+        found, rows = PlateSolution.none(len(cluster.count)), np.flatnonzero(cluster.count >= MIN_RETURNS)
+        if not rows.size:
+            return found
+        cluster, near = cluster.take(rows), None if near is None else near[rows]
         beams = PlateBeams.of(scan, cluster)
         fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
         short = self.plate.thickness / scan.beam_step
         covariance = axes.swapaxes(1, 2) @ _widened(fit.covariances(), fit.pose, beams.edges.weight, short) @ axes
         strained = _strained(misfit, cluster.count)
-        if strained.any():
-            covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
+        covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
         score = _EXPLAINED * cluster.count - fit.cost
         score += np.log(max(scan.dropout, _MIN_DROPOUT)) * cluster.lost
         cut = cluster.hidden.max(axis=1) > 0
-        if cut.any():
-            covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
-        return PlateSolution(fit.pose, covariance, misfit, score, strained | cut)
+        covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
+        found.put(rows, PlateSolution(fit.pose, covariance, misfit, score, strained | cut))
+        return found
 
     def _fit(
         self, beams: PlateBeams, cluster: Cluster, beam_step: float, near: Array | None
@@ -161,11 +171,9 @@ class PlateLocator:
             fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
             return fit, _misfit(fit, cluster)
         fit = self._likelihood.climb(beams, near, _ITERATIONS)
-        misfit = _misfit(fit, cluster)
-        unexplained = _strained(misfit, cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
-        if not unexplained.any():
-            return fit, misfit
-        for rows in portions(cluster, MAX_STARTS, unexplained):
+        unexplained = _strained(_misfit(fit, cluster), cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
+        rows = np.flatnonzero(unexplained)
+        if rows.size:
             first = starts(cluster.take(rows), self.plate, beam_step, near[rows])
             fit.put(rows, self._screened(beams.take(rows), first))
         return fit, _misfit(fit, cluster)

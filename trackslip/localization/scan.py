@@ -252,9 +252,8 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
     farther = np.where(on, scan.ranges[rows, np.minimum(np.maximum(beam, 0), last)] - own, np.inf)
     goes_on = (farther > -_IN_FRONT) & (farther < FINER_GAPS[0]) & (second >= 0) & (second <= last)
     angle = np.zeros(len(rows))
-    if goes_on.any():
-        some = np.flatnonzero(goes_on)
-        angle[some[scan.ranges[rows[some], second[some]] < own[some] + MAX_GAP]] = np.inf
+    some = np.flatnonzero(goes_on)
+    angle[some[scan.ranges[rows[some], second[some]] < own[some] + MAX_GAP]] = np.inf
     active = np.flatnonzero((farther < -_IN_FRONT) & (angle == 0))
     while active.size:
         angle[active] += scan.beam_step
