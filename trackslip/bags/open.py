@@ -229,7 +229,6 @@ def bags_in(path: Path) -> list[Path]:
 
 
 def _is_bag_file(path: Path) -> bool:
-    """True for the name of a bag's file."""
     suffixes = [suffix for suffix in path.suffixes if suffix not in _WRAPPINGS]
     return bool(suffixes) and suffixes[-1] in _STORAGES
 
@@ -250,7 +249,6 @@ def _refusing(path: Path) -> Iterator[None]:
 
 
 def _open(path: Path) -> Bag:
-    """The bag of a file, or of a folder with metadata."""
     try:
         return _indexed(path)
     except LogError:
@@ -272,7 +270,6 @@ def _bag(path: Path, topics: Iterable[Topic], read: Read, notes: tuple[str, ...]
 
 
 def _indexed(path: Path) -> Bag:
-    """A bag that rosbags reads."""
     with _refusing(path):
         if not path.is_dir():
             regular_file(path)

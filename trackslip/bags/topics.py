@@ -128,7 +128,6 @@ def _joints(bag: Bag, topics: Sequence[Topic], choice: BagChoice) -> Sides | Non
 
 
 def _joint_names(bag: Bag, topics: Sequence[Topic]) -> list[str]:
-    """The names of the joints in the first messages of topics."""
     messages = (message for topic in topics for message in bag.first(topic.name, _JOINT_MESSAGES))
     return [*dict.fromkeys(name for message in messages for name in message.content.name)]
 

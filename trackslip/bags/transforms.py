@@ -81,7 +81,6 @@ def read_fixed(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Rota
 
 
 def _pair(transform: Any) -> Pair:
-    """The frames of a transform."""
     return transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")
 
 

@@ -168,9 +168,3 @@ def text(content: Any, *keys: str | int) -> str:
     """The text under nested keys; empty for anything else."""
     found = entry(content, *keys)
     return found if isinstance(found, str) else ""
-
-
-def texts(content: Any, *keys: str | int) -> list[str]:
-    """The texts in the list under nested keys."""
-    found = entry(content, *keys)
-    return [name for name in found if isinstance(name, str)] if isinstance(found, list | tuple) else []

@@ -15,7 +15,7 @@ from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.planning.information import Expectation, PoseQuality, drive_to_measure, expected, rate_of
 from trackslip.planning.limits import TURNING, DriveLimits, Knowledge, first_knowledge
-from trackslip.planning.route import RATE, Maneuvers, PlacedRoute, Route, best_route, path, placed
+from trackslip.planning.route import RATE, PlacedRoute, Route, best_route, path, placed
 
 PLANNED_LAWS = tuple(name for name in drive_laws() if family(name).names and not family(name).fast)
 """Laws that a drive can be planned for."""
@@ -27,7 +27,7 @@ _THINNED = (2.0, 10.0)  # fewest and most of them per second [Hz]
 
 
 @dataclass(frozen=True)
-class DrivePlan:
+class DrivePlan(PlacedRoute):
     """A planned drive."""
 
     law: str
@@ -38,9 +38,6 @@ class DrivePlan:
     poses: PoseQuality
     known: LawErrors | None
     """Errors of the law from an earlier identification."""
-    maneuvers: Maneuvers
-    start: Array  # (3,) where it begins, from the middle of the area [m, m, rad]
-    places: Array  # (2, 2) lowest and highest x and y of the robot's middle, from that of the area [m]
     expectation: Expectation
     """Standard errors to expect, together with what is known."""
 
@@ -133,8 +130,8 @@ def plan_drive(
         allowed = f"longer, for a drive within the limits to determine the law {law}"
         raise InvalidValueError("duration", limits.duration, allowed)
     expectation = expectation_of(drive, poses, 1)
-    way, start, places = drive.maneuvers, drive.start, drive.places
-    return DrivePlan(law, expected_values, limits, knowledge, poses, known, way, start, places, expectation)
+    where = drive.maneuvers, drive.start, drive.places
+    return DrivePlan(*where, law, expected_values, limits, knowledge, poses, known, expectation)
 
 
 def evaluations(limits: DriveLimits) -> int:

@@ -119,7 +119,6 @@ def waypoints(
 
 
 def _require_drivable(points: Array, yaw: Array | None, speed: Array | None) -> None:
-    """Raise InvalidValueError for too few or too many points, numbers out of range, and points too close or far."""
     count = len(points)
     require(MIN_POINTS <= count <= MAX_POINTS, "number of waypoints", count, f"from {MIN_POINTS} to {MAX_POINTS}")
     for name, values in zip(COLUMNS, (*points.T, yaw, speed), strict=True):
