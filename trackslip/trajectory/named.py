@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from trackslip.errors import require
 from trackslip.trajectory.base import Reference
-from trackslip.trajectory.clothoid import clothoid, rounded_square
-from trackslip.trajectory.curves import figure_eight, slalom, spiral
+from trackslip.trajectory.curves import clothoid, figure_eight, rounded_square, slalom, spiral
 from trackslip.trajectory.segmented import PAPER_START, circle, paper_reference, stop_and_go
 from trackslip.trajectory.waypoints import read_waypoints
 

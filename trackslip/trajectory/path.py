@@ -103,11 +103,6 @@ class ParametricPath(PlanarPath):
         return (np.conj(velocity) * self._curve(u, 2)).imag / np.abs(velocity) ** 3
 
 
-def require_length(length: float) -> None:
-    """Raise InvalidValueError for a path longer than MAX_LENGTH."""
-    require_at_most("length of the path", round(length, 3), MAX_LENGTH, "m")
-
-
 def _arc_length(curve: Curve, start: Array, end: Array) -> Array:
     """Lengths (...) of the curve between parameters (...)."""
     half = (end - start) / 2
@@ -118,7 +113,8 @@ def _arc_length(curve: Curve, start: Array, end: Array) -> Array:
 def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
     """Parameters (K,) of the knots and lengths (K - 1,) between them; cells are halved until they are fine enough."""
     u = breaks
-    require_length(float(_arc_length(curve, u[:-1], u[1:]).sum()))
+    length = float(_arc_length(curve, u[:-1], u[1:]).sum())
+    require_at_most("length of the path", round(length, 3), MAX_LENGTH, "m")
     while True:
         lengths = _arc_length(curve, u[:-1], u[1:])
         velocity = curve(u, 1)

@@ -7,9 +7,8 @@ import pytest
 from scipy.special import fresnel
 
 from trackslip.errors import InvalidValueError
-from trackslip.trajectory.clothoid import ClothoidPath, PathPiece, clothoid, rounded_square
-from trackslip.trajectory.curves import figure_eight, slalom, spiral
-from trackslip.trajectory.profile import MotionLimits, ProfiledReference
+from trackslip.trajectory.curves import ClothoidPath, PathPiece, figure_eight, rounded_square, slalom, spiral
+from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
 from trackslip.trajectory.segmented import Segment, circle
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -21,8 +20,8 @@ def driven(reference, n=2001):
 
 
 def test_figure_eight_is_bernoullis_lemniscate():
-    a = 1.3
-    pose, twist = driven(figure_eight((0, 0, -np.pi / 4), a))
+    a = 1.5
+    pose, twist = driven(figure_eight((0, 0, -np.pi / 4)))
     x, y, phi = pose.T
     np.testing.assert_allclose((x**2 + y**2) ** 2, a**2 * (x**2 - y**2), atol=1e-11)
     np.testing.assert_allclose([x[-1], y[-1], phi[-1]], [0, 0, -np.pi / 4], atol=1e-11)
@@ -35,18 +34,18 @@ def test_figure_eight_is_bernoullis_lemniscate():
 
 
 def test_slalom_is_a_sine():
-    x, y, phi = driven(slalom(ORIGIN, 0.2, 1.6, 3))[0].T
-    np.testing.assert_allclose(y, 0.2 * (1 - np.cos(2 * np.pi / 1.6 * x)), atol=1e-11)
-    np.testing.assert_allclose(np.tan(phi), 0.2 * 2 * np.pi / 1.6 * np.sin(2 * np.pi / 1.6 * x), atol=1e-10)
-    assert x[-1] == pytest.approx(4.8, abs=1e-11)
+    x, y, phi = driven(slalom(ORIGIN))[0].T
+    np.testing.assert_allclose(y, 0.25 * (1 - np.cos(np.pi * x)), atol=1e-11)
+    np.testing.assert_allclose(np.tan(phi), 0.25 * np.pi * np.sin(np.pi * x), atol=1e-10)
+    assert x[-1] == pytest.approx(4.0, abs=1e-11)
 
 
 def test_spiral_is_archimedes():
     """The distance to the centre falls evenly with the angle about it."""
-    outer, inner, turns = 1.2, 0.4, 1.5
+    outer, inner, turns = 1.2, 0.45, 1.5
     shrinkage = (outer - inner) / (2 * np.pi * turns)
     heading = np.pi / 2 + np.arctan(shrinkage / outer)
-    x, y, phi = driven(spiral((outer, 0, heading), outer, inner, turns))[0].T
+    x, y, phi = driven(spiral((outer, 0, heading)))[0].T
     angle = np.unwrap(np.arctan2(y, x))
     np.testing.assert_allclose(np.hypot(x, y), outer - shrinkage * angle, atol=1e-11)
     assert angle[-1] == pytest.approx(2 * np.pi * turns, abs=1e-10)
@@ -66,14 +65,6 @@ def test_clothoid_is_fresnels(sharpness):
 
 def test_refused_shapes_name_the_field_the_value_and_what_is_allowed():
     for make, field, value, allowed in (
-        (lambda: figure_eight(ORIGIN, -1.0), "half_width", "-1.0", "> 0"),
-        (lambda: figure_eight(ORIGIN, 0.005), "radius of curvature", "0.00167", "0.001 m/s"),
-        (lambda: figure_eight(ORIGIN, 300.0), "length of the path", "1573", "at most 1000 m"),
-        (lambda: slalom(ORIGIN, amplitude=float("nan")), "amplitude", "nan", "> 0"),
-        (lambda: slalom(ORIGIN, periods=10**9), "length of the path", "2000000000", "at most 1000 m"),
-        (lambda: spiral(ORIGIN, 0.4, 0.5), "outer_radius", "0.4", "inner_radius = 0.5 m"),
-        (lambda: rounded_square(ORIGIN, 1.0, 0.5), "radius", "0.5", "side = 1 m"),
-        (lambda: clothoid(ORIGIN, radius=0.0), "radius", "0.0", "> 0"),
         (lambda: Segment(0.0, 0.1, 0.1), "duration", "0.0", "> 0"),
         (lambda: circle(0.0, 0.1, 10.0), "abs(radius)", "0.0", "> 0"),
         (lambda: MotionLimits(track_speed=1e-4), "track_speed", "0.0001", "at least 0.001 m/s"),
@@ -96,11 +87,10 @@ def test_a_straight_takes_as_long_as_a_trapezium_or_triangle_of_speed(length, du
 
 
 def test_it_brakes_before_a_corner_and_speeds_up_after_it():
-    limits = MotionLimits(speed=0.15, acceleration=0.05, yaw_rate=0.25)
-    reference = rounded_square(ORIGIN, side=2.0, radius=0.4, limits=limits)
+    limits, reference = LIMITS, rounded_square(ORIGIN)
     v, w = reference.twist(reference.knots).T
     in_corner = np.abs(w) > 0
-    np.testing.assert_allclose(v[in_corner], 0.1, atol=1e-9)
+    np.testing.assert_allclose(v[in_corner], 0.12, atol=1e-9)
     assert v[~in_corner].max() == pytest.approx(0.15)
     # nowhere could it be quicker: it always accelerates, brakes, or is at a limit
     acceleration = np.abs(np.diff(v) / np.diff(reference.knots))

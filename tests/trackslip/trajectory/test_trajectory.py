@@ -2,26 +2,22 @@ import numpy as np
 import pytest
 from quadrature import integral_miss, times
 
-from trackslip.trajectory.clothoid import clothoid, rounded_square
-from trackslip.trajectory.curves import figure_eight, slalom, spiral
+from trackslip.trajectory.curves import ClothoidPath, PathPiece
 from trackslip.trajectory.named import REFERENCES
-from trackslip.trajectory.profile import LIMITS, MotionLimits
-from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference, stop_and_go
+from trackslip.trajectory.profile import LIMITS, MotionLimits, ProfiledReference
+from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference
 from trackslip.trajectory.waypoints import waypoints
 
 START = (0.7, -0.4, 2.5)
 HASTY = MotionLimits(speed=0.5, acceleration=0.4, yaw_rate=0.8, track_speed=0.6, half_gauge=0.3)
+POINTS = [(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)]
 MADE = {
     "left circle": circle(1.25, 0.15, 40.0, (1.0, 2.0, 0.5)),
     "right circle": circle(-0.8, 0.15, 40.0),
     "reverse": SegmentedReference((0, 0, 0), [Segment(3.0, 0.0, -0.2, 0.5), Segment(3.0, -0.2, 0.0, -0.5)]),
-    "hasty eight": figure_eight(START, 0.6, HASTY),
-    "hasty slalom": slalom(START, 0.3, 1.5, 3, HASTY),
-    "hasty spiral": spiral(START, 1.0, 0.1, 2.0, HASTY),
-    "hasty clothoid": clothoid(START, 0.2, 0.4, 0.3, 0.7, HASTY),
-    "hasty square": rounded_square(START, 1.5, 0.15, HASTY),
-    "hasty stops": stop_and_go(START, 0.3, 0.4, 2.0, 0.5, HASTY),
-    "waypoints": waypoints([(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)]),
+    "hasty clothoid": ProfiledReference(ClothoidPath(START, [PathPiece(0.8, 3.0, -3.0), PathPiece(0.9)]), HASTY),
+    "waypoints": waypoints(POINTS),
+    "hasty waypoints": waypoints(POINTS, HASTY),
 }
 EVERY = {name: make() for name, make in REFERENCES.items()} | MADE
 LIMITED = {name: LIMITS for name in REFERENCES if name != "circle"} | {"waypoints": LIMITS}
