@@ -14,7 +14,8 @@ from sim.scanner.feed import ScannerFeed
 from sim.stopwatch import Stopwatch
 from trackslip.kinematics import Array
 from trackslip.localization.base import Locator, PoseEstimate
-from trackslip.localization.pose_tracker import Tracker, follow
+from trackslip.localization.follower import EVERY, Follower
+from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog, ScanLog
 
@@ -159,10 +160,10 @@ class ScanBlocks(ScanByScan):
     def __init__(self, record: RunRecorder, source: ScannedPose, locator: Locator, watch: Stopwatch) -> None:
         """`watch` gets the times of the stages "scans" and "localization"."""
         super().__init__(record, source)
-        self._watch, self._locator = watch, locator
+        self._watch, self._follower = watch, Follower(locator, source.tracker)
         size = record.fleet.size
-        block = min(max(1, _AT_ONCE // size), _MOST_AT_ONCE)
-        self._ranges = np.empty((size, block, len(source.feed.bearings)))  # the first `_waiting` wait
+        block = min(_AT_ONCE // size, _MOST_AT_ONCE) // EVERY * EVERY
+        self._ranges = np.empty((size, max(block, EVERY), len(source.feed.bearings)))  # the first `_waiting` wait
         self._waiting = 0
         self._located = 0  # rows of the record
         self._clusters: list[list[Cluster]] = [[] for _ in range(size)]
@@ -189,7 +190,7 @@ class ScanBlocks(ScanByScan):
         rows, ranges = slice(self._located, self._located + n), self._ranges[:, :n]
         with self._watch.stage("localization"):
             angle = record.omega[rows].swapaxes(0, 1) * feed.period
-            record.estimates(rows, follow(self._locator, self._scanned.tracker, feed.scan(ranges), angle))
+            record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
             scan = feed.scan(ranges.reshape(-1, ranges.shape[-1]))
             pose = scan.from_world(record.pose[rows].swapaxes(0, 1).reshape(-1, 3))
             cluster = extract_plate(scan, record.fleet.robot.plate, pose)

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from trackslip.kinematics import Array, RobotGeometry, advance, twist_of_tracks
-from trackslip.localization.base import Locator, PoseEstimate
-from trackslip.localization.likelihood import EDGE_ON, viewing_angle
-from trackslip.localization.scan import Scan
+from trackslip.localization.base import PoseEstimate
 
 GATE_POSITION, GATE_HEADING = 0.10, np.radians(20.0)
 """Maximum distance of a valid pose from its prediction [m, rad]. It grows with the distance driven without a pose."""
@@ -86,25 +82,3 @@ class Tracker:
         covariance[:, [0, 1], [0, 1]] += ((GROWTH * way) ** 2 + astray**2)[:, None]
         covariance[:, 2, 2] += heading**2
         return covariance
-
-
-def follow(locator: Locator, tracker: Tracker, scan: Scan, angle: Array) -> PoseEstimate:
-    """Poses (N, T) in the next scans, with ranges (N, T, B), of the N robots of a tracker.
-
-    All scans are located at once, independently. Where the tracker rejects a pose, something else was taken for the
-    plate, and the plate is searched for again, near the predicted pose. `angle` is how far the sprockets turned since
-    the scan before each, (N, T, 2) [rad].
-    """
-    robots, rows, beams = scan.ranges.shape
-    single = locator.locate(replace(scan, ranges=scan.ranges.reshape(-1, beams)))
-    tracked = []
-    for row in range(rows):
-        expected = tracker.predict(angle[:, row], 1.0)
-        here = single.take(rows * np.arange(robots) + row)
-        edge_on = viewing_angle(scan.from_world(expected)) < EDGE_ON
-        doubted = np.flatnonzero(~tracker.believes(here) & ~edge_on)
-        if doubted.size:
-            here.put(doubted, locator.locate(replace(scan, ranges=scan.ranges[doubted, row]), expected[doubted]))
-        tracked.append(tracker.update(here))
-    parts = zip(*(vars(track).values() for track in tracked), strict=True)
-    return PoseEstimate(*(np.stack(part, axis=1) for part in parts))
