@@ -8,6 +8,7 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
+from trackslip.localization.likelihood import in_axes
 from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
 
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
@@ -80,12 +81,8 @@ def _covariance(scan: Scan, cluster: Cluster, line: Line, plate: Plate, valid: n
     # least squares with that share of the returns at one end, off by the thickness
     leaning = 3 * plate.thickness / plate.length * short_share
     heading = 12 * (scan.noise * grazing) ** 2 / (n * np.maximum(line.extent, 1e-2) ** 2) + leaning**2
-    cos, sin = np.cos(line.heading), np.sin(line.heading)
-    covariance = np.zeros((len(n), 3, 3))
-    covariance[:, 0, 0] = along * cos**2 + across * sin**2
-    covariance[:, 1, 1] = along * sin**2 + across * cos**2
-    covariance[:, 0, 1] = covariance[:, 1, 0] = (along - across) * cos * sin
-    covariance[:, 2, 2] = heading
+    axes = in_axes(line.heading)
+    covariance = axes.swapaxes(1, 2) @ (np.stack([along, across, heading], axis=-1)[..., None] * axes)
     covariance[~valid] = np.nan
     return covariance
 

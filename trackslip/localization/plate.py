@@ -9,7 +9,6 @@ side is known along itself only as well as the edges of its silhouette tell.
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -78,10 +77,6 @@ class PlateLocator:
     """Fits the rectangle to each scan; a pose is valid if it explains the returns and its heading is determined."""
 
     plate: Plate = field(default_factory=Plate)
-
-    @functools.cached_property
-    def _likelihood(self) -> PlateLikelihood:
-        return PlateLikelihood(self.plate, _HUBER)
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`.
@@ -170,7 +165,7 @@ class PlateLocator:
         if near is None:
             fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
             return fit, _misfit(fit, cluster)
-        fit = self._likelihood.climb(beams, near, _ITERATIONS)
+        fit = PlateLikelihood(self.plate, _HUBER).climb(beams, near, _ITERATIONS)
         unexplained = _strained(_misfit(fit, cluster), cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
         rows = np.flatnonzero(unexplained)
         if rows.size:
@@ -181,11 +176,12 @@ class PlateLocator:
     def _screened(self, beams: PlateBeams, first: Array) -> Evaluation:
         """The best fits (S,) reached from the poses `first` (S, K, 3)."""
         scans, k, _ = first.shape
+        likelihood = PlateLikelihood(self.plate, _HUBER)
         thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
-        screened = self._likelihood.climb(thinned, first.reshape(-1, 3), _SCREENING)
+        screened = likelihood.climb(thinned, first.reshape(-1, 3), _SCREENING)
         cost = screened.cost.reshape(scans, k)
         best = np.argmax(cost < cost.min(axis=1, keepdims=True) + _ALIKE, axis=1) + k * np.arange(scans)
-        return self._likelihood.climb(beams, screened.pose[best], _ITERATIONS)
+        return likelihood.climb(beams, screened.pose[best], _ITERATIONS)
 
 
 def _widened(covariance: Array, pose: Array, weight: Array, short: float) -> Array:
