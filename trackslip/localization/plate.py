@@ -18,7 +18,6 @@ from trackslip.localization.base import PoseEstimate, Rows
 from trackslip.localization.beams import PlateBeams
 from trackslip.localization.likelihood import EDGE_ON, UNKNOWN, Evaluation, PlateLikelihood, in_axes, viewing_angle
 from trackslip.localization.line import starts
-from trackslip.localization.returns import best_of_each
 from trackslip.localization.scan import (
     FINER_GAPS,
     MAX_GAP,
@@ -26,6 +25,7 @@ from trackslip.localization.scan import (
     Cluster,
     Plate,
     Scan,
+    best_of_each,
     candidates,
     extract_plate,
     returns_at,
