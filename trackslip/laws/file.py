@@ -74,10 +74,8 @@ class StoredLaws:
 def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
     """The laws in a JSON file, or in the summary.json of a folder of results, by family name.
 
-    If `robot` is given, the laws must have been identified for this geometry.
-
-    Raises:
-        LogError: if the file does not exist, holds no slip laws, or was made for another robot or by a newer version.
+    If `robot` is given, the laws must have been identified for this geometry. Raises LogError if the file does not
+    exist, holds no slip laws, or was made for another robot or by a newer version.
     """
     return {name: law for name, law in read_stored(Path(path), robot).laws.items() if name != NO_SLIP}
 

@@ -125,10 +125,8 @@ class SlipOdometry:
     def update(self, omega: ArrayLike, dt: float, gyro: ArrayLike | None = None) -> None:
         """Drive on with mean sprocket speeds (..., 2) [rad/s] for `dt` [s], at least 0.
 
-        `gyro` (...) is the mean yaw rate that a gyroscope measured meanwhile [rad/s], NaN for none.
-
-        Raises:
-            InvalidValueError: for a negative time, or values that are not finite.
+        `gyro` (...) is the mean yaw rate that a gyroscope measured meanwhile [rad/s], NaN for none. Raises
+        InvalidValueError for a negative time, or values that are not finite.
         """
         require(0 <= dt < np.inf, "dt", dt, "a finite number of seconds >= 0")
         omega = _finite("omega", omega, (2,))

@@ -84,21 +84,11 @@ def plan_drive(
     seed: int = 0,
     step: Callable[[float], None] = lambda _: None,
 ) -> DrivePlan:
-    """Plan the drive with the smallest largest relative standard error of the law's parameters.
+    """Plan the drive with the smallest largest relative standard error of a law's parameters, one of PLANNED_LAWS.
 
-    Args:
-        geometry: of the robot.
-        limits: that the drive keeps to.
-        poses: that it will be measured with.
-        law: family to identify, one of PLANNED_LAWS.
-        knowledge: prior knowledge of the robot's motion; by default of a robot on hard ground.
-        values: expected parameters of the law; by default those of such a robot.
-        known: errors of the law from an earlier identification.
-        seed: of the search.
-        step: called after each drive that is tried, with 1.0.
-
-    Raises:
-        InvalidValueError: for an unknown law, or an area or duration in which no drive determines the law.
+    Prior `knowledge` of the robot's motion and expected `values` (q,) of the parameters are by default those of hard
+    ground; `known` are errors of the law from an earlier identification. `step` is called with 1.0 after each drive
+    that is tried. Raises InvalidValueError for an unknown law, or an area or duration in which no drive determines it.
     """
     require(law in PLANNED_LAWS, "law", law, f"one of {', '.join(PLANNED_LAWS)}")
     least = 2 * max(TURNING * geometry.half_gauge, limits.clearance)

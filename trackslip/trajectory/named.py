@@ -33,8 +33,7 @@ REFERENCES: dict[str, Callable[..., Reference]] = {
 def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
     """The reference called `name` in REFERENCES, from `start` (3,) or from its default start.
 
-    Raises:
-        InvalidValueError: if there is no such reference.
+    Raises InvalidValueError if there is no such reference.
     """
     require(name in REFERENCES, "reference", name, f"one of {', '.join(REFERENCES)}")
     return REFERENCES[name]() if start is None else REFERENCES[name](start=start)

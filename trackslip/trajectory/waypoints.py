@@ -61,9 +61,8 @@ class Stretches(PiecewiseReference):
 def read_waypoints(path: Path, limits: MotionLimits = LIMITS) -> Reference:
     """The reference through the points in a CSV file of columns x, y and, optionally, yaw and v: see `waypoints`.
 
-    Raises:
-        ReferenceFileError: if the file cannot be read or driven; names the row, counted from 1 without the header, and
-            the column.
+    Raises ReferenceFileError if the file cannot be read or driven; names the row, counted from 1 without the header,
+    and the column.
     """
     try:
         table = read_table(path)
