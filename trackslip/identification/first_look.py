@@ -23,7 +23,7 @@ from trackslip.identification.misread import (
     refuse_readings,
     refuse_units,
 )
-from trackslip.identification.preparation import BLOCK, PreparedDrive
+from trackslip.identification.preparation import BLOCK, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.motion.jumps import MOST_WILD, find_jumps
 
@@ -65,11 +65,13 @@ def first_look(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> Look
     for drive in drives:
         refuse_cells(drive)
     clock = median_offset(map(_checked_clock, drives))
-    covered = [drive for drive in drives if len(Steps.of(drive, geometry, clock).time) > 1]
+    poses = np.bincount(Steps.of(Drives.of(drives), geometry, clock).drive, minlength=len(drives))
+    covered = [drive for drive, count in zip(drives, poses, strict=True) if count > 1]
     if not covered:
         raise LogError(f"run {drives[0].name!r}: encoders were read at fewer than 2 of its poses: record both together")
-    gains = gains_of(covered, geometry, clock)
-    window = windows_of(covered, geometry, clock)
+    together = Drives.of(covered)
+    gains = gains_of(together, geometry, clock)
+    window = windows_of(together, geometry, clock)
     matches = matches_of(window)
     refuse_readings(covered, window, matches, geometry, clock)
     refuse_units(covered, gains, geometry)
@@ -176,7 +178,7 @@ def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: f
 
     Wheels that slip altogether move nothing, and a stamp may be off by a step: so much of a motion is no jump.
     """
-    steps = Steps.of(drive, geometry, clock, margin=NEAR)
+    steps = Steps.of(Drives.of([drive]), geometry, clock, margin=NEAR)
     speed, turn = gains.factors
     heading = turn * (steps.turn - steps.turn[:1])
     ahead = np.exp(0.5j * (heading[1:] + heading[:-1]))
@@ -185,16 +187,13 @@ def _jumps(drive: PreparedDrive, geometry: RobotGeometry, gains: Gains, clock: f
     driven = np.append(np.zeros((2, 1)), np.cumsum(np.abs(np.diff([speed * steps.distance, heading])), axis=1), axis=1)
 
     def missed(first: np.ndarray, then: np.ndarray) -> tuple[Array, Array]:
-        size, by_wheels = np.zeros((2, len(first))), path[then] - path[first]
-        if steps.heading is not None:
-            size[1] = np.abs(steps.heading[then] - steps.heading[first] - heading[then] + heading[first])
-        if steps.place is not None:
-            moved = steps.place[then] - steps.place[first]
-            size[0] = np.abs(np.abs(moved) - np.abs(by_wheels))
-            if steps.heading is not None:
-                size[0] = np.abs(moved - by_wheels * np.exp(1j * (steps.heading - heading)[first]))
+        by_wheels, moved = path[then] - path[first], steps.place[then] - steps.place[first]
+        turned = np.abs(steps.heading[then] - steps.heading[first] - heading[then] + heading[first])
+        aside = np.abs(moved - by_wheels * np.exp(1j * (steps.heading - heading)[first]))
+        if np.isnan(steps.heading).any():
+            aside = np.abs(np.abs(moved) - np.abs(by_wheels))
         begin, end = np.maximum(first - 1, 0), np.minimum(then + 1, len(steps.time) - 1)
-        return size, driven[:, end] - driven[:, begin]
+        return np.nan_to_num([aside, turned]), driven[:, end] - driven[:, begin]
 
     if len(steps.time) < 2:
         return steps.rows[:0], steps.rows[:0]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackslip.identification.fitted import Gain, cr3, newton_steps, student
-from trackslip.identification.preparation import PreparedDrive
+from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 WINDOW = 2.0
@@ -62,102 +62,100 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True)
 class Steps:
-    """The poses of a drive that encoders cover, and what the wheels have driven until each."""
+    """The poses of drives that encoders cover, and what the wheels have driven until each."""
 
-    rows: np.ndarray  # (K,) indices of the poses in the drive
-    time: Array  # (K,) of the poses, pose clock [s]
-    place: np.ndarray | None  # (K,) complex [m]
-    heading: Array | None  # (K,) [rad], interpolated to positions where both exist
+    rows: np.ndarray  # (K,) indices of the poses
+    drive: np.ndarray  # (K,) index of the drive
+    time: Array  # (K,) of the poses [s]
+    place: np.ndarray  # (K,) complex [m]; NaN where not known
+    heading: Array  # (K,) [rad], interpolated to positions; NaN in drives without
     distance: Array  # (K,) by the wheels [m]
     turn: Array  # (K,) by the wheels [rad]
     moment: Array  # (K,) integral of the turn over the distance [rad m]
 
     @classmethod
     def of(
-        cls, drive: PreparedDrive, geometry: RobotGeometry, clock: float, shift: float = 0.0, margin: float = 0.0
+        cls, drives: Drives, geometry: RobotGeometry, clock: float, shift: float = 0.0, margin: float = 0.0
     ) -> Steps:
         """The steps by wheels `shift` [s] later than by this clock; wheels go on at both ends for `margin` [s]."""
-        placed, headed = np.isfinite(drive.pose[:, 0]), np.isfinite(drive.pose[:, 2])
-        edges = drive.edges.copy()
-        edges[[0, -1]] += -margin - 1e-9, margin + 1e-9
-        at, rows = drive.time + clock, placed if placed.sum() > 1 else headed
-        rows = np.flatnonzero(rows & (at >= edges[0]) & (at <= edges[-1]))
-        way, turn = np.diff(edges) * body_twist(drive.omega, 0.0, geometry).T
+        of, at = drives.drive, drives.time + clock
+        placed = (np.bincount(of, drives.known[0], len(drives.drives)) > 1)[of]
+        edges, ends = drives.edges.copy(), np.append(drives.begins[1:], len(drives.edges)) - 1
+        edges[drives.begins] -= margin + 1e-9
+        edges[ends] += margin + 1e-9
+        rows = np.where(placed, drives.known[0], drives.known[1])
+        rows = np.flatnonzero(rows & (at >= edges[drives.begins][of]) & (at <= edges[ends][of]))
+        way, turn = np.diff(edges) * body_twist(drives.omega, 0.0, geometry).T
         turned = np.append(0.0, np.cumsum(turn))
         moment = np.append(0.0, np.cumsum(way * (turned[1:] + turned[:-1]) / 2))
         sums = (np.append(0.0, np.cumsum(way)), turned, moment)
         return cls(
             rows,
-            drive.time[rows],
-            drive.pose[rows, 0] + 1j * drive.pose[rows, 1] if placed.sum() > 1 else None,
-            np.interp(drive.time[rows], drive.time[headed], drive.pose[headed, 2]) if headed.sum() > 1 else None,
+            of[rows],
+            drives.time[rows],
+            np.where(placed, drives.place, np.nan)[rows],
+            drives.headings[rows],
             *(np.interp(at[rows] + shift, edges, values) for values in sums),
         )
 
     @property
     def moved(self) -> np.ndarray:
-        """(K - 1,) Measured motion along the arc, in the frame of the headings, complex [m]; NaN without places."""
-        assert self.heading is not None
-        if self.place is None:
-            return np.full(len(self.time) - 1, np.nan + 0j)
+        """(K - 1,) Measured motion along the arc, in the frame of the headings, complex [m]; NaN where not known."""
         turn = np.diff(self.heading)
         chord = np.diff(self.place) * np.exp(-0.5j * (self.heading[1:] + self.heading[:-1]))
         return chord / np.maximum(np.sinc(turn / (2 * np.pi)), 0.1)
 
-    def ends(self, length: float) -> np.ndarray:
-        """Poses (n + 1,) that bound windows of about this duration [s]."""
-        if len(self.time) < 2:
-            return np.zeros(0, int)
-        cuts = np.arange(self.time[0], self.time[-1] + length / 2, length)
-        return np.unique(np.searchsorted(self.time, cuts - 1e-9).clip(max=len(self.time) - 1))
+    def ends(self, length: Array) -> np.ndarray:
+        """Poses (n + 1,) that bound windows of about these durations (K,) [s]; each drive ends a window."""
+        begin = self.time[np.searchsorted(self.drive, self.drive)]
+        number = np.floor((self.time - begin + 1e-9) / length)
+        other = np.diff(self.drive) != 0
+        bound = np.append(True, other | (np.diff(number) != 0)) | np.append(other, True)
+        return np.flatnonzero(bound[: len(self.time)])
 
 
 def windows_of(
-    drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float, shift: float = 0.0, turn_gain: float = 1.0
+    drives: Drives, geometry: RobotGeometry, clock: float, shift: float = 0.0, turn_gain: float = 1.0
 ) -> Window:
     """Motion of drives in windows, by wheels `shift` [s] later than by this clock.
 
-    Without headings, distances are those of chords, which are shorter than arcs by turns with this gain.
+    If no drive has headings, distances are those of chords, which are shorter than arcs by turns with this gain.
     """
-    parts, first = [], 0
-    for drive in drives:
-        part = _windows(drive, geometry, clock, shift, turn_gain)
-        parts.append(part._replace(block=part.block + first))
-        first += int(part.block.max(initial=-1)) + 1
-    return Window(*map(np.concatenate, zip(*parts, strict=True)))
-
-
-def _windows(drive: PreparedDrive, geometry: RobotGeometry, clock: float, shift: float, turn_gain: float) -> Window:
-    steps, length = Steps.of(drive, geometry, clock, shift), max(WINDOW, 2 * drive.interval)
+    steps = Steps.of(drives, geometry, clock, shift)
+    length = np.maximum(WINDOW, 2 * np.array([drive.interval for drive in drives.drives]))[steps.drive]
     ends = steps.ends(length)
     if len(ends) < 2:
         none = np.zeros(0)
         return Window(none, none, none + 0j, none, none.astype(int))
+    whole = np.diff(steps.drive[ends]) == 0
+    begin, end = ends[:-1][whole], ends[1:][whole]
     lost = (np.diff(steps.time) > 10.0) | (np.abs(np.diff(steps.turn)) > np.pi)
-    good = np.diff(np.append(0, np.cumsum(lost))[ends]) == 0
-    good &= np.diff(steps.time[ends]) > 0.49 * length
-    block = drive.blocks((steps.time[ends[1:]] + steps.time[ends[:-1]]) / 2)
-    distance, turn = np.diff(steps.distance[ends]), np.diff(steps.turn[ends])
-    if steps.heading is not None:
-        turned, moved = np.diff(steps.heading[ends]), np.diff(np.append(0.0, np.cumsum(steps.moved))[ends])
+    good = ~np.logical_or.reduceat(lost, ends[:-1])[whole]
+    good &= steps.time[end] - steps.time[begin] > 0.49 * length[end]
+    block = drives.blocks(WINDOW)[steps.rows[(begin + end) // 2]]
+    distance, turn = steps.distance[end] - steps.distance[begin], steps.turn[end] - steps.turn[begin]
+    if drives.known[1].any():
+        turned = steps.heading[end] - steps.heading[begin]
+        moved = np.add.reduceat(steps.moved, ends[:-1])[whole]
     else:
-        assert steps.place is not None
-        chord = np.diff(steps.place[ends])
+        chord = steps.place[end] - steps.place[begin]
         moving = good & (np.abs(chord) > 0.3 * rms(chord)) & (np.abs(distance) > 0.3 * rms(distance))
         along = np.where(distance < 0, -chord, chord)  # a robot that reverses moves against its heading
         turned = np.append(np.angle(along[1:] * np.conj(along[:-1])), np.nan)
-        turned[~(moving & np.append(moving[1:], False))] = np.nan
-        direction = np.diff(steps.moment[ends]) / np.where(moving, distance, 1.0)
+        turned[~(moving & np.append(moving[1:] & (begin[1:] == end[:-1]), False))] = np.nan
+        direction = (steps.moment[end] - steps.moment[begin]) / np.where(moving, distance, 1.0)
         distance, moved = np.abs(distance * np.sinc(turn_gain * turn / (2 * np.pi))), np.abs(chord) + 0j
         turn = np.append(np.diff(direction), 0.0)
         turned[np.abs(turn) > _FARTHEST] = np.nan
     return Window(distance, turn, np.where(good, moved, np.nan), np.where(good, turned, np.nan), block)
 
 
-def gains_of(drives: Sequence[PreparedDrive], geometry: RobotGeometry, clock: float) -> Gains:
+def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     """Gains of drives: of those with headings, or of all if there are none."""
-    headed = [drive for drive in drives if drive.has_heading]
-    before, window, after = (windows_of(headed or drives, geometry, clock, shift) for shift in (-_OFF, 0.0, _OFF))
+    headed = [drive for drive in drives.drives if drive.has_heading]
+    if 0 < len(headed) < len(drives.drives):
+        drives = Drives.of(headed)
+    before, window, after = (windows_of(drives, geometry, clock, shift) for shift in (-_OFF, 0.0, _OFF))
     late = np.column_stack([after.distance - before.distance, after.turn - before.turn]) / (2 * _OFF)
     turn = speed = None
     heading, arm = 0.0, 0j

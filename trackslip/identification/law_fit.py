@@ -84,7 +84,7 @@ def _reference(
     """The fit of REFERENCE with the longest windows that predict no worse and leave enough blocks for intervals."""
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives), NEAR)
-        start = gains_of(drives.drives, geometry, clock).start(geometry, clock)
+        start = gains_of(drives, geometry, clock).start(geometry, clock)
     prior = DriveModel.radius_prior if "radius_error" in start else _MACHINED
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
     held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)

@@ -10,7 +10,7 @@ import numpy as np
 
 from trackslip.errors import LogError, counted
 from trackslip.identification.gains import Gains, Window, rms, windows_of
-from trackslip.identification.preparation import PreparedDrive
+from trackslip.identification.preparation import Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
 _EXACTLY = 0.05  # error of a gain within which it is that of a unit: off ice, tracks lose no more of a distance
@@ -54,7 +54,7 @@ def refuse_readings(
     if len(now) and now.min() > _CLEARLY:
         return
     readings = [_angles(drives, geometry), *(_other_readings(drives) if len(now) else ())]
-    matches = [matches_of(windows_of(others, geometry, clock)) for others, *_ in readings]
+    matches = [matches_of(windows_of(Drives.of(others), geometry, clock)) for others, *_ in readings]
     best = int(np.argmax([match.sum() for match in matches]))
     match, (_, what, advice) = matches[best], readings[best]
     if match.sum() > now.sum() + _BETTER and match.mean() > _CLEARLY:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -93,7 +95,8 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
     time, pose = time[every], pose[every].copy()
     headed = np.isfinite(pose[:, 2])
     pose[headed, 2] = unwrapped(pose[headed, 2])
-    means = interval_means(log.time, log.omega)
+    ticks = counts_few_ticks(log.time, log.omega)
+    means = interval_means(log.time, log.omega, ticks)
     _refuse_zeros(log.run, "omega_l and omega_r", (means == 0).all(axis=1), "encoder was read")
     edges, omega = merged(log.time, means, max_rows)
     interval = float(np.median(np.diff(time))) if len(time) > 1 else usual
@@ -111,7 +114,7 @@ def drive_of(log: RunLog, max_rows: int = _MAX_ROWS) -> PreparedDrive:
         beyond=log.beyond,
         repeated=len(valid) - len(rows),
         interpolated=len(rows) - measured,
-        held=bool((means != log.omega[1:]).any()) and not counts_few_ticks(log.time, log.omega),
+        held=bool((means != log.omega[1:]).any()) and not ticks,
     )
 
 
@@ -199,14 +202,15 @@ def _resolution(pose: Array) -> Array:
     return np.array([x, y, max(phi)])
 
 
-def interval_means(time: Array, omega: Array) -> Array:
+def interval_means(time: Array, omega: Array, ticks: bool | None = None) -> Array:
     """Mean sprocket speeds (T - 1, 2) between rows at `time` (T,), from the speeds logged there (T, 2).
 
     A row has the mean since the row before. But many robots log each reading of an encoder several times: such a
     reading counts once, in the middle of the time that has it, and speeds change linearly between readings. Of encoders
     with few ticks, the angle changes linearly from tick to tick.
     """
-    means_of_side = _between_ticks if counts_few_ticks(time, omega) else _between_readings
+    ticks = counts_few_ticks(time, omega) if ticks is None else ticks
+    means_of_side = _between_ticks if ticks else _between_readings
     return np.column_stack([means_of_side(time, side) for side in omega.T])
 
 
@@ -262,7 +266,7 @@ def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Drives:
-    """Several drives in a row: encoder intervals with a pause between drives, and poses."""
+    """Several drives in a row, by one clock: encoder intervals with a pause between drives, and poses."""
 
     drives: tuple[PreparedDrive, ...]
     edges: Array  # (M + 1,) ends of the encoder intervals, pauses included [s]
@@ -278,7 +282,7 @@ class Drives:
     @classmethod
     def of(cls, drives: Sequence[PreparedDrive]) -> Drives:
         """The drives in a row."""
-        length = np.array([drive.edges[-1] - drive.edges[0] + 1.0 for drive in drives])  # and a pause
+        length = np.array([drive.edges[-1] - drive.edges[0] + 5.0 for drive in drives])  # and a pause
         shifts = np.cumsum(length) - length - [drive.edges[0] for drive in drives]
         shifted, gyros = [*zip(drives, shifts.tolist(), strict=True)], list[Array]()
         for drive, later in shifted:
@@ -300,9 +304,24 @@ class Drives:
 
     def intervals(self, time: Array) -> np.ndarray:
         """The interval (K,) that each pose is in at other times (K,); beyond the ends of its drive, the nearest one."""
-        poses, last = np.diff(self.first), np.append(self.begins[1:] - 2, len(self.omega) - 1)
+        last = np.append(self.begins[1:] - 2, len(self.omega) - 1)
         row = np.searchsorted(self.edges, time, side="right") - 1
-        return np.clip(row, np.repeat(self.begins, poses), np.repeat(last, poses))
+        return np.clip(row, self.begins[self.drive], last[self.drive])
+
+    @cached_property
+    def drive(self) -> np.ndarray:
+        """Index (K,) of the drive of each pose."""
+        return np.repeat(np.arange(len(self.drives)), np.diff(self.first))
+
+    @cached_property
+    def headings(self) -> Array:
+        """Headings (K,) as measured or interpolated in between [rad]; NaN in drives with fewer than two."""
+        headings = np.full(len(self.time), np.nan)
+        for begin, end in pairwise(self.first):
+            rows = begin + np.flatnonzero(self.known[1, begin:end])
+            if len(rows) > 1:
+                headings[begin:end] = np.interp(self.time[begin:end], self.time[rows], self.heading[rows])
+        return headings
 
     def way(self, radius: float) -> Array:
         """Mean way (K,) that the belts of sprockets with this radius have moved until each pose [m]."""

@@ -28,7 +28,8 @@ from trackslip.kinematics import Array, wrap_angle
 LOSS = 2.0
 """Scale of Cauchy's loss [standard deviations]: 95 % efficient for normal errors at 2.4 (Huber and Ronchetti)."""
 _BENDS = 0.2  # of what its weights say: least second derivative of the loss, where a few large residuals make it less
-_RELAXED = 1.5  # step over that of reweighted least squares, which the loss would shorten: it bends less
+_RELAXED = 1.5  # first steps over those of reweighted least squares, which the loss would shorten: it bends less
+_NEAR = 30.0  # change, in standard errors, after which steps are Newton's
 
 
 @dataclass(frozen=True)
@@ -209,11 +210,15 @@ class WindowFit:
 
     @cached_property
     def _inverse(self) -> Array:
-        """Inverse (f, f) of the second derivatives of the loss, which are at least a fifth of what the weights say."""
-        scale = np.sqrt(np.diag(self._normal))
-        normal, bend = (matrix / np.outer(scale, scale) for matrix in (self._normal, self.bend + np.diag(self.prior)))
-        values, axes = eigh(bend, normal + 1e-12 * np.eye(len(scale)))
-        return (axes / np.maximum(values, _BENDS)) @ axes.T / np.outer(scale, scale)
+        return _inverse(self.bend + np.diag(self.prior), self._normal)
+
+
+def _inverse(bend: Array, normal: Array) -> Array:
+    """Inverse (f, f) of the second derivatives of the loss, which are at least a fifth of what the weights say."""
+    scale = np.sqrt(np.diag(normal))
+    normal, bend = (matrix / np.outer(scale, scale) for matrix in (normal, bend))
+    values, axes = eigh(bend, normal + 1e-12 * np.eye(len(scale)))
+    return np.asarray((axes / np.maximum(values, _BENDS)) @ axes.T / np.outer(scale, scale))
 
 
 def fit_windows(
@@ -230,13 +235,16 @@ def fit_windows(
     prior = 1 / model.prior[free] ** 2
     known = drives.known[:, windows.pose].astype(float)
     rest = residuals(model, drives, windows, values, free, known)
-    for _ in range(20):
+    change = np.inf
+    for _ in range(50):
         spread = rest.spread
-        pull, _ = rest.weights(spread)
-        hessian = rest.normal(pull) + np.diag(prior)
+        pull, curved = rest.weights(spread)
+        normal = rest.normal(pull) + np.diag(prior)
         gradient = rest.score(pull) + prior * (values - mean)[free]
-        moved = np.clip(values[free] - _RELAXED * np.linalg.solve(hessian, gradient), low, high)
-        change = np.max(np.abs(moved - values[free]) * np.sqrt(np.diag(hessian)), initial=0.0)
+        inverse = np.linalg.inv(normal)
+        near = _inverse(rest.normal(curved) + np.diag(prior), normal) if change < _NEAR else _RELAXED * inverse
+        moved = np.clip(values[free] - near @ gradient, low, high)
+        change = np.max(np.abs(moved - values[free]) * np.sqrt(np.diag(normal)), initial=0.0)
         values[free] = moved
         if change < 0.1:
             break

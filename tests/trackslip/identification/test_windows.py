@@ -1,19 +1,23 @@
 """Residuals of windows, their slopes, and standard errors from blocks of driving."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from drives import EXACT, GEOMETRY, ICR, SLAM, STILL, drive_log, fitted, model
 
+from trackslip.bags.drives import load
 from trackslip.identification.first_look import first_look
 from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.path import DriveModel
 from trackslip.identification.preparation import Drives, PreparedDrive, drive_of, drives_of
 from trackslip.identification.windows import Windows, fit_windows, residuals
+from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.se2 import Mounting
 
+LOGS = Path(__file__).parents[3] / "examples/logs"
 LAWS = {
     "icr_radius": [0.045, 0.0066],
     "turn_loss": [0.045, 0.0066, 0.3],
@@ -93,6 +97,18 @@ def test_outlying_poses_and_jumps_hardly_matter(wrong):
     for name, value in spoilt.values.items():
         assert value == pytest.approx(getattr(ICR, name), abs=3 * spoilt.stderr[name])
         assert spoilt.stderr[name] < 3 * clean.stderr[name]
+
+
+def test_fits_of_a_real_drive_end_at_a_minimum():
+    """On grass most residuals are on the flat part of the loss, where reweighted least squares takes small steps."""
+    drives, _ = drives_of(load(LOGS / "warthog_grass_2.parquet")[0].cut(150.0)[:1])
+    reference = fit_drives("icr_radius", drives, RobotGeometry(0.54, 0.3))
+    for name in ("icr_radius", "icr_sides"):
+        found = fit_drives(name, drives, RobotGeometry(0.54, 0.3), reference=reference)
+        fit = found.fit
+        again = fit_windows(fit.model, fit.drives, fit.length, fit.values, found.held, np.zeros(len(fit.values)))
+        moved = np.abs(again.values - fit.values)[fit.free]
+        assert (moved < 0.1 * np.sqrt(np.diag(fit.covariance))).all(), name
 
 
 def test_leaving_out_blocks_by_one_step_is_a_refit_to_first_order():
