@@ -141,8 +141,3 @@ def require_between(law: SlipLaw, names: Iterable[str], low: float, high: float,
         inside = (array > low) & (array < high)
         if not inside.all():
             raise InvalidValueError(name, array[~inside].flat[0] if array.ndim else value, allowed)
-
-
-def require_slips(law: SlipLaw, *names: str) -> None:
-    """Raise InvalidValueError unless the parameters of these names are slips of a moving track."""
-    require_between(law, names, -np.inf, 1, "finite and < 1 (slip 1 is a track that stands still)")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy
@@ -45,11 +46,8 @@ class PlanarPath(ABC):
         """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
 
 
-class Curve(Protocol):
-    """A curve with an arbitrary parameter, called like the splines of SciPy."""
-
-    def __call__(self, u: Array, nu: int, /) -> Complex:
-        """Points (...) at parameters (...) for nu = 0, first and second derivatives for nu = 1 and 2."""
+Curve = Callable[[Array, int], Complex]
+"""Points (...) at parameters (...) for 0, first and second derivatives for 1 and 2, as of SciPy's splines."""
 
 
 class ParametricPath(PlanarPath):
