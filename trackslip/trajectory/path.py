@@ -58,15 +58,10 @@ class ParametricPath(PlanarPath):
     """
 
     def __init__(self, curve: Curve, breaks: ArrayLike, start: ArrayLike | None = None) -> None:
-        """Follow `curve` from the first to the last of the `breaks`.
+        """Follow a twice differentiable curve from the first to the last of ascending `breaks` (B,) of its parameter.
 
-        Args:
-            curve: twice differentiable, without cusps; any derivative may jump at the breaks.
-            breaks: (B,) parameters, ascending.
-            start: pose (3,) to which the curve is moved; by default it is not moved.
-
-        Raises:
-            InvalidValueError: if the curve has a cusp or is longer than MAX_LENGTH.
+        Any derivative may jump at the breaks. With `start`, the curve is moved to that pose (3,). Raises
+        InvalidValueError if the curve has a cusp or is longer than MAX_LENGTH.
         """
         self._curve = curve
         self._u, lengths = _cells(curve, np.asarray(breaks, float))
