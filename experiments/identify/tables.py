@@ -18,8 +18,8 @@ from trackslip.metrics import rms
 _STEADY_NOTE = "Intervals: Student's, of errors of measurement and of one scatter between the runs."
 _DRIVE_NOTE = "Intervals: Student's, from fits without one block of driving each."
 _CRITERIA_NOTE = (
-    "free: fitted parameters. rms: residual of the fit. AICc: above the least. cv: rms error at left-out radii, of "
-    "slip, speed v and yaw rate w. The published law is not fitted."
+    "free: fitted parameters. rms: residual of the fit. cv: rms error at left-out radii, of slip, speed v and yaw rate "
+    "w. The published law is not fitted."
 )
 _PREDICTION_NOTE = (
     "Of all pairs of poses between which the robot moves. today: dead reckoning without slip, delay, or sensor's place "
@@ -57,23 +57,21 @@ def value_text(fit: FittedLaw, name: str) -> str:
 
 
 def criteria_table(comparison: SteadyComparison, geometry: RobotGeometry) -> Table:
-    """The fitted laws by AICc, the smallest first; the published one last."""
-    least = min((law.aicc for law in comparison.laws.values() if law.aicc is not None), default=0.0)
+    """The fitted laws, the best predictions first; the published one last."""
     rows: list[tuple[str | Cell, ...]] = []
     for name in comparison.laws:
         fit, errors = comparison.laws[name], comparison.validation[name]
         cells = (
             str(len(fit.values)),
             number(fit.rms, 5),
-            number(None if fit.aicc is None else fit.aicc - least, 1),
             *([MISSING] * 3 if errors is None else _validation_cells(errors)),
         )
         rows.append((law_cell(name, name == comparison.best, formula=False), *cells))
     samples = comparison.samples
     residual = rms(samples.relative_errors(PUBLISHED.twist(samples.omega, geometry), geometry))
-    rows.append((law_cell("published", formula=False), "0", number(residual, 5), *[MISSING] * 4))
-    header = ("law", "free", "rms", "AICc", "cv slip", "cv v [mm/s]", "cv w [mrad/s]")
-    return Table("Laws compared, by AICc", header, rows, note=_CRITERIA_NOTE)
+    rows.append((law_cell("published", formula=False), "0", number(residual, 5), *[MISSING] * 3))
+    header = ("law", "free", "rms", "cv slip", "cv v [mm/s]", "cv w [mrad/s]")
+    return Table("Laws compared", header, rows, note=_CRITERIA_NOTE)
 
 
 def _validation_cells(errors: CrossValidation) -> list[str]:

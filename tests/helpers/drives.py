@@ -10,7 +10,8 @@ from sim.wander.commands import Driver, track_commands
 from sim.wander.log import encoder_log, joined_log
 from sim.wander.motion import WHITE, LawMotion, SlipVariation
 from sim.wander.pose_source import PoseSource
-from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
+from trackslip.identification.comparison import REFERENCE
+from trackslip.identification.law_fit import DriveFit, fit_drives
 from trackslip.identification.path import DriveModel
 from trackslip.identification.preparation import drives_of
 from trackslip.kinematics import Array, RobotGeometry

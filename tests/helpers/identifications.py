@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 
@@ -38,8 +37,6 @@ def grid(*, side=1):
 def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determined=True):
     """Laws fitted to samples; `determined=False` imitates samples too few for a comparison."""
     laws = {name: fit_law(name, samples, GEOMETRY) for name in names}
-    if not determined:
-        laws = {name: replace(law, aicc=None) for name, law in laws.items()}
     predicted = {name: law.fit.left_out() if determined else None for name, law in laws.items()}
     comparison = SteadyComparison(
         samples=samples,

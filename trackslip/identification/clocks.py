@@ -15,7 +15,7 @@ from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.checks import unwrapped
 
 NEAR = 2.0  # offset that a fit finds by itself from a start value [s]: its prior (`path.EXTRAS`)
-_GRID = 0.1  # step of the common grid [s]; gains allow for as much
+GRID = 0.1  # step of the common grid, and the error of a clock that gains allow for [s]
 _HALF = 0.5  # half of the time over which velocities are taken [s]: noise of 2 cm is 3 cm/s then
 _FITS = 0.5  # share of the variance that a clock explains at least
 
@@ -43,7 +43,7 @@ def clock_of_drive(drive: PreparedDrive) -> Clock:
         poses = poses[np.argsort(poses[:, 0], kind="stable")]
     time = poses[:, 0]
     half = max(_HALF, 2 * drive.interval)
-    step = max(_GRID, max(drive.edges[-1] - drive.edges[0], time[-1] - time[0]) / 200_000)
+    step = max(GRID, max(drive.edges[-1] - drive.edges[0], time[-1] - time[0]) / 200_000)
     of_poses, of_wheels = (np.arange(t[0] + half, t[-1] - half, step) for t in (time, drive.edges))
     if min(len(of_poses), len(of_wheels)) < 2 * NEAR / step:
         return Clock(0.0)

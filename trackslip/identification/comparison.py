@@ -13,6 +13,10 @@ from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 from trackslip.laws.families import FAMILIES
 
+REFERENCE = "icr_radius"
+"""The law that others start from, and the best one where nothing can be compared."""
+LEAST_ERROR = 1e-3
+"""Mean error of a prediction, or difference of errors, that nobody notices [m, rad, or relative]."""
 Fit = TypeVar("Fit", bound=FittedLaw)
 
 

@@ -8,12 +8,12 @@ from itertools import product
 
 import numpy as np
 
-from trackslip.identification.comparison import Choice, Comparison, choose, ranked, turns_fast
+from trackslip.identification.comparison import LEAST_ERROR, REFERENCE, Choice, Comparison, choose, ranked, turns_fast
 from trackslip.identification.first_look import Alarm, Look
 from trackslip.identification.fitted import FEWEST_BLOCKS, Gain, uncertainty
-from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
+from trackslip.identification.law_fit import DriveFit, fit_drives
 from trackslip.identification.path import EXTRAS, DriveModel
-from trackslip.identification.prediction import LEAST_ERROR, PredictionErrors
+from trackslip.identification.prediction import PredictionErrors
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, GAINS, drive_laws
 from trackslip.se2 import Mounting

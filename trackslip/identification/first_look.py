@@ -28,7 +28,6 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.motion.jumps import MOST_WILD, find_jumps
 
 _OUTLYING = 10.0  # robust standard deviations: slip in bursts reaches 6, relocalisations of a few cm exceed it
-_DOUBTFUL = 0.5  # correlation of wheels and poses below which it is doubtful that they belong together
 
 
 @dataclass(frozen=True)
@@ -113,7 +112,7 @@ def _alarms(drives: Sequence[PreparedDrive], gains: Gains, duration: float, matc
     """Reasons to doubt any law."""
     alarms = list[Alarm]()
     match = float(np.abs(matches).mean()) if len(matches) else 1.0
-    if match < _DOUBTFUL:
+    if match < 0.5:
         line = f"wheels and poses hardly go together (correlation {match:.2f}): are they of one drive?"
         alarms.append(Alarm("match", line))
     for gain, what, unit in ((gains.speed, "move", "x and y"), (gains.turn, "turn", "phi")):

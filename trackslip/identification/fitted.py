@@ -44,7 +44,6 @@ class FittedLaw:
     stderr: dict[str, float]  # standard errors of the fitted parameters
     interval95: dict[str, tuple[float, float]]  # 95 % intervals of the fitted parameters
     correlation: Array  # of the fitted parameters, in the order of stderr
-    notes: tuple[str, ...] = ()  # why the data don't determine the law, whose values then mean nothing
 
 
 def uncertainty(

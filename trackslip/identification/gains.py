@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackslip.identification.clocks import GRID
 from trackslip.identification.fitted import Gain, cr3, newton_steps, student
 from trackslip.identification.preparation import Drives
 from trackslip.kinematics import Array, RobotGeometry, body_twist
@@ -19,8 +20,6 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist
 WINDOW = 2.0
 """Duration of windows [s]: noise of 2 cm is 5 % of the distance of a slow robot then, and steady arcs stay below half a
 turn."""
-_OFF = 0.1  # error of the clock that is allowed for [s]: the step of its grid
-_FARTHEST = 2.0  # turn by the wheels of which a chord tells the whole one [rad]
 _HUBER = 1.345  # standard deviations: 95 % efficient for normal errors (P. J. Huber, *Robust Statistics*)
 
 
@@ -146,7 +145,7 @@ def windows_of(
         direction = (steps.moment[end] - steps.moment[begin]) / np.where(moving, distance, 1.0)
         distance, moved = np.abs(distance * np.sinc(turn_gain * turn / (2 * np.pi))), np.abs(chord) + 0j
         turn = np.append(np.diff(direction), 0.0)
-        turned[np.abs(turn) > _FARTHEST] = np.nan
+        turned[np.abs(turn) > 2.0] = np.nan  # chords don't tell turns of half a circle and more
     return Window(distance, turn, np.where(good, moved, np.nan), np.where(good, turned, np.nan), block)
 
 
@@ -155,13 +154,13 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
     headed = [drive for drive in drives.drives if drive.has_heading]
     if 0 < len(headed) < len(drives.drives):
         drives = Drives.of(headed)
-    before, window, after = (windows_of(drives, geometry, clock, shift) for shift in (-_OFF, 0.0, _OFF))
-    late = np.column_stack([after.distance - before.distance, after.turn - before.turn]) / (2 * _OFF)
+    before, window, after = (windows_of(drives, geometry, clock, shift) for shift in (-GRID, 0.0, GRID))
+    late = np.column_stack([after.distance - before.distance, after.turn - before.turn]) / (2 * GRID)
     turn = speed = None
     heading, arm = 0.0, 0j
     known = np.isfinite(window.turned) & np.isfinite(late[:, 1])
     if _tells(window.turn[known], 0.1):
-        fit = _regression(np.column_stack([window.turn, late[:, 1]]), window.turned, window, known, (0.0, _OFF**-2))
+        fit = _regression(np.column_stack([window.turn, late[:, 1]]), window.turned, window, known, (0.0, GRID**-2))
         turn = _gain(fit.values[0], fit.without[:, 0], fit.quantile)
     if not headed:
         window = windows_of(drives, geometry, clock, turn_gain=turn.value if turn else 1.0)
@@ -173,7 +172,7 @@ def gains_of(drives: Drives, geometry: RobotGeometry, clock: float) -> Gains:
         across = window.turned if headed else np.zeros(len(known))
         columns = np.column_stack([window.distance, across, late[:, 0]])
         moved = window.moved if headed else window.moved.real
-        fit = _regression(columns, moved, window, known, (0.0, aside, _OFF**-2))
+        fit = _regression(columns, moved, window, known, (0.0, aside, GRID**-2))
         along, across, _ = fit.values
         ahead = along / abs(along) * (-1.0 if along.real < 0 else 1.0)
         speed = _gain((along / ahead).real, (fit.without[:, 0] / ahead).real, fit.quantile)

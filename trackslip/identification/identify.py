@@ -8,6 +8,7 @@ from pathlib import Path
 
 from trackslip.bags.choice import AUTOMATIC, BagChoice
 from trackslip.errors import LogError, require
+from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.drive_comparison import DriveComparison, compare_drives
 from trackslip.identification.first_look import first_look
 from trackslip.identification.preparation import drives_of
@@ -19,8 +20,6 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.motion.steady import SETTLE, turning_stretches
 from trackslip.se2 import Mounting
-
-_BESIDE = ("none", "icr_radius")  # laws of whole drives beside those of steady stretches
 
 
 def identify(
@@ -88,7 +87,7 @@ def identify_source(
     steady = identify_samples(source.sampling, source.geometry, source.logs)
     step(1.0)
     try:
-        return replace(steady, drive=of_drives(_BESIDE)[0])
+        return replace(steady, drive=of_drives(("none", REFERENCE))[0])
     except LogError as error:
         return replace(steady, warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"))
 

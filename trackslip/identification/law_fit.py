@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.identification.clocks import NEAR, clock_of_drive, median_offset
+from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, uncertainty
 from trackslip.identification.gains import gains_of
 from trackslip.identification.path import DriveModel
@@ -18,12 +19,8 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES, family
 from trackslip.se2 import Mounting
 
-REFERENCE = "icr_radius"
-"""The law that is fitted first: the others start from it, with windows of the same length."""
 _LENGTHS = (10.0, 5.0, 2.0, 1.0)  # of windows that are tried [s]
 _COMPARED = (1.0, 5.0)  # horizons of the predictions that choose the length, and tell how slip varies [s]
-_NO_WORSE = 1.01  # ratio of errors of predictions that doesn't matter
-_MACHINED = 0.02  # error of an effective radius that is taken to be possible where the driving doesn't tell it [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +82,7 @@ def _reference(
     if start is None:
         clock = median_offset(map(clock_of_drive, drives.drives), NEAR)
         start = gains_of(drives, geometry, clock).start(geometry, clock)
-    prior = DriveModel.radius_prior if "radius_error" in start else _MACHINED
+    prior = DriveModel.radius_prior if "radius_error" in start else 0.02  # of a machined radius, which nothing tells
     model = DriveModel(FAMILIES[REFERENCE], geometry, drives.gyro is not None, prior)
     held, mean = held_parameters(model, drives, sensor, lag), _means(model, sensor)
     values = mean.copy()
@@ -96,7 +93,7 @@ def _reference(
     best: DriveFit | None = None
     for length in _lengths(drives):
         fit = _described(fit_windows(model, drives, length, values, held, mean), held, pairs)
-        if best is not None and _size(best) <= _NO_WORSE * _size(fit):
+        if best is not None and _size(best) <= 1.01 * _size(fit):  # a hundredth doesn't matter
             break
         best = fit
     assert best is not None

@@ -10,26 +10,13 @@ import numpy as np
 
 from trackslip.errors import LogError, counted
 from trackslip.identification.gains import Gains, Window, rms, windows_of
-from trackslip.identification.preparation import Drives, PreparedDrive
+from trackslip.identification.preparation import FEW, Drives, PreparedDrive
 from trackslip.kinematics import Array, RobotGeometry
 
 _EXACTLY = 0.05  # error of a gain within which it is that of a unit: off ice, tracks lose no more of a distance
 _CLEARLY = 0.8  # correlation that leaves no doubt; wrong sides reach 0.6 on drives of two minutes (test_misread)
 _BETTER = 0.2  # correlation by which another reading must be better, in sum
-_FEWEST = 5  # windows that are compared
 _SLOW = 0.2  # rms belt speed at which no robot turns so far between poses that its turn is ambiguous [m/s]
-_SPEED_UNITS = {
-    np.radians(1): "omega_l and omega_r look like deg/s: multiply them by pi/180",
-    2 * np.pi / 60: "omega_l and omega_r look like rpm: multiply them by 2 pi/60",
-    2 * np.pi: "omega_l and omega_r look like turns per second: multiply them by 2 pi",
-    1000.0: "x and y look like mm: divide them by 1000",
-    100.0: "x and y look like cm: divide them by 100",
-    1e-3: "t looks like ms: divide it by 1000",
-    1e-6: "t looks like µs: divide it by 1e6",
-    1e-9: "t looks like ns: divide it by 1e9",
-}
-_SIGNS = {(-1, 1): ("omega_l", "left"), (1, -1): ("omega_r", "right"), (-1, -1): ("omega_l and omega_r", "both")}
-_DEGREE = 111_320.0  # of latitude, mean [m]
 
 
 def refuse_cells(drive: PreparedDrive) -> None:
@@ -84,9 +71,10 @@ def _angles(drives: Sequence[PreparedDrive], geometry: RobotGeometry) -> _Readin
 
 def _other_readings(drives: Sequence[PreparedDrive]) -> Iterator[_Reading]:
     """The drives with sides or signs exchanged, or with other headings."""
+    names = {(-1, 1): ("omega_l", "left"), (1, -1): ("omega_r", "right"), (-1, -1): ("omega_l and omega_r", "both")}
     placed, headed = (any(np.isfinite(drive.pose[:, k]).any() for drive in drives) for k in (0, 2))
-    for swapped, signs in [*product((False, True), ((1, 1), *_SIGNS))][1:]:
-        steps = ["change the sign of {}, for a bag by --reversed {}".format(*_SIGNS[signs])] if signs in _SIGNS else []
+    for swapped, signs in [*product((False, True), ((1, 1), *names))][1:]:
+        steps = ["change the sign of {}, for a bag by --reversed {}".format(*names[signs])] if signs in names else []
         advice = ", then ".join([*steps, "exchange omega_l and omega_r"] if swapped else steps)
         if signs[0] == signs[1] and not (placed and headed):  # positions or headings alone don't tell these apart
             advice = "exchange omega_l and omega_r, or change the signs of both if they count backwards"
@@ -116,11 +104,11 @@ def _with_heading(drive: PreparedDrive, factor: float, offset: float = 0.0) -> P
 def matches_of(window: Window) -> Array:
     """Correlations of wheels and poses: of sizes of distances, of distances, of turns, as far as wheels have them."""
     matches, least = list[float](), 0.05  # [m or rad] in a window
-    if np.isfinite(window.moved).sum() >= _FEWEST and rms(window.distance) > least:
+    if np.isfinite(window.moved).sum() >= FEW and rms(window.distance) > least:
         matches.append(_alike(np.abs(window.moved), np.abs(window.distance)))
         if (window.moved.imag != 0).any():  # with headings
             matches.append(_alike(window.moved, window.distance))
-    if np.isfinite(window.turned).sum() >= _FEWEST and rms(window.turn) > least:
+    if np.isfinite(window.turned).sum() >= FEW and rms(window.turn) > least:
         matches.append(_alike(window.turned, window.turn))
     return np.array(matches)
 
@@ -139,14 +127,22 @@ def refuse_units(drives: Sequence[PreparedDrive], gains: Gains, geometry: RobotG
     value, place = abs(gains.speed.value), np.concatenate([drive.pose[:, :2] for drive in drives])
     x, y = np.nanmean(place, axis=0)
     latitude = min(max(abs(x), abs(y)), 80.0)  # at most, whichever it is
-    if 0.8 <= value * _DEGREE <= 1.2 / np.cos(np.radians(latitude)):
+    if 0.8 <= 111_320.0 * value <= 1.2 / np.cos(np.radians(latitude)):  # metres per degree of latitude
         raise LogError(
             f"x and y (about {x:.6g}, {y:.6g}) look like degrees of longitude and latitude: give metres in a plane, "
             "x = 111320 cos(lat) (lon - lon0) and y = 111320 (lat - lat0)"
         )
-    units = _SPEED_UNITS | {
-        1 / geometry.sprocket_radius: "omega_l and omega_r look like m/s: divide them by sprocket_radius = "
-        f"{geometry.sprocket_radius:g} m"
+    wheels, radius = "omega_l and omega_r look like", geometry.sprocket_radius
+    units = {
+        np.radians(1): f"{wheels} deg/s: multiply them by pi/180",
+        2 * np.pi / 60: f"{wheels} rpm: multiply them by 2 pi/60",
+        2 * np.pi: f"{wheels} turns per second: multiply them by 2 pi",
+        1 / radius: f"{wheels} m/s: divide them by sprocket_radius = {radius:g} m",
+        1000.0: "x and y look like mm: divide them by 1000",
+        100.0: "x and y look like cm: divide them by 100",
+        1e-3: "t looks like ms: divide it by 1000",
+        1e-6: "t looks like µs: divide it by 1e6",
+        1e-9: "t looks like ns: divide it by 1e9",
     }
     near = {unit: line for unit, line in units.items() if abs(unit - 1) > 0.2 and abs(value / unit - 1) <= _EXACTLY}
     if near:

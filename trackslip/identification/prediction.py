@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.identification.comparison import Criterion
+from trackslip.identification.comparison import LEAST_ERROR, Criterion
 from trackslip.identification.path import DriveModel, Path
 from trackslip.identification.preparation import Drives
 from trackslip.identification.windows import WindowFit
@@ -17,8 +17,6 @@ from trackslip.metrics import rms
 FOLDS = 5
 """Parts of the driving, of every fifth block each, that are predicted by what the others tell."""
 HORIZONS = (1.0, 2.0, 5.0, 10.0)  # times ahead [s]
-LEAST_ERROR = 1e-3  # mean error, or difference of errors, that nobody notices [m, rad]
-_SLIP = ("slip_forward", "slip_sideways", "slip_turn")
 
 
 @dataclass(frozen=True)
@@ -182,9 +180,9 @@ def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float]
     [s] to the longest. With one horizon, poses have the `spread` (3,). Errors of the first heading and of turns add to
     the sides.
     """
-    horizons = np.intersect1d(pairs.horizon, ahead)
+    names, horizons = ("slip_forward", "slip_sideways", "slip_turn"), np.intersect1d(pairs.horizon, ahead)
     if not len(horizons):
-        return dict.fromkeys(_SLIP, 0.0)
+        return dict.fromkeys(names, 0.0)
     rows = [pairs.horizon == horizon for horizon in horizons[[0, -1]]]
     moved = np.abs(pairs.drives.place[pairs.end] - pairs.drives.place[pairs.start]) ** 2
     way, reach = (np.array([np.median(values[row]) for row in rows]) for values in (pairs.way, moved))
@@ -198,7 +196,7 @@ def slip_noise(error: Array, pairs: Pairs, spread: Array, ahead: Sequence[float]
     per_way[1] = max((aside[1] - aside[0]) / (way[1] - way[0]), 0.0)
     # growth is a difference of large numbers: medians don't tell less than a hundredth
     per_way = np.maximum(per_way, 0.01 * variance[1] / max(way[1], 1e-9))
-    return dict(zip(_SLIP, np.sqrt(per_way).tolist(), strict=True))
+    return dict(zip(names, np.sqrt(per_way).tolist(), strict=True))
 
 
 def _robust_variance(values: Array) -> float:

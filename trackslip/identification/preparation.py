@@ -17,7 +17,7 @@ from trackslip.motion.steady import STANDING
 
 BLOCK = 10.0
 """Duration of the blocks of driving whose slip is taken to be independent, at least [s]."""
-_FEW = 5  # rows that may be zero by chance
+FEW = 5  # rows or windows that are so by chance
 _MAX_ROWS = 200_000  # encoder intervals that are used in all: memory for more is short; more are merged
 
 
@@ -131,7 +131,7 @@ def _turned_by(gyro: Array, log: RunLog) -> Array:
 def _refuse_zeros(run: str, columns: str, zero: np.ndarray, measured: str) -> None:
     """Refuse rows (n,) bool that are zero, or not, alone between others again and again."""
     alone = int(((zero[1:-1] != zero[:-2]) & (zero[1:-1] != zero[2:])).sum())
-    if alone > max(_FEW, 0.1 * len(zero)):
+    if alone > max(FEW, 0.1 * len(zero)):
         raise LogError(
             f"run {run!r}: columns {columns} go to 0 and back {alone:,} times: leave cells empty where no {measured}"
         )

@@ -11,11 +11,10 @@ from typing import Any, Literal
 import numpy as np
 
 from trackslip.errors import OutputError, TrackslipError, counted
-from trackslip.identification.comparison import Comparison
+from trackslip.identification.comparison import REFERENCE, Comparison
 from trackslip.identification.drive_comparison import DriveComparison
 from trackslip.identification.first_look import Alarm
 from trackslip.identification.fitted import FittedLaw, Gain
-from trackslip.identification.law_fit import REFERENCE
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_comparison import SteadyComparison
 from trackslip.kinematics import RobotGeometry
@@ -26,9 +25,7 @@ from trackslip.logs.runlog import Refused, RunLog
 
 Method = Literal["steady", "drive"]
 """Ways to identify laws: from stretches of constant sprocket speeds, or from whole drives."""
-_REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
 _VAGUE = 0.5  # half width of an interval of a multiplier that says nothing: 1 is no slip, tracks have up to 2 [-]
-_UNSTORED = ("name", "law", "fit", "missed", "pairs", "notes")  # fields of fits
 
 
 @dataclass(frozen=True)
@@ -156,9 +153,9 @@ class Identification:
         """
         file = Path(path)
         file = file / "report.html" if file.is_dir() else file
-        renderers = tuple(entry_points(group=_REPORTS, name="identification"))
+        renderers = tuple(entry_points(group="trackslip.reports", name="identification"))
         if not renderers:
-            raise TrackslipError(f"report: no package with an entry point in the group {_REPORTS!r} is installed")
+            raise TrackslipError("report: no package with an entry point in the group 'trackslip.reports' is installed")
         html: str = renderers[0].load()(self)
         try:
             file.write_text(html, encoding="utf-8")
@@ -199,7 +196,7 @@ def _mean(fit: FittedLaw, key: str, side: str = "") -> Gain:
 def identification_to_json(result: Identification) -> dict[str, Any]:
     """The laws as `load_laws` reads them, everything known of each, `prediction` of drives, and what was left out."""
     steady, drive = result.steady, result.drive
-    stored = {name: _stored(fit) for name, fit in result.main.laws.items() if fit.values and not fit.notes}
+    stored = {name: _stored(fit) for name, fit in result.main.laws.items() if fit.values}
     content: dict[str, Any] = laws_content(stored, result.geometry) | {
         "method": result.method,
         "best": result.best,
@@ -238,6 +235,7 @@ def _stored(law: FittedLaw) -> dict[str, Any]:
 
 
 def _content(law: FittedLaw) -> dict[str, Any]:
-    """The fields of a fit, but for some."""
-    content = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in _UNSTORED}
+    """The fields of a fit that are numbers."""
+    unstored = ("name", "law", "fit", "missed", "pairs")
+    content = {field.name: getattr(law, field.name) for field in fields(law) if field.name not in unstored}
     return content | {"correlation": law.correlation.tolist()}

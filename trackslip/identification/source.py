@@ -24,8 +24,6 @@ from trackslip.motion.steady import SETTLE
 
 MULTIPLIERS = (0.1, 10.0)
 """wheel_separation_multipliers that a robot may have: ICRs within ten times the gauge."""
-_MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
-_LOADING = ("slope", "uphill")  # of the ground: may differ between runs that tell their loads
 
 
 @dataclass(frozen=True)
@@ -177,7 +175,7 @@ def _sampled(columns: Columns, reading: ReadOptions, geometry: RobotGeometry) ->
 
 def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]:
     """A note on runs under different loads; LogError for runs that cannot share a law: ground or robot differ."""
-    for key in _MATTERS:
+    for key in ("ground", "radius_error", "geometry", "model_sha256"):
         first, *others = [log.metadata[key] for log in logs if key in log.metadata] or [None]
         if all(other == first for other in others):
             continue
@@ -185,7 +183,7 @@ def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]
         if all(isinstance(setting, Mapping) for setting in (first, *others)):
             names = [name for name in first if any(other.get(name) != first[name] for other in others)]
         differing = f"its runs differ in {key}" + (f" ({', '.join(names)})" if names else "")
-        if not names or not set(names) <= set(_LOADING) or any(log.load is None for log in logs):
+        if not names or not set(names) <= {"slope", "uphill"} or any(log.load is None for log in logs):
             raise LogError(f"{source}: {differing}: choose with --where NAME=VALUE")
         return (f"{differing}: only icr_load takes that into account",)
     return ()

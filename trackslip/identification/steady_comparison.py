@@ -8,17 +8,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.comparison import Choice, Comparison, Criterion, choose, ranked, turns_fast
+from trackslip.identification.comparison import (
+    LEAST_ERROR,
+    REFERENCE,
+    Choice,
+    Comparison,
+    Criterion,
+    choose,
+    is_expressible,
+    ranked,
+    turns_fast,
+)
 from trackslip.identification.fitted import FEWEST_BLOCKS
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.steady_fit import SteadyFit, fit_law
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.metrics import rms
-
-BASELINES = ("none", "exponential", "icr")
-"""Laws that are always reported, for others to be compared with."""
-_NEGLIGIBLE = 1e-3  # relative error of the track speeds that no ground and no encoder repeats, and no law need predict
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,7 @@ class CrossValidation:
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyComparison(Comparison):
-    """Laws identified from steady samples, in order of AICc."""
+    """Laws identified from steady samples."""
 
     samples: SlipSamples  # the samples that the laws were fitted to
     laws: Mapping[str, SteadyFit]  # fits by name of the law
@@ -48,7 +54,7 @@ class SteadyComparison(Comparison):
 
 
 def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyComparison:
-    """Fit all families that the samples determine, and the baselines in any case, and compare them.
+    """Fit all families that the samples determine, and compare them.
 
     Raises LogError if the samples determine no law of turning.
     """
@@ -62,17 +68,18 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
         if impossible or not family.of_runs:
             continue
         try:
-            laws[name] = fit_law(name, samples, geometry, vague=name in BASELINES)
-            warnings += laws[name].notes
+            laws[name] = fit_law(name, samples, geometry)
         except LogError as error:
             warnings.append(str(error))
-    known = {name: law for name, law in laws.items() if not law.notes}
-    if not known.keys() - {"none"}:
+    if not laws.keys() - {"none"}:
         raise LogError(next(why for why in warnings if why.startswith("law icr:")))
     predicted = {name: law.fit.left_out() for name, law in laws.items()}
-    choice = choose(known, lambda some: _ranked(some, predicted))
-    assert choice is not None
-    order = sorted(laws, key=lambda name: (laws[name].aicc or np.inf, laws[name].scatter))
+    choice = choose(laws, lambda some: _ranked(some, predicted))
+    if choice is None:
+        best = min(laws.keys() - {"none"}, key=lambda name: (name != REFERENCE, len(laws[name].values), name))
+        why = "the runs are too few for predictions"
+        choice = Choice(best=best, reason=why, score={}, expressible=best if is_expressible(best) else None)
+    order = sorted(laws, key=lambda name: (name != choice.best, choice.score.get(name, np.inf), laws[name].rms))
     return SteadyComparison(
         **vars(choice),
         samples=samples,
@@ -82,30 +89,22 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyCompari
     )
 
 
-def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]) -> Choice:
-    """The simplest of the laws whose predictions of left-out radii are as good as any other's.
+def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]) -> Choice | None:
+    """The simplest of the laws whose predictions of left-out radii are as good as any other's; None for few runs.
 
-    Errors are mean squares of the relative errors of the track speeds, weighted by the runs' variances. Where the
-    samples are too few for predictions, it is the simplest of the laws whose AICc is within 2 of the smallest
-    (Burnham and Anderson, 2002).
+    Errors are mean squares of the relative errors of the track speeds, weighted by the runs' variances.
     """
     fit = next(iter(laws.values())).fit
-    samples, scatter = fit.samples, max(_NEGLIGIBLE, min(law.scatter for law in laws.values()))
+    samples, scatter = fit.samples, max(LEAST_ERROR, min(law.scatter for law in laws.values()))
     weight = 1 / (fit.measurement.mean(axis=1) + scatter**2)
     errors = {
         name: weight / weight.mean() * np.mean(samples.relative_errors(twist, fit.geometry) ** 2, axis=1)
         for name in laws
         if (twist := predicted[name]) is not None
     }
-    if errors and len(samples) >= FEWEST_BLOCKS:
-        criterion = Criterion(errors, np.arange(len(samples)), _NEGLIGIBLE**2)
-        choice = ranked({name: laws[name] for name in errors}, [criterion])
-        assert choice is not None
-        why = "it is the simplest of those that predict left-out radii as well as any, within a standard error"
-        return replace(choice, reason=why)
-    aicc = {name: law.aicc or np.inf for name, law in laws.items()}
-    least = min(laws, key=lambda name: (aicc[name], laws[name].scatter))
-    near = [name for name in laws if aicc[name] <= aicc[least] + 2 and np.isfinite(aicc[name])] or [least]
-    best = min(near, key=lambda name: (len(laws[name].values), aicc[name]))
-    why = "it is the simplest of those whose AICc is within 2 of the smallest; the runs are too few for predictions"
-    return Choice(best=best, reason=why, score={})
+    if len(samples) < FEWEST_BLOCKS:
+        return None
+    criteria = [Criterion(errors, np.arange(len(samples)), LEAST_ERROR**2)] if errors else []
+    choice = ranked({name: laws[name] for name in errors}, criteria)
+    why = "it is the simplest of those that predict left-out radii as well as any, within a standard error"
+    return choice and replace(choice, reason=why)

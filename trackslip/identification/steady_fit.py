@@ -28,7 +28,6 @@ from trackslip.laws.families import LawFamily, family
 from trackslip.metrics import rms
 
 _EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
-_SETTLED = 1e-4  # relative change of the scatter at which a fit has converged; of chi-square, its square
 _SINGULAR = 1e7  # condition of the normal equations at which parameters stand in for each other (test_steady)
 _FOLDS = 10  # most parts of a cross-validation (Kohavi, 1995)
 _VAGUE = 5.0  # standard error of an undetermined parameter, in significant changes (test_steady)
@@ -42,15 +41,14 @@ class SteadyFit(FittedLaw):
     """Root mean square error of the track speeds predicted, relative to the speed of the faster sprocket [-]."""
     scatter: float
     """tau, scatter of the track speeds about the law beyond the measurement errors, relative likewise [-]."""
-    aicc: float | None  # Akaike's criterion, corrected for few data; None for too few
     fit: Fit  # the fit in matrices
 
 
-def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, vague: bool = False) -> SteadyFit:
+def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> SteadyFit:
     """Weighted least-squares fit to the measured motions, with intervals.
 
-    `geometry` is the robot's nominal one. Raises LogError if the samples do not determine every parameter, unless a
-    `vague` law is wanted that says so in its `notes`, and InvalidValueError for an unknown law.
+    `geometry` is the robot's nominal one. Raises LogError if the samples do not determine every parameter, and
+    InvalidValueError for an unknown law.
     """
     model = family(name)
     names, free = model.names, len(model.names)
@@ -60,11 +58,8 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, vague: boo
         )
     fit = Fit.of(model.under(samples.load), samples, geometry)
     covariance = fit.covariance
-    error = np.sqrt(np.diag(covariance))
-    doubt = fit.undetermined(error)
-    notes = (f"law {name}: {doubt}",) if doubt else ()
-    if notes and not vague:
-        raise LogError(notes[0])
+    if doubt := fit.undetermined(np.sqrt(np.diag(covariance))):
+        raise LogError(f"law {name}: {doubt}")
     values = dict(zip(names, fit.values.tolist(), strict=True))
     limits = model.limits(geometry.half_gauge)[:2]
     return SteadyFit(
@@ -73,9 +68,7 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, vague: boo
         values=values,
         rms=rms(samples.relative_errors(fit.predicted(fit.values), geometry)),
         scatter=fit.scatter,
-        aicc=fit.aicc,
         fit=fit,
-        notes=notes,
         **uncertainty(names, fit.values, covariance, stdtrit(fit.freedom, 0.975), limits),
     )
 
@@ -104,7 +97,7 @@ class Fit:
         fit = min((start.minimum() for start in starts), key=lambda fit: np.sum(fit.missed**2 / fit.variance))
         for _ in range(10):  # 2 or 3 where the samples determine the law
             scatter = fit.expected_scatter()
-            if abs(scatter - fit.scatter) <= _SETTLED * scatter:
+            if abs(scatter - fit.scatter) <= 1e-4 * scatter:
                 break
             fit = replace(fit, scatter=scatter).minimum()
         return fit
@@ -149,9 +142,7 @@ class Fit:
         def jacobian(values: Array) -> Array:
             return -(self._slopes(values) / error[..., None]).reshape(-1, len(values))
 
-        result = least_squares(
-            residual, self.values, jacobian, (low, high), "dogbox", _SETTLED**2, x_scale=scale, max_nfev=50
-        )
+        result = least_squares(residual, self.values, jacobian, (low, high), "dogbox", x_scale=scale, max_nfev=50)
         return replace(self, values=result.x)
 
     def expected_scatter(self) -> float:
@@ -211,15 +202,6 @@ class Fit:
         if 2 * (len(labels) - np.bincount(labels).max()) <= len(self.values):
             return None
         return self.predicted(self.without(labels)[labels])
-
-    @property
-    def aicc(self) -> float | None:
-        """Akaike's criterion, corrected for few data (two per run); None for too few. The scatter is a parameter."""
-        free, data = len(self.values) + 1, self.missed.size
-        if data - free - 1 <= 0:
-            return None
-        deviance = float(np.sum(self.missed**2 / self.variance + np.log(self.variance)))
-        return deviance + 2 * free + 2 * free * (free + 1) / (data - free - 1)
 
     def undetermined(self, error: Array) -> str:
         """A parameter that the samples do not determine by its standard error (p,), and why; empty if there is none."""

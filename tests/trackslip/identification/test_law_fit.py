@@ -10,7 +10,8 @@ from plain_drives import HUSKY, drive_of, log_of, measured
 from sim.wander.motion import WHITE
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.law_fit import REFERENCE, fit_drives
+from trackslip.identification.comparison import REFERENCE
+from trackslip.identification.law_fit import fit_drives
 from trackslip.identification.preparation import drives_of
 from trackslip.laws.base import NoSlip
 from trackslip.laws.families import FAMILIES, drive_laws
