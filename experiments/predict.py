@@ -9,7 +9,7 @@ from experiments.common.options import Distinct, Exclusion, Needs, Positive, Res
 from experiments.common.run import Run
 from experiments.common.table import Table
 from experiments.simulate.options import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR, RobotSource
-from sim.drive.pull import Pull
+from sim.drive.drive import Pull
 from sim.ground.ground import MAX_FRICTION, Ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters

@@ -7,20 +7,19 @@ from typing import Any
 from sim import path_tracking, traverse
 from sim.path_tracking.config import EnvConfig
 from sim.path_tracking.randomization import Randomization
-from sim.path_tracking.renderer import PathRenderer
 from sim.path_tracking.tracking import PathTracking
-from sim.task import TaskKind, from_options, metadata
+from sim.renderers import CourseRenderer, PathRenderer
+from sim.settings import from_options
+from sim.task import metadata
 from sim.task_env import TaskEnv, TaskVectorEnv
 from sim.traverse.config import TraverseConfig
-from sim.traverse.renderer import CourseRenderer
 from sim.traverse.task import Crossing
 from trackslip.errors import require
 
-_TRACKING = TaskKind(EnvConfig, PathTracking, PathRenderer)
-_CROSSING = TaskKind(TraverseConfig, Crossing, CourseRenderer)
-
 
 class _Tracking:
+    configuration, kind, drawing = EnvConfig, PathTracking, PathRenderer
+    metadata = metadata(path_tracking.config.PERIOD)
     task: PathTracking
 
     def set_randomization(self, randomization: Randomization | Mapping[str, Any] | str | None) -> None:
@@ -33,6 +32,7 @@ class _Tracking:
 
 
 class _Traversing:
+    configuration, kind, drawing, metadata = TraverseConfig, Crossing, CourseRenderer, metadata(traverse.config.PERIOD)
     task: Crossing
 
     def set_difficulty(self, low: float, high: float) -> None:
@@ -44,32 +44,24 @@ class PathTrackingEnv(_Tracking, TaskEnv):
     """trackslip/PathTracking-v0: a tracked robot that must follow a reference trajectory.
 
     Actions are float32 (2,) in [-1, 1], 20 per second: sprocket speeds or a twist, see `EnvConfig.action`. The
-    observations are described in `path_tracking.observation`, the reward in `TrackingReward`. An episode terminates
+    observations are described in `TrackingLayout`, the reward in `TrackingReward`. An episode terminates
     when the robot is farther than `off_path` from the reference or tips over, and is truncated at the reference's end.
     """
-
-    kind, metadata = _TRACKING, metadata(path_tracking.config.PERIOD)
 
 
 class PathTrackingVectorEnv(_Tracking, TaskVectorEnv):
     """N robots, each with its own ground and reference: `PathTrackingEnv` in every row."""
-
-    kind, metadata = _TRACKING, metadata(path_tracking.config.PERIOD)
 
 
 class TraverseEnv(_Traversing, TaskEnv):
     """trackslip/Traverse-v0: a tracked robot that must cross a course.
 
     Actions are float32 in [-1, 1], by default 10 per second: the belts' speeds, left and right, and the flippers'
-    angles, see `TraverseConfig.action` and `flippers`. The observations are described in `traverse.observation`, the
+    angles, see `TraverseConfig.action` and `flippers`. The observations are described in `traverse.config`, the
     reward in `CrossingReward`. An episode terminates when the course is crossed, or the robot tips over, falls off, is
     stuck or explodes, and is truncated when its time is over.
     """
 
-    kind, metadata = _CROSSING, metadata(traverse.config.PERIOD)
-
 
 class TraverseVectorEnv(_Traversing, TaskVectorEnv):
     """N robots, each on its own course: `TraverseEnv` in every row."""
-
-    kind, metadata = _CROSSING, metadata(traverse.config.PERIOD)

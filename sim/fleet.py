@@ -8,15 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast
-from sim.drive.pull import Pull
+from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState, Forecast, Pull
 from sim.drive.saturation import advance_within_limits
 from sim.fleet_ground import EVERYONE, FleetGround, Rows, one_each, require_at_rest
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
-from sim.world import World
+from sim.world import World, steps_in
 from trackslip import se2
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
@@ -25,15 +24,6 @@ SETTLING = 1.0
 """Settling time simulated before a fleet's first period [s]."""
 _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
 _TURN = 2 * np.pi
-
-
-def substeps(drive: Drive, robot: Robot) -> int:
-    """Physics steps in a servo period; raises InvalidValueError unless that is a multiple of the step."""
-    step = robot.model.opt.timestep
-    count = round(drive.period / step)
-    whole = count >= 1 and abs(count * step - drive.period) <= 1e-9
-    require(whole, "drive.period", drive.period, f"a multiple of the physics step, {step} s")
-    return count
 
 
 class Fleet(World):
@@ -83,7 +73,7 @@ class Fleet(World):
         drive = drive or robot.parameters.drive
         self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
         self.period = drive.period
-        self._substeps = substeps(drive, robot)
+        self._substeps = steps_in("drive.period", drive.period, "the physics step", robot.model.opt.timestep)
 
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self.belts = surface[:, robot.pads, 2]
@@ -363,15 +353,10 @@ def _along(forces: Array, forward: Array) -> Array:
 class Setting:
     """Start and properties of one robot in one run."""
 
-    start: tuple[float, float, float]
-    """Start pose (x, y, phi) [m, m, rad]."""
-    ground: Ground = field(default_factory=Ground)
-    """Ground under the robot."""
-    radius_error: float = RADIUS_ERROR
-    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    lag: float | None = None
-    """Time constant of the servos; None for the drive's own [s]."""
+    start: tuple[float, float, float]  # start pose (x, y, phi) [m, m, rad]
+    ground: Ground = field(default_factory=Ground)  # ground under the robot
+    radius_error: float = RADIUS_ERROR  # relative error of the effective sprocket radius, real / nominal - 1 [-]
+    lag: float | None = None  # time constant of the servos; None for the drive's own [s]
     weight: tuple[float, float] = (0.0, 0.0)
     """Offset of the centre of mass from the model's, forward and to the left [m]."""
-    mass: float = 1.0
-    """Factor on the mass and the inertia of the chassis [-]."""
+    mass: float = 1.0  # factor on the mass and the inertia of the chassis [-]

@@ -9,7 +9,7 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import ArrayLike
 
-from sim.drive.pull import Pull
+from sim.drive.drive import Pull
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
 from sim.restorable import Restorable
@@ -34,8 +34,7 @@ class PadFriction:
         """`grounds`: one for each robot; `pads`: positions (P, 2) of the pads on the robot [m]."""
         self._pads = pads
         n, changes, patches = len(grounds), max(len(g.changes) for g in grounds), max(len(g.patches) for g in grounds)
-        self.varies = changes > 0 or patches > 0
-        """True if the ground depends on place or time at all."""
+        self.varies = changes > 0 or patches > 0  # true if the ground depends on place or time at all
         self._time = np.full((n, changes), np.inf)  # ascending [s]
         self._base = np.zeros((n, changes + 1, 3))  # along, across, shear
         self._corners = np.full((n, patches, 2, 2), np.nan)  # minimum, maximum; x, y [m]
@@ -93,8 +92,7 @@ class FleetGround(Restorable):
         self._batch, self._robot, self._shear = of, robot, shear
         self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
         self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # as PadFriction.surface
-        self.grounds = tuple(grounds)
-        """Ground of each robot."""
+        self.grounds = tuple(grounds)  # ground of each robot
         self.put(grounds)
 
     @property
@@ -123,8 +121,7 @@ class FleetGround(Restorable):
         changed = dict(enumerate(grounds) if rows is None else zip(rows.tolist(), grounds, strict=True))
         self.grounds = tuple(changed.get(k, ground) for k, ground in enumerate(self.grounds))
         self._ground = PadFriction(self.grounds, self._robot.pad_position)
-        self.slope = np.array([ground.slope for ground in self.grounds])
-        """Slopes (N,) of the grounds [rad]."""
+        self.slope = np.array([ground.slope for ground in self.grounds])  # slopes (N,) of the grounds [rad]
         self.uphill = np.array([ground.uphill for ground in self.grounds])
         """Headings (N,) of robots that drive straight up them [rad]."""
 

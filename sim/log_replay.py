@@ -40,8 +40,7 @@ class Replay:
     """Simulated motion of N robots, each by the encoder clock of its log."""
 
     begin: Array  # (N,) start of the run-up [s]
-    period: float
-    """Time between states [s]."""
+    period: float  # time between states [s]
     pose: Array  # (P + 1, N, 3) of the robots, from the origin [m, m, rad]
     twist: Array  # (P + 1, N, 3) forwards, to the left, yaw rate [m/s, rad/s]
 
@@ -158,13 +157,11 @@ class Replayer:
         if inputs == "commands":
             for log in logs:
                 if log.command is None or not np.isfinite(log.command).all():
-                    raise LogError(
-                        f"run {log.run!r}: needs omega_cmd_l and omega_cmd_r in every row to replay commands"
-                    )
+                    needed = "needs omega_cmd_l and omega_cmd_r in every row to replay commands"
+                    raise LogError(f"run {log.run!r}: {needed}")
         elif inputs != "encoders":
             raise InvalidValueError("inputs", inputs, "encoders or commands")
-        self.begin = np.array([log.time[0] - RUN_UP for log in logs])
-        """Start of the run-up of each log (N,) [s]."""
+        self.begin = np.array([log.time[0] - RUN_UP for log in logs])  # start of the run-up of each log (N,) [s]
         self._turned = [_angle(log) for log in logs]
         self._fastest = max(float(np.abs(log.omega).max()) for log in logs)
 

@@ -7,9 +7,7 @@ import os
 import sys
 import threading
 import warnings
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -94,61 +92,3 @@ class Window:
         self.viewer.close()
         for thread in self._threads:
             thread.join(timeout=5.0)
-
-
-class TaskRenderer(ABC):
-    """Draws the robots of a task: pictures of each, and robot 0 in a window."""
-
-    def __init__(self) -> None:
-        self.data: Any = None
-        """Model with visuals, in the state of the robot being drawn."""
-        self._window: Window | None = None
-        self._pictures: Pictures | None = None
-
-    @abstractmethod
-    def begin(self, rows: Sequence[int]) -> None:
-        """Note that episodes of the robots `rows` have begun."""
-
-    @abstractmethod
-    def follow(self) -> None:
-        """Note that a control period has passed."""
-
-    @abstractmethod
-    def pose(self, row: int) -> None:
-        """Put `data` into the state of robot `row`."""
-
-    @abstractmethod
-    def camera(self, row: int) -> Any:
-        """The camera that follows robot `row`."""
-
-    @abstractmethod
-    def draw(self, scene: Any, row: int) -> None:
-        """Append everything but the model to a scene."""
-
-    def picture(self, row: int) -> np.ndarray:
-        """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
-        self.pose(row)
-        if self._pictures is None:
-            quality = self.data.model.vis.quality  # what a processor draws in 60 ms
-            quality.offsamples, quality.shadowsize = 0, 512
-            self._pictures = Pictures(self.data.model, 640, 480)
-        return self._pictures.take(self.data, self.camera(row), partial(self.draw, row=row))
-
-    def show(self) -> None:
-        """Show robot 0 in a window; raises TrackslipError if there is no display."""
-        self.pose(0)
-        if self._window is None:
-            self._window = Window(self.data)
-        viewer = self._window.viewer
-        with viewer.lock():
-            self.pose(0)
-            viewer.user_scn.ngeom = 0
-            self.draw(viewer.user_scn, 0)
-        viewer.sync()
-
-    def close(self) -> None:
-        """Close the window and free the image buffers."""
-        for shown in (self._window, self._pictures):
-            if shown is not None:
-                shown.close()
-        self._window = self._pictures = None

@@ -86,8 +86,7 @@ class ScannedPose(TruePose):
         super().__init__(fleet)
         self.feed, self._locator = feed, locator
         self.tracker = Tracker(fleet.pose(), fleet.robot.geometry)
-        self.scans: list[np.ndarray] = []
-        """Ranges (N, B) of the scans so far, if all are kept [m]."""
+        self.scans: list[np.ndarray] = []  # ranges (N, B) of the scans so far, if all are kept [m]
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
         """Restart the noise and the tracker."""
@@ -150,7 +149,6 @@ class ScanByScan(Localization):
         return self._record.logs([ScanLog(empty, plate, *own) for own in zip(plates, full, strict=True)], failure)
 
     def _full(self, robot: int) -> np.ndarray:
-        """All ranges (T, B) of the complete rows of a robot [m]."""
         return np.stack([ranges[robot] for ranges in self._scanned.scans[: self._record.complete]])
 
 
@@ -185,12 +183,12 @@ class ScanBlocks(ScanByScan):
         return self._with_plates([Cluster.joined(parts) for parts in self._clusters], failure)
 
     def _locate(self) -> None:
-        """Localize the pending scans."""
         record, feed, n = self._record, self._scanned.feed, self._waiting
         rows, ranges = slice(self._located, self._located + n), self._ranges[:, :n]
         with self._watch.stage("localization"):
             angle = record.omega[rows].swapaxes(0, 1) * feed.period
-            record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
+            followed = vars(self._follower.follow(feed.scan(ranges), angle)).values()
+            record.estimate(rows, PoseEstimate(*(values.swapaxes(0, 1) for values in followed)))
             scan = feed.scan(ranges.reshape(-1, ranges.shape[-1]))
             pose = scan.from_world(record.pose[rows].swapaxes(0, 1).reshape(-1, 3))
             cluster = extract_plate(scan, record.fleet.robot.plate, pose)

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from sim.contact_forces import pad_forces
 from sim.fleet import Fleet
+from sim.robot.robot import CONTACT_WIDTH
 from sim.world import States
+from trackslip import se2
 from trackslip.errors import RunFailedError as RunFailedError
 from trackslip.errors import require
 from trackslip.kinematics import Array
@@ -21,6 +22,54 @@ from trackslip.logs.runlog import RunLog, ScanLog, Truth
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""
 _UPRIGHT = float(np.cos(0.5))  # cosine of the lean from which a robot lies on its side
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contact forces and sliding at K points of N robots, one physics step ago."""
+
+    load: Array  # (N, K) normal force [N]
+    force: Array  # (N, K, 2) tangential force on the robot, along and across the pad [N]
+    velocity: Array  # (N, K, 2) of the robot's points relative to the ground, likewise [m/s]
+    rising: Array  # (N, K) vertical speed, positive upwards [m/s]
+    belt: Array  # (N, K) speed of the belt relative to the robot, along the pad [m/s]
+    position: Array  # (N, K, 2) in the robot's frame [m]
+
+    @property
+    def sliding(self) -> Array:
+        """Sliding velocity of the belts relative to the ground (N, K, 2) [m/s]."""
+        return self.velocity + np.stack([self.belt, np.zeros_like(self.belt)], axis=-1)
+
+
+def read_contacts(fleet: Fleet) -> Contacts:
+    """Contacts of a fleet whose robot was loaded with contact sensors."""
+    sensed = _of_points(fleet, fleet.batch.bind("sensordata"))
+    return Contacts(
+        load=sensed[..., 0].copy(),
+        force=sensed[..., 1:3].copy(),
+        velocity=sensed[..., 7:9].copy(),
+        rising=sensed[..., 6].copy(),
+        belt=np.repeat(fleet.belts / np.abs(fleet.robot.pad_sign), fleet.robot.points_per_pad, axis=1),
+        position=se2.from_world(fleet.pose()[:, None], sensed[..., 3:5]),
+    )
+
+
+def pad_forces(fleet: Fleet) -> Array:
+    """Mean forces (N, P, 3) of the ground on the pads over the last `advance`: forward, to the left, up [N].
+
+    The fleet's robot must have been loaded with contact sensors.
+    """
+    sensed = _of_points(fleet, fleet.sensed)
+    points = fleet.robot.points_per_pad
+    along_across = sensed[..., 1:3] * np.repeat(np.sign(fleet.robot.pad_sign), points)[:, None]
+    at_points = np.concatenate([along_across, sensed[..., :1]], axis=-1)
+    return at_points.reshape(fleet.size, -1, points, 3).sum(axis=2)
+
+
+def _of_points(fleet: Fleet, sensed: Array) -> Array:
+    """What the contact sensors say of each point (N, K, CONTACT_WIDTH), from all sensors' data (N, S)."""
+    points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
+    return sensed[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
 
 
 @dataclass(frozen=True)
@@ -48,8 +97,7 @@ class RunRecorder:
         self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # to load
         self._loads = any(self._yields)
         self._in_detail = fleet.robot.contact_sensors
-        self.complete = 0
-        """Number of rows that have been recorded in full."""
+        self.complete = 0  # number of rows that have been recorded in full
         self.time = np.arange(rows) * period  # (T,) [s]
         self.omega = np.zeros((rows, n, 2))  # [rad/s]
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
@@ -81,7 +129,6 @@ class RunRecorder:
         self._truth.append({name: values.copy() for name, values in row.items()})
 
     def _require_upright(self, k: int) -> None:
-        """Raise RunFailedError if a robot has tipped over in row k."""
         upright = self.fleet.state.upright > _UPRIGHT
         if not upright.all():
             fallen = int(np.flatnonzero(~upright)[0])
@@ -96,15 +143,9 @@ class RunRecorder:
         self._command[k] = self.fleet.drive.set_point
         self.complete = k + 1
 
-    def estimate(self, k: int, estimate: PoseEstimate) -> None:
-        """Record estimated poses (N,) in row k."""
-        self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
-
-    def estimates(self, rows: slice, estimate: PoseEstimate) -> None:
-        """Record estimated poses (N, T) in T rows."""
-        self.pose[rows] = estimate.pose.swapaxes(0, 1)
-        self._covariance[rows] = estimate.covariance.swapaxes(0, 1)
-        self._valid[rows] = estimate.valid.swapaxes(0, 1)
+    def estimate(self, rows: int | slice, estimate: PoseEstimate) -> None:
+        """Record estimated poses (N,) in a row, or (T, N) in T rows."""
+        self.pose[rows], self._covariance[rows], self._valid[rows] = estimate.pose, estimate.covariance, estimate.valid
 
     def name(self, robot: int) -> str:
         """Name of a robot's run."""

@@ -1,37 +1,35 @@
-"""What a learning task offers to environments: its interface, options and spaces."""
+"""What a learning task offers to environments: its interface, its spaces, and the user's own terms.
+
+Own terms of rewards and observations are functions of a task, given as "MODULE:NAME", with weights or scales. They take
+the task (`sim.path_tracking.tracking.PathTracking` or `sim.traverse.task.Crossing`) after a step and return an array
+(N,), one value for each robot:
+
+    def effort(task):
+        return np.abs(task.fleet.drive.torque).sum(axis=1)
+"""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from numbers import Integral, Real
-from pathlib import PurePath
-from types import NoneType, UnionType
-from typing import Any, Protocol, TypeVar, get_args, get_origin, get_type_hints
+import importlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.opengl import TaskRenderer, has_display
-from sim.toml_file import build
-from trackslip.errors import InvalidValueError, require
+from sim.opengl import has_display
+from sim.restorable import Restorable
+from trackslip.errors import Checked, InvalidValueError, require, require_positive
 from trackslip.kinematics import Array
 
 Floats = NDArray[np.float32]
-C = TypeVar("C")
 MAX_WEIGHT = 1e6
 """Largest weight in a reward."""
-_KINDS: dict[Any, tuple[Any, str]] = {  # of options, by type hint: what values are instances of, in words
-    str: (str, "a text"),
-    bool: (bool, "true or false"),
-    float: (Real, "a number"),
-    int: (Integral, "a whole number"),
-    tuple: (tuple, "a tuple"),
-    dict: (dict, "a dictionary"),
-    NoneType: (NoneType, "None"),
-}
+BOUND = 10.0
+"""Largest magnitude of an own element of an observation, in its scale."""
 
 
 @dataclass(frozen=True)
@@ -48,60 +46,143 @@ class Element:
     """Largest magnitude of the element."""
 
 
-class Task(Protocol):
-    """A task of N robots, one row each."""
+@dataclass(frozen=True, kw_only=True)
+class OwnTerms(Checked):
+    """Options of a task: its own terms."""
 
-    config: Any
-    """The options."""
-    size: int
-    """Number of robots."""
-    threads: int
-    """Number of worker threads, 0 for one per processor."""
-    period: float
-    """Control period [s]."""
-    observed: tuple[Element, ...]
-    """Elements (n) of an observation."""
-    commanded: tuple[Element, ...]
-    """Elements (A) of an action, each in [-1, 1]."""
-    reward: Array
-    """Rewards (N,) of the last step."""
-    terminated: NDArray[np.bool_]
-    """Mask (N,) of the episodes that have ended."""
-    truncated: NDArray[np.bool_]
-    """Mask (N,) of the episodes that were cut off."""
+    own_rewards: dict[str, float] = field(default_factory=dict)
+    """Weights of own terms of the reward, by function MODULE:NAME; see `sim.task`."""
+    own_observations: dict[str, float] = field(default_factory=dict)
+    """Scales of own elements at the end of the observation, by function."""
+    privileged: dict[str, float] = field(default_factory=dict)
+    """Scales of what only critics shall see, by function: info["privileged"]."""
 
-    def get_state(self) -> dict[str, Any]:
-        """A copy of the state, by name."""
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        scales = self.own_observations | self.privileged
+        for name, weight in (*self.own_rewards.items(), *scales.items()):
+            function(name)
+            valid = isinstance(weight, int | float) and abs(weight) <= MAX_WEIGHT
+            require(valid, name, weight, f"a number up to {MAX_WEIGHT:g}")
+        for name, scale in scales.items():
+            require_positive(name, scale)
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Return to a state."""
+    @property
+    def own_elements(self) -> tuple[Element, ...]:
+        """Own elements of an observation."""
+        return tuple(Element(name, "", scale, BOUND) for name, scale in self.own_observations.items())
 
+
+def function(name: str) -> Callable[[Any], Any]:
+    """The function MODULE:NAME; raises InvalidValueError if there is none."""
+    module, _, attribute = name.partition(":")
+    try:
+        chosen = getattr(importlib.import_module(module), attribute)
+    except Exception as error:  # whatever a user's module raises
+        raise InvalidValueError("function", name, f"MODULE:NAME ({type(error).__name__}: {error})") from error
+    require(callable(chosen), "function", name, "MODULE:NAME of a function of a task")
+    return chosen
+
+
+class Task(Restorable, ABC):
+    """A task of N robots, one row each, independent of the interface that offers it. Rows are bitwise independent.
+
+    Its users step it, and episodes end one by one, so that it can't run in `sim.loop`.
+    """
+
+    STATE: ClassVar[tuple[str, ...]] = ("_action", "_terms", "reward", "terminated", "truncated")
+
+    def __init__(
+        self,
+        config: Any,
+        size: int,
+        threads: int,
+        period: float,
+        observed: tuple[Element, ...],
+        commanded: tuple[Element, ...],
+        terms: tuple[str, ...],
+    ) -> None:
+        """A task with the usual elements of an observation and the usual `terms` of the reward; see the attributes."""
+        self.config = config  # the options, with `OwnTerms`
+        self.size = size  # number of robots
+        self.threads = threads  # number of worker threads, 0 for one per processor
+        self.period = period  # control period [s]
+        self.observed = observed + config.own_elements  # elements (n) of an observation
+        self.commanded = commanded  # elements (A) of an action, each in [-1, 1]
+        names = (*config.own_rewards, *config.own_observations, *config.privileged)
+        self._functions = {name: function(name) for name in names}
+        self._rewards = tuple(f"reward_{term}" for term in (*terms, *config.own_rewards))
+        self._terms: Array = np.zeros((len(self._rewards), size))
+        self._action: Array = np.zeros((size, len(commanded)))
+        self.reward: Array = np.zeros(size)  # rewards (N,) of the last step
+        self.terminated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of the episodes that have ended
+        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)  # mask (N,) of the episodes that were cut off
+
+    @abstractmethod
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Any:
         """Draw a robot's episode from its own generator; `options` replace drawn values."""
 
+    @abstractmethod
     def begin(self, rows: Sequence[int], episodes: Sequence[Any]) -> None:
         """Begin episodes with the robots `rows` (R,), one each."""
 
+    @abstractmethod
     def step(self, actions: ArrayLike) -> None:
-        """Simulate one control period with actions (N, A)."""
+        """Simulate one control period with actions (N, A), clipped to [-1, 1].
 
-    def observation(self) -> Any:
+        Raises InvalidValueError for actions that aren't finite or have another shape.
+        """
+
+    @abstractmethod
+    def _observed(self) -> Floats:
+        """The usual elements of the observation."""
+
+    @abstractmethod
+    def _quantities(self) -> dict[str, NDArray[Any]]:
+        """What `info` has besides rewards and what only critics shall see."""
+
+    def observation(self) -> Floats:
         """Observations (N, n), float32."""
+        return np.concatenate([self._observed(), self._scaled(self.config.own_observations)], axis=1)
 
     def info(self) -> dict[str, NDArray[Any]]:
         """Further quantities by name, as arrays (N, ...), which may be the task's own; the keys are always the same."""
+        privileged = self.config.privileged
+        rewards = dict(zip(self._rewards, self._terms, strict=True))
+        return self._quantities() | rewards | ({"privileged": self._scaled(privileged)} if privileged else {})
 
+    def _clear(self, rows: NDArray[np.int_], *states: NDArray[Any]) -> None:
+        """Set the state of the robots `rows` (R,) to zero, and more `states` (N, ...)."""
+        for state in (self._action, self.reward, self.terminated, self.truncated, *self._terms, *states):
+            state[rows] = 0
 
-@dataclass(frozen=True)
-class TaskKind:
-    """Classes from which a task's environments are built."""
+    def _clipped(self, actions: ArrayLike) -> tuple[Array, Array]:
+        """Actions (N, A) in [-1, 1], which become the last ones, and their change."""
+        action, shape = numeric(actions), self._action.shape
+        require(action.shape == shape, "action", f"an array of shape {action.shape}", f"of shape {shape}")
+        if np.count_nonzero(np.isfinite(action)) < action.size:
+            row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
+            raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
+        before, self._action = self._action, np.minimum(np.maximum(action, -1.0), 1.0)
+        return self._action, self._action - before
 
-    configuration: type
-    """Dataclass of the task's options."""
-    task: Callable[[Any, int, int], Any]
-    """Makes a Task from a configuration, the number of robots and the number of threads."""
-    renderer: Callable[[Any], TaskRenderer]
-    """Makes what draws a task."""
+    def _earn(self, terms: Iterable[Array], running: NDArray[np.bool_] | bool = True) -> None:
+        """Set the reward from its usual terms (N,) and its own, which are those of the robots that are `running`."""
+        own = [np.where(running, weight * self._values(name), 0.0) for name, weight in self.config.own_rewards.items()]
+        self._terms = np.array([*terms, *own])
+        self.reward = np.add.accumulate(self._terms)[-1]  # one by one: the same bits for any number of robots
+
+    def _scaled(self, scales: Mapping[str, float]) -> Floats:
+        """Own elements (N, k), bounded."""
+        columns = [np.clip(self._values(name) / scale, -BOUND, BOUND) for name, scale in scales.items()]
+        return np.column_stack([np.empty((self.size, 0)), *columns]).astype(np.float32)
+
+    def _values(self, name: str) -> Array:
+        """Values (N,) of a function; raises InvalidValueError unless they are finite numbers, one for each robot."""
+        given = np.asarray(self._functions[name](self), float)
+        require(given.shape == (self.size,), name, f"an array of shape {given.shape}", f"of shape {(self.size,)}")
+        require(bool(np.isfinite(given).all()), name, given[~np.isfinite(given)][:1].tolist(), "finite")
+        return given
 
 
 def numeric(actions: ArrayLike) -> Array:
@@ -110,16 +191,6 @@ def numeric(actions: ArrayLike) -> Array:
         return np.asarray(actions, float)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidValueError("action", actions, "an array of finite numbers") from error
-
-
-def clipped_actions(actions: ArrayLike, size: int, count: int) -> Array:
-    """Actions (N, A) in [-1, 1]; raises InvalidValueError unless they are finite numbers, and of this shape."""
-    action = numeric(actions)
-    require(action.shape == (size, count), "action", f"an array of shape {action.shape}", f"of shape {(size, count)}")
-    if np.count_nonzero(np.isfinite(action)) < action.size:
-        row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
-        raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
-    return np.minimum(np.maximum(action, -1.0), 1.0)
 
 
 def metadata(period: float) -> dict[str, Any]:
@@ -144,71 +215,3 @@ def spaces(task: Task) -> tuple[Any, Any]:
 def row_of(info: dict[str, Any]) -> dict[str, Any]:
     """Entries of `info` for robot 0: numbers, texts and arrays."""
     return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}
-
-
-def from_options(configuration: type[C], options: Mapping[str, Any]) -> C:
-    """Build the dataclass `configuration` from keyword arguments; lists become tuples, and paths texts.
-
-    Options that are dataclasses may be dictionaries of their fields, as in a specification that was read from JSON.
-    Raises TypeError for unknown names, InvalidValueError for values of another type and what the configuration itself
-    refuses, SettingsFileError for such dictionaries.
-    """
-    hints = get_type_hints(configuration)
-    known = {f.name: hints[f.name] for f in fields(configuration)}  # type: ignore[arg-type]
-    for name in options:
-        if name not in known:
-            raise TypeError(f"unexpected keyword argument {name!r}: options are {', '.join(known)}")
-    built = {name: _built(name, value, known[name]) for name, value in options.items()}
-    return configuration(**checked("option", built, known))
-
-
-def _built(name: str, value: object, hint: Any) -> object:
-    """An option, with dictionaries as what its type hint allows: dataclasses, or classes with `from_table`."""
-    parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
-    if isinstance(value, list | tuple):
-        items = [item for part in parts if get_origin(part) is tuple for item in get_args(part)[:1]]
-        return tuple(_built(name, each, items[0]) for each in value) if items else value
-    if not isinstance(value, Mapping) or any(get_origin(part) is dict for part in parts):
-        return value
-    kinds = [kind for part in parts for kind in _dataclasses(part)]
-    if len(kinds) != 1:
-        kinds = [kind for kind in kinds if {f.name for f in fields(kind)} >= set(value)]
-    if not kinds:
-        return value
-    kind = min(kinds, key=lambda kind: len(fields(kind)))
-    return kind.from_table(dict(value), name) if hasattr(kind, "from_table") else build(kind, value, name)
-
-
-def _dataclasses(kind: Any) -> list[Any]:
-    """A type if it is a dataclass, else those of its subclasses that are."""
-    if is_dataclass(kind):
-        return [kind]
-    return [each for subclass in getattr(kind, "__subclasses__", list)() for each in _dataclasses(subclass)]
-
-
-def checked(field: str, options: object, hints: Mapping[str, Any]) -> dict[str, Any]:
-    """Options by name, with lists as tuples, and paths as texts.
-
-    Raises InvalidValueError unless they are a mapping with names among `hints` and values of these types.
-    """
-    require(isinstance(options, Mapping), field, options, "a dictionary")
-    assert isinstance(options, Mapping)
-    for name in options:
-        require(name in hints, field, name, f"one of {', '.join(hints)}")
-    values = {name: _plain(value) for name, value in options.items()}
-    for name, value in values.items():
-        _require_type(name, value, hints[name])
-    return values
-
-
-def _plain(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else str(value) if isinstance(value, PurePath) else value
-
-
-def _require_type(field: str, value: object, hint: Any) -> None:
-    """Raise InvalidValueError unless a value is of a type, or of one of several."""
-    parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
-    kinds = [_KINDS.get(get_origin(part) or part, (part, "")) for part in parts]
-    valid = any(isinstance(value, kind) for kind, _ in kinds) and (hint is bool or not isinstance(value, bool))
-    valid = valid and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
-    require(valid, field, value, " or ".join(words or f"a {kind.__name__}" for kind, words in kinds))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -13,9 +13,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from sim.opengl import TaskRenderer
+from sim.renderers import TaskRenderer
 from sim.restorable import Restorable
-from sim.task import Element, Floats, TaskKind, from_options, metadata_here, numeric, row_of, spaces
+from sim.settings import from_options
+from sim.task import Element, Floats, metadata_here, numeric, row_of, spaces
 from trackslip.errors import InvalidValueError, TrackslipError, require, require_whole
 
 _MOST, _MOST_THREADS = 100_000, 1024
@@ -24,10 +25,21 @@ _MOST, _MOST_THREADS = 100_000, 1024
 class TaskInterface(Restorable):
     """An environment that describes its task, and can be returned to earlier states."""
 
-    kind: ClassVar[TaskKind]
+    configuration: Any
+    """Dataclass of the task's options."""
+    kind: Any
+    """The task's class, which takes the options and the numbers of robots and threads."""
+    drawing: Any
+    """The class that draws it."""
     task: Any
     render_mode: str | None
     _renderer: TaskRenderer | None = None
+
+    def _make(self, options: Mapping[str, Any], size: int, threads: int, render_mode: str | None) -> None:
+        self.render_mode = render_mode
+        self.task = self.kind(from_options(self.configuration, options), size, threads)
+        self.metadata = metadata_here(self.task)
+        self._renderer = self.drawing(self.task) if render_mode is not None else None
 
     def get_state(self) -> dict[str, Any]:
         """A copy of the state: the robots, their episodes and the generators of the next ones; it can be pickled."""
@@ -73,12 +85,8 @@ class TaskEnv(TaskInterface, gymnasium.Env[Floats, Floats]):
         """
         allowed = 'None, "rgb_array" or "human"'
         require(render_mode in (None, "rgb_array", "human"), "render_mode", render_mode, allowed)
-        self.render_mode = render_mode
-        self.task = self.kind.task(from_options(self.kind.configuration, options), 1, 1)
-        """The task of one robot."""
-        self.metadata = metadata_here(self.task)
+        self._make(options, 1, 1, render_mode)
         self.observation_space, self.action_space = spaces(self.task)
-        self._renderer = self.kind.renderer(self.task) if render_mode is not None else None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Begin an episode, drawn from a generator with this seed, or from the current one if it is None.
@@ -154,11 +162,9 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         self._longest = np.inf if max_episode_steps is None else max_episode_steps
         self._steps: NDArray[np.int_] = np.zeros(num_envs, int)  # in each robot's episode
         self.num_envs = num_envs
-        self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(mode)
-        self.task = self.kind.task(from_options(self.kind.configuration, options), num_envs, threads)
-        """The task of all robots."""
-        self.metadata = metadata_here(self.task) | {"autoreset_mode": self.autoreset_mode}
+        self._make(options, num_envs, threads, render_mode)
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = spaces(self.task)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -166,7 +172,6 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         self._seeds_used: list[int | None] = [None] * num_envs
         self._ended = np.ones(num_envs, bool)  # whether each robot needs a new episode
         self._begun = False
-        self._renderer = self.kind.renderer(self.task) if render_mode is not None else None
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -206,7 +211,6 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         return tuple(self._seeds_used)
 
     def _seeds(self, seed: Any) -> list[int | None]:
-        """Seeds (N) of the robots."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Integral):
@@ -261,7 +265,6 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
             self._renderer.close()
 
     def _begin(self, rows: NDArray[np.int_], options: Mapping[str, Any]) -> None:
-        """Begin episodes of the robots `rows` (R,)."""
         for name, value in options.items():
             valid = not isinstance(value, list) or len(value) == self.num_envs
             require(valid, f"options[{name!r}]", value, f"a value, or a list of {self.num_envs}")
@@ -269,9 +272,9 @@ class TaskVectorEnv(TaskInterface, VectorEnv[Floats, Floats, np.ndarray]):
         for row in rows:
             generator = self._generators[row]
             assert generator is not None
-            own = {name: value[row] if isinstance(value, list) else value for name, value in options.items()}
-            drawn = [name for name, value in options.items() if isinstance(value, list) and value[row] is None]
-            episodes.append(self.task.draw(generator, {name: own[name] for name in own if name not in drawn}))
+            given = {k: v for k, v in options.items() if not isinstance(v, list) or v[row] is not None}
+            own = {name: value[row] if isinstance(value, list) else value for name, value in given.items()}
+            episodes.append(self.task.draw(generator, own))
         self.task.begin(rows.tolist(), episodes)
         self._ended[rows], self._steps[rows] = False, 0
         if self._renderer is not None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sim.restorable import Restorable
 from trackslip import se2
-from trackslip.errors import require
+from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 
 
@@ -51,8 +51,7 @@ class States:
 
     qpos: Array  # (..., nq) positions of all joints
     qvel: Array  # (..., nv) their velocities
-    free: tuple[int, int] = (0, 0)
-    """First numbers of the chassis' pose in qpos, and of its velocity in qvel."""
+    free: tuple[int, int] = (0, 0)  # first numbers of the chassis' pose in qpos, and of its velocity in qvel
 
     @property
     def position(self) -> Array:
@@ -136,8 +135,7 @@ class World(Restorable):
         if model.nkey:
             self.batch.qpos[0], self.batch.ctrl[0] = model.key_qpos[0], model.key_ctrl[0]
         self._fresh = self.batch.state[0].copy()  # of a robot that has not moved yet
-        self.state = States(self.batch.qpos, self.batch.qvel, free)
-        """The robots' states (N, ...), live."""
+        self.state = States(self.batch.qpos, self.batch.qvel, free)  # the robots' states (N, ...), live
 
     def _load(self, rows: NDArray[np.int_], body: int, mass: Array, com: Array) -> bool:
         """Scale mass and inertia of a body by (R,), and shift its centre of mass by (R, 2) forward and to the left [m].
@@ -181,3 +179,11 @@ class World(Restorable):
         place = [*poses[:, :2].T, np.broadcast_to(height, zero.shape), np.cos(half), zero, zero, np.sin(half)]
         first = self.state.free[0]
         self.batch.qpos[rows, first : first + 7] = np.stack(place, axis=-1)
+
+
+def steps_in(name: str, period: float, of: str, step: float) -> int:
+    """Steps in a period [s]; raises InvalidValueError unless it is a multiple of the step [s], called `of`."""
+    require_positive(name, period)
+    count = round(period / step)
+    require(count >= 1 and abs(count * step - period) < 1e-9, name, period, f"a multiple of {of}, {step:g} s")
+    return count

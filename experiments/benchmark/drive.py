@@ -19,8 +19,7 @@ from experiments.common.sweep import Row
 from experiments.simulate.closed_loop import ClosedLoopRun, Plant, drive_closed_loops
 from experiments.simulate.options import ClosedLoopOptions, Equipment, Simulation
 from experiments.simulate.world import World
-from sim.ground.ground import Ground
-from sim.ground.named import load_ground
+from sim.ground.ground import Ground, load_ground
 from sim.loop import Progress
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch

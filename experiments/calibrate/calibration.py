@@ -16,7 +16,7 @@ from experiments.simulate.options import GroundOptions
 from sim.calibration.calibration import Calibration, Estimate, calibrate
 from sim.calibration.candidate import OF_DRIVE, Candidate
 from sim.calibration.targets import Drives, PublishedTurns, SteadyRows, Target
-from sim.ground.named import load_ground
+from sim.ground.ground import load_ground
 from sim.robot.named import load_parameters
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.source import ReadOptions, Source, read_source

@@ -24,7 +24,7 @@ FTR_NAMES = tuple(
         *("waves", "rails", "stairs_up", "stairs_down", "mixed"),
     )
 )
-"""The courses of sim.traverse.ftr_courses."""
+"""The courses of sim.traverse.courses."""
 WITHOUT_LAWS = ("none", "published", "online_cold")
 """Compensations that need no identified law."""
 CONTROLLERS = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"

@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from sim.network import policy_file
-from sim.policy import Policy, PolicyController
+from sim.policy import Policy, PolicyController, policy_file
 from sim.robot.robot import Robot
 from trackslip.controllers.base import Controller
 from trackslip.controllers.named import CONTROLLERS

@@ -10,7 +10,7 @@ from trackslip.errors import TrackslipError, counted
 
 def check_robot(source: str) -> None:
     """Print what is known of a robot; raises TrackslipError if it can't drive."""
-    from sim.robot.check import check
+    from sim.robot.named import check
 
     checked = check(source)
     print(checked)

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.robot.tracked import TrackedRobot
 from sim.terrain import Course
-from sim.traverse.contact import TrackContact
+from sim.tracks import Reading
 from sim.traverse.outcome import Outcome
 from sim.traverse.world import Command, Traverse
 from sim.world import States
@@ -35,7 +35,8 @@ class DrivenCourse:
     state: States  # (R, ...)
     angles: Array  # (R, F) of the flippers, tips up [rad]
     command: Command  # (R, ...)
-    contact: TrackContact  # (R, T) since the previous row
+    work: Array  # (R, T) of the belts against the ground since the previous row [J]
+    contact: Reading  # (R, T) means since the previous row
 
     @property
     def flippers(self) -> list[str]:
@@ -76,7 +77,7 @@ def drive_course(
         rows.append(_row(world, command))
         progress(world.period)
     outcome = Outcome(int(world.outcome[0]))
-    time, qpos, qvel, speed, flippers, *contact = (np.concatenate(column) for column in zip(*rows, strict=True))
+    time, qpos, qvel, speed, flippers, work, *contact = (np.concatenate(column) for column in zip(*rows, strict=True))
     return DrivenCourse(
         robot=world.tracked.robot,
         course=world.course[0],
@@ -87,11 +88,12 @@ def drive_course(
         state=States(qpos, qvel, world.tracked.free),
         angles=world.tracked.flipper_angles(qpos),
         command=Command(speed, flippers),
-        contact=TrackContact(*contact),
+        work=work,
+        contact=Reading(*contact),
     )
 
 
 def _row(world: Traverse, command: Command) -> list[Array]:
     """Copies of time, state, command and contact at the end of a control period."""
-    state, contact = world.state, vars(world.contact).values()
-    return [np.array(values) for values in (world.time, state.qpos, state.qvel, *vars(command).values(), *contact)]
+    state, driven = world.state, (*vars(command).values(), world.work, *vars(world.contact).values())
+    return [np.array(values) for values in (world.time, state.qpos, state.qvel, *driven)]

@@ -9,7 +9,7 @@ from matplotlib.image import imsave
 
 from experiments.drive.course import DrivenCourse
 from sim.opengl import Pictures, place
-from sim.robot.looks import TrackedView
+from sim.robot.looks import RobotLooks
 from sim.robot.tracked_model import TrackedModel
 
 _SIZE = 960, 540  # width and height
@@ -22,7 +22,7 @@ def write_pictures(folder: Path, run: DrivenCourse, looks: TrackedModel, count: 
     if not files:
         return []
     folder.mkdir(parents=True, exist_ok=True)
-    data, view, pictures = mujoco.MjData(looks.model), TrackedView(looks), Pictures(looks.model, *_SIZE)
+    data, view, pictures = mujoco.MjData(looks.model), RobotLooks.of(looks), Pictures(looks.model, *_SIZE)
     climbed = run.state.position[:, 2] - run.state.position[0, 2]
     for file, row in zip(files, rows, strict=True):
         place(data, run.state.qpos[row])

@@ -11,9 +11,9 @@ from experiments.drive.course import DrivenCourse
 from experiments.recorder.model import drawn, send_geoms, send_paving, send_robot
 from experiments.recorder.plots import LEFT, RIGHT, Panel, send_layout
 from experiments.recorder.stream import CAMERA, FIELD, RUN, Recording, Series, paint, write_recording
-from sim.robot.looks import track_looks
+from sim.robot.looks import RobotLooks
 from sim.robot.tracked_model import TrackedModel
-from sim.traverse.contact import ContactPoints
+from sim.traverse.outcome import ContactPoints
 
 _EVERY = 2  # one row in so many is drawn
 _NEWTON = 0.002  # length of a force arrow [m/N]
@@ -28,7 +28,8 @@ def record_course_drive(file: Path, run: DrivenCourse, looks: TrackedModel) -> N
         time, position = run.time[rows], run.state.position
         _send_terrain(recording, looks.model, position[:, :2])
         recording.poses(CAMERA, time, position[rows])
-        tracks = [(name, body, look) for name, (body, look) in zip(run.tracks, track_looks(looks), strict=True)]
+        shown = RobotLooks.of(looks)
+        tracks = [(name, body, look) for name, (_, body, look) in zip(run.tracks, shown.tracks, strict=True)]
         send_robot(recording, RUN, looks.model, time, run.state.qpos[rows], tracks, run.travel[rows])
         _send_contacts(recording, run, looks, rows)
         recording.line(f"{RUN}/path/driven", position[rows] + [0, 0, 0.02], BLUE, 0.008)

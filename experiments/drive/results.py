@@ -10,7 +10,6 @@ import pyarrow.parquet
 
 from experiments.common.plain_json import plain
 from experiments.drive.course import DrivenCourse
-from sim.traverse.contact import TrackContact
 from trackslip.kinematics import Array
 from trackslip.logs.logfile import packing
 from trackslip.logs.schema import PURE, with_units
@@ -33,22 +32,23 @@ def drive_summary(run: DrivenCourse) -> dict[str, Any]:
         "max_roll": float(np.abs(state.roll).max()),
         "max_penetration": float(deepest.max()),
         "penetration_p99": float(np.percentile(deepest, 99)),  # of the largest penetration in each row
-        "energy": float(contact.work.sum()),  # work of all belts against the ground
-        "tracks": [_track_summary(name, contact, k) for k, name in enumerate(run.tracks)],
+        "energy": float(run.work.sum()),  # work of all belts against the ground
+        "tracks": [_track_summary(run, k) for k in range(len(run.tracks))],
     }
 
 
-def _track_summary(name: str, contact: TrackContact, k: int) -> dict[str, Any]:
+def _track_summary(run: DrivenCourse, k: int) -> dict[str, Any]:
     """Slip [-], share of the time in touch, penetration [m] and work [J] of a track; no slip where it never touched."""
+    contact = run.contact
     known = np.isfinite(contact.slip[:, k])
     slip, belt = contact.slip[known, k], np.abs(contact.belt[known, k])
     return {
-        "name": name,
+        "name": run.tracks[k],
         "slip": float(np.average(slip, weights=belt)) if belt.sum() > 0 else None,
         "slip_p95": float(np.percentile(np.abs(slip), 95)) if known.any() else None,
         "touching": float(contact.touching[1:, k].mean()) if len(contact.touching) > 1 else 0.0,
         "max_penetration": float(contact.depth[:, k].max()),
-        "work": float(contact.work[:, k].sum()),
+        "work": float(run.work[:, k].sum()),
     }
 
 
@@ -85,7 +85,7 @@ def _columns(run: DrivenCourse, radius: float) -> list[tuple[str, Sequence[str],
         ("traction_", run.tracks, "N", "mean force of the ground along the belt", contact.traction),
         ("load_", run.tracks, "N", "mean normal force", contact.load),
         ("depth_", run.tracks, "m", "largest penetration since the previous row", contact.depth),
-        ("work_", run.tracks, "J", "work of the belt against the ground since the previous row", contact.work),
+        ("work_", run.tracks, "J", "work of the belt against the ground since the previous row", run.work),
         ("angle_", run.flippers, "rad", "angle of the flipper, tip up", run.angles),
         ("angle_cmd_", run.flippers, "rad", "angle asked of the flipper, tip up", run.command.flippers),
     ]

@@ -10,18 +10,17 @@ import numpy as np
 from experiments.common.plain_json import plain
 from experiments.drive.config import Config
 from experiments.drive.course import PERIOD, Driver
+from sim.drive.drive import Servos
+from sim.policy import CrossingPolicy
 from sim.robot.named import load_tracked
 from sim.seeds import generator
-from sim.task import from_options
+from sim.settings import from_options
 from sim.terrain import load_course
-from sim.traverse.config import TraverseConfig
-from sim.traverse.footprint import Footprint
-from sim.traverse.ftr_courses import FTR_COURSES, draw_ftr_course
-from sim.traverse.observation import CrossingLayout
+from sim.traverse.config import CrossingLayout, TraverseConfig
+from sim.traverse.courses import FTR_COURSES, draw_ftr_course
+from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Limits
-from sim.traverse.policy import CrossingPolicy
-from sim.traverse.reflex import Reflex
-from sim.traverse.servos import Servos
+from sim.traverse.policy import Reflex
 from sim.traverse.task import Actions
 from sim.traverse.world import Command, Traverse
 from trackslip.controllers.steering import PurePursuit
@@ -66,10 +65,10 @@ def driver(config: Config, world: Traverse) -> Driver:
     if config.policy is not None:
         return PolicyDriver(CrossingPolicy.load(config.policy), world)
     asked, half_gauge = config.flipper_angles(), world.tracked.robot.half_gauge
-    fixed = np.where(world.tracked.flipper_front, *(asked or (0.0, 0.0)))[None]
+    fixed = np.where(world.tracked.flippers.front, *(asked or (0.0, 0.0)))[None]
 
     def angles(world: Traverse) -> Array:
-        return world.reflex(Reflex()) if asked is None else fixed
+        return Reflex().set_points(world) if asked is None else fixed
 
     if config.path is not None:
         return PathDriver(config.path, config.speed, half_gauge, angles)

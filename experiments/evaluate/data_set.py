@@ -14,7 +14,7 @@ from experiments.evaluate.config import Config
 from experiments.evaluate.models import CALIBRATED, ROBOT
 from experiments.evaluate.prediction import Prediction
 from experiments.simulate.options import GroundOptions
-from sim.toml_file import build, read_toml
+from sim.settings import build, read_toml
 from trackslip.errors import require, require_positive
 from trackslip.identification.drive_comparison import TODAY
 from trackslip.laws.families import GAINS

@@ -17,9 +17,10 @@ from sim.calibration.targets import Drives
 from sim.log_replay import Replayer
 from sim.robot.named import load_parameters
 from trackslip.errors import InvalidValueError
+from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.drive_comparison import TODAY
 from trackslip.identification.first_look import Look, first_look
-from trackslip.identification.law_fit import REFERENCE, DriveFit, fit_drives
+from trackslip.identification.law_fit import DriveFit, fit_drives
 from trackslip.identification.preparation import drives_of
 from trackslip.identification.source import Source
 from trackslip.kinematics import RobotGeometry

@@ -16,7 +16,7 @@ from experiments.common.options import Distinct, option
 from experiments.grid.config import Config
 from experiments.simulate.grid_options import GridConfig
 from sim.robot.parameters import RobotParameters
-from sim.toml_file import read_toml
+from sim.settings import read_toml
 from trackslip.errors import InvalidValueError
 from trackslip.logs.schema import NO_UNIT, PURE, Column
 

@@ -12,7 +12,7 @@ from experiments.common import style
 from experiments.common.colours import GREY
 from experiments.identify.turns import TRACKS, Turns
 from trackslip.identification.result import Identification
-from trackslip.identification.steady_comparison import SteadyComparison
+from trackslip.identification.steady import SteadyComparison
 from trackslip.kinematics import Array
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.odometry.evaluation import trajectory_of

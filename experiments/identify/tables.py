@@ -9,7 +9,7 @@ from trackslip.identification.comparison import Comparison
 from trackslip.identification.drive_comparison import TODAY, DriveComparison
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.path import EXTRAS
-from trackslip.identification.steady_comparison import CrossValidation, SteadyComparison
+from trackslip.identification.steady import CrossValidation, SteadyComparison
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.families import GAINS

@@ -13,7 +13,7 @@ from experiments.plan.page import page, print_plan
 from sim.bags.writer import write_commands
 from sim.wander.pose_source import SOURCES
 from trackslip.bags.open import has_rosbags
-from trackslip.identification.law_fit import REFERENCE
+from trackslip.identification.comparison import REFERENCE
 from trackslip.laws.families import FAMILIES
 from trackslip.planning.information import Expectation, PoseQuality
 from trackslip.planning.limits import first_knowledge, read_identification

@@ -17,7 +17,7 @@ from experiments.recorder.stream import CAMERA, RUN, Recording, Series, about_ve
 from experiments.recorder.traces import Traces
 from sim.robot.looks import RobotLooks, robot_looks
 from sim.robot.parameters import RobotParameters
-from sim.toml_file import build
+from sim.settings import build
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import MALFORMED, RunLog

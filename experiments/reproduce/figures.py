@@ -11,7 +11,7 @@ from experiments.common.laws import law_looks
 from experiments.identify.figures import curve_radii, show_radii
 from experiments.identify.turns import TRACKS, Turns, slip_at
 from experiments.simulate.grid_summary import RadiusSummary
-from trackslip.identification.steady_fit import SteadyFit
+from trackslip.identification.steady import SteadyFit
 from trackslip.kinematics import Array, curvature, track_slip
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.exponential import PUBLISHED

@@ -11,8 +11,7 @@ from experiments.common.plain_json import plain
 from experiments.simulate.world import World
 from sim.fleet import Setting
 from sim.ground.ground import Ground
-from sim.loop import Progress, closed_loop
-from sim.pilot import Pilot
+from sim.loop import Pilot, Progress, closed_loop
 from sim.run_recorder import Description
 from sim.scanner.feed import ScannerFeed
 from sim.seeds import generator

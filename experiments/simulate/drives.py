@@ -12,8 +12,7 @@ from experiments.common.plain_json import plain
 from sim.fleet import Fleet
 from sim.loop import Progress, open_loop
 from sim.run_recorder import Description
-from sim.wander.log import encoder_log, joined_log, quantised
-from sim.wander.motion import LawMotion, Motion
+from sim.wander.motion import LawMotion, Motion, encoder_log, joined_log, quantised
 from sim.wander.pose_source import PoseSource
 from trackslip import se2
 from trackslip.kinematics import Array

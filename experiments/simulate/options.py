@@ -8,8 +8,7 @@ import tyro
 
 from experiments.common.choices import GROUNDS, ROBOTS, SHIPPED
 from experiments.common.options import ResultsOptions, Whole, Within, default_is
-from sim.drive.drive import MAX_RADIUS_ERROR, Drive
-from sim.drive.pull import Pull
+from sim.drive.drive import MAX_RADIUS_ERROR, Drive, Pull
 from sim.ground.ground import Ground
 from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, require_positive

@@ -7,15 +7,14 @@ from typing import Any, Self
 
 from experiments.common.plain_json import plain
 from experiments.simulate.options import PullOptions, Simulation
-from sim.drive.drive import Drive
-from sim.drive.pull import Pull
-from sim.fleet import Fleet, substeps
-from sim.ground.ground import Ground
-from sim.ground.named import load_ground
+from sim.drive.drive import Drive, Pull
+from sim.fleet import Fleet
+from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
-from sim.scanner.obstacles import Obstacles, load_obstacles
+from sim.scanner.scanner import Obstacles, load_obstacles
+from sim.world import steps_in
 from trackslip.kinematics import Array
 
 FileReader = Callable[[str, str | None, str | None], tuple[RobotParameters, Ground, Obstacles]]
@@ -68,7 +67,7 @@ class World(Specification):
         given = specification or Specification.of(config)
         world = cls(**vars(given), config=config, robot=_compiled(given.parameters, config.rrd))
         config.check(world.drive)
-        substeps(world.drive, world.robot)
+        steps_in("drive.period", world.drive.period, "the physics step", world.robot.model.opt.timestep)
         return world
 
     @property

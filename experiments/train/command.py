@@ -7,8 +7,7 @@ from experiments.train.config import Config
 from experiments.train.crossing import crossing_rates, crossing_table
 from experiments.train.tasks import learning_task
 from experiments.train.training import ONNX, POLICY, last_checkpoint, learn, learning_curve, model_of, network_of
-from sim.onnx_file import write_onnx
-from sim.traverse.policy import CrossingPolicy
+from sim.policy import CrossingPolicy, write_onnx
 
 
 def run(config: Config) -> None:

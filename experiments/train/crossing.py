@@ -7,11 +7,11 @@ import numpy as np
 from scipy.stats import binomtest
 
 from experiments.common.table import Table, number
+from sim.policy import CrossingPolicy
 from sim.seeds import generator
-from sim.task import from_options
+from sim.settings import from_options
 from sim.traverse.config import TraverseConfig
 from sim.traverse.outcome import Outcome
-from sim.traverse.policy import CrossingPolicy
 from sim.traverse.task import Crossing
 
 

@@ -6,12 +6,11 @@ from typing import Any
 
 from experiments.benchmark.cases import plant_ranges
 from experiments.train.config import TRAVERSE, Config
-from sim.network import Network
 from sim.path_tracking.config import TrackingReward
-from sim.policy import Policy
+from sim.policy import CrossingPolicy, Network, Policy
 from sim.robot.named import SHIPPED, load_parameters
 from sim.traverse.outcome import Limits
-from sim.traverse.policy import OPTIONS, CrossingPolicy
+from sim.traverse.policy import OPTIONS
 
 _START_DISTANCE, _START_HEADING = (0.0, 0.2), (-0.4, 0.4)  # ranges [m], [rad]
 _REWARD = TrackingReward(

@@ -14,7 +14,7 @@ from experiments.common.progress import progress
 from experiments.common.style import panel
 from experiments.train.config import Config
 from experiments.train.tasks import LearningTask
-from sim.network import Network
+from sim.policy import Network
 from trackslip.errors import InvalidValueError, LogError
 
 POLICY, ONNX, CHECKPOINT = "policy.npz", "policy.onnx", "checkpoint.zip"

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from experiments.common.check import Check
 from experiments.validate.measurements import GRAVITY, Setup, Turns, drive_steadily, measure_loads, paper_turns
-from sim.contact_forces import read_contacts
 from sim.drive.drive import tireless
 from sim.ground.ground import friction_angle
+from sim.run_recorder import read_contacts
 from trackslip.kinematics import Array
 from trackslip.skid_theory import Load
 

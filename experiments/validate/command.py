@@ -16,8 +16,7 @@ from experiments.validate import figures
 from experiments.validate.checks import Checks, check_energy, check_sliding, check_standing, check_turns
 from experiments.validate.config import Config
 from experiments.validate.measurements import Setup, paper_turns
-from sim.ground.ground import Ground
-from sim.ground.named import load_ground
+from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
 from sim.seeds import generator
 

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from sim.contact_forces import read_contacts
-from sim.drive.drive import tireless
-from sim.drive.pull import Pull
+from sim.drive.drive import Pull, tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import Robot, load_robot
+from sim.run_recorder import read_contacts
 from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sprocket_speeds, track_slip
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import Contact, Load, steady_twist

@@ -12,8 +12,7 @@ from sim.loop import Progress
 from sim.run_recorder import Description
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
-from sim.wander.commands import Driver, track_commands
-from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
+from sim.wander.motion import LASTING, WHITE, Driver, LawMotion, Motion, SlipVariation, track_commands
 from sim.wander.pose_source import plate_scans
 from trackslip import se2
 from trackslip.kinematics import Array, RobotGeometry

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.bags.messages import Publication, definitions
-from sim.bags.topics import POSE_TOPICS, PoseMessage, RunTopics, command_topic
+from sim.bags.topics import POSE_TOPICS, PoseMessage, Publication, RunTopics, command_topic, definitions
 from trackslip.bags.open import require_rosbags
 from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry
@@ -94,13 +93,8 @@ def write_commands(path: str | Path, time: Array, twist: Array, topic: str = "/c
     """Write twists (T, 2) [m/s, rad/s] at times (T,) [s] as TwistStamped to a bag that can be played to a robot.
 
     The stamps in the headers are 0, which diff_drive_controller of ros2_control takes for the time of arrival; it
-    ignores commands whose stamps are older than its `cmd_vel_timeout`. The path is that of the bag's folder, or of a
-    file if it ends in .mcap; it must not exist.
-
-    Raises:
-        InvalidValueError: if the topic is no name in ROS.
-        OutputError: if the path exists, or can't be written.
-        TrackslipError: where rosbags is missing.
+    ignores commands whose stamps are older than its `cmd_vel_timeout`. The path is as for `write_bag`. Raises
+    InvalidValueError if the topic is no name in ROS, OutputError and TrackslipError as `write_bag` does.
     """
     require_topic(topic)
     stamps = START * 1_000_000_000 + np.round(1e9 * time).astype(np.int64)
@@ -122,7 +116,6 @@ def _write(path: Path, topics: Sequence[Publication], about: Mapping[str, str]) 
 
 
 def _fill(folder: Path, topics: Sequence[Publication], about: Mapping[str, str]) -> None:
-    """Write all messages in order of time."""
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
     store = definitions()

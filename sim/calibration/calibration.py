@@ -38,14 +38,10 @@ class Estimate:
 
     value: float
     unit: str
-    stderr: float
-    """Standard error."""
-    low: float
-    """Lower end of the 95 % interval."""
-    high: float
-    """Its upper end."""
-    vague: str = ""
-    """The reason if the target doesn't tell the parameter, so that the prior does."""
+    stderr: float  # standard error
+    low: float  # lower end of the 95 % interval
+    high: float  # its upper end
+    vague: str = ""  # the reason if the target doesn't tell the parameter, so that the prior does
 
 
 @dataclass(frozen=True)
@@ -53,22 +49,14 @@ class Calibration:
     """The best candidate for a target."""
 
     candidate: Candidate
-    estimates: dict[str, Estimate]
-    """Each parameter that was free, by name."""
-    correlation: dict[str, dict[str, float]]
-    """Correlation of each parameter's error with the others' [-]."""
-    cost: float
-    """Half the loss that was minimised, and the logarithm of the errors' sizes."""
-    metrics: dict[str, float]
-    """Errors of the candidate."""
-    before: dict[str, float]
-    """Errors of the base candidate."""
-    folds: tuple[Candidate, ...] = ()
-    """The candidates fitted without each fold."""
-    held_out: dict[str, float] | None = None
-    """Their errors in the folds that they were not fitted to."""
-    held_out_before: dict[str, float] | None = None
-    """Errors of the base candidate in the same folds."""
+    estimates: dict[str, Estimate]  # each parameter that was free, by name
+    correlation: dict[str, dict[str, float]]  # correlation of each parameter's error with the others' [-]
+    cost: float  # half the loss that was minimised, and the logarithm of the errors' sizes
+    metrics: dict[str, float]  # errors of the candidate
+    before: dict[str, float]  # errors of the base candidate
+    folds: tuple[Candidate, ...] = ()  # the candidates fitted without each fold
+    held_out: dict[str, float] | None = None  # their errors in the folds that they were not fitted to
+    held_out_before: dict[str, float] | None = None  # errors of the base candidate in the same folds
 
 
 def calibrate(
@@ -80,20 +68,18 @@ def calibrate(
 ) -> Calibration:
     """Fit parameters of a candidate to a target.
 
-    Least squares under Cauchy's loss where the target is robust, with normal priors around the values of `base`.
-    What the target doesn't tell stays near its prior, and is as uncertain. Standard errors are by the parameters
-    without each cluster (the jackknife) where the target is robust, else from the residuals.
+    Least squares under Cauchy's loss where the target is robust, with normal priors around the values of `base`. What
+    the target doesn't tell stays near its prior, and is as uncertain. Standard errors are by the parameters without
+    each cluster (the jackknife) where the target is robust, else from the residuals.
 
     Args:
         target: what the robot did.
         base: the start, and the values of the other parameters.
-        free: names of the parameters to fit, of `PARAMETERS`.
-        folds: label (n,) of the fold of each error of the target, which a candidate fitted to the others predicts.
-            Those with negative labels are never predicted.
+        free: names of the parameters to fit, of `PARAMETERS`; InvalidValueError for names that are unknown, given twice
+            or say the same, and too many for the target.
+        folds: label (n,) of the fold of each error of the target, which a candidate fitted to the others predicts;
+            errors with negative labels are never predicted.
         progress: called with 1 after the fit, and after each fold.
-
-    Raises:
-        InvalidValueError: for names that are unknown, given twice or say the same, and too many for the target.
     """
     problem = _Problem(target, base, _checked(free, target))
     best = problem.minimum()
@@ -130,8 +116,6 @@ class _LinearErrors:
 
 @dataclass(frozen=True)
 class _End(_LinearErrors):
-    """Where a fit ended."""
-
     sigma: Array  # (kinds,) standard deviations of the errors
     cost: float
 
@@ -307,14 +291,8 @@ class _Problem:
             for name, row in zip(self.names, matrix, strict=True)
         }
         candidate = self.candidate(end.scaled)
-        return Calibration(
-            candidate,
-            estimates,
-            correlation,
-            end.cost,
-            target.metrics(target.errors(candidate)),
-            target.metrics(target.errors(base)),
-        )
+        after, before = (target.metrics(target.errors(each)) for each in (candidate, base))
+        return Calibration(candidate, estimates, correlation, end.cost, after, before)
 
 
 def _with_folds(fit: Calibration, problem: _Problem, end: _End, folds: np.ndarray, progress: Progress) -> Calibration:

@@ -25,10 +25,8 @@ class Candidate:
 
     robot: RobotParameters = field(default_factory=RobotParameters)
     ground: Ground = field(default_factory=Ground)
-    sensor: Mounting = field(default_factory=Mounting)
-    """Place of the sensor of the poses."""
-    clock: float = 0.0
-    """Encoder clock minus pose clock [s]."""
+    sensor: Mounting = field(default_factory=Mounting)  # place of the sensor of the poses
+    clock: float = 0.0  # encoder clock minus pose clock [s]
 
     @property
     def geometry(self) -> RobotGeometry:
@@ -51,20 +49,14 @@ class Candidate:
 class Parameter:
     """A number that can be fitted. Its prior is a normal distribution around the value of the base candidate."""
 
-    read: Callable[[Candidate], float]
-    """Value of a candidate."""
-    write: Callable[[Candidate, float], Candidate]
-    """The candidate with another value."""
-    spread: float
-    """Standard deviation of the prior in units of `size`, or of the logarithm if `relative`."""
+    read: Callable[[Candidate], float]  # value of a candidate
+    write: Callable[[Candidate, float], Candidate]  # the candidate with another value
+    spread: float  # standard deviation of the prior in units of `size`, or of the logarithm if `relative`
     unit: str = ""
     relative: bool = False
-    size: Callable[[Candidate], float] = lambda base: 1.0
-    """Unit of the standard deviation, for the base candidate."""
-    low: float = -math.inf
-    """Least value."""
-    high: float = math.inf
-    """Largest value."""
+    size: Callable[[Candidate], float] = lambda base: 1.0  # unit of the standard deviation, for the base candidate
+    low: float = -math.inf  # least value
+    high: float = math.inf  # largest value
 
     def scaled(self, base: Candidate, value: float) -> float:
         """Distance of a value from that of the base, in standard deviations of the prior."""
@@ -107,24 +99,19 @@ def _field(owner: str, name: str, spread: float, unit: str = "", **options: Any)
     return Parameter(**functions | {"spread": spread, "unit": unit} | options)
 
 
-def _with_length(candidate: Candidate, length: float) -> Candidate:
-    return replace(candidate, robot=candidate.robot.with_contact_length(length))
-
-
 def _ratio(candidate: Candidate) -> float:
     return candidate.ground.across / candidate.ground.along
 
 
-def _with_friction(candidate: Candidate, along: float) -> Candidate:
-    return replace(candidate, ground=replace(candidate.ground, along=along, across=along * _ratio(candidate)))
+def _with_length(candidate: Candidate, length: float) -> Candidate:
+    return replace(candidate, robot=candidate.robot.with_contact_length(length))
 
 
-def _with_ratio(candidate: Candidate, ratio: float) -> Candidate:
-    return replace(candidate, ground=replace(candidate.ground, across=candidate.ground.along * ratio))
+def _with_ground(candidate: Candidate, along: float, ratio: float) -> Candidate:
+    return replace(candidate, ground=replace(candidate.ground, along=along, across=along * ratio))
 
 
 def _radius(side: int) -> Parameter:
-    """Error of the radius of a sprocket, left 0, right 1."""
 
     def sides(candidate: Candidate) -> list[float]:
         mean, split = candidate.robot.radius_error, candidate.robot.radius_split
@@ -154,8 +141,8 @@ PARAMETERS = {
     "radius_error": _field("robot", "radius_error", 0.07),
     "radius_left": _radius(0),
     "radius_right": _radius(1),
-    "friction": _field("ground", "along", 0.7, relative=True, write=_with_friction),
-    "friction_ratio": Parameter(_ratio, _with_ratio, 0.3, relative=True),
+    "friction": _field("ground", "along", 0.7, relative=True, write=lambda c, along: _with_ground(c, along, _ratio(c))),
+    "friction_ratio": Parameter(_ratio, lambda c, ratio: _with_ground(c, c.ground.along, ratio), 0.3, relative=True),
     "shear": _field("ground", "shear", 0.015, "m", low=0.0),
     "com_x": _field("robot", "com_x", 0.02, "m", size=lambda base: base.robot.contact_length),
     "com_y": _field("robot", "com_y", 0.15, "m", size=lambda base: base.robot.half_gauge),

@@ -48,16 +48,11 @@ _FEW = 20  # steady rows among which single wrong ones can be told
 class Layout:
     """Structure of n errors."""
 
-    kind: np.ndarray
-    """Kind of each error (n,), from 0; those of a kind are of one size."""
-    share: Array
-    """Weight of each error (n,): errors that tell the same share one."""
-    cluster: np.ndarray
-    """Cluster of each error (n,), from 0; errors of different clusters are independent."""
-    floor: Array
-    """Least size of the errors of each kind (kinds,): that of the simulation's own."""
-    robust: bool
-    """True if single errors may be large."""
+    kind: np.ndarray  # kind of each error (n,), from 0; those of a kind are of one size
+    share: Array  # weight of each error (n,): errors that tell the same share one
+    cluster: np.ndarray  # cluster of each error (n,), from 0; errors of different clusters are independent
+    floor: Array  # least size of the errors of each kind (kinds,): that of the simulation's own
+    robust: bool  # true if single errors may be large
 
     @property
     def clusters(self) -> int:
@@ -79,6 +74,8 @@ class Target(Protocol):
         """Summary of errors (n,), NaN for those that don't count."""
 
 
+_COMMANDED = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T  # radii [m] and speeds [m/s] (2, M)
+_OBSERVED = np.repeat(OBSERVED_RADII, len(SPEEDS))  # radii (M,) [m]
 Turns = Callable[..., Array]
 """Steady twists of a robot on a ground, as `steady_turns` gives them."""
 
@@ -92,22 +89,12 @@ class PublishedTurns:
     """
 
     threads: int = 0
-    turns: Turns | None = None
-    """How candidates turn; by default `steady_turns`, in simulation."""
-
-    @cached_property
-    def _commanded(self) -> Array:
-        """Radii [m] and speeds [m/s] (2, M)."""
-        return np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
-
-    @cached_property
-    def _observed_radius(self) -> Array:
-        return np.repeat(OBSERVED_RADII, len(SPEEDS))
+    turns: Turns | None = None  # how candidates turn; by default `steady_turns`, in simulation
 
     @cached_property
     def layout(self) -> Layout:
         """Structure of the errors: of slips, left and right, then of radii."""
-        turn = np.arange(len(self._observed_radius))
+        turn = np.arange(len(_OBSERVED))
         cluster = np.concatenate([np.repeat(turn, 2), turn])
         share = np.full(len(cluster), 3 * len(COMMANDED_RADII) / len(cluster))
         floor = np.array([_NUMERICAL_ERROR / SLIP_SCALE])
@@ -115,18 +102,18 @@ class PublishedTurns:
 
     def errors(self, candidate: Candidate) -> Array:
         """Errors (n,) of slips and of logarithms of radii, each over its scale."""
-        (radius, speed), geometry = self._commanded, candidate.geometry
+        (radius, speed), geometry = _COMMANDED, candidate.geometry
         wanted = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, geometry)
         omega = limit_sprocket_speeds(wanted, _TOP_SPEED / geometry.sprocket_radius)
         turns = self.turns or steady_turns
         twist = turns(candidate.robot, candidate.ground, omega, threads=self.threads)[:, [0, 2]]
-        slip = (track_slip(omega, twist, geometry) - PUBLISHED(1 / self._observed_radius)) / SLIP_SCALE
-        radius = np.log(twist[:, 0] / twist[:, 1] / self._observed_radius) / _RADIUS_SCALE
+        slip = (track_slip(omega, twist, geometry) - PUBLISHED(1 / _OBSERVED)) / SLIP_SCALE
+        radius = np.log(twist[:, 0] / twist[:, 1] / _OBSERVED) / _RADIUS_SCALE
         return np.concatenate([slip.ravel(), radius])
 
     def metrics(self, errors: Array) -> dict[str, float]:
         """RMS errors of the slips [-], and relative ones of the radii."""
-        slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(self._observed_radius)]))
+        slip, radius = (part[np.isfinite(part)] for part in np.split(errors, [2 * len(_OBSERVED)]))
         return {"slip_rms": rms(slip * SLIP_SCALE), "radius_rms": rms(np.expm1(radius * _RADIUS_SCALE))}
 
 
@@ -135,13 +122,10 @@ class SteadyRows:
     """Steady samples of a real or simulated robot: sprocket speeds, and twists at the sensor."""
 
     samples: SlipSamples
-    geometry: RobotGeometry
-    """Geometry that defines the slips, whatever the candidate's."""
-    of_plate: bool = False
-    """True if the twists are the plate's, as the scanner sees them, rather than the tracks'."""
+    geometry: RobotGeometry  # that defines the slips, whatever the candidate's
+    of_plate: bool = False  # true if the twists are the plate's, as the scanner sees them, rather than the tracks'
     threads: int = 0
-    turns: Turns | None = None
-    """How candidates turn; by default `steady_turns`, in simulation."""
+    turns: Turns | None = None  # how candidates turn; by default `steady_turns`, in simulation
 
     @cached_property
     def _measured(self) -> Array:
@@ -240,8 +224,7 @@ class Drives:
         self._pairs = _Pairs.of(self.windows, geometry)
         self.horizon, window = self._pairs.horizon, self._pairs.window
         self._measured = se2.between(*self._pairs.pose.swapaxes(0, 1))
-        self.log = np.repeat(np.array(of_log)[window], 3)
-        """Index of the log that each error (n,) is of."""
+        self.log = np.repeat(np.array(of_log)[window], 3)  # index of the log that each error (n,) is of
         cluster = _same_commands(self.windows)[window]
         cluster = np.unique(cluster, return_inverse=True)[1]
         group = 3 * np.searchsorted(HORIZONS, self.horizon)
@@ -322,7 +305,6 @@ def _windows(log: RunLog) -> list[RunLog]:
 
 
 def _with_lead(log: RunLog, part: RunLog) -> RunLog:
-    """A part of a log with the rows up to 1.5 s before."""
     first, last = np.searchsorted(log.time, [part.time[0] - _LEAD, part.time[-1]]).tolist()
     return log.between(first, last + 1)
 

@@ -1,24 +1,103 @@
-"""The drives: set point -> sprocket speed, with servo lag, motor limits and encoders."""
+"""The drives: set point -> sprocket speed, with lag, motor limits and encoders; servos on courses; and towed loads."""
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sim.drive.motor import Motor
 from sim.restorable import Restorable
-from trackslip.errors import Checked, checked, require, require_positive
+from trackslip.errors import Checked, checked, require, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
+MAX_FORCE = 1e5
+"""Largest pull [N]."""
+_LEAST, _MOST = 1e-12, 1e6  # of all parameters, so that nothing derived from them overflows
+_CREEP = 0.02  # sprocket speed below which the gear's friction is smoothed [rad/s]
 RADIUS_ERROR = 0.0066
 """Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
 MAX_RADIUS_ERROR = 0.5
 """Largest magnitude of that error [-]."""
 _ROUNDING = 1 + 1e-6
+_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time")
+_PARAMETERS = ("radius", "_decay", "_mean_decay")
+MAX_SPEED = 5.0
+"""Largest belt speed that servos may have [m/s]."""
+
+
+@dataclass(frozen=True)
+class Pull(Checked):
+    """A horizontal force on the hitch, backwards along the robot."""
+
+    force: float = checked(0.0, require_non_negative, MAX_FORCE, "N")
+    """Force [N]."""
+    height: float = checked(0.1, require_non_negative, 10.0, "m")
+    """Height of the hitch above the ground [m]."""
+    since: float = checked(0.0, require_non_negative)
+    """Time since the start of a run at which the force begins to act [s]."""
+
+
+def _require_usable(name: str, value: float) -> None:
+    require_positive(name, value, _MOST)
+    require(value >= _LEAST, name, value, f"at least {_LEAST:g}")
+
+
+@dataclass(frozen=True)
+class Motor(Checked):
+    """A brushed DC motor with a gear. Everything is assumed: 60 W, ample to drive 25 kg at 0.3 m/s."""
+
+    gear: float = checked(50.0, _require_usable)
+    """Gear ratio, motor speed over sprocket speed [-]."""
+    voltage: float = checked(24.0, _require_usable)
+    """Battery voltage, the largest at the motor [V]."""
+    no_load_speed: float = checked(400.0, _require_usable)
+    """No-load speed of the motor at full voltage [rad/s]."""
+    stall_torque: float = checked(0.6, _require_usable)
+    """Stall torque of the motor at full voltage [N m]."""
+    rotor_inertia: float = checked(8e-6, _require_usable)
+    """Moment of inertia of the motor, including the gear [kg m^2]."""
+    friction: float = checked(0.3, require_non_negative)
+    """Friction torque of the gear, at the sprocket [N m]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        stall = self.gear * self.stall_torque
+        require(self.friction < stall, "friction", self.friction, f"less than gear * stall_torque = {stall:g} N m")
+
+    @cached_property
+    def inertia(self) -> float:
+        """Moment of inertia at the sprocket [kg m^2]."""
+        return self.rotor_inertia * self.gear**2
+
+    @cached_property
+    def torque_constant(self) -> float:
+        """Torque constant, which equals the back-EMF constant [N m/A]."""
+        return self.voltage / self.no_load_speed
+
+    @cached_property
+    def resistance(self) -> float:
+        """Winding resistance [ohm]."""
+        return self.voltage * self.torque_constant / self.stall_torque
+
+    def torque_range(self, omega: Array) -> tuple[Array, Array]:
+        """Smallest and largest sprocket torque (...) [N m] at full voltage, at sprocket speeds (...) [rad/s]."""
+        stall = self.gear * self.stall_torque
+        spent = stall * self.gear / self.no_load_speed * omega
+        return -stall - spent, stall - spent
+
+    def loss(self, omega: Array) -> Array:
+        """Coulomb friction of the gear (...) [N m] at sprocket speeds (...) [rad/s], smoothed at rest."""
+        return self.friction * np.tanh(omega / _CREEP)
+
+    def power(self, torque: Array, omega: Array) -> Array:
+        """Electrical power (...) [W] at sprocket torques (...) [N m] and speeds (...) [rad/s]; feedback is negative."""
+        current = torque / (self.gear * self.torque_constant)
+        return torque * omega + self.resistance * current**2
 
 
 @dataclass(frozen=True)
@@ -65,10 +144,6 @@ def tireless(top_speed: float = Drive.top_speed) -> Drive:
     return Drive(top_speed=top_speed, torque_limit=1e6, motor=Motor(no_load_speed=1e6, stall_torque=1e6))
 
 
-_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time")
-_PARAMETERS = ("radius", "_decay", "_mean_decay")
-
-
 class Forecast(NamedTuple):
     """Motion of the sprockets in the next P servo periods, if the motors are strong enough."""
 
@@ -88,23 +163,17 @@ class DriveState(Restorable):
 
     def __init__(self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None) -> None:
         """Start at rest; the sprockets drive the belts at `effective_radius` (N, 2), by default the nominal one [m]."""
-        self.drive = drive
-        """Servo and motor of all sprockets."""
+        self.drive = drive  # servo and motor of all sprockets
         self.radius = np.full((n, 2), sprocket_radius) if effective_radius is None else effective_radius
         """Effective radii of the sprockets (N, 2) [m]."""
-        self.limit = drive.top_speed / sprocket_radius
-        """Largest sprocket speed [rad/s]."""
+        self.limit = drive.top_speed / sprocket_radius  # largest sprocket speed [rad/s]
         self._decay, self._mean_decay = np.empty((2, n, 1))
-        self.set_point = np.zeros((n, 2))
-        """Set points of the speeds [rad/s]."""
-        self.omega = np.zeros((n, 2))
-        """True speeds [rad/s]."""
+        self.set_point = np.zeros((n, 2))  # set points of the speeds [rad/s]
+        self.omega = np.zeros((n, 2))  # true speeds [rad/s]
         self._error: Array = np.zeros((n, 2))  # kept beside the speed because it decays without rounding errors
         self._totals = np.zeros((n, 2, 2))  # angles and energies
-        self.torque = np.zeros((n, 2))
-        """Torques of the motors at the sprockets in the last period [N m]."""
-        self.saturated_time = np.zeros((n, 2))
-        """Time since the start that the motors spent at their limits [s]."""
+        self.torque = np.zeros((n, 2))  # torques of the motors at the sprockets in the last period [N m]
+        self.saturated_time = np.zeros((n, 2))  # time since the start that the motors spent at their limits [s]
         self.restart(np.arange(n), [drive.lag] * n)
 
     @property
@@ -182,3 +251,47 @@ class DriveState(Restorable):
         """Angles (N, 2) in whole encoder counts [rad]."""
         count = 2 * np.pi / self.drive.encoder_counts
         return np.floor(self.angle / count) * count
+
+
+@dataclass(frozen=True)
+class Servos(Checked):
+    """Servos of a robot's belts and flippers."""
+
+    lag: float = checked(0.05, require_positive, 1.0, "s")
+    """Time constant of the belts' speed [s]."""
+    top_speed: float = checked(0.6, require_positive, MAX_SPEED, "m/s")
+    """Largest belt speed [m/s]."""
+    flipper_speed: float = checked(1.5, require_positive, 100.0, "rad/s")
+    """Largest angular speed of a flipper's set point [rad/s]."""
+
+
+class ServoState(Restorable):
+    """Servos of N robots with F flippers each."""
+
+    STATE = ("speed", "angle", "_speed_goal", "_angle_goal")
+
+    def __init__(self, servos: Servos, size: int, flippers: int) -> None:
+        self._servos = servos
+        self.speed: Array = np.zeros((size, 2))  # belt speeds (N, 2), left and right [m/s]
+        self.angle: Array = np.zeros((size, flippers))  # set points (N, F) that the flippers' motors have [rad]
+        self._speed_goal, self._angle_goal = self.speed.copy(), self.angle.copy()
+
+    def begin(self, rows: NDArray[np.int_], angle: Array) -> None:
+        """Reset the robots `rows` (R,) to rest, with flippers at angles (F,) [rad]."""
+        self.speed[rows] = self._speed_goal[rows] = 0.0
+        self.angle[rows] = self._angle_goal[rows] = angle
+
+    def command(self, speed: Array, angle: Array) -> None:
+        """Set the set points: belt speeds (N, 2) [m/s], clipped to the top speed, and flipper angles (N, F) [rad]."""
+        top = self._servos.top_speed
+        self._speed_goal = np.clip(speed, -top, top)
+        self._angle_goal = np.array(angle, float)
+
+    def advance(self, duration: float) -> Array:
+        """Mean belt speeds (N, 2) in the next `duration` [s], after which the servos are at its end [m/s]."""
+        lag = self._servos.lag
+        short = self.speed - self._speed_goal
+        self.speed = self._speed_goal + short * np.exp(-duration / lag)
+        largest = self._servos.flipper_speed * duration
+        self.angle += np.clip(self._angle_goal - self.angle, -largest, largest)
+        return self._speed_goal - short * (np.expm1(-duration / lag) * lag / duration)

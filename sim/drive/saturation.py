@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sim.drive.drive import DriveState, Forecast
-from sim.tracks.balance import Balance
+from sim.tracks.motors import Balance
 from trackslip.kinematics import Array
 
 _TOLERANCE = 0.001  # of a saturated torque, relative to the largest
@@ -24,14 +24,8 @@ def advance_within_limits(
     """Advance sprockets (N, 2) by one servo period in which the torques respect the motors' limits.
 
     A robot whose motors are strong enough moves as its servos demand. The belts of any other robot run at their
-    sprockets' final speeds for the whole period, so that nothing oscillates however stiff the grip.
-
-    Args:
-        drive: the sprockets.
-        mass: of each robot [kg].
-        gravity: a magnitude [m/s^2].
-        run: simulates the period, from its start, of robots (A,) at mean sprocket speeds (A, 2) [rad/s] and gives the
-            mean tractions (A, 2) [N].
+    sprockets' final speeds for the whole period, so that nothing oscillates however stiff the grip. `run` simulates the
+    period, from its start, of robots (A,) at mean sprocket speeds (A, 2) [rad/s], and gives mean tractions (A, 2) [N].
     """
     wanted = drive.forecast(1)
     (start, goal), belt = wanted.omega, wanted.mean[0].copy()
@@ -60,7 +54,6 @@ def _first_guess(start: Array, goal: Array, saturated: Array) -> Array:
 
 
 def _balance(sprockets: DriveState, start: Array, goal: Array, speed: Array, mass: float, tolerance: Array) -> Balance:
-    """The balance of torques in a period that begins at speeds `start` (R, 2) [rad/s]."""
     drive, radius, inertia = sprockets.drive, sprockets.radius, sprockets.drive.motor.inertia / sprockets.drive.period
 
     def required(rows: np.ndarray, omega: Array, load: Array) -> Array:

@@ -1,25 +1,32 @@
-"""Options of the environments, the keyword arguments of `gymnasium.make`."""
+"""Options of the environment trackslip/PathTracking-v0, and the layout of its observations."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from sim.drive.drive import Drive
-from sim.drive.pull import Pull
-from sim.ground.ground import Ground
-from sim.ground.named import load_ground
+from sim.drive.drive import Drive, Pull
+from sim.ground.ground import Ground, load_ground
 from sim.path_tracking.randomization import PARKING, Randomization
 from sim.robot.named import SHIPPED, RobotSource, load_parameters
 from sim.robot.parameters import RobotParameters
 from sim.scanner.scanner import LaserScanner
-from sim.task import MAX_WEIGHT
-from sim.terms import OwnTerms
-from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
+from sim.task import MAX_WEIGHT, Element, Floats, OwnTerms
+from trackslip.errors import (
+    Checked,
+    checked,
+    require,
+    require_at_most,
+    require_non_negative,
+    require_positive,
+    require_whole,
+    require_within,
+)
+from trackslip.kinematics import Array
 from trackslip.laws.base import SlipLaw
 
 PERIOD = 0.05
@@ -30,10 +37,12 @@ _MAX_PREVIEWS = 100
 _GRAVITY = 9.81  # [m/s^2]
 _MIN_OFF_PATH, _MIN_SCALE = 0.001, 1e-6  # [m], in a scale's own unit
 _MAX_PREVIEW = 20.0  # longest time that previews may look ahead [s]
+_BOUND = 2.0
+_LOAD, _WHERE = 0.5, ("ahead", "to the left")
 
 
 @dataclass(frozen=True)
-class TrackingReward:
+class TrackingReward(Checked):
     """The reward of a step: a sum of terms, each of which is given by name in `info`.
 
         alive               weight_alive
@@ -48,28 +57,20 @@ class TrackingReward:
     is worse than leaving it.
     """
 
-    weight_alive: float = 1.0
+    weight_alive: float = checked(1.0, require_non_negative, MAX_WEIGHT)
     """TrackingReward of every step [-]."""
-    weight_position: float = 0.7
+    weight_position: float = checked(0.7, require_non_negative, MAX_WEIGHT)
     """Weight of the position error [-]."""
-    weight_heading: float = 0.2
+    weight_heading: float = checked(0.2, require_non_negative, MAX_WEIGHT)
     """Weight of the heading error [-]."""
-    weight_change: float = 0.1
+    weight_change: float = checked(0.1, require_non_negative, MAX_WEIGHT)
     """Weight of the change of the action [-]."""
-    weight_termination: float = 10.0
+    weight_termination: float = checked(10.0, require_non_negative, MAX_WEIGHT)
     """Penalty, once, for an episode that ends off the path [-]."""
-    position_scale: float = 0.05
+    position_scale: float = checked(0.05, require_within, _MIN_SCALE, MAX_WEIGHT)
     """Position error that costs half of its weight [m]."""
-    heading_scale: float = 0.2
+    heading_scale: float = checked(0.2, require_within, _MIN_SCALE, MAX_WEIGHT)
     """Heading error that costs half of its weight [rad]."""
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            check = require_positive if f.name.endswith("scale") else require_non_negative
-            check(f.name, getattr(self, f.name))
-            require_at_most(f.name, getattr(self, f.name), MAX_WEIGHT)
-            if f.name.endswith("scale"):
-                require(getattr(self, f.name) >= _MIN_SCALE, f.name, getattr(self, f.name), f"at least {_MIN_SCALE:g}")
 
 
 @dataclass(frozen=True)
@@ -92,16 +93,16 @@ class EnvConfig(OwnTerms):
     "online_cold", which starts from no slip. Those of slip under load take the load of slope and pull."""
     laws: str | None = None
     """File of the laws that `compensation` names; None for the laws shipped with trackslip."""
-    previews: int = 5
+    previews: int = checked(5, require_whole, 0, _MAX_PREVIEWS)
     """Number of future reference twists in the observation."""
-    preview_spacing: float = 0.2
+    preview_spacing: float = checked(0.2, require_positive, _MAX_PREVIEW, "s")
     """Time between previews, a multiple of the control period [s]."""
     pose_source: str = "truth"
     """Source of the observed pose: "truth"; "noisy", the truth plus Gaussian noise; "scanner", the plate in the laser
     range finder's scans, tracked from the known start."""
-    position_noise: float = 0.002
+    position_noise: float = checked(0.002, require_non_negative, 1.0)
     """Standard deviation of noisy positions, in x and in y [m]."""
-    heading_noise: float = math.radians(0.25)
+    heading_noise: float = checked(math.radians(0.25), require_non_negative, 1.0)
     """Standard deviation of noisy headings [rad]."""
     scanner: LaserScanner = field(default_factory=LaserScanner)
     """The laser range finder, for poses from the scanner; it scans once in a control period."""
@@ -109,7 +110,7 @@ class EnvConfig(OwnTerms):
     """Load that the robot tows."""
     loads: bool = False
     """Add the load of slope and pull to the observation, as from an inclinometer and a load cell at the hitch."""
-    off_path: float = 0.5
+    off_path: float = checked(0.5, require_within, _MIN_OFF_PATH, 10.0, "m")
     """Distance from the reference beyond which an episode terminates [m]."""
     reward: TrackingReward = field(default_factory=TrackingReward)
     """The reward of a step."""
@@ -122,11 +123,8 @@ class EnvConfig(OwnTerms):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, value, choices in (
-            ("action", self.action, _ACTIONS),
-            ("pose_source", self.pose_source, _POSE_SOURCES),
-        ):
-            require(value in choices, name, value, f"one of {', '.join(choices)}")
+        for name, choices in (("action", _ACTIONS), ("pose_source", _POSE_SOURCES)):
+            require(getattr(self, name) in choices, name, getattr(self, name), f"one of {', '.join(choices)}")
         used = self.action == "twist" or self.compensation == "none"
         require(used, "compensation", self.compensation, '"none" unless action is "twist"')
         for name, names in (("reference", self.reference), ("ground", self.ground)):
@@ -136,21 +134,11 @@ class EnvConfig(OwnTerms):
             self.load_ground(ground)
         require(len(self.twist_scale) == 2, "twist_scale", self.twist_scale, "two numbers")
         for scale in self.twist_scale:
-            require_positive("twist_scale", scale)
-            require_at_most("twist_scale", scale, 100.0)
-            require(scale >= _MIN_SCALE, "twist_scale", scale, f"at least {_MIN_SCALE:g}")
-        require_whole("previews", self.previews, 0, _MAX_PREVIEWS)
+            require_within("twist_scale", scale, _MIN_SCALE, 100.0)
         spacing = self.preview_spacing
-        require_positive("preview_spacing", spacing)
-        require_at_most("preview_spacing", spacing, _MAX_PREVIEW, "s")
         multiple = self.stride >= 1 and abs(self.stride * PERIOD - spacing) <= 1e-9
         require(multiple, "preview_spacing", spacing, f"a multiple of {PERIOD} s")
         require_at_most("previews * preview_spacing", self.previews * spacing, _MAX_PREVIEW, "s")
-        for name, noise in (("position_noise", self.position_noise), ("heading_noise", self.heading_noise)):
-            require_non_negative(name, noise)
-            require_at_most(name, noise, 1.0)
-        require(self.off_path >= _MIN_OFF_PATH, "off_path", self.off_path, f"at least {_MIN_OFF_PATH:g} m")
-        require_at_most("off_path", self.off_path, 10.0, "m")
         rate = self.scanner.rate
         require(abs(rate * PERIOD - 1) <= 1e-9, "scanner.rate", rate, f"{1 / PERIOD:g} Hz, once in a control period")
         known = not isinstance(self.randomization, str) or self.randomization == "typical"
@@ -221,3 +209,33 @@ class EnvConfig(OwnTerms):
 
 def _several(names: str | tuple[str, ...]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
+
+
+class TrackingLayout:
+    """Elements of an observation, (9 + 2K)."""
+
+    def __init__(self, config: EnvConfig, top_speed: float) -> None:
+        """`top_speed`: of the sprockets [rad/s]."""
+        self.steps = np.arange(config.previews + 1) * config.stride
+        """Look-ahead of the observed reference twists (K + 1,) [control periods]."""
+        speed, rate = config.twist_scale
+        twists = ("speed", "m/s", speed), ("yaw rate", "rad/s", rate)
+        times = ["now" if step == 0 else f"in {step * PERIOD:g} s" for step in self.steps]
+        self.elements = (
+            Element("position error, ahead", "m", config.off_path, _BOUND),
+            Element("position error, to the left", "m", config.off_path, _BOUND),
+            Element("heading error", "rad", np.pi),
+            *(Element(f"reference {n} {time}", unit, scale, _BOUND) for time in times for n, unit, scale in twists),
+            *(Element(f"{side} sprocket speed", "rad/s", top_speed, _BOUND) for side in ("left", "right")),
+            *(Element(f"last action, {which}", "-", 1.0) for which in ("first", "second")),
+            *(Element(f"load, {where}", "-", _LOAD, _BOUND) for where in _WHERE if config.loads),
+        )
+        """Names, units, scales and bounds."""
+        self._scale = np.array([[element.scale for element in self.elements]])  # (1, n)
+        self._bound = np.array([element.bound for element in self.elements], np.float32)
+
+    def observation(self, error: Array, twist: Array, omega: Array, action: Array, load: Array | None = None) -> Floats:
+        """Observations (N, n) of errors (N, 3), twists (N, K + 1, 2), sprocket speeds, actions and loads (N, 2)."""
+        parts = error, twist.reshape(len(error), -1), omega, action, *(() if load is None else (load,))
+        whole = np.concatenate(parts, axis=1) / self._scale
+        return np.minimum(np.maximum(whole.astype(np.float32), -self._bound), self._bound)

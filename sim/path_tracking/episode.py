@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from sim.fleet import Setting
 from sim.ground.ground import Ground
 from sim.path_tracking.config import PERIOD, EnvConfig
-from sim.path_tracking.randomization import LIMITS, Randomization, uniform
+from sim.path_tracking.randomization import Randomization, uniform
 from sim.restorable import Restorable
-from sim.task import checked
+from sim.settings import options_of
 from trackslip import se2
 from trackslip.errors import require, require_at_most, require_finite, require_within
 from trackslip.kinematics import Array
@@ -39,14 +39,10 @@ Index = NDArray[np.int_]
 class Episode:
     """One robot's task in one episode."""
 
-    reference: int
-    """Index in the reference table."""
+    reference: int  # its index in the reference table
     setting: Setting
-    """Start, ground and properties of the robot."""
-    latency: int
-    """Delay until an action reaches the servos [control periods]."""
-    noise: int
-    """Seed of the measurement noise."""
+    latency: int  # delay until an action reaches the servos [control periods]
+    noise: int  # seed of the measurement noise
 
 
 def draw(
@@ -60,7 +56,7 @@ def draw(
     own [-]; `lag` [s]; and `latency` [control periods]. Raises InvalidValueError for unknown options and values out of
     range.
     """
-    options, drawn = checked("options", options, _OPTIONS), config.drawn
+    options, drawn = options_of("options", options, _OPTIONS), config.drawn
     reference = table.index(options.get("reference", _choice(generator, config.references)))
     base = config.load_ground(_choice(generator, config.grounds))
     robot, drive = config.parameters, config.drive or config.parameters.drive
@@ -76,22 +72,16 @@ def draw(
     error, weight = (distance * math.cos(bearing), distance * math.sin(bearing), turned), setting.weight
     for name in ("radius_error", "mass", "lag", "latency"):
         if name in options:
-            require_within(name, options[name], *LIMITS[name])
+            require_within(name, options[name], *Randomization.limits(name))
     if "start_error" in options:
         error = _finite("start_error", options["start_error"], 3)
         require_at_most("distance of start_error", math.hypot(*error[:2]), config.off_path, "m, which is off_path")
     if "com" in options:
         weight = _finite("com", options["com"], 2)
         Randomization(com_x=weight[:1] * 2, com_y=weight[1:] * 2).require_standing(config.parameters)
-    setting = dataclasses.replace(
-        setting,
-        start=tuple(se2.compose(setting.start, error).tolist()),
-        ground=ground,
-        radius_error=float(options.get("radius_error", setting.radius_error)),
-        lag=float(options.get("lag", setting.lag or drive.lag)),
-        weight=weight,
-        mass=float(options.get("mass", setting.mass)),
-    )
+    given = {name: float(options[name]) for name in ("radius_error", "mass", "lag") if name in options}
+    start = tuple(se2.compose(setting.start, error).tolist())
+    setting = dataclasses.replace(setting, start=start, ground=ground, weight=weight, **given)
     return Episode(reference, setting, int(latency), noise=int(generator.integers(2**63)))
 
 
@@ -119,10 +109,8 @@ class ReferenceTable(Restorable):
     def __init__(self, names: Iterable[str], steps: Index) -> None:
         """Tabulate the references `names`, with twists `steps` (K,) control periods ahead, ascending from 0."""
         self._steps = steps
-        self.names: tuple[str, ...] = ()
-        """Names of the references, in order of their indices."""
-        self.last: Index = np.empty(0, int)
-        """Control period (R,) in which each reference ends."""
+        self.names: tuple[str, ...] = ()  # names of the references, in order of their indices
+        self.last: Index = np.empty(0, int)  # control period (R,) in which each reference ends
         self._pose: Array = np.empty((0, 1, 3))
         self._twists: Array = np.empty((0, 1, len(steps), 2))
         for name in names:

@@ -13,7 +13,7 @@ from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.fleet import Setting
 from sim.ground.ground import MAX_FRICTION, MAX_SHEAR, MAX_SLOPE, Ground, Patch
 from sim.robot.parameters import RobotParameters
-from trackslip.errors import require, require_range
+from trackslip.errors import Checked, checked, require, require_range
 from trackslip.kinematics import Array
 
 Range = tuple[float, float]
@@ -23,66 +23,57 @@ MAX_LATENCY = 2
 """Largest latency of commands [control periods]."""
 PARKING = 0.6
 """Steepest slope that is drawn, over the smallest friction angle [-]."""
-LIMITS: dict[str, Range] = {
-    "friction_ratio": (0.1, 10.0),
-    "radius_error": (-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR),
-    "mass": (0.2, 5.0),
-    "com_x": (-1.0, 1.0),
-    "com_y": (-1.0, 1.0),
-    "slope": (0.0, MAX_SLOPE),
-    "patches": (0, 10),
-    "patch_size": (0.01, 100.0),
-    "patch_friction": (0.01, MAX_FRICTION / 10),
-    "shear": (0.0, MAX_SHEAR),
-    "lag": (0.001, 1.0),
-    "latency": (0, MAX_LATENCY),
-    "start_distance": (0.0, 10.0),
-    "start_heading": (-math.pi, math.pi),
-}
-"""Limits of these properties."""
+
+
+def _require_drawn(field: str, ends: Range | None, low: float, high: float) -> None:
+    if ends is not None:
+        require_range(field, ends, low, high)
 
 
 @dataclass(frozen=True)
-class Randomization:
+class Randomization(Checked):
     """Ranges (from, to) from which each episode draws. By default all episodes are the same."""
 
-    friction_ratio: Range = (1.0, 1.0)
+    friction_ratio: Range = checked((1.0, 1.0), require_range, 0.1, 10.0)
     """Factor on the friction across the tracks, and thus on the ratio across / along [-]."""
-    radius_error: Range | None = None
+    radius_error: Range | None = checked(None, _require_drawn, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
     """Relative error of the effective sprocket radius; None for the robot's own [-]."""
-    mass: Range = (1.0, 1.0)
+    mass: Range = checked((1.0, 1.0), require_range, 0.2, 5.0)
     """Factor on the mass and the inertia of the chassis, as of a payload [-]."""
-    com_x: Range = (0.0, 0.0)
+    com_x: Range = checked((0.0, 0.0), require_range, -1.0, 1.0)
     """Offset of the centre of mass from the robot's own, forward [m]."""
-    com_y: Range = (0.0, 0.0)
+    com_y: Range = checked((0.0, 0.0), require_range, -1.0, 1.0)
     """Offset of the centre of mass from the robot's own, to the left [m]."""
-    slope: Range | None = None
+    slope: Range | None = checked(None, _require_drawn, 0.0, MAX_SLOPE)
     """Slope of the ground, uphill in any direction; None for the ground's own. It is limited to 0.6 times the smallest
     friction angle, so that the robot can be parked [rad]."""
-    patches: tuple[int, int] = (0, 0)
+    patches: tuple[int, int] = checked((0, 0), require_range, 0, 10)
     """Number of square patches with another friction on the path."""
-    patch_size: Range = (0.3, 1.0)
+    patch_size: Range = checked((0.3, 1.0), require_range, 0.01, 100.0)
     """Side length of the patches [m]."""
-    patch_friction: Range = (0.5, 1.0)
+    patch_friction: Range = checked((0.5, 1.0), require_range, 0.01, MAX_FRICTION / 10)
     """Ratio of the patches' friction to the ground's; across is also scaled by a drawn `friction_ratio` [-]."""
-    shear: Range | None = None
+    shear: Range | None = checked(None, _require_drawn, 0.0, MAX_SHEAR)
     """Shear modulus of the ground, patches included; None for the ground's own [m]."""
-    lag: Range | None = None
+    lag: Range | None = checked(None, _require_drawn, 0.001, 1.0)
     """Time constant of the servos; None for the drive's own [s]."""
-    latency: tuple[int, int] = (0, 0)
+    latency: tuple[int, int] = checked((0, 0), require_range, 0, MAX_LATENCY)
     """Delay until an action reaches the servos [control periods]."""
-    start_distance: Range = (0.0, 0.0)
+    start_distance: Range = checked((0.0, 0.0), require_range, 0.0, 10.0)
     """Distance from the path's start, in any direction [m]."""
-    start_heading: Range = (0.0, 0.0)
+    start_heading: Range = checked((0.0, 0.0), require_range, -math.pi, math.pi)
     """Heading error at the start [rad]."""
 
     def __post_init__(self) -> None:
-        for name, (low, high) in LIMITS.items():
-            ends = getattr(self, name)
-            if ends is not None or getattr(Randomization, name) is not None:  # the default
-                require_range(name, ends, low, high)
+        super().__post_init__()
         for name, ends in (("patches", self.patches), ("latency", self.latency)):
             require(all(int(end) == end for end in ends), name, ends, "two integers")
+
+    @classmethod
+    def limits(cls, name: str) -> Range:
+        """From, to: values that a property may have."""
+        low, high = cls.__dataclass_fields__[name].metadata["check"][1]
+        return low, high
 
     @classmethod
     def typical(cls) -> Randomization:
@@ -114,7 +105,6 @@ class Randomization:
         )
 
     def _ground(self, generator: np.random.Generator, base: Ground, path: Array) -> Ground:
-        """Draw the friction across, slope and patches of a ground."""
         ratio = uniform(generator, self.friction_ratio, 1.0)
         patches = []
         for _ in range(generator.integers(*self.patches, endpoint=True)):

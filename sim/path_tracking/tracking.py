@@ -6,19 +6,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sim.fleet import Fleet
-from sim.path_tracking.config import PERIOD, EnvConfig, TrackingReward
+from sim.path_tracking.config import PERIOD, EnvConfig, TrackingLayout, TrackingReward
 from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
-from sim.path_tracking.observation import TrackingLayout
 from sim.path_tracking.randomization import MAX_LATENCY
 from sim.pose_source import NoisyPose, ScannedPose, TruePose
-from sim.restorable import Restorable
 from sim.robot.robot import load_robot
 from sim.scanner.feed import ScannerFeed
-from sim.task import Element, clipped_actions
-from sim.terms import Terms
+from sim.task import Element, Floats, Task
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.file import SHIPPED
@@ -32,47 +29,34 @@ TERMS = ("alive", "position", "heading", "change", "termination")
 """Names of the terms of the reward."""
 
 
-class PathTracking(Restorable):
-    """The task, independent of the interface that offers it. Rows are bitwise independent.
-
-    Its users step it, and episodes end one by one, so that it can't run in `sim.loop`.
-    """
+class PathTracking(Task):
+    """The task: robots follow references."""
 
     STATE = (
-        *("fleet", "table", "_source", "_reference", "last", "_k", "_latency", "_line", "_action", "_angle", "_omega"),
-        *("_pose", "_measured", "_error", "_seen_error", "_success", "_terms", "reward", "terminated", "truncated"),
-        *("_compensation", "_load", "config"),
+        *("fleet", "table", "_source", "_reference", "last", "_k", "_latency", "_line", "_angle", "_omega", "_pose"),
+        *("_measured", "_error", "_seen_error", "_success", "_compensation", "_load", "config", *Task.STATE),
     )
 
     def __init__(self, config: EnvConfig, size: int, threads: int = 0) -> None:
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
         robot = load_robot(parameters=config.parameters)
-        self.config = config
-        self.size, self.threads = size, threads
         self.table = ReferenceTable(config.references, np.arange(config.previews + 1) * config.stride)
         start = self.table.path(0)[0]
         begin = np.tile(start, (size, 1))
         self.fleet = Fleet(robot, begin, None, 0.0, config.drive, threads, config.pull, config.shears)
         self.layout = TrackingLayout(config, self.fleet.drive.limit)
-        self.period = PERIOD
-        """Control period [s]."""
-        self._own = Terms(config)
-        self.observed = self.layout.elements + config.own_elements
-        """Elements (n) of an observation."""
-        self.commanded = _commanded(config, self.fleet.drive.limit)
-        """Elements (2) of an action."""
+        commanded = _commanded(config, self.fleet.drive.limit)
+        super().__init__(config, size, threads, PERIOD, self.layout.elements, commanded, TERMS)
         self._source = _pose_source(config, self.fleet)
         self._compensation = _compensation(config, self.fleet)
         self._compensation.reset(begin)
         self._unit = np.array([[element.scale for element in self.commanded]])  # (1, 2), of actions
         self._reference: Index = np.zeros(size, int)
-        self.last: Index = np.zeros(size, int)
-        """Number of steps (N,) in each robot's episode."""
+        self.last: Index = np.zeros(size, int)  # number of steps (N,) in each robot's episode
         self._k: Index = np.zeros(size, int)  # control periods since the start of the episode
         self._latency: Index = np.zeros(size, int)
         self._line = np.zeros((size, MAX_LATENCY + 1, 2))  # set points, the newest first [rad/s]
         self._rows = np.arange(size)
-        self._action: Array = np.zeros((size, 2))
         self._angle: Array = np.zeros((size, 2))  # of the encoders, in the last control period [rad]
         self._omega: Array = np.zeros((size, 2))
         self._pose: Array = np.zeros((size, 3))  # true
@@ -81,14 +65,6 @@ class PathTracking(Restorable):
         self._seen_error: Array = np.zeros((size, 3))  # as observed
         self._load: Array = np.zeros((size, 2))  # tractions over the load on the tracks, that the robots need [-]
         self._success = np.ones(size, bool)
-        self._rewards = tuple(f"reward_{term}" for term in (*TERMS, *config.own_rewards))
-        self._terms: Array = np.zeros((len(self._rewards), size))  # of the reward
-        self.reward: Array = np.zeros(size)
-        """Rewards (N,) of the last step."""
-        self.terminated: np.ndarray = np.zeros(size, bool)
-        """Mask (N,) of the robots that have left their path or tipped over."""
-        self.truncated: np.ndarray = np.zeros(size, bool)
-        """Mask (N,) of the references that have ended."""
 
     def path(self, row: int) -> Array:
         """Poses (T, 3) of the reference of robot `row`, from its start to its end."""
@@ -107,9 +83,7 @@ class PathTracking(Restorable):
         self._reference[where] = [episode.reference for episode in episodes]
         self.last[where] = self.table.last[self._reference[where]]
         self._latency[where] = [episode.latency for episode in episodes]
-        for state in (self._k, self._line, self._action, self._angle, self._omega, self.reward, *self._terms):
-            state[where] = 0
-        self.terminated[where] = self.truncated[where] = False
+        self._clear(where, self._k, self._line, self._angle, self._omega)
         self._source.begin(where, [episode.noise for episode in episodes], self.last[where])
         self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
         self._measured[where] = self._source.start(where)
@@ -119,11 +93,8 @@ class PathTracking(Restorable):
         self._success[where] = np.hypot(*self._error[where, :2].T) <= LOST
 
     def step(self, actions: ArrayLike) -> None:
-        """Simulate one control period with actions (N, 2), clipped to [-1, 1].
-
-        Raises InvalidValueError for actions that aren't finite or have another shape.
-        """
-        action = clipped_actions(actions, self.size, len(self.commanded))
+        """See Task."""
+        action, change = self._clipped(actions)
         self._line[:, 1:] = self._line[:, :-1].copy()
         self._line[:, 0] = self._set_points(action)
         self.fleet.drive.command(self._line[self._rows, self._latency])
@@ -145,17 +116,13 @@ class PathTracking(Restorable):
         self._success &= distance <= LOST
         self.terminated = ~((distance <= self.config.off_path) & (self.fleet.state.upright > _TIPPED))
         self.truncated = (self._k >= self.last) & ~self.terminated
-        change, self._action = action - self._action, action
-        usual = reward_terms(self.config.reward, distance, turn, change, self.terminated)
-        self._terms = np.array([*usual, *self._own.rewards(self).values()])
-        self.reward = np.add.accumulate(self._terms)[-1]  # one by one: the same bits for any number of robots
+        self._earn(reward_terms(self.config.reward, distance, turn, change, self.terminated))
 
     @property
     def _loaded(self) -> SensesLoad | None:
         return self._compensation if isinstance(self._compensation, SensesLoad) else None
 
     def _set_points(self, action: Array) -> Array:
-        """Sprocket set points (N, 2) [rad/s] of actions (N, 2)."""
         wanted = action * self._unit
         if self.config.action == "sprockets":
             return wanted
@@ -174,15 +141,12 @@ class PathTracking(Restorable):
         pose[:, 2] += self._loaded.crab_angle(twist)
         return pose
 
-    def observation(self) -> Array:
-        """Observations (N, n), see `path_tracking.observation`."""
+    def _observed(self) -> Floats:
         twists = self.table.twists(self._reference, self._k)
         load = self._load if self.config.loads else None
-        usual = self.layout.observation(self._seen_error, twists, self._omega, self._action, load)
-        return np.concatenate([usual, self._own.observed(self)], axis=1)
+        return self.layout.observation(self._seen_error, twists, self._omega, self._action, load)
 
-    def info(self) -> dict[str, Array]:
-        """Further quantities by name, as arrays (N, ...), some of them the task's own; the keys are always the same."""
+    def _quantities(self) -> dict[str, NDArray[Any]]:
         twist, geometry, omega = self.fleet.twist(), self.fleet.robot.geometry, self.fleet.drive.omega
         rests = np.abs(omega) < _STANDING
         tracks = track_speeds(twist[:, ::2], geometry.half_gauge)
@@ -201,8 +165,6 @@ class PathTracking(Restorable):
             "energy": self.fleet.drive.energy,  # (N, 2) drawn by the motors so far [J]
             "friction": self.fleet.friction(),  # (N, 2) along and across, averaged over the pads [-]
             "success": self._success,  # whether the robot has always been within metrics.LOST of the reference
-            **dict(zip(self._rewards, self._terms, strict=True)),
-            **self._own.info(self),
         }
 
 
@@ -225,7 +187,6 @@ def reward_terms(
 
 
 def _bounded_square(z: Array) -> Array:
-    """s(z) of `config.TrackingReward`."""
     square = z * z
     return square / (1 + square)
 

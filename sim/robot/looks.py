@@ -9,11 +9,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.robot.chassis import BODY_LOOKS, shaped_robot
-from sim.robot.keyframe import start, with_joints_of
 from sim.robot.named import load_tracked
 from sim.robot.parameters import WHEELS, RobotParameters
+from sim.robot.robot import BODY_LOOKS, shaped_robot
 from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, clear_angles, load_spec
+from sim.robot.wheels import start, with_joints_of
 from sim.tracks.drawing import TrackLook, WheelLook, draw
 from trackslip.kinematics import Array
 
@@ -27,50 +27,40 @@ _TYRE = 0.76  # width of a wheel over its radius [-]
 _ATTACHED = "robot/"  # prefix of the names of a tracked robot's model
 
 
-def track_looks(world: TrackedModel) -> list[tuple[int, TrackLook]]:
-    """Bodies and visuals of T tracks, in the order of `world.track_side`."""
-    robot = world.robot
-    hull = np.array(robot.hull)
-    look = WheelLook if robot.contact == WHEELS else TrackLook
-    chassis = [(world.body, look(hull, sign * robot.half_gauge, robot.width)) for sign in (1.0, -1.0)]
-    flippers = [(world.model.body(f.body).id, TrackLook(np.array(f.hull), f.y, f.width)) for f in robot.flippers]
-    return chassis + flippers
+@dataclass(frozen=True)
+class RobotLooks:
+    """A model that is drawn, and the looks of its tracks."""
 
+    model: mujoco.MjModel  # without the tracks
+    body: int  # the chassis
+    tracks: list[tuple[str, int, TrackLook]]  # name, body and looks of each track: left, right, and those of flippers
+    track_side: np.ndarray  # (T,) 0 left, 1 right: whose belt a track runs with
+    rest: Array  # (nq,) positions of all joints, with the chassis at the origin
 
-class TrackedView:
-    """Draws a robot's tracks into scenes."""
-
-    def __init__(self, world: TrackedModel) -> None:
-        """Draw `world`, which must be built with its looks."""
-        self._world = world
-        self._looks = track_looks(world)
-        x, _, radius = np.array([wheel for _, look in self._looks for wheel in look.hull]).T
-        self._length = float((x + radius).max() - (x - radius).min())
+    @classmethod
+    def of(cls, world: TrackedModel) -> RobotLooks:
+        """The looks of a robot on its terrain, which must be built with them."""
+        robot, model = world.robot, world.model
+        look = WheelLook if robot.contact == WHEELS else TrackLook
+        looks = [(world.body, look(np.array(robot.hull), sign * robot.half_gauge, robot.width)) for sign in (1.0, -1.0)]
+        looks += [(model.body(f.body).id, TrackLook(np.array(f.hull), f.y, f.width)) for f in robot.flippers]
+        tracks = [(f"{name}_track", *each) for name, each in zip(world.belts.names, looks, strict=True)]
+        return cls(model, world.body, tracks, world.track_side, start(model).qpos.copy())
 
     def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData, travel: Array) -> None:
         """Append the tracks to a scene, after their belts have driven `travel` (T,) [m] forwards."""
-        for (body, look), way in zip(self._looks, travel, strict=True):
+        for (_, body, look), way in zip(self.tracks, travel, strict=True):
             draw(scene, look.pieces(way), data.xpos[body], data.xmat[body].reshape(3, 3))
 
     def camera(self, data: mujoco.MjData, height: float = 0.0) -> mujoco.MjvCamera:
-        """The camera that moves with the robot without turning."""
+        """The camera that moves with the robot without turning, on ground of a height [m]."""
+        x, _, radius = np.array([wheel for _, _, look in self.tracks for wheel in look.hull]).T
+        length = float((x + radius).max() - (x - radius).min())
         camera = mujoco.MjvCamera()
-        x, y, z = data.xpos[self._world.body]
-        camera.lookat[:] = x, y, height + _CALM * (z - height) + self._length / 6
-        camera.distance, camera.azimuth, camera.elevation = _AWAY * self._length, _AZIMUTH, _ELEVATION
+        x, y, z = data.xpos[self.body]
+        camera.lookat[:] = x, y, height + _CALM * (z - height) + length / 6
+        camera.distance, camera.azimuth, camera.elevation = _AWAY * length, _AZIMUTH, _ELEVATION
         return camera
-
-
-@dataclass(frozen=True)
-class RobotLooks:
-    """A model of the field that is only drawn; its body `chassis` has the pose of a robot of a fleet."""
-
-    model: mujoco.MjModel
-    """Without the tracks."""
-    tracks: list[tuple[str, int, TrackLook]]
-    """Name, body and looks of each track: left, right, and those of flippers."""
-    track_side: np.ndarray  # (T,) 0 left, 1 right: whose belt a track runs with
-    rest: Array  # (nq,) positions of all joints, with the chassis at the origin
 
     def qpos(self, pose: Array) -> Array:
         """Positions (..., nq) of all joints of robots on level ground at poses (..., 3) [m, m, rad]."""
@@ -105,7 +95,7 @@ def _shipped_looks(spec: Any, parameters: RobotParameters) -> RobotLooks:
         (f"{name}_{part}", body, look(hull, sign * parameters.half_gauge, width))
         for name, sign in (("left", 1.0), ("right", -1.0))
     ]
-    return RobotLooks(model, tracks, np.arange(len(tracks)), model.qpos0.copy())
+    return RobotLooks(model, body, tracks, np.arange(len(tracks)), model.qpos0.copy())
 
 
 def _tracked_looks(spec: Any, source: str) -> RobotLooks:
@@ -121,16 +111,15 @@ def _tracked_looks(spec: Any, source: str) -> RobotLooks:
     frame = spec.body("chassis").add_frame(pos=[-robot.middle, 0.0, -robot.lowest])
     frame.attach_body(body, _ATTACHED, "")
     model = spec.compile()
-    names = [f"{name}_track" for name in built.belts.names]
+    looks = RobotLooks.of(built)
     tracks = [
-        (name, model.body(_ATTACHED + built.model.body(carrier).name).id, look)
-        for name, (carrier, look) in zip(names, track_looks(built), strict=True)
+        (name, model.body(_ATTACHED + built.model.body(carrier).name).id, look) for name, carrier, look in looks.tracks
     ]
-    rest = with_joints_of(built.model, start(built.model).qpos, model, model.qpos0, _ATTACHED)
+    rest = with_joints_of(built.model, looks.rest, model, model.qpos0, _ATTACHED)
     angles = built.flipper_control(clear_angles(built, np.zeros(len(robot.flippers))))
     hinges = [model.body_jntadr[model.body(_ATTACHED + flipper.body).id] for flipper in robot.flippers]
     rest[model.jnt_qposadr[hinges]] = angles
-    return RobotLooks(model, tracks, built.track_side, rest)
+    return RobotLooks(model, model.body("chassis").id, tracks, looks.track_side, rest)
 
 
 def _agree(spec: Any, field: Any) -> None:

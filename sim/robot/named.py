@@ -1,7 +1,11 @@
-"""Robots by name or file: on flat ground bodies on two rows of pads, on terrain models with tracks."""
+"""Robots by name or file: on flat ground bodies on two rows of pads, on terrain models with tracks.
+
+A check says what is read from a robot's files, what is left out, and what is wrong.
+"""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,17 +14,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from sim.drive.drive import Drive
 from sim.ground.ground import Ground
-from sim.robot.chassis import MODELS, shaped_robot
-from sim.robot.inertia import composite
-from sim.robot.keyframe import start
 from sim.robot.parameters import WHEELS, RobotParameters
+from sim.robot.robot import MODELS, composite, shaped_robot
 from sim.robot.tracked import TrackedRobot
-from sim.robot.tracked_model import build_tracked, chassis_of, clear_angles, load_spec
+from sim.robot.tracked_model import TrackedModel, build_tracked, chassis_of, clear_angles, load_spec
 from sim.robot.urdf import Refuse, refuse, said_of
-from sim.robot.wheels import own_wheels
-from sim.toml_file import build, read_named
-from trackslip.errors import InvalidValueError, SettingsFileError, require
+from sim.robot.wheels import own_wheels, start
+from sim.settings import build, read_named
+from trackslip.errors import InvalidValueError, RobotWarning, SettingsFileError, TrackslipError, counted, require
 
 SHIPPED = "shipped"
 """Name of the robot of models/tracked_robot.xml."""
@@ -37,19 +40,16 @@ _BELT = 0.01  # thickness of a belt around its sprocket [m]
 
 RobotSource = str | RobotParameters | TrackedRobot
 """A robot, its name or its file."""
+_SHARED = RobotParameters.__dataclass_fields__.keys() & TrackedRobot.__dataclass_fields__.keys()
+_G, _SLOPE = 9.81, np.radians(20)  # [m/s^2, rad]
 
 
 def load_parameters(source: RobotSource | Path = SHIPPED) -> tuple[RobotParameters, Ground]:
     """Load a robot for flat ground: its parameters, and the ground that its file's table `ground` describes.
 
-    Args:
-        source: a name of `ROBOTS`; a file of parameters, whose missing fields keep their defaults; the file of a
-            tracked robot; or a robot. For tracked robots, see `on_flat_ground`.
-
-    Raises:
-        InvalidValueError: for an unknown name that is no file.
-        SettingsFileError: for an unreadable file, and unknown, missing or invalid fields.
-        TrackslipError: for a tracked robot whose model doesn't compile.
+    The source is a name of `ROBOTS`; a file of parameters, whose missing fields keep their defaults; the file of a
+    tracked robot, see `on_flat_ground`; or a robot. Raises InvalidValueError for an unknown name that is no file,
+    SettingsFileError for an unreadable file and invalid fields, TrackslipError for a model that doesn't compile.
     """
     robot, ground = _load(source)
     if isinstance(robot, TrackedRobot):
@@ -89,15 +89,9 @@ def on_flat_ground(robot: TrackedRobot, looks: str = "") -> RobotParameters:
     """The parameters of a tracked robot that stands on level ground: a rigid body on the longest runs of its tracks.
 
     Its joints are held where the model has them, and its flippers as low as they clear the ground. Its frame is in the
-    middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above everything else.
-
-    Args:
-        robot: the robot.
-        looks: its name or file.
-
-    Raises:
-        InvalidValueError: for a robot that doesn't stand on two wheels of each track or is out of range.
-        TrackslipError: for a model that can't be compiled.
+    middle of the runs, its sprockets are as large as its largest wheels, and the plate stands above everything else. It
+    is drawn as the robot of the name or file `looks`. Raises InvalidValueError for a robot that doesn't stand on two
+    wheels of each track or is out of range, TrackslipError for a model that can't be compiled.
     """
     built = build_tracked(robot, looks=True)
     model, data = built.model, start(built.model)
@@ -137,16 +131,8 @@ def on_terrain(parameters: RobotParameters, name: str) -> TrackedRobot:
     """The robot that parameters describe: the shipped one's body on its wheels, or on tracks as long as its contact."""
     radius, half = parameters.sprocket_radius, parameters.contact_length / 2
     ends, radius = (parameters.axles, radius) if parameters.axles else ((-half, half), radius + _BELT)
-    return PlainRobot(
-        model=MODELS / "tracked_robot.xml",
-        half_gauge=parameters.half_gauge,
-        hull=tuple((x, radius, radius) for x in ends),
-        contact=parameters.contact,
-        patch_length=parameters.patch_length,
-        name=name,
-        parameters=parameters,
-        drive=parameters.drive,
-    )
+    hull, shared = tuple((x, radius, radius) for x in ends), {each: getattr(parameters, each) for each in _SHARED}
+    return PlainRobot(MODELS / "tracked_robot.xml", hull=hull, name=name, parameters=parameters, **shared)
 
 
 @dataclass(frozen=True)
@@ -169,11 +155,7 @@ class PlainRobot(TrackedRobot):
         return spec
 
 
-_SHARED = RobotParameters.__dataclass_fields__.keys() & TrackedRobot.__dataclass_fields__.keys()
-
-
 def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> TrackedRobot:
-    """The robot of a robot file, with what its own wheels tell."""
     wheels = table.get("wheels", [])
     if isinstance(wheels, str) and wheels != "replace":
         raise SettingsFileError(f'{path}: wheels = {wheels!r}: must be "replace" or a list of links')
@@ -191,3 +173,70 @@ def _tracked(path: Path, table: Mapping[str, Any], refuse: Refuse = refuse) -> T
         return replace(robot, **{name: value for name, value in own.items() if name not in given})
     except InvalidValueError as error:
         raise SettingsFileError(f"{path}: of its wheels, {error}") from error
+
+
+@dataclass(frozen=True)
+class RobotCheck:
+    """What is known of a robot."""
+
+    facts: tuple[tuple[str, str], ...]
+    """Names and values."""
+    warnings: tuple[str, ...]
+    """What is left out or looks wrong, a line each."""
+    errors: tuple[str, ...]
+    """What keeps it from driving, a line each."""
+
+    def __str__(self) -> str:
+        lines = [f"{name}: {value}" for name, value in self.facts]
+        lines += [f"warning: {line}" for line in self.warnings] + [f"error: {line}" for line in self.errors]
+        return "\n".join(lines)
+
+
+def check(source: RobotSource | Path = SHIPPED) -> RobotCheck:
+    """Check a robot, by its name or file: all that is wrong with it, instead of an error a run."""
+    facts: list[tuple[str, str]] = []
+    errors: list[str] = []
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        try:
+            robot = load_tracked(source, errors.append)
+            facts += [
+                ("model", robot.model.name),
+                ("contact", f"{robot.contact}, half gauge {robot.half_gauge:g} m, {robot.contact_length:.4g} m long"),
+                ("wheels (x, z, radius)", ", ".join(f"({x:g}, {z:g}, {r:g})" for x, z, r in robot.hull)),
+                ("links replaced", ", ".join(robot.wheels) or "none"),
+            ]
+            build_tracked(robot, looks=True, refuse=errors.append)
+            facts += _facts(build_tracked(robot, refuse=lambda _: None))
+        except TrackslipError as error:
+            errors.append(str(error))
+        if not errors:
+            try:
+                load_parameters(source)
+            except TrackslipError as error:
+                warnings.warn(f"drives on terrain only: {error}", RobotWarning, stacklevel=2)
+    lines = dict.fromkeys(str(each.message) for each in said)
+    return RobotCheck(tuple(facts), tuple(lines), tuple(dict.fromkeys(errors)))
+
+
+def _facts(tracked: TrackedModel) -> list[tuple[str, str]]:
+    """Mass, inertia, joints, flippers and motors of a compiled robot."""
+    robot, model, data = tracked.robot, tracked.model, start(tracked.model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mass, centre, inertia = composite(model, data, np.flatnonzero(model.body_rootid == tracked.body))
+    x, y, z = centre - data.xpos[tracked.body] - [robot.middle, 0.0, robot.lowest]
+    held = [model.joint(int(k)).name for k in model.actuator_trnid[:, 0] if k >= 0]
+    loose = [joint.name for joint in map(model.joint, range(1, model.njnt)) if joint.name not in held]
+    needed = np.sin(_SLOPE) * mass * _G * robot.sprocket_radius / 2
+    motors = float(robot.drive.belt_limits(robot.sprocket_radius, np.zeros(1), np.ones(1))[0])
+    whose = "the shipped robot's, not counted on terrain" if robot.drive == Drive() else "the robot file's"
+    return [
+        ("mass", f"{mass:.4g} kg, {x:+.3f} m ahead, {y:+.3f} m left, {z:.3f} m above the ground"),
+        ("inertia", f"{', '.join(f'{value:.3g}' for value in inertia.diagonal())} kg m^2 about x, y, z"),
+        ("what collides", counted(int((model.geom_contype[model.geom_bodyid > 0] > 0).sum()), "shape")),
+        ("joints with motors", ", ".join(held) or "none"),
+        ("joints without", ", ".join(loose) or "none"),
+        ("flippers", ", ".join(robot.flipper_bodies) or "none"),
+        ("motors", f"{motors:.3g} N m a side ({whose}); 20 degrees uphill take {needed:.3g} N m"),
+    ]

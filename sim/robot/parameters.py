@@ -11,15 +11,7 @@ import numpy as np
 
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive
 from sim.ground.ground import UNLESS_ZERO, Ground
-from trackslip.errors import (
-    Checked,
-    checked,
-    require,
-    require_finite,
-    require_non_negative,
-    require_positive,
-    require_within,
-)
+from trackslip.errors import Checked, checked, require, require_non_negative, require_positive, require_within
 from trackslip.kinematics import RobotGeometry
 from trackslip.skid_theory import Contact, line_contact, wheel_contact
 
@@ -30,6 +22,7 @@ SINK = 0.002
 PATCH_LENGTH = 0.1
 """Length of a wheel's contact with the ground, by default [m]."""
 _MIN_SIZE = 1e-3  # length [m] and mass [kg]
+_MAX_SIZE = 10.0  # length [m]
 _MAX_MASS = 1e5  # [kg]
 _PLATE_HEIGHT = 0.5  # of models/tracked_robot.xml [m]
 _MOST_AXLES = 10
@@ -38,7 +31,7 @@ _SPREAD = (0.2, 3.0)  # radius of gyration about the vertical axis, over the dis
 _FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel
 
 
-def _require_size(name: str, value: float, most: float = 10.0, unit: str = "m") -> None:
+def _require_size(name: str, value: float, most: float = _MAX_SIZE, unit: str = "m") -> None:
     require_positive(name, value, most, unit)
     require(value >= _MIN_SIZE, name, value, f"at least {_MIN_SIZE:g} {unit}")
 
@@ -57,9 +50,9 @@ class RobotParameters(Checked):
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     mass: float = checked(25.0, _require_size, _MAX_MASS, "kg")
     """Mass of the robot [kg]."""
-    com_x: float = checked(0.0, require_finite)
+    com_x: float = checked(0.0, require_within, -_MAX_SIZE, _MAX_SIZE, "m")
     """Centre of mass, forward of the centre of the tracks [m]."""
-    com_y: float = checked(0.0, require_finite)
+    com_y: float = checked(0.0, require_within, -_MAX_SIZE, _MAX_SIZE, "m")
     """Centre of mass, to the left of the centre of the tracks [m]."""
     com_height: float = checked(0.12, _require_size)
     """Centre of mass above the ground [m]."""
@@ -193,5 +186,4 @@ def ground_file_text(ground: Ground, comment: str) -> str:
 
 
 def _lines(values: dict[str, Any]) -> str:
-    """Values as lines of a TOML file."""
     return "".join(f"{name} = {list(v) if isinstance(v, tuple) else v!r}\n" for name, v in values.items())

@@ -1,22 +1,32 @@
-"""MJCF -> compiled model and the numbers that the simulator needs from it."""
+"""MJCF -> compiled model, the numbers that the simulator needs from it, and the inertia of bodies that move as one."""
 
 from __future__ import annotations
 
 import hashlib
 import math
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sim.robot.chassis import shaped_robot
+import models
 from sim.robot.parameters import RobotParameters
 from sim.tracks.recipe import LEAST_ODDS, LEVEL, LEVEL_WHEELS, LEVEL_WIDE, Preset, track_points, warn_if_unverified
+from trackslip.errors import RobotWarning
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.localization.scan import Plate
 
+MODELS = Path(models.__file__).parent
+"""Folder of the shipped models."""
+BODY_LOOKS = ("hull", "deck", "bumper", "left_lamp", "right_lamp")
+"""Geoms that are the looks of the body."""
+_TRACK_LOOKS = ("track0", "track1")
 SCANNED_GROUP = 0
 """Geom group that the laser range finder sees."""
 VISUAL_GROUP = 1
@@ -33,6 +43,52 @@ _TILT = np.radians(45.0)  # of a pad with one point: its lower end touches, and 
 _LENGTH = 0.02  # between the ends of such a pad [m]
 _SHEARING = 4  # points of a wheel's patch on shearing ground
 _GAUSS = (-1 / math.sqrt(12), 1 / math.sqrt(12))  # those elsewhere, which spread as a uniform patch does [-]
+
+
+def shaped_robot(parameters: RobotParameters, file: str = "field.xml") -> Any:
+    """The spec of a shipped model with the body of these parameters, and without the looks of its tracks."""
+    spec = mujoco.MjSpec.from_file(str(MODELS / file))
+    for name in _TRACK_LOOKS:
+        spec.delete(spec.body(name))
+    shipped, chassis = RobotParameters(), spec.body("chassis")
+    size = np.array([parameters.contact_length, parameters.half_gauge, parameters.half_gauge])
+    size /= [shipped.contact_length, shipped.half_gauge, shipped.half_gauge]
+    spec.mesh("hull").scale = size
+    for name in BODY_LOOKS:
+        geom = spec.geom(name)
+        geom.pos, geom.size = geom.pos * size, geom.size * size
+    raised = np.array([0.0, 0.0, parameters.plate_height - shipped.plate_height])
+    mast, plate = spec.geom("mast"), spec.geom("plate")
+    mast.pos, plate.pos = mast.pos + raised / 2, plate.pos + raised
+    mast.size[1] += max(raised[2] / 2, -0.1)
+    if lrf := spec.body("lrf"):  # in the model of the field
+        lrf.pos = lrf.pos + raised
+    for site in (site for site in chassis.sites if "_footprint" in site.name):
+        site.pos[1] = np.copysign(parameters.half_gauge, site.pos[1])
+        site.size[0] = parameters.contact_length  # on either side of the middle: enough for any points
+    _set_mass(chassis, parameters, np.array([size[0], size[1], parameters.com_height / shipped.com_height]))
+    return spec
+
+
+def _set_mass(chassis: Any, parameters: RobotParameters, growth: np.ndarray) -> None:
+    """Set mass, its centre and inertia; the mass distribution scales with the shape, by `growth` (3,) along x, y, z."""
+    second = np.array(chassis.inertia) * (parameters.mass / chassis.mass)
+    second = (second.sum() / 2 - second) * growth**2  # second moments along x, y, z
+    inertia: Sequence[float] = parameters.inertia or (*(second.sum() - second), 0.0, 0.0, 0.0)
+    if parameters.yaw_inertia > 0:
+        inertia = _with_yaw_inertia(inertia, parameters.yaw_inertia)
+    chassis.mass, chassis.ipos = parameters.mass, parameters.centre_of_mass
+    chassis.inertia, chassis.fullinertia = [0.0, 0.0, 0.0], inertia
+
+
+def _with_yaw_inertia(inertia: Sequence[float], yaw_inertia: float) -> tuple[float, ...]:
+    """An inertia xx, yy, zz, xy, xz, yz whose masses are moved along the ground so that zz is `yaw_inertia`."""
+    xx, yy, zz, xy, xz, yz = inertia
+    moments = (xx + yy + zz) / 2 * np.eye(3) - [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    away = np.sqrt([yaw_inertia / zz, yaw_inertia / zz, 1.0])
+    moments *= np.outer(away, away)
+    moved = np.trace(moments) * np.eye(3) - moments
+    return tuple(moved[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist())
 
 
 def contact_points(parameters: RobotParameters, single: bool) -> tuple[Array, Preset]:
@@ -86,16 +142,11 @@ def lay_pads(spec: Any, parameters: RobotParameters, single: bool = False) -> Ar
 class Robot:
     """A compiled model and the numbers in it."""
 
-    model: mujoco.MjModel
-    """The compiled model, without its visuals."""
-    geometry: RobotGeometry
-    """Half gauge and nominal sprocket radius."""
-    mass: float
-    """Mass of the robot [kg]."""
-    plate: Plate
-    """The plate that the laser range finder sees."""
-    plate_radius: float
-    """Radius of the sphere around the plate [m]."""
+    model: mujoco.MjModel  # the compiled model, without its visuals
+    geometry: RobotGeometry  # half gauge and nominal sprocket radius
+    mass: float  # [kg]
+    plate: Plate  # the plate that the laser range finder sees
+    plate_radius: float  # radius of the sphere around the plate [m]
     pads: slice  # of the geoms: the contact capsules, each along its own z axis
     pad_side: np.ndarray  # (P,) 0 left, 1 right
     pad_sign: Array  # (P,) 1 where a pad's z axis points forward, -1 where backward; less where it is tilted
@@ -104,16 +155,12 @@ class Robot:
     pad_pairs: slice  # of the contact pairs, in the order of the pads
     contact_points: Array  # (K, 2) points where the tracks touch the ground, in the chassis' frame [m]
     lrf_mount: Array  # (3,) pose of the laser range finder in the world [m, m, rad]
-    lrf_height: float
-    """Height of the scan plane above the ground [m]."""
-    digest: str
-    """SHA-256 of the model, without visuals and contact sensors."""
+    lrf_height: float  # height of the scan plane above the ground [m]
+    digest: str  # SHA-256 of the model, without visuals and contact sensors
     parameters: RobotParameters
-    """Shape and mass."""
     contact_sensors: bool
     """True if there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
-    points_per_pad: int
-    """Number of points at which a pad touches the ground."""
+    points_per_pad: int  # number of points at which a pad touches the ground
 
     def pad_speeds(self, belts: Array) -> Array:
         """Speeds (..., P) of the pads' surfaces, each along its own axis, for belt speeds (..., 2) [m/s]."""
@@ -134,7 +181,7 @@ def load_robot(
 ) -> Robot:
     """Compile a robot on the paper's field, by default the shipped one, and read its numbers.
 
-    With `contact_sensors`, every pad has a sensor, for `sim.contact_forces` to read and runs to record; with
+    With `contact_sensors`, every pad has a sensor, for `sim.run_recorder` to read and runs to record; with
     `single_contacts`, a pad touches the ground at one point instead of two, and there are more.
     """
     parameters = parameters or RobotParameters()
@@ -184,7 +231,6 @@ def compiled(parameters: RobotParameters) -> Robot:
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, points: int) -> None:
-    """Add a sensor of the contact with the ground to every pad."""
     geom_type = mujoco.mjtObj.mjOBJ_GEOM
     grounds = {pair.geomname2: pair.geomname1 for pair in spec.pairs}
     for geom in spec.geoms:
@@ -204,3 +250,42 @@ def _rotation(quaternion: Array) -> Array:
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, quaternion)
     return matrix.reshape(3, 3)
+
+
+def composite(model: mujoco.MjModel, data: mujoco.MjData, bodies: ArrayLike) -> tuple[float, Array, Array]:
+    """Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m^2] of bodies where they are, in the world's axes."""
+    own = np.asarray(bodies, int)
+    mass = model.body_mass[own]
+    centre = mass @ data.xipos[own] / mass.sum()
+    turned, away = data.ximat[own].reshape(-1, 3, 3), data.xipos[own] - centre
+    inertia = (turned * model.body_inertia[own, None]) @ turned.swapaxes(1, 2)
+    square = (away**2).sum(axis=1)[:, None, None] * np.eye(3) - away[:, :, None] * away[:, None]
+    return float(mass.sum()), centre, (inertia + mass[:, None, None] * square).sum(axis=0)
+
+
+def warn_of_inertia(model: mujoco.MjModel, robot: int, path: Path) -> None:
+    """Give a RobotWarning for an inertia whose radius of gyration is beyond all of the body's shapes.
+
+    Links of the body `robot` that are fixed to each other are one body; bodies without shapes are measured by the whole
+    robot's. The model comes from the file `path`.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    links = np.flatnonzero(model.body_rootid == robot)
+    for body in np.unique(model.body_weldid[links]):
+        own = links[model.body_weldid[links] == body]
+        if not model.body_mass[own].sum():
+            continue
+        mass, centre, inertia = composite(model, data, own)
+        shapes = np.isin(model.geom_bodyid, own)
+        shapes = shapes if shapes.any() else np.isin(model.geom_bodyid, links)
+        reach = (np.linalg.norm(data.geom_xpos[shapes] - centre, axis=1) + model.geom_rbound[shapes]).max(initial=0.0)
+        gyration = float(np.sqrt(np.linalg.eigvalsh(inertia)[-1] / mass))
+        if gyration > reach:
+            worst = own[model.body_inertia[own].max(axis=1).argmax()]
+            what = f"inertia of link {model.body(worst).name} = {model.body_inertia[worst].max():.3g} kg m^2"
+            limit = (
+                f"with it, {mass:.3g} kg have a radius of gyration of {gyration:.3g} m, and reach only {reach:.3g} m"
+            )
+            warnings.warn(f"{path}: {what}: {limit}", RobotWarning, stacklevel=3)

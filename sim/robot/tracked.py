@@ -107,15 +107,8 @@ class TrackedRobot:
 
     def track(self, preset: str, friction: tuple[float, float]) -> Track:
         """The chassis' pair of tracks, or wheels."""
-        return Track(
-            self.half_gauge,
-            self.hull,
-            preset,
-            friction,
-            width=_width(self.width, self.lines),
-            contact=self.contact,
-            patch_length=self.patch_length,
-        )
+        width, contact, patch = _width(self.width, self.lines), self.contact, self.patch_length
+        return Track(self.half_gauge, self.hull, preset, friction, width=width, contact=contact, patch_length=patch)
 
     @property
     def flipper_bodies(self) -> tuple[str, ...]:

@@ -11,18 +11,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.robot.inertia import warn_of_inertia
-from sim.robot.keyframe import add_start, warn_of_keyframes
-from sim.robot.robot import VISUAL_GROUP
+from sim.robot.robot import VISUAL_GROUP, warn_of_inertia
 from sim.robot.tracked import Flipper, TrackedRobot
 from sim.robot.urdf import Refuse, find_meshes, refuse, said_of, some, weightless
-from sim.robot.wheels import endless, switch_off
+from sim.robot.wheels import add_start, endless, switch_off, warn_of_keyframes
 from sim.tracks import Belts, add_tracks, connect
 from trackslip.errors import RobotWarning, TrackslipError, counted
 from trackslip.kinematics import Array
 
 SIDES = ("left", "right")
-_FRICTION = 0.7  # of a plane
+_PLANE, _FRICTION, _GREY = "ground", 0.7, [0.6, 0.58, 0.54, 1]  # level ground without terrain
 _CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
 _ACROSS = 0.99  # least cosine between y of the chassis and of a flipper, and the hinge [-]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
@@ -41,6 +39,17 @@ class Terrain(Protocol):
 
 
 @dataclass(frozen=True)
+class FlipperGeometry:
+    """Shape of F flippers."""
+
+    hinge: Array  # (F, 3) in the chassis' frame [m]
+    length: Array  # (F,) from the hinge to the wheel at the tip [m]
+    radius: Array  # (F,) of a flipper's wheels, mean [m]
+    front: NDArray[np.bool_]  # (F,) whether the flipper points forwards
+    rest: Array  # (F,) lift of the tip above the chassis' plane at angle 0 [rad]
+
+
+@dataclass(frozen=True)
 class TrackedModel:
     """A compiled model with T tracks and F flippers; the chassis' tracks come first, then the flippers' in order."""
 
@@ -56,8 +65,8 @@ class TrackedModel:
     flipper_qpos: NDArray[np.int_]  # (F,) of the hinges, in qpos
     flipper_motor: NDArray[np.int_]  # (F,) of their motors, in ctrl
     flipper_sign: Array  # (F,) 1 where a positive angle of the hinge lifts the flipper's tip, else -1
-    flipper_front: NDArray[np.bool_]  # (F,) whether the flipper points forwards
     flipper_range: Array  # (F, 2) lowest and highest angle, positive is up [rad]
+    flippers: FlipperGeometry
 
     def flipper_angles(self, qpos: Array) -> Array:
         """Angles (..., F) of flippers in states qpos (..., nq), positive is up [rad]."""
@@ -98,10 +107,10 @@ def build_tracked(
         if not chassis.joints:
             chassis.add_freejoint()
         flippers = [(flipper, *_motor_of(spec, flipper, chassis)) for flipper in robot.flippers]
-        names = _plane(spec) if terrain is None else terrain.add_to(spec)
-        if friction is None:
-            coefficient = _FRICTION if terrain is None else terrain.friction
-            friction = (coefficient, coefficient)
+        if terrain is None:
+            spec.worldbody.add_geom(name=_PLANE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1], rgba=_GREY)
+        names = [_PLANE] if terrain is None else terrain.add_to(spec)
+        friction = friction or (_FRICTION if terrain is None else terrain.friction,) * 2
         add_tracks(spec, chassis, robot.track(preset, friction))
         for flipper in robot.flippers:
             add_tracks(spec, flipper.body, flipper.track(preset, friction))
@@ -214,13 +223,6 @@ def _warn_of_loose_joints(model: mujoco.MjModel, robot: TrackedRobot) -> None:
         warnings.warn(f"{robot.model}: {what}; {hint}", RobotWarning, stacklevel=3)
 
 
-def _plane(spec: Any) -> list[str]:
-    """A level ground."""
-    name = "ground"
-    spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1], rgba=[0.6, 0.58, 0.54, 1])
-    return [name]
-
-
 def _read(
     model: mujoco.MjModel,
     robot: TrackedRobot,
@@ -232,19 +234,25 @@ def _read(
     free = model.body_jntadr[body]
     joints = np.array([model.joint(joint).id for _, joint, _ in motors], int)
     data = mujoco.MjData(model)
+    data.qpos[model.jnt_qposadr[joints]] = 0.0
     mujoco.mj_forward(model, data)
     if not all(np.isfinite(values).all() for values in (data.geom_xpos, data.geom_xmat, data.xipos, data.qacc)):
         raise TrackslipError(f"{robot.model}: a number in it is nan, inf or too large: its motion isn't finite")
-    middle = np.array([np.mean(flipper.hull, axis=0)[[0, 1]] for flipper in robot.flippers]).reshape(-1, 2)
-    reach = np.insert(middle, 1, 0.0, axis=1)  # (F, 3) from the hinge to the middle of the flipper, in its frame
-    bodies = model.jnt_bodyid[joints]
-    turned = data.xmat[bodies].reshape(-1, 3, 3)
     _check_across(model, data, robot, chassis, refuse)
     _check_clear(model, data, robot, body, refuse)
-    reach = np.einsum("fij,fj->fi", turned, reach) - (data.xanchor[joints] - data.xpos[bodies])
-    upwards = np.cross(data.xaxis[joints], reach)[:, 2]
-    sign = np.where(upwards >= 0, 1.0, -1.0)
-    forwards = data.xmat[body].reshape(3, 3)[:, 0]
+    axes, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
+    hinge, tip, radius = np.zeros((len(joints), 3)), np.zeros((len(joints), 3)), np.zeros(len(joints))
+    for k, (joint, flipper) in enumerate(zip(joints, robot.flippers, strict=True)):
+        carrier, wheels = model.jnt_bodyid[joint], np.array(flipper.hull)
+        places = np.insert(wheels[:, :2], 1, flipper.y, axis=1) @ data.xmat[carrier].reshape(3, 3).T
+        places += data.xpos[carrier]
+        away = np.linalg.norm(places - data.xanchor[joint], axis=1)
+        hinge[k] = (data.xanchor[joint] - origin) @ axes
+        tip[k] = (places[away.argmax()] - origin) @ axes
+        radius[k] = wheels[:, 2].mean()
+    reach = tip - hinge
+    length, rest = np.hypot(reach[:, 0], reach[:, 2]), np.arctan2(reach[:, 2], np.abs(reach[:, 0]))
+    sign = np.where(np.cross(data.xaxis[joints] @ axes, reach)[:, 2] >= 0, 1.0, -1.0)
     limits = np.where(endless(model)[joints, None], [-np.pi, np.pi], model.jnt_range[joints])
     sides = [0, 1, *(SIDES.index(flipper.side) for flipper in robot.flippers)]
     return TrackedModel(
@@ -257,8 +265,8 @@ def _read(
         flipper_qpos=model.jnt_qposadr[joints],
         flipper_motor=np.array([model.actuator(motor).id for _, _, motor in motors], int),
         flipper_sign=sign,
-        flipper_front=reach @ forwards > 0,
         flipper_range=np.sort(sign[:, None] * limits, axis=1),
+        flippers=FlipperGeometry(hinge, length, radius, reach[:, 0] > 0, rest),
     )
 
 

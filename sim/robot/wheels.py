@@ -1,8 +1,9 @@
-"""A robot's own wheels, which its tracks replace."""
+"""A robot's own wheels, which its tracks replace, and the keyframe in which its runs begin."""
 
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,8 +13,8 @@ import scipy
 from numpy.typing import NDArray
 
 from sim.robot.tracked import TrackedRobot
-from sim.robot.urdf import some
-from trackslip.errors import TrackslipError
+from sim.robot.urdf import find_meshes, some
+from trackslip.errors import RobotWarning, TrackslipError
 from trackslip.kinematics import Array
 
 _AXIS = 0.95  # least cosine between the axis of a wheel and the chassis' y [-]
@@ -56,7 +57,6 @@ def _moving_carriers(link: Any, robot: TrackedRobot) -> list[str]:
 
 
 def _link(spec: Any, robot: TrackedRobot, name: str) -> Any:
-    """The body in `robot.wheels` of that name."""
     if spec.body(name) in (None, spec.worldbody):
         known = some([body.name for body in spec.bodies if body.name != "world"])
         raise TrackslipError(f"{robot.model}: wheels = {name!r}: must be links of the model, such as {known}")
@@ -64,7 +64,6 @@ def _link(spec: Any, robot: TrackedRobot, name: str) -> Any:
 
 
 def _delete_joint(spec: Any, joint: Any) -> None:
-    """Delete a joint with its motors, sensors and equalities."""
     motors = [motor for motor in spec.actuators if motor.target == joint.name]
     names = {joint.name, *(motor.name for motor in motors)} - {""}
     sensors = [sensor for sensor in spec.sensors if sensor.objname in names]
@@ -88,10 +87,8 @@ def own_wheels(spec: Any, chassis: str, robot: TrackedRobot) -> dict[str, Any]:
     if not len(pairs):
         given = ", ".join(listed) or "replace"
         allowed = "round links on endless hinges about y, alike on the left and right"
-        seen = f"found are {', '.join(wheels) or 'none'}"
-        raise TrackslipError(
-            f"{robot.model}: wheels = {given}: must be {allowed}; {seen}; give `hull` and `half_gauge`"
-        )
+        seen = f"found are {', '.join(wheels) or 'none'}; give `hull` and `half_gauge`"
+        raise TrackslipError(f"{robot.model}: wheels = {given}: must be {allowed}; {seen}")
     hull = pairs.mean(axis=1)
     hull = hull[np.argsort(hull[:, 0]), :3]
     return {
@@ -131,7 +128,8 @@ def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Se
         if body in carriers:
             continue
         name, place = model.body(body).name, _extent(model, data, base, body)
-        if _is_round(*(place[1] - place[0])):
+        along, _, up = place[1] - place[0]
+        if abs(along - up) < _ROUND * (along + up) / 2:
             wheels[name] = place
         elif listed and body in spinning:
             allowed = "round to be a wheel; give `hull` and `half_gauge`"
@@ -140,7 +138,6 @@ def _wheels(model: mujoco.MjModel, chassis: str, robot: TrackedRobot, listed: Se
 
 
 def _carriers(model: mujoco.MjModel, body: int) -> list[int]:
-    """The bodies between a body and the world."""
     carriers = []
     while parent := int(model.body_parentid[body]):
         carriers.append(parent)
@@ -164,10 +161,6 @@ def endless(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return np.asarray((model.jnt_limited == 0) | (np.ptp(model.jnt_range, axis=1) > 2 * np.pi))
 
 
-def _is_round(along: float, _: float, up: float) -> bool:
-    return bool(abs(along - up) < _ROUND * (along + up) / 2)
-
-
 def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int) -> Array:
     """Least and largest coordinates (2, 3) of a link's colliding geoms, else of all, in the chassis' frame [m]."""
     own = (model.geom_bodyid == body) | (model.body_weldid[model.geom_bodyid] == body)
@@ -186,3 +179,71 @@ def _extent(model: mujoco.MjModel, data: mujoco.MjData, chassis: Any, body: int)
         points += [centre - reach, centre + reach]
     stacked = np.vstack(points)
     return np.array([np.fmin.reduce(stacked), np.fmax.reduce(stacked)])
+
+
+def add_start(spec: Any, robot: TrackedRobot) -> None:
+    """Add the robot's keyframe to its complete spec, which has other joints than the keyframe's model.
+
+    Raises TrackslipError for a keyframe that its model doesn't have.
+    """
+    if not robot.key:
+        return
+    plain = robot.spec()
+    plain.compiler.fusestatic = False
+    find_meshes(plain, robot.model, robot.packages)
+    own, model = plain.compile(), spec.copy().compile()
+    names = [own.key(k).name for k in range(own.nkey)]
+    if robot.key not in names:
+        known = f"one of its keyframes, {some(names)}" if names else "left out: it has no keyframes"
+        raise TrackslipError(f"{robot.model}: key = {robot.key!r}: must be {known}")
+    key = names.index(robot.key)
+    ctrl = np.zeros(model.nu)
+    motors = {_motor_name(own, k): k for k in range(own.nu)}
+    for k in range(model.nu):
+        if (motor := motors.get(_motor_name(model, k))) is not None:
+            ctrl[k] = own.key_ctrl[key, motor]
+    qpos = with_joints_of(own, own.key_qpos[key], model, model.qpos0)
+    spec.add_key(name=robot.key, qpos=qpos.tolist(), ctrl=ctrl.tolist())
+
+
+def warn_of_keyframes(spec: Any, robot: TrackedRobot) -> None:
+    """Give a RobotWarning for keyframes of the user's model if none is chosen and joints remain that they move."""
+    moving = [joint for joint in spec.joints if joint.type != _FREE and joint.parent.name not in robot.flipper_bodies]
+    names = [key.name for key in spec.keys]
+    if names and moving and not robot.key:
+        hint = f'key = "{names[0]}" in the robot file begins there'
+        what = f"its keyframes, {some(names)}, are not used: joints and motors begin at 0"
+        warnings.warn(f"{robot.model}: {what}; {hint}", RobotWarning, stacklevel=4)
+
+
+def start(model: mujoco.MjModel) -> mujoco.MjData:
+    """Data of a model at its keyframe, if it has one, else at its reference."""
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    return data
+
+
+def with_joints_of(own: mujoco.MjModel, values: Array, model: mujoco.MjModel, like: Array, prefix: str = "") -> Array:
+    """Positions (nq,) of a model: `like`, except for joints that the model `own` has, too, at positions `values` there.
+
+    Free joints keep theirs. Names in the model may have a `prefix`.
+    """
+    qpos = like.copy()
+    places = {prefix + _joint_name(own, k): k for k in range(own.njnt) if own.jnt_type[k] != _FREE}
+    for k in range(model.njnt):
+        if (joint := places.get(_joint_name(model, k))) is not None:
+            size = 4 if model.jnt_type[k] == mujoco.mjtJoint.mjJNT_BALL else 1
+            at, source = model.jnt_qposadr[k], own.jnt_qposadr[joint]
+            qpos[at : at + size] = values[source : source + size]
+    return qpos
+
+
+def _joint_name(model: mujoco.MjModel, joint: int) -> str:
+    """Name of a joint, or its body's and its number there."""
+    body = model.jnt_bodyid[joint]
+    return model.joint(joint).name or f"{model.body(body).name}, joint {joint - model.body_jntadr[body]}"
+
+
+def _motor_name(model: mujoco.MjModel, motor: int) -> str:
+    return model.actuator(motor).name or _joint_name(model, int(model.actuator_trnid[motor, 0]))

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from sim.fleet import Fleet
 from sim.restorable import Restorable
 from sim.robot.robot import SCANNED_GROUP
-from sim.scanner.obstacles import Obstacles
-from sim.scanner.scanner import LaserScanner
+from sim.scanner.scanner import LaserScanner, Obstacles
 from sim.seeds import generator
 from trackslip.errors import require
 from trackslip.kinematics import Array, wrap_angle
@@ -126,7 +125,6 @@ class ScannerFeed(Restorable):
         return ranges
 
     def _aimed(self) -> _Aim:
-        """The beams to cast at the plates now."""
         centre = self._fleet.plate
         if self._aim is None or not self._aim.holds(centre):
             radius = self._fleet.robot.plate_radius

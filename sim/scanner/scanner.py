@@ -1,4 +1,4 @@
-"""The laser range finder (LRF): its beams, rate and errors."""
+"""The laser range finder (LRF), its beams, rate and errors; and obstacles in its field, by name or from a TOML file."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.settings import build, read_named
 from trackslip.errors import (
     Checked,
     checked,
     require,
+    require_at_most,
     require_finite,
     require_non_negative,
     require_positive,
@@ -22,6 +24,15 @@ _MAX_BEAMS = 20_000  # largest number of beams in a scan
 _MIN_RATE = 5.0  # smallest scan rate [Hz]
 _MAX_ERROR = 0.5  # largest error of a range from a single cause [m]
 _MIN_STEP = 1e-6  # finest quantisation of ranges [m]
+_MAX_COORDINATE = 1000.0  # largest coordinate [m]
+_MAX_RADIUS = 10.0  # largest radius of a post [m]
+_MAX_NUMBER = 10_000  # largest number of posts, and of walls
+_MIN_DISTANCE = 0.01  # smallest distance of an obstacle from the scanner [m]
+
+
+def require_share(name: str, value: float) -> None:
+    """Raise InvalidValueError unless `value` is a share of something, not all of it."""
+    require(0 <= value < 1, name, value, "at least 0 and less than 1")
 
 
 @dataclass(frozen=True)
@@ -38,7 +49,7 @@ class LaserScanner(Checked):
     """Standard deviation of a range [m]."""
     max_range: float = checked(20.0, require_positive, 1000.0, "m")
     """Surfaces farther away return no echo [m]."""
-    dropout: float = checked(0.0, require_finite)
+    dropout: float = checked(0.0, require_share)
     """Probability that a beam that hits a surface returns no echo [-]."""
     quantisation: float = checked(0.0, require_non_negative, _MAX_ERROR, "m")
     """Noisy ranges are rounded to multiples of this; 0 for no rounding [m]."""
@@ -54,7 +65,6 @@ class LaserScanner(Checked):
             (self.rate >= _MIN_RATE, "rate", f"at least {_MIN_RATE:g} Hz"),
             (opened / step <= _MAX_BEAMS, "resolution", few_beams),
             (step < opened <= 2 * np.pi, "field_of_view", "greater than the resolution, at most 2 pi"),
-            (0 <= self.dropout < 1, "dropout", "at least 0 and less than 1"),
         ):
             require(valid, name, getattr(self, name), allowed)
 
@@ -93,3 +103,134 @@ class LaserScanner(Checked):
     def range_std(self) -> float:
         """Standard deviation of a range from noise and rounding [m]."""
         return float(np.hypot(self.noise, self.quantisation / np.sqrt(12)))
+
+
+@dataclass(frozen=True)
+class Post(Checked):
+    """An upright cylinder."""
+
+    x: float
+    """Centre, in the world [m]."""
+    y: float
+    """Centre, in the world [m]."""
+    radius: float = checked(0.05, require_positive, _MAX_RADIUS, "m")
+    """Radius [m]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require_coordinates(x=self.x, y=self.y)
+
+    def ranges(self, origin: Array, direction: Array) -> Array:
+        """See `Obstacles.ranges`."""
+        centre = np.array([self.x, self.y]) - origin
+        along, across = np.sum(centre * direction, axis=-1), _cross(direction, centre)
+        half_chord = np.sqrt(np.maximum(self.radius**2 - across**2, 0.0))
+        met = (np.abs(across) <= self.radius) & (along + half_chord >= 0)
+        return np.where(met, np.maximum(along - half_chord, 0.0), np.nan)
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A thin straight wall."""
+
+    x0: float
+    """One end, in the world [m]."""
+    y0: float
+    """One end, in the world [m]."""
+    x1: float
+    """Other end, in the world [m]."""
+    y1: float
+    """Other end, in the world [m]."""
+
+    def __post_init__(self) -> None:
+        _require_coordinates(x0=self.x0, y0=self.y0, x1=self.x1, y1=self.y1)
+        end = self.x1, self.y1
+        require(end != (self.x0, self.y0), "x1, y1", end, "another place than x0, y0")
+
+    def ranges(self, origin: Array, direction: Array) -> Array:
+        """See `Obstacles.ranges`; a beam parallel to the wall misses it."""
+        start = np.array([self.x0, self.y0]) - origin
+        side = np.array([self.x1 - self.x0, self.y1 - self.y0])
+        # range * direction = start + share * side
+        determinant = _cross(direction, side)
+        with np.errstate(all="ignore"):
+            distance = _cross(start, side) / determinant
+            share = _cross(start, direction) / determinant
+        return np.where((distance >= 0) & (share >= 0) & (share <= 1), distance, np.nan)
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """Everything in the field, except the plate, that beams may hit."""
+
+    posts: tuple[Post, ...] = ()
+    walls: tuple[Wall, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("posts", "walls"):
+            require_at_most(f"number of {name}", len(getattr(self, name)), _MAX_NUMBER)
+
+    def ranges(self, origin: Array, direction: Array) -> Array:
+        """Distances (...) to the nearest obstacle, NaN where there is none [m].
+
+        The beams start at `origin` (2,) [m] in the directions (..., 2), unit vectors. The distance is 0 inside a post.
+        """
+        nearest = np.full(direction.shape[:-1], np.nan)
+        obstacles: tuple[Post | Wall, ...] = (*self.posts, *self.walls)
+        for obstacle in obstacles:
+            nearest = np.fmin(nearest, obstacle.ranges(origin, direction))
+        return nearest
+
+    def require_clear(self, scanner: Array) -> None:
+        """Raise InvalidValueError if an obstacle stands on the scanner (2,) [m]."""
+        angle = np.linspace(0.0, 2 * np.pi, 360)
+        around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        x, y = np.round(scanner, 3) + 0.0
+        allowed = f"at least {_MIN_DISTANCE:g} m away from the scanner, which is at ({x:g}, {y:g})"
+        for name in ("posts", "walls"):
+            for k, obstacle in enumerate(getattr(self, name)):
+                near = (obstacle.ranges(scanner, around) < _MIN_DISTANCE).any()
+                require(not near, f"{name}[{k}]", obstacle, allowed)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _require_coordinates(**coordinates: float) -> None:
+    for name, value in coordinates.items():
+        require_finite(name, value)
+        require(abs(value) <= _MAX_COORDINATE, name, value, f"from {-_MAX_COORDINATE:g} to {_MAX_COORDINATE:g} m")
+
+
+NAMED_OBSTACLES: dict[str, Obstacles] = {
+    # beside and behind the circles, two of them closer to the largest one than a plate is long
+    "posts": Obstacles(
+        posts=(Post(2.3, 2.0), Post(-5.3, 4.0), Post(1.6, 6.0), Post(-1.5, 7.2, 0.15), Post(-3.5, -0.8))
+    ),
+    "room": Obstacles(
+        walls=(
+            Wall(-6.0, -2.0, -6.0, 8.0),
+            Wall(-6.0, 8.0, 3.0, 8.0),
+            Wall(3.0, 8.0, 3.0, -2.0),
+            Wall(3.0, -2.0, -6.0, -2.0),
+        )
+    ),
+    # it hides a part of every circle
+    "occluded": Obstacles(posts=(Post(-1.61, -0.71),)),
+}
+"""Obstacles around the circles of a grid, in front of the scanner.
+
+It stands at (-1.5, -1.5) and looks along +y. The circles touch each other at (-1.5, 0) and lie beyond it, the largest
+from x = -4.7 to 1.7 and up to y = 6.3. No obstacle stands in the way of a robot of the grid.
+"""
+
+
+def load_obstacles(source: str) -> Obstacles:
+    """Load obstacles by name, or from a TOML file with tables `[[posts]]` and `[[walls]]`.
+
+    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
+    """
+    if source in NAMED_OBSTACLES:
+        return NAMED_OBSTACLES[source]
+    return build(Obstacles, read_named("obstacles", source, NAMED_OBSTACLES), source)

@@ -8,9 +8,8 @@ Heights are those of the surface that MuJoCo collides with: `course.height(x, y)
 """
 
 from sim.terrain.course import Course, course_names, load_course
-from sim.terrain.fields import HeightField, Rough
 from sim.terrain.loose import Beams, Blocks, Pallets
-from sim.terrain.pieces import Flat, Gap, Piece, Ramp, SideSlope, Stairs, Step
+from sim.terrain.pieces import Flat, Gap, HeightField, Piece, Ramp, Rough, SideSlope, Stairs, Step
 
 __all__ = [
     "Beams",

@@ -16,11 +16,10 @@ import numpy as np
 
 import models
 from sim.seeds import generator
-from sim.terrain.fields import Rough
+from sim.settings import build, read_named, read_toml
 from sim.terrain.loose import Beams, Blocks, Pallets
-from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, Stairs, Step, require_length
+from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, Rough, SideSlope, Site, Stairs, Step, require_length
 from sim.terrain.solids import EDGE, LINES, Base, Level, Solid, look
-from sim.toml_file import build, read_named, read_toml
 from trackslip.errors import (
     Checked,
     InvalidValueError,
@@ -184,16 +183,10 @@ class Course(Checked):
         return Table(np.array([x[0], y[0]]), 1 / cell, heights)
 
     def add_to(self, spec: mujoco.MjSpec, *, looks: bool = True) -> list[str]:
-        """Add the course and its floor, which has no end, to the world body of `spec`.
+        """Add the course and its floor, which has no end, to the world body of `spec`; gives the names of its geoms.
 
         A second one, or one elsewhere, is attached from a spec of its own: `spec.attach(other, prefix=..., frame=...)`.
-
-        Args:
-            spec: the model.
-            looks: whether to draw what carries slopes, by meshes that collide with nothing.
-
-        Returns:
-            Names of the geoms, for `connect`.
+        With `looks`, what carries slopes is drawn by meshes that collide with nothing.
         """
         taken = any(geom.name.startswith(_NAME) for geom in spec.geoms)
         require(not taken, "spec", spec.modelname, "one without a course")
@@ -210,12 +203,9 @@ class Course(Checked):
 class Table(NamedTuple):
     """Heights of a course on a grid."""
 
-    origin: Array
-    """Position of the first height [m]."""
-    per_metre: float
-    """Cells per metre."""
-    heights: Array
-    """Heights (rows, columns), rows along x, columns along y [m]."""
+    origin: Array  # position of the first height [m]
+    per_metre: float  # cells per metre
+    heights: Array  # heights (rows, columns), rows along x, columns along y [m]
 
 
 def look_up(courses: Sequence[Course], points: Array) -> Array:
@@ -259,18 +249,10 @@ def course_names() -> list[str]:
 
 
 def load_course(source: str, seed: int | None = None, drawn: Sequence[str] = ()) -> Course:
-    """Load a named course, or a TOML file with fields of `Course` and tables `[[pieces]]`.
+    """Load a named course, or a TOML file with fields of `Course` and tables `[[pieces]]`, each with a `kind`.
 
-    Each piece has a `kind` and fields of that piece.
-
-    Args:
-        source: the name, or the file.
-        seed: replaces that of the file.
-        drawn: further names that the caller knows, for the message.
-
-    Raises:
-        InvalidValueError: for any other source.
-        SettingsFileError: for an unreadable file and invalid fields.
+    `seed` replaces that of the file; `drawn` are further names that the caller knows, for the message. Raises
+    InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
     """
     named = _COURSES / f"{source}.toml"
     table = read_toml(named) if source in course_names() else read_named("course", source, (*course_names(), *drawn))

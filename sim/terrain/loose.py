@@ -42,14 +42,10 @@ class Beams(Checked):
         margin = self.spacing / 2 + site.width / 2 * math.sin(self.yaw)  # so that no beam lies on another piece
         end = site.x + 2 * margin + (self.number - 1) * self.spacing
         yaw = site.rng.uniform(-self.yaw, self.yaw, self.number)
+        size, x = (half, site.width / 2, half), site.x + margin
         beams = tuple(
-            Box(
-                (site.x + margin + k * self.spacing, 0.0, site.z + half),
-                (half, site.width / 2, half),
-                _turned(float(yaw[k])),
-                WOOD,
-            )
-            for k in range(self.number)
+            Box((x + k * self.spacing, 0.0, site.z + half), size, _turned(angle), WOOD)
+            for k, angle in enumerate(yaw.tolist())
         )
         return Placed((Level(site.x, end, site.width / 2, site.z), *beams), end, site.z)
 
@@ -129,7 +125,6 @@ class Pallets(Checked):
 
 
 def _pallet(x: float, y: float, z: float, yaw: float) -> Iterator[Solid]:
-    """Boards and bearers of a pallet whose middle is at (x, y)."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     under = _HEIGHT - _BOARD
     for along, across in _BOARDS:

@@ -1,4 +1,4 @@
-"""Pieces of a course with plane surfaces: level ground, ramps, steps, stairs, gaps and side slopes.
+"""Pieces of a course that are ground: level, ramps, steps, stairs, gaps, side slopes, rough ground and given heights.
 
 A piece begins where the one before it ended, at its height, and runs along x.
 """
@@ -12,7 +12,16 @@ from typing import Protocol
 import numpy as np
 
 from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
-from trackslip.errors import Checked, checked, require, require_finite, require_whole, require_within
+from trackslip.errors import (
+    Checked,
+    InvalidValueError,
+    checked,
+    require,
+    require_at_most,
+    require_finite,
+    require_whole,
+    require_within,
+)
 from trackslip.kinematics import Array
 
 _THICKNESS = 0.1  # of the boxes of slopes [m]
@@ -26,6 +35,10 @@ _MIN_HEIGHT, _MAX_HEIGHT = 1e-4, 10.0  # of anything on a course [m]
 _MAX_ANGLE = 1.2  # of a ramp or a side slope [rad]
 MAX_NUMBER = 500
 """Largest number of stairs, beams, blocks or pallets in a piece."""
+_MAX_EXPONENT = 8.0
+_MAX_SAMPLES = 1_000_000  # of a height field
+_MAX_SIDE = 2000  # samples along a side of rough ground, whose spectrum takes four times its square
+_MIN_CELL = 0.005  # [m]
 
 
 def require_length(field: str, value: float) -> None:
@@ -63,14 +76,10 @@ def _require_angle(name: str, value: float) -> None:
 class Site:
     """Place of a piece on its course."""
 
-    x: float
-    """Beginning along the course [m]."""
-    z: float
-    """Height there [m]."""
-    width: float
-    """Width of the course [m]."""
-    rng: np.random.Generator
-    """Random numbers of this piece."""
+    x: float  # beginning along the course [m]
+    z: float  # height there [m]
+    width: float  # width of the course [m]
+    rng: np.random.Generator  # random numbers of this piece
 
 
 @dataclass(frozen=True)
@@ -78,10 +87,8 @@ class Placed:
     """A piece in its place."""
 
     solids: tuple[Solid, ...]
-    x: float
-    """End along the course [m]."""
-    z: float
-    """Height there [m]."""
+    x: float  # end along the course [m]
+    z: float  # height there [m]
 
 
 class Piece(Protocol):
@@ -209,3 +216,84 @@ def smooth_step(share: Array) -> Array:
     """From 0 to 1 as `share` goes from 0 to 1, with level ends; constant beyond."""
     share = np.clip(share, 0.0, 1.0)
     return share**2 * (3 - 2 * share)
+
+
+@dataclass(frozen=True)
+class Rough(Checked):
+    """Random rough ground whose power spectrum falls with the wave number; it begins and ends level."""
+
+    length: float = checked(4.0, require_length)
+    """Length [m]."""
+    amplitude: float = checked(0.1, require_height)
+    """From the lowest to the highest point [m]."""
+    exponent: float = checked(3.0, require_within, 0.0, _MAX_EXPONENT)
+    """Exponent with which spectral power per area falls with the wave number; 3 as of roads (ISO 8608)."""
+    cell: float = 0.1
+    """Size of a cell of the height field [m]."""
+    blend: float = 0.5
+    """Length of the transition to level ground at either end [m]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_within("cell", self.cell, _MIN_CELL, self.length, "m, at most the length")
+        require_within("blend", self.blend, 0.0, self.length / 2, "m, at most half of the length")
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        columns, rows = (max(2, round(size / self.cell)) + 1 for size in (self.length, site.width))
+        require_at_most("cells along a side of rough ground", max(rows, columns), _MAX_SIDE)
+        require_at_most("samples of rough ground", rows * columns, _MAX_SAMPLES)
+        waves = _noise(rows, columns, self.exponent, site.rng)
+        if self.blend > 0:
+            x = np.linspace(0.0, self.length, columns)
+            waves = waves * smooth_step(np.minimum(x, x[::-1]) / self.blend)
+        waves[:, [0, -1]] = 0.0  # flush with what it lies between
+        heights = site.z + waves * (self.amplitude / np.ptp(waves))
+        end = site.x + self.length
+        return Placed((Grid(site.x, self.length, site.width, heights),), end, site.z)
+
+
+def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -> Array:
+    """Gaussian noise (rows, columns) of mean 0 whose power per area of wave numbers is ~ wave number ** -exponent.
+
+    It is cut from a square of twice the size: noise from a Fourier sum repeats itself from edge to edge.
+    """
+    size = 2 * max(rows, columns)
+    wave_number = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size))
+    wave_number[0, 0] = np.inf
+    spectrum = np.fft.rfft2(rng.standard_normal((size, size))) * wave_number ** (-exponent / 2)
+    noise = np.fft.irfft2(spectrum, (size, size))[:rows, :columns]
+    return noise - noise.mean()
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField(Checked):
+    """Given heights; the mean of the first column joins the piece before, that of the last the piece behind."""
+
+    heights: Array
+    """Heights (rows, columns) [m]: rows along y, to the left, columns along x, the way to drive."""
+    length: float = checked(4.0, require_length)
+    """Length from the first to the last column [m]."""
+    width: float = checked(math.inf, require_width)
+    """Width from the first to the last row [m]; inf: the course's width."""
+
+    def __post_init__(self) -> None:
+        try:
+            shape = np.shape(self.heights)
+        except ValueError:
+            raise InvalidValueError("heights", self.heights, "rows of equal lengths") from None
+        require(len(shape) == 2 and min(shape) >= 2, "shape of heights", shape, "(rows, columns), at least (2, 2)")
+        require_at_most("samples of heights", int(np.prod(shape)), _MAX_SAMPLES)
+        values = np.ravel(self.heights)
+        wrong = values[~np.isfinite(values)] if values.dtype.kind in "iuf" else values
+        require(len(wrong) == 0, "heights", wrong[:1].tolist(), "finite numbers")
+        require_at_most("range of heights", float(np.ptp(values)), MAX_LENGTH, "m")
+        super().__post_init__()
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        heights = np.asarray(self.heights, float)
+        width = site.width if self.width == math.inf else self.width
+        heights = heights + (site.z - heights[:, 0].mean())
+        end = site.x + self.length
+        return Placed((Grid(site.x, self.length, width, heights),), end, float(heights[:, -1].mean()))

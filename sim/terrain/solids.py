@@ -28,12 +28,9 @@ _NO_TURNING = 0.005, 0.0001  # torsional and rolling friction, MuJoCo's defaults
 class Base:
     """Properties shared by the geoms of a course."""
 
-    floor: float
-    """Height of the floor below the course [m]."""
-    friction: float
-    """Coefficient of sliding friction."""
-    looks: bool = True
-    """Draw the supports of slopes."""
+    floor: float  # height of the floor below the course [m]
+    friction: float  # coefficient of sliding friction
+    looks: bool = True  # draw the supports of slopes
 
 
 class Solid(Protocol):
@@ -54,14 +51,10 @@ class Solid(Protocol):
 class Level:
     """A block that stands on the floor, with a level top."""
 
-    x0: float
-    """Beginning along the course [m]."""
-    x1: float
-    """End along the course [m]."""
-    half_width: float
-    """Half of its width; it is centred on the x axis [m]."""
-    z: float
-    """Height of its top [m]."""
+    x0: float  # beginning along the course [m]
+    x1: float  # end along the course [m]
+    half_width: float  # half of its width; it is centred on the x axis [m]
+    z: float  # height of its top [m]
     colour: Colour = STONE
 
     @property
@@ -94,12 +87,9 @@ class Level:
 class Box:
     """A box in any attitude."""
 
-    centre: tuple[float, float, float]
-    """Its centre [m]."""
-    half: tuple[float, float, float]
-    """Half of its length, width and height [m]."""
-    quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
-    """Its attitude: w, x, y, z."""
+    centre: tuple[float, float, float]  # [m]
+    half: tuple[float, float, float]  # half of its length, width and height [m]
+    quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)  # its attitude: w, x, y, z
     colour: Colour = STONE
 
     @cached_property
@@ -156,14 +146,10 @@ class Box:
 class Grid:
     """A height field: heights at the corners of rectangles, each of which is two triangles."""
 
-    x0: float
-    """Beginning along the course [m]."""
-    length: float
-    """Its length along x [m]."""
-    width: float
-    """Its width; it is centred on the x axis [m]."""
-    heights: Array
-    """Heights (rows, columns) [m]: rows along y, columns along x, each in ascending order."""
+    x0: float  # beginning along the course [m]
+    length: float  # its length along x [m]
+    width: float  # its width; it is centred on the x axis [m]
+    heights: Array  # heights (rows, columns) [m]: rows along y, columns along x, each in ascending order
     colour: Colour = EARTH
 
     @property

@@ -7,9 +7,8 @@ belts = Belts(model)
 belts.set([0.3, 0.3])  # [m/s]
 """
 
-from sim.tracks.add import add_tracks
 from sim.tracks.belts import BatchBelts, Belts
-from sim.tracks.connect import connect
+from sim.tracks.connect import add_tracks, connect
 from sim.tracks.drawing import DrawnTracks
 from sim.tracks.motors import MotorReading
 from sim.tracks.reading import Reading

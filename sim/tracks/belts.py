@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.tracks.contact import set_contacts
-from sim.tracks.description import tracks_in
+from sim.tracks.description import set_contacts, tracks_in
 from sim.tracks.motors import MotorReading, Motors
 from sim.tracks.reading import SENSED_WIDTH, Reading, read_contacts
 from trackslip.errors import require
@@ -22,29 +20,25 @@ Floats = NDArray[np.float64]
 
 
 class _Map:
-    """Indices of T tracks in a compiled model."""
-
-    def __init__(self, model: mujoco.MjModel, names: Sequence[str]) -> None:
+    def __init__(self, model: mujoco.MjModel) -> None:
         every = tracks_in(model)
+        require(every, "model", "no tracks in it", "one with tracks: add_tracks adds them")
         for tracks in every:
             set_contacts(model, tracks)
-        known = {name: (tracks, k) for tracks in every for k, name in enumerate(tracks.names)}
-        allowed = f"tracks of the model: {', '.join(known) or 'there are none'}"
-        require(known and known.keys() >= set(names), "names", tuple(names), allowed)
-        self.names = tuple(names) or tuple(known)
-        chosen = [known[name] for name in self.names]
-        own = [(tracks, tracks.track == k) for tracks, k in chosen]
-        self.bodies = np.array([tracks.bodies[k] for tracks, k in chosen])
-        self.geoms = np.concatenate([tracks.geoms[mask] for tracks, mask in own])
-        self.track = np.repeat(np.arange(len(own)), [mask.sum() for _, mask in own])
-        self.direction = np.concatenate([tracks.direction[mask] for tracks, mask in own])
-        first = np.searchsorted(self.track, np.arange(len(own)))  # a geom of each track, which tells its speed
+        counts = [len(tracks.names) for tracks in every]
+        self.names = tuple(name for tracks in every for name in tracks.names)
+        self.bodies, self.geoms, self.direction = (
+            np.concatenate([getattr(tracks, name) for tracks in every]) for name in ("bodies", "geoms", "direction")
+        )
+        before = np.cumsum(counts) - counts
+        self.track = np.concatenate([tracks.track + k for tracks, k in zip(every, before, strict=True)])
+        first = np.searchsorted(self.track, np.arange(len(self.names)))  # a geom of each, which tells its speed
         self.leader, leading = self.geoms[first], self.direction[first]
         self.lead = leading / (leading**2).sum(axis=-1, keepdims=True)
-        self.hulls = [tracks.hull for tracks, _ in own]
+        self.hulls = [tracks.hull for tracks in every for _ in tracks.names]
         mass = model.body_subtreemass[model.body_rootid[self.bodies]].max()
         self.weight = mass * (float(np.linalg.norm(model.opt.gravity)) or 9.81)
-        self.slope = mass * max(tracks.preset.grip for tracks, _ in own)
+        self.slope = mass * max(tracks.preset.grip for tracks in every)
         self.radius = np.array([hull.wheels[:, 2].max() for hull in self.hulls])
         sensors = [model.sensor(model.body(body).name).id for body in self.bodies]
         self.first, self.slots = model.sensor_adr[sensors], model.sensor_dim[sensors] // SENSED_WIDTH  # (T,) each
@@ -81,14 +75,14 @@ class Belts:
     names: tuple[str, ...]
     """Name of each track (T,)."""
 
-    def __init__(self, model: mujoco.MjModel, names: Sequence[str] = ()) -> None:
-        """Find the tracks of a model, in the order in which they were added, or those of these `names`.
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Find the tracks of a model, in the order in which they were added.
 
         This sets the parameters of their contacts, which depend on the robot's complete mass.
 
         Raises InvalidValueError for a model without tracks, and for contacts that can't follow their recipe.
         """
-        self._model, self._map = model, _Map(model, names)
+        self._model, self._map = model, _Map(model)
         self.names = self._map.names
         self._motors = self._map.motors(1, np.arange(len(self.names)))
         self.hulls = self._map.hulls
@@ -195,18 +189,27 @@ class BatchBelts:
         self._motors.begin(where)
         self._put(where, self._motors.speed[where])
 
-    def step(self, rows: Any = slice(None)) -> None:
-        """Advance the simulations `rows` by one physics step with the motors that are set; see `Belts.step`."""
+    def step(self, rows: Any = slice(None)) -> Reading:
+        """Advance the simulations `rows` (R,) by one physics step with the motors that are set; see `Belts.step`.
+
+        Returns forces and motion (R, T), which may lack contacts: see `Reading.complete`.
+        """
         where = np.arange(len(self._surface))[rows]
-        state = self._batch.state.copy()
+        state, readings = self._batch.state.copy(), []
 
         def attempt(tried: NDArray[np.int_], speeds: Floats) -> Floats:
             self._batch.state[tried] = state[tried]
             self._put(tried, speeds)
             self._batch.step(ids=tried)
-            return self._by_motor(self._read(tried).traction)
+            reading = self._read(tried)
+            readings.append((tried, reading))
+            return self._by_motor(reading.traction)
 
         self._motors.advance(where, float(self._batch.model.opt.timestep), attempt)
+        (_, last), *again = readings  # the first attempt is that of all
+        for tried, reading in again:
+            last.put(np.searchsorted(where, tried), reading)
+        return last
 
     def motors(self) -> MotorReading:
         """Torque, speed, power and energy (N, M) of the motors after the last `step`."""
@@ -246,8 +249,7 @@ class BatchBelts:
             if weak.any():
                 self._batch.state[where[weak]] = before[weak]
                 for k in range(steps):
-                    self.step(where[weak])
-                    reading.put((weak, k), self._read(where[weak]))
+                    reading.put((weak, k), self.step(where[weak]))
         return reading
 
     def _read(self, rows: Any) -> Reading:

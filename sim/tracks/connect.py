@@ -1,24 +1,96 @@
-"""Contact pairs of tracks and terrain in a spec; once compiled, `sim.tracks.contact` sets their parameters."""
+"""Tracks bolted to a body of a MuJoCo spec, and their contact pairs with terrain.
+
+Once compiled, `sim.tracks.description` sets the parameters of the contacts.
+"""
 
 from __future__ import annotations
 
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from sim.tracks.description import Description, descriptions
-from sim.tracks.recipe import set_options, set_timestep
+from sim.tracks.hull import Hull
+from sim.tracks.recipe import load_preset, require_stable, set_options, set_timestep
+from sim.tracks.track import WHEEL_WEIGHT, WHEELS, Track
 from trackslip.errors import InvalidValueError, require
 
+SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
+"""Data that a contact sensor reports per contact, as bits: found, force, dist, normal, tangent, linvel."""
+_FINER = 10.0  # impratio over the preset's, for the slower sliding next to the pivot of a wide robot [-]
+_MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
 _MAX_PAIRS = 20_000  # about 0.3 ms a step, five times as much as everything else of a robot
 _MOST = mujoco.mjMAXCONPAIR  # contacts of two geoms that the engine keeps
 _PER_CELL, _ENDS = 4.2, 4.0  # most contacts of a capsule with a height field: for each cell of its length, and more
 _TWICE = 4  # contacts that a sensor reports for each that a belt has on a solid: on two of them, and with cores
 _MARGIN = 1.5  # the same for a height field, all of which a belt rarely touches [-]
 _CAPSULE, _HFIELD = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_HFIELD
+
+
+def add_tracks(
+    spec: mujoco.MjSpec, body: str | mujoco.MjsBody, track: Track, terrain: Iterable[object] | None = None
+) -> tuple[str, ...]:
+    """Add a track, or a pair of tracks, to a body of a MuJoCo spec, and give their names.
+
+    Args:
+        spec: a model that is not compiled yet.
+        body: name of the body that carries the tracks, or the body; x forwards, y left, z up.
+        track: what to add.
+        terrain: geoms, or their names, to `connect` the tracks with at once; otherwise call `connect`.
+
+    Raises:
+        InvalidValueError: for a body that is not in the spec, a name that is taken, terrain that can't be connected, or
+            a time step at which the preset isn't stable.
+    """
+    carrier = spec.body(body) if isinstance(body, str) else body
+    if carrier is None:
+        known = ", ".join(each.name for each in spec.bodies if each.name)
+        raise InvalidValueError("body", body, f"a body of the spec: {known}")
+    require(carrier.name != "world", "body", carrier.name, "a body that moves")
+    grounds = None if terrain is None else find_grounds(spec, terrain, track.friction)
+    name = track.name or carrier.name
+    require(name, "name", name, "given: the body has no name")
+    names = tuple("_".join(filter(None, (name, end))) for end, _ in track.sides)
+    for each in names:
+        taken = spec.body(f"{each}_track") or spec.sensor(f"{each}_track") or spec.geom(f"{each}_track_wheel0")
+        require(not taken, "name", name, f"another: the spec has a {each}_track already")
+    preset = load_preset(track.preset)
+    if spec.option.timestep != mujoco.MjSpec().option.timestep:
+        require_stable(spec.option.timestep, preset)
+    parts, count = track.parts(), track.segment_count
+    geoms = []
+    for each, (_, sign) in zip(names, track.sides, strict=True):
+        frame = carrier.add_body(name=f"{each}_track", pos=[0.0, sign * track.half_gauge, 0.0])
+        for part in parts:
+            geoms.append(f"{each}_track_{part.name}")
+            frame.add_geom(name=geoms[-1], mass=0, contype=0, conaffinity=0, group=3, **part.shape)
+        spec.add_sensor(
+            name=f"{each}_track",
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            reftype=mujoco.mjtObj.mjOBJ_BODY,
+            refname=f"{each}_track",
+            intprm=[SENSED, _MAX_FORCE, 1],  # connect makes room for contacts
+        )
+    on_wheels, depths = track.contact == WHEELS, (preset.core_depth, preset.edge_depth)
+    fine = not on_wheels and count > preset.segments
+    description = Description(
+        preset=replace(preset, impratio=_FINER * preset.impratio) if fine else preset,
+        friction=(float(track.friction[0]), float(track.friction[1])),
+        load=track.load,
+        points=len(names) * (len(parts) if on_wheels else 2 * (count + WHEEL_WEIGHT)),
+        segment=Hull.from_wheels(track.hull).longest_below / count,
+        geoms=tuple(geoms),
+        weights=tuple(part.weight for part in parts) * len(names),
+        cores=tuple(depths[part.edge] if part.cored else 0.0 for part in parts) * len(names),
+    )
+    description.write(spec, name)
+    if grounds is not None:
+        connect_tracks(spec, name, description, grounds)
+    return names
 
 
 def connect(spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> None:
@@ -98,14 +170,10 @@ def _cells(spec: mujoco.MjSpec, grounds: Sequence[mujoco.MjsGeom]) -> Iterator[f
             yield math.inf
             continue
         field = spec.hfield(geom.hfieldname)
-        shape = (field.ncol, field.nrow) if model is None else _shape(model, field.name)
-        yield float((2 * np.array(field.size[:2]) / np.subtract(shape, 1)).min())
-
-
-def _shape(model: mujoco.MjModel, field: str) -> tuple[int, int]:
-    """Columns and rows of a height field of a file, which the compiler reads."""
-    compiled = model.hfield(field)
-    return int(compiled.ncol[0]), int(compiled.nrow[0])
+        if model is not None:
+            field = model.hfield(field.name)
+        shape = np.ravel([field.ncol, field.nrow])
+        yield float((2 * np.array(field.size[:2]) / (shape - 1)).min())
 
 
 def find_grounds(
@@ -126,7 +194,6 @@ def find_grounds(
 
 
 def _static_geoms(body: mujoco.MjsBody) -> Iterator[mujoco.MjsGeom]:
-    """Geoms of a body and of the bodies fixed to it."""
     yield from body.geoms
     for child in body.bodies:
         if not child.joints and not child.mocap:

@@ -51,10 +51,8 @@ class TrackLook:
     """The looks of one track: its hull, where it runs in the body's frame, and how wide it is drawn."""
 
     hull: Array  # (W, 3) x, z and radius of the wheels in the body's frame [m]
-    y: float
-    """Lateral place of the track in the body's frame [m]."""
-    width: float
-    """Width of the belt [m]."""
+    y: float  # lateral place of the track in the body's frame [m]
+    width: float  # width of the belt [m]
 
     def pieces(self, travel: Array | float) -> Pieces:
         """Pieces to draw after the belt has travelled `travel` (...) [m] forwards."""
@@ -63,7 +61,6 @@ class TrackLook:
 
     @property
     def _thickness(self) -> float:
-        """Thickness of the belt [m]."""
         return _THICKNESS * float(np.min(np.asarray(self.hull)[:, 2]))
 
     def _inside(self, depth: float) -> Hull:
@@ -116,7 +113,6 @@ class WheelLook(TrackLook):
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:
-    """All pieces of `parts`."""
     kind, size, rgba = (np.concatenate([getattr(part, name) for part in parts]) for name in ("kind", "size", "rgba"))
     position = np.concatenate([part.position for part in parts], axis=-2)
     return Pieces(kind, size, rgba, position, np.concatenate([part.angle for part in parts], axis=-1))

@@ -26,8 +26,7 @@ class BeltSpan:
 
     start: Array  # (2,) where the belt leaves one wheel [m]
     end: Array  # (2,) where it meets the next [m]
-    radius: float
-    """Radius of the smaller of its two wheels [m]."""
+    radius: float  # radius of the smaller of its two wheels [m]
 
     @property
     def length(self) -> float:
@@ -107,7 +106,6 @@ class Hull:
 
 
 def _numbers(wheels: Sequence[Sequence[float]]) -> Array:
-    """The wheels (W, 3)."""
     try:
         listed = [[float(number) for number in wheel] for wheel in wheels]
     except (TypeError, ValueError):

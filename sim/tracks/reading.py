@@ -14,6 +14,7 @@ from trackslip.errors import TrackslipError
 SENSED_WIDTH = 14
 """Numbers that a contact sensor gives per contact: found, force 3, distance, normal 3, tangent 3, velocity 3."""
 _STILL = 1e-9  # a belt slower than this stands [m/s]
+_CRAWLING = 1e-3  # mean speed of a belt below which the slip of a period is not defined [m/s]
 _COMPLETE = 0.005  # of the load, which contacts that a sensor left out may carry [-]
 
 Floats = NDArray[np.float64]
@@ -41,10 +42,30 @@ class Reading:
     """Largest share of the load (..., T) at contacts that the sensor had no room for [-]."""
 
     @classmethod
+    def none(cls, *shape: int) -> Reading:
+        """The reading of tracks (...) in the air whose belts stand."""
+        traction, load, sliding, belt, slip, depth, missing = np.zeros((7, *shape))
+        sliding[:] = slip[:] = np.nan
+        return cls(traction, load, sliding, belt, slip, load > 0, depth, missing)
+
+    @classmethod
     def joined(cls, readings: Sequence[Reading]) -> Reading:
         """Readings (N, steps, T) one after the other."""
         names = vars(readings[0])
         return cls(*(np.concatenate([getattr(each, name) for each in readings], axis=1) for name in names))
+
+    def mean(self) -> Reading:
+        """Means (N, T) of a reading (N, steps, T), and the largest depths.
+
+        Slip is that of the way that the belts ran and slid while they touched; NaN where they hardly ran.
+        """
+        steps, touched = self.belt.shape[1], np.logical_or.reduce(self.touching, axis=1)
+        slid, driven = (np.where(self.touching, each, 0.0).sum(axis=1) for each in (self.sliding, self.belt))
+        sliding, slip = np.full((2, *slid.shape), np.nan)
+        np.divide(slid, self.touching.sum(axis=1), out=sliding, where=touched)
+        np.divide(slid, driven, out=slip, where=touched & (np.abs(driven) > _CRAWLING * steps))
+        traction, load, belt = (values.mean(axis=1) for values in (self.traction, self.load, self.belt))
+        return Reading(traction, load, sliding, belt, slip, touched, self.depth.max(axis=1), self.missing.max(axis=1))
 
     def __getitem__(self, rows: Any) -> Reading:
         """The reading of some simulations."""
@@ -59,9 +80,8 @@ class Reading:
         """This reading of the tracks `names` (T,); raises TrackslipError where it lacks contacts that matter."""
         if (self.missing > _COMPLETE).any():
             track = names[int(np.argmax(self.missing)) % len(names)]
-            raise TrackslipError(
-                f"track {track} touches the terrain at more points than its sensor reports: use a coarser height field"
-            )
+            what = f"track {track} touches the terrain at more points than its sensor reports"
+            raise TrackslipError(f"{what}: use a coarser height field")
         return self
 
 
@@ -101,20 +121,12 @@ def read_contacts(
     smallest[owner] = weight  # that of the last contact
     left_out = lost * smallest.reshape(speeds.shape)
     missing = np.divide(left_out, load + left_out, out=np.zeros(load.shape), where=left_out > 0)
-    return Reading(
-        traction, load, sliding, speeds, _slip(sliding, speeds), touching, depth.reshape(speeds.shape), missing
-    )
+    slip = np.divide(sliding, speeds, out=np.full(load.shape, np.nan), where=np.abs(speeds) > _STILL)
+    return Reading(traction, load, sliding, speeds, slip, touching, depth.reshape(speeds.shape), missing)
 
 
 def _triple(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Triple products a . (b x c) of vectors (3, ...)."""
     product: Floats = (
         a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
     )
     return product
-
-
-def _slip(sliding: Floats, speed: Floats) -> Floats:
-    """Slip (...) of belts of `speed` (...) that slide over the ground at `sliding` (...) [m/s]."""
-    moving = np.abs(speed) > _STILL
-    return np.divide(sliding, speed, out=np.full(np.shape(sliding), np.nan), where=moving)

@@ -1,15 +1,17 @@
-"""What is bolted to a body: a track, or a pair of them, and the contact recipe."""
+"""What is bolted to a body: tracks, lines of capsules along the runs of the belt with spheres at its wheels."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
+import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.tracks.hull import Hull
-from sim.tracks.parts import Part, lines_across, track_parts, wheel_parts
 from sim.tracks.recipe import Preset, load_preset, track_points
 from trackslip.errors import (
     Checked,
@@ -21,12 +23,113 @@ from trackslip.errors import (
     require_whole,
 )
 
+Lines = tuple[tuple[float, float], ...]
+"""Lateral place of each line of contact, from the belt's middle [m], and its share of the belt's load [-]."""
+MIDDLE: Lines = ((0.0, 1.0),)
+"""A line in the middle of the belt."""
+WHEEL_WEIGHT = 0.5
+"""Load of a wheel on a plane, relative to a capsule's end [-]."""
+_MAX_RUN_RADIUS = 0.03  # [m]
 TRACKS, WHEELS = "tracks", "wheels"
 """What touches the ground."""
 _SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
 _MAX_SEGMENTS = 40
 _MAX_HALF_GAUGE = 10.0  # [m]
 _MAX_FRICTION = 10.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """A geom of a track."""
+
+    name: str  # its name, after the body's
+    shape: dict[str, Any]
+    """Type, place and size, in the track's frame; the own z axis of a capsule along the run is the belt's direction."""
+    weight: float  # stiffness relative to a capsule's end [-]
+    cored: bool  # true if it may land alone, so that it has a core; see `sim.tracks.connect`
+    edge: bool = False  # true on either edge of a belt with several lines of contact
+
+
+def track_parts(hull: Hull, segments: int, anisotropic: bool, lines: Lines = MIDDLE) -> tuple[Part, ...]:
+    """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground in each line.
+
+    Runs that face up, which only touch when the robot has overturned, are a single capsule each.
+    """
+    parts = []
+    for k, (y, share) in enumerate(lines):
+        edge = len(lines) > 1 and k in (0, len(lines) - 1)
+        for part in _line(hull, segments, anisotropic):
+            x, _, z = part.shape["pos"]
+            name, shape = f"{part.name}_{k}" if k else part.name, part.shape | {"pos": [x, y, z]}
+            parts.append(replace(part, name=name, shape=shape, weight=part.weight * share, edge=edge))
+    return tuple(parts)
+
+
+def wheel_parts(wheels: Sequence[Sequence[float]], patch: float, anisotropic: bool) -> tuple[Part, ...]:
+    """Geoms of wheels without a belt, two a wheel, which spread as an even pressure on a patch [m] does."""
+    places = [(x + end * patch / math.sqrt(12), z, radius) for x, z, radius in wheels for end in (-1, 1)]
+    parts = [_wheel(i, x, z, radius, anisotropic) for i, (x, z, radius) in enumerate(places)]
+    return tuple(replace(part, weight=part.weight / WHEEL_WEIGHT) for part in parts)
+
+
+def lines_across(width: float) -> Lines:
+    """Lines of contact of a belt [m]: its middle, and, unless the width is 0, its edges.
+
+    They share the load so that its second moment is that of an even pressure, which is what turning feels of the width.
+    """
+    return ((-width / 2, 1 / 6), (0.0, 2 / 3), (width / 2, 1 / 6)) if width else MIDDLE
+
+
+def _line(hull: Hull, segments: int, anisotropic: bool) -> tuple[Part, ...]:
+    longest = hull.longest_below
+    parts = []
+    for i, run in enumerate(hull.runs):
+        below = bool(run.outwards[1] < 0)
+        count = max(1, round(segments * run.length / longest)) if below else 1
+        radius = min(run.radius / 2, _MAX_RUN_RADIUS)  # so that opposite runs have nothing in common
+        middle = (run.start + run.end) / 2 - radius * run.outwards
+        turn = np.arctan2(run.along[0], run.along[1])  # about y, from z to the belt's direction
+        for j, (start, end) in enumerate(_chain(run.length, count)):
+            x, z = middle + (start + end) / 2 * run.along
+            shape = {
+                "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
+                "pos": [x, 0.0, z],
+                "size": [radius, (end - start) / 2, 0.0],
+                "quat": [np.cos(turn / 2), 0.0, np.sin(turn / 2), 0.0],
+            }
+            parts.append(Part(f"run{i}_{j}", shape, 1.0, below))
+    for i, (x, z, radius) in enumerate(hull.wheels.tolist()):
+        parts.append(_wheel(i, x, z, radius, anisotropic))
+    return tuple(parts)
+
+
+def _chain(length: float, count: int) -> NDArray[np.float64]:
+    """Ends (count, 2) of the capsules along a run, from its middle.
+
+    Together with wheels at the run's ends that carry half of a point each, the ends are spread like an even load: equal
+    steps between them, and a chain as much shorter as gives all of them the mean distance from the middle, length / 4.
+    Each capsule reaches beyond the beginning of the next, so that there is no gap for an edge. A single capsule is as
+    long as the run.
+    """
+    if count == 1:
+        return np.array([[-length / 2, length / 2]])
+    ends = ((np.arange(2 * count) + 0.5) / (2 * count) - 0.5) * length * (1 - WHEEL_WEIGHT / count)
+    first, last = ends[[0, *range(1, 2 * count - 1, 2)]], ends[[*range(2, 2 * count, 2), -1]]
+    return np.stack([first, last], axis=1)
+
+
+def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> Part:
+    if not anisotropic:
+        sphere = {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "pos": [x, 0.0, z], "size": [radius, 0.0, 0.0]}
+        return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, True)
+    # on a plane only a capsule's contact frame turns with the robot; it touches at both ends
+    across = {
+        "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
+        "pos": [x, 0.0, z],
+        "size": [radius, radius / 100, 0.0],
+        "quat": [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0],
+    }
+    return Part(f"wheel{index}", across, WHEEL_WEIGHT / 2, True)
 
 
 @dataclass(frozen=True)
@@ -76,13 +179,8 @@ class Track(Checked):
         require(self.contact in (TRACKS, WHEELS), "contact", self.contact, f"{TRACKS} or {WHEELS}")
         if self.contact == WHEELS:
             require_positive("patch_length", self.patch_length)
-            smallest = 2 * min(radius for _, _, radius in self.hull)
-            require(
-                self.patch_length < smallest,
-                "patch_length",
-                self.patch_length,
-                f"less than the wheels' diameter, {smallest:g} m",
-            )
+            smallest, patch = 2 * min(radius for _, _, radius in self.hull), self.patch_length
+            require(patch < smallest, "patch_length", patch, f"less than the wheels' diameter, {smallest:g} m")
 
     @property
     def sides(self) -> tuple[tuple[str, float], ...]:

@@ -1,24 +1,35 @@
-"""Options of the environment trackslip/Traverse-v0, the keyword arguments of `gymnasium.make`."""
+"""Options of the environment trackslip/Traverse-v0, and its observations, float32 (10 + 2 F + 45,) for F flippers.
+
+They are attitude, rates, place on the course, belts, flippers (tips up) and a map of the ground's heights over the
+lowest point of the level robot. The map is centred on the robot and aligned with its heading: columns at `AHEAD` in
+front of it, rows at `ASIDE` to its left, row by row.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
-from sim.drive.drive import Drive
-from sim.robot.named import RobotSource, load_tracked
+import numpy as np
+
+from sim.drive.drive import MAX_SPEED, Drive, Servos
+from sim.robot.named import RobotSource
 from sim.robot.tracked import TrackedRobot
-from sim.task import MAX_WEIGHT
-from sim.terms import OwnTerms
+from sim.task import MAX_WEIGHT, Element, Floats, OwnTerms
 from sim.terrain import Course, load_course
-from sim.traverse.courses import OBSTACLES, require_kinds
-from sim.traverse.ftr_courses import FTR_COURSES
-from sim.traverse.observation import SensorNoise
+from sim.traverse.courses import FTR_COURSES, OBSTACLES, require_kinds
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import Scripted
-from sim.traverse.servos import MAX_SPEED, Servos
-from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_range
+from sim.traverse.world import Traverse
+from trackslip import se2
+from trackslip.errors import Checked, checked, require, require_non_negative, require_positive, require_range
 
+AHEAD = np.linspace(-0.5, 0.9, 15)
+"""Columns of the map [m]."""
+ASIDE = np.array([-0.22, 0.0, 0.22])
+"""Rows of the map [m]."""
+_AXES = ("forward", "left", "up")
 PERIOD = 0.1
 """Default control period [s]."""
 SAMPLE = 0.02
@@ -34,7 +45,79 @@ _FLIPPERS = ("each", "pairs")
 
 
 @dataclass(frozen=True)
-class CrossingReward:
+class SensorNoise(Checked):
+    """Standard deviations of Gaussian noise of the observations, independent from step to step."""
+
+    attitude: float = checked(0.0, require_non_negative, 10.0)
+    """Of each component of the vertical in the robot's frame [-], which are small angles [rad]."""
+    rate: float = checked(0.0, require_non_negative, 10.0)
+    """Of the roll, pitch and yaw rates [rad/s]."""
+    position: float = checked(0.0, require_non_negative, 10.0)
+    """Of the distance from the middle of the course, by odometry [m]."""
+    heading: float = checked(0.0, require_non_negative, 10.0)
+    """Of the heading, by odometry [rad]."""
+    speed: float = checked(0.0, require_non_negative, 10.0)
+    """Of the belts' speeds [m/s]."""
+    flipper: float = checked(0.0, require_non_negative, 10.0)
+    """Of the flippers' angles; their set points are known [rad]."""
+    height: float = checked(0.0, require_non_negative, 10.0)
+    """Of each height in the map [m]."""
+
+
+class CrossingLayout:
+    """Elements (n) of an observation."""
+
+    def __init__(self, world: Traverse, noise: SensorNoise) -> None:
+        """For the robots of `world`, whose sensors have this noise."""
+        flippers, quarter = [flipper.body for flipper in world.tracked.robot.flippers], np.pi / 2
+        self.elements = (
+            *(Element(f"vertical, {axis}", "-", 1.0) for axis in _AXES),
+            *(Element(f"{rate} rate", "rad/s", 2.0, 2.0) for rate in ("roll", "pitch", "yaw")),
+            Element("distance from the middle, to the left", "m", 1.0, 2.0),
+            Element("heading on the course", "rad", np.pi),
+            *(Element(f"{side} belt speed", "m/s", world.servos.top_speed) for side in ("left", "right")),
+            *(Element(f"{name} angle", "rad", quarter, 2.0) for name in flippers),
+            *(Element(f"{name} set point", "rad", quarter, 2.0) for name in flippers),
+            *(Element(f"height at ({round(x, 2) + 0.0:g}, {y:g}) m", "m", 0.3, 3.0) for y in ASIDE for x in AHEAD),
+        )
+        """Names, units, scales and bounds."""
+        self._scale = np.array([element.scale for element in self.elements])
+        self._bound = np.array([element.bound for element in self.elements], np.float32)
+        f, heights = len(flippers), len(ASIDE) * len(AHEAD)
+        parts = (
+            *((3, noise.attitude), (3, noise.rate), (1, noise.position), (1, noise.heading), (2, noise.speed)),
+            *((f, noise.flipper), (f, 0.0), (heights, noise.height)),
+        )
+        self.noise = np.repeat([deviation for _, deviation in parts], [count for count, _ in parts])
+        """Standard deviations (n,) of the quantities, in their units."""
+        self._lowest = world.tracked.robot.lowest
+        across, along = np.meshgrid(ASIDE, AHEAD, indexing="ij")
+        self._around = np.stack([along.ravel(), across.ravel()], axis=-1)
+
+    def observation(self, world: Traverse, seeds: Sequence[int]) -> Floats:
+        """Observations (N, n) of all robots; their noise depends on `seeds` (N,) and on the time of the run."""
+        state = world.state
+        heading, position = state.heading, state.position
+        around = position[:, None, :2] + se2.rotate(heading[:, None], self._around)
+        heights = world.elevation(around) - position[:, 2:] - self._lowest
+        whole = np.concatenate(
+            [
+                *(state.rotation[:, 2], state.rate, position[:, 1:2], heading[:, None]),
+                *(world.servo.speed, world.tracked.flipper_angles(state.qpos), world.servo.angle, heights),
+            ],
+            axis=1,
+        )
+        if self.noise.any():
+            steps = np.rint(world.time / world.period).astype(int)
+            draws = [
+                np.random.default_rng(both).standard_normal(len(self.noise)) for both in zip(seeds, steps, strict=True)
+            ]
+            whole = whole + self.noise * np.array(draws)
+        return np.clip((whole / self._scale).astype(np.float32), -self._bound, self._bound)
+
+
+@dataclass(frozen=True)
+class CrossingReward(Checked):
     """The reward of a step: a sum of terms, each of which is given by name in `info`.
 
     progress            weight_progress times the way that the robot came closer to the goal [m]
@@ -48,23 +131,18 @@ class CrossingReward:
     and fails earns more than who waits.
     """
 
-    weight_progress: float = 2.0
+    weight_progress: float = checked(2.0, require_non_negative, MAX_WEIGHT)
     """CrossingReward per way [1/m]."""
-    weight_energy: float = 0.001
+    weight_energy: float = checked(0.001, require_non_negative, MAX_WEIGHT)
     """Cost of work [1/J]."""
-    weight_time: float = 0.5
+    weight_time: float = checked(0.5, require_non_negative, MAX_WEIGHT)
     """Cost of time [1/s]."""
-    weight_change: float = 0.005
+    weight_change: float = checked(0.005, require_non_negative, MAX_WEIGHT)
     """Cost of changes of the actions [-]."""
-    weight_reached: float = 5.0
+    weight_reached: float = checked(5.0, require_non_negative, MAX_WEIGHT)
     """CrossingReward, once, for crossing the course [-]."""
-    weight_failed: float = 1.0
+    weight_failed: float = checked(1.0, require_non_negative, MAX_WEIGHT)
     """Penalty, once, for failing [-]."""
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            require_non_negative(f.name, getattr(self, f.name))
-            require_at_most(f.name, getattr(self, f.name), MAX_WEIGHT)
 
 
 @dataclass(frozen=True)
@@ -76,7 +154,7 @@ class TraverseConfig(OwnTerms):
     course: str | Course | tuple[str | Course, ...] = RANDOM
     """A course, the name of one, "random", one of `FTR_COURSES`, or a .toml file; if there are several, each episode
     draws one."""
-    difficulty: tuple[float, float] = (0.0, 1.0)
+    difficulty: tuple[float, float] = checked((0.0, 1.0), require_range, 0.0, 1.0)
     """Range from which the difficulty of courses that are drawn is drawn, within 0 to 1 [-]."""
     obstacles: int = 2
     """Number of obstacles on a random course, 1 or 2."""
@@ -87,17 +165,17 @@ class TraverseConfig(OwnTerms):
     what is added to the set points of `scripted`."""
     flippers: str = "each"
     """One action for "each" flipper, or for each of the front and rear "pairs"."""
-    speed_authority: float = 0.3
+    speed_authority: float = checked(0.3, require_positive, MAX_SPEED, "m/s")
     """Largest correction of a belt's speed [m/s]."""
-    flipper_authority: float = 0.8
+    flipper_authority: float = checked(0.8, require_positive, math.pi, "rad")
     """Largest correction of a flipper's set point [rad]."""
     scripted: Scripted = field(default_factory=Scripted)
     """The scripted controller."""
-    start_offset: float = 0.1
+    start_offset: float = checked(0.1, require_non_negative)
     """Largest offset of the start to either side, drawn evenly [m]."""
-    start_heading: float = 0.1
+    start_heading: float = checked(0.1, require_non_negative, math.pi, "rad")
     """Largest heading at the start, in either direction, drawn evenly [rad]."""
-    mass: tuple[float, float] = (1.0, 1.0)
+    mass: tuple[float, float] = checked((1.0, 1.0), require_range, *MASSES)
     """Range from which a factor on the mass and the inertia of the chassis is drawn, as of a payload [-]."""
     period: float = PERIOD
     """Control period: time between actions, a multiple of 0.02 s [s]."""
@@ -114,26 +192,18 @@ class TraverseConfig(OwnTerms):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, value, choices in (("action", self.action, _ACTIONS), ("flippers", self.flippers, _FLIPPERS)):
-            require(value in choices, name, value, f"one of {', '.join(choices)}")
+        for name, choices in (("action", _ACTIONS), ("flippers", _FLIPPERS)):
+            require(getattr(self, name) in choices, name, getattr(self, name), f"one of {', '.join(choices)}")
         valid = self.courses and all(isinstance(course, str | Course) for course in self.courses)
         require(valid, "course", self.course, "a course, a name, or a tuple of those")
         for course in self.courses:
             if isinstance(course, str) and course not in DRAWN:
                 load_course(course, drawn=DRAWN)
-        require_range("mass", self.mass, *MASSES)
-        require_range("difficulty", self.difficulty, 0.0, 1.0)
         require_kinds(self.kinds)
         require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")
-        for name, most, unit in (("speed_authority", MAX_SPEED, "m/s"), ("flipper_authority", math.pi, "rad")):
-            require_positive(name, getattr(self, name))
-            require_at_most(name, getattr(self, name), most, unit)
         allowed = f"a multiple of {SAMPLE} s, up to 1 s"
         require(0 < self.period <= 1, "period", self.period, allowed)
         require(abs(self.period / SAMPLE - round(self.period / SAMPLE)) < 1e-9, "period", self.period, allowed)
-        for name in ("start_offset", "start_heading"):
-            require_non_negative(name, getattr(self, name))
-        require_at_most("start_heading", self.start_heading, math.pi, "rad")
 
     @property
     def courses(self) -> tuple[str | Course, ...]:
@@ -145,7 +215,3 @@ class TraverseConfig(OwnTerms):
         if self.servos is None and robot.drive != Drive():
             return Servos(robot.drive.lag, robot.drive.top_speed)
         return self.servos or Servos()
-
-    def load_robot(self) -> TrackedRobot:
-        """The robot."""
-        return load_tracked(self.robot)

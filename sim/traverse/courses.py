@@ -1,4 +1,9 @@
-"""Short random courses for learning, made of boxes only, so that each robot of a batch can have its own."""
+"""Short courses drawn at random, made of boxes only, so that each robot of a batch can have its own.
+
+There are courses of one or two of a robot's usual obstacles, and those of the ten kinds of FTR-Bench
+(github.com/nubot-nudt/FTR-Benchmark). Their sizes are scaled by the robot's largest wheel over that of its robot, or as
+published where the name ends in `_published`; waves are ridges.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.terrain import Beams, Course, Flat, Gap, Piece, Ramp, Stairs, Step
+from sim.terrain import Beams, Blocks, Course, Flat, Gap, Piece, Ramp, Stairs, Step
 from trackslip.errors import require, require_within
 
 MAX_BOXES = 9
@@ -20,6 +25,18 @@ APART = 0.7
 """Length of level ground between two obstacles, and behind a step [m]."""
 _START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind them [m]
 _SEEDS = 2**31
+KINDS = (
+    *("steps_up", "steps_down", "uplifts", "one_sided", "plum_piles"),
+    *("waves", "rails", "stairs_up", "stairs_down", "mixed"),
+)
+"""Kinds of courses of FTR-Bench."""
+PUBLISHED = "_published"
+FTR_COURSES = (*KINDS, *(f"{kind}{PUBLISHED}" for kind in KINDS))
+"""Names of courses of FTR-Bench."""
+FTR_BOXES = 18
+"""Largest number of boxes of such a course."""
+_RADIUS = 0.1  # of the track wheels of FTR-Bench's robot [m]
+_PILES, _WAVES, _STEPS, _THICKNESS = 4, 3, 4, 0.1  # numbers, and a rail's thickness [m]
 _GRIP = 1.15  # friction coefficient over the tangent of the steepest slope, at least: so that robots can climb it [-]
 
 
@@ -34,10 +51,26 @@ def draw_course(
     require(1 <= obstacles <= 2, "obstacles", obstacles, "1 or 2")
     require_kinds(kinds)
     drawn = [_obstacle(kinds[int(rng.integers(len(kinds)))], difficulty, rng) for _ in range(obstacles)]
-    return between_platforms(drawn, rng)
+    return _between_platforms(drawn, rng)
 
 
-def between_platforms(obstacles: Sequence[Sequence[Piece]], rng: np.random.Generator) -> Course:
+def draw_ftr_course(name: str, difficulty: float, rng: np.random.Generator, hull: Sequence[Sequence[float]]) -> Course:
+    """Draw a course of FTR-Bench by its name, for a robot whose tracks have the wheels `hull` (x, z, radius) [m].
+
+    A `difficulty` of 0 gives the smallest published heights and angles, 1 the largest; other sizes are drawn evenly.
+    Raises InvalidValueError for another name or difficulty.
+    """
+    require(name in FTR_COURSES, "course", name, f"one of {', '.join(FTR_COURSES)}")
+    require_within("difficulty", difficulty, 0.0, 1.0)
+    kind = name.removesuffix(PUBLISHED)
+    scale = 1.0 if name != kind else max(radius for _, _, radius in hull) / _RADIUS
+    kinds = [kind]
+    if kind == "mixed":
+        kinds = rng.choice([each for each in KINDS[:-1] if each != "plum_piles"], 2, replace=False).tolist()
+    return _between_platforms([_ftr_obstacle(each, difficulty, scale, rng) for each in kinds], rng)
+
+
+def _between_platforms(obstacles: Sequence[Sequence[Piece]], rng: np.random.Generator) -> Course:
     """A course of obstacles, with a friction coefficient that robots don't slide with on its steepest slope."""
     pieces = [piece for obstacle in obstacles for piece in (Flat(APART), *obstacle)][1:]
     slopes = [abs(math.tan(piece.angle)) for piece in pieces if isinstance(piece, Ramp)]
@@ -79,3 +112,45 @@ def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Pi
             return [Beams(between(0.02, 0.2), float(rng.uniform(0.45, 0.7)), number, yaw=between(0.0, 0.5))]
         case _:
             return [Gap(between(0.05, 0.5))]
+
+
+def _ftr_obstacle(kind: str, difficulty: float, scale: float, rng: np.random.Generator) -> list[Piece]:
+    def harder(easiest: float, hardest: float) -> float:
+        return scale * (easiest + difficulty * (hardest - easiest))
+
+    def any_size(least: float, most: float) -> float:
+        return scale * float(rng.uniform(least, most))
+
+    side = float(rng.choice([-1.0, 1.0]))
+    match kind:
+        case "steps_up":
+            return [Step(harder(0.2, 0.4), APART)]
+        case "steps_down":
+            return [Step(-harder(0.2, 0.6), APART)]
+        case "uplifts":
+            height = harder(0.2, 0.4)
+            return [Step(height, any_size(0.2, 0.5)), Step(-height, APART)]
+        case "one_sided":
+            return [Blocks(((0.6, side * WIDTH / 4, 1.2, WIDTH / 2, harder(0.1, 0.3), 0.0),), 1.2)]
+        case "plum_piles":
+            size, lowest, highest = any_size(0.2, 0.5), 0.01 * scale, harder(0.05, 0.3)
+            place = (np.arange(_PILES) + 0.5) * size
+            piles = [
+                (float(x), float(y), size, size, float(rng.uniform(lowest, highest)), 0.0)
+                for x in place
+                for y in place - place.mean()
+            ]
+            return [Blocks(tuple(piles), _PILES * size)]
+        case "waves":
+            height = harder(0.1, 0.4)
+            half = max(any_size(0.25, 1.0) / 2, height)  # at most 45 degrees steep
+            angle, slope = math.atan2(height, half), math.hypot(height, half)
+            return [Ramp(angle, slope), Ramp(-angle, slope)] * _WAVES
+        case "rails":
+            yaw, thickness = side * math.radians(10 + 35 * difficulty), _THICKNESS * scale
+            length = 2 * APART + WIDTH * math.sin(abs(yaw))
+            return [Blocks(((length / 2, 0.0, thickness, WIDTH, harder(0.2, 0.3), yaw),), length)]
+        case _:
+            tread = any_size(0.2, 0.3)
+            rise = tread * math.tan(math.radians(20 + 25 * difficulty))
+            return [Stairs(rise if kind == "stairs_up" else -rise, tread, _STEPS)]

@@ -1,4 +1,4 @@
-"""Outcomes of runs over courses, and the limits that decide them."""
+"""What comes of runs over courses: outcomes, the limits that decide them, and points of contact."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.restorable import Restorable
-from trackslip.errors import require, require_at_most, require_positive
+from sim.robot.tracked_model import TrackedModel
+from trackslip.errors import Checked, checked, require_positive
 from trackslip.kinematics import Array
 
 Outcomes = NDArray[np.int_]
@@ -42,29 +44,23 @@ class Outcome(IntEnum):
 
 
 @dataclass(frozen=True)
-class Limits:
+class Limits(Checked):
     """Limits that end a run."""
 
-    time: float = 60.0
+    time: float = checked(60.0, require_positive, 1e6)
     """Longest run [s]."""
-    lean: float = 1.3
+    lean: float = checked(1.3, require_positive, np.pi, "rad")
     """Angle between the chassis' and the world's vertical beyond which a robot has tipped over [rad]."""
-    drop: float = 0.3
+    drop: float = checked(0.3, require_positive, 1e6)
     """Depth below the lowest ground of the course at which a robot has fallen [m]."""
-    stuck_time: float = 5.0
+    stuck_time: float = checked(5.0, require_positive, 1e6)
     """Time within which a robot must make progress while its belts run [s]."""
-    stuck_travel: float = 0.1
+    stuck_travel: float = checked(0.1, require_positive, 1e6)
     """Belt travel in that time, mean of left and right, below which a robot counts as waiting or turning [m]."""
-    stuck_share: float = 0.1
+    stuck_share: float = checked(0.1, require_positive, 1e6)
     """Share of the belt travel that the robot must move in that time [-]."""
-    speed: float = 10.0
+    speed: float = checked(10.0, require_positive, 1e6)
     """Speed of the chassis beyond which the simulation has diverged [m/s]."""
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require_positive(name, value)
-            require_at_most(name, value, 1e6)
-        require(self.lean < np.pi, "lean", self.lean, "less than pi")
 
 
 class StuckWatch(Restorable):
@@ -95,3 +91,33 @@ class StuckWatch(Restorable):
         travelled = np.abs(self._travelled - self._travel[0])
         idle = (travelled < self._limits.stuck_travel) | (moved >= self._limits.stuck_share * travelled)
         return (self._age > self._history) & ~idle
+
+
+class ContactPoints:
+    """Contacts of a robot with the world, as the engine computes them in a state."""
+
+    def __init__(self, world: TrackedModel) -> None:
+        self._world = world
+        self._data = mujoco.MjData(world.model)
+        self._belts = world.belts
+
+    def at(self, qpos: Array, qvel: Array, belt: Array, flippers: Array) -> tuple[Array, Array]:
+        """Points (n, 3) [m] and forces (n, 3) of the ground on the robot [N], in the world.
+
+        They are those of joint positions (nq,) and velocities (nv,), belt speeds (T,) [m/s] and set points (F,) of the
+        flippers, tips up [rad].
+        """
+        model, data = self._world.model, self._data
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        data.ctrl[self._world.flipper_motor] = self._world.flipper_control(flippers)
+        self._belts.set(belt)
+        mujoco.mj_forward(model, data)
+        contact = data.contact
+        fixed = model.geom_bodyid[contact.geom.reshape(-1, 2)] == 0  # (n, 2)
+        chosen = np.flatnonzero(fixed.any(axis=1) & (contact.efc_address >= 0))
+        force, points = np.zeros((len(chosen), 3)), contact.pos[chosen].copy()
+        wrench = np.zeros(6)
+        for k, which in enumerate(chosen):
+            mujoco.mj_contactForce(model, data, which, wrench)
+            force[k] = wrench[:3] @ contact.frame[which].reshape(3, 3)
+        return points, np.where(fixed[chosen, 1:], -1.0, 1.0) * force  # the engine's is on the second geom

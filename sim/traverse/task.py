@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.restorable import Restorable
-from sim.task import Element, checked, clipped_actions
-from sim.terms import Terms
+from sim.robot.named import load_tracked
+from sim.settings import options_of
+from sim.task import Element, Floats, Task
 from sim.terrain import Course, load_course
-from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingReward, TraverseConfig
-from sim.traverse.courses import MAX_BOXES, draw_course
-from sim.traverse.footprint import Footprint
-from sim.traverse.ftr_courses import FTR_BOXES, draw_ftr_course
-from sim.traverse.observation import CrossingLayout
+from sim.traverse.config import DRAWN, MASSES, RANDOM, SAMPLE, CrossingLayout, CrossingReward, TraverseConfig
+from sim.traverse.courses import FTR_BOXES, MAX_BOXES, draw_course, draw_ftr_course
+from sim.traverse.ground import Footprint
 from sim.traverse.outcome import Outcome, Outcomes
 from sim.traverse.world import Command, Traverse
 from trackslip.errors import require, require_at_most, require_range, require_within
@@ -34,15 +32,10 @@ class CourseRun:
     """One robot's task in one episode."""
 
     course: Course
-    """The course."""
-    difficulty: float
-    """Its difficulty; NaN for a course that was not drawn [-]."""
-    start: tuple[float, float, float]
-    """Start pose (x, y, heading) [m, m, rad]."""
-    seed: int = 0
-    """Of its sensors' noise."""
-    mass: float = 1.0
-    """Factor on the mass of the chassis [-]."""
+    difficulty: float  # its difficulty; NaN for a course that was not drawn [-]
+    start: tuple[float, float, float]  # start pose (x, y, heading) [m, m, rad]
+    seed: int = 0  # of its sensors' noise
+    mass: float = 1.0  # factor on the mass of the chassis [-]
 
 
 class Actions:
@@ -75,23 +68,15 @@ class Actions:
         return Command(belts, flippers)
 
 
-class Crossing(Restorable):
-    """The task, independent of the interface that offers it. Rows are bitwise independent.
+class Crossing(Task):
+    """The task: robots cross courses."""
 
-    Its users step it, and episodes end one by one, so that it can't run in `sim.loop`.
-    """
-
-    STATE = (
-        *("world", "difficulty", "_action", "_difficulty", "_seed", "_length", "_penetration", "_work", "_terms"),
-        *("reward", "terminated", "truncated"),
-    )
+    STATE = ("world", "difficulty", "_difficulty", "_seed", "_length", "_penetration", "_work", *Task.STATE)
 
     def __init__(self, config: TraverseConfig, size: int, threads: int = 0) -> None:
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
-        self.config = config
-        self.size, self.threads = size, threads
         self._drawn = [course for course in config.courses if course in DRAWN]
-        robot = config.load_robot()
+        robot = load_tracked(config.robot)
         self._hull, self._footprint = robot.hull, Footprint.of(robot)
         listed = [course for course in config.courses if course not in DRAWN]
         self._listed = {
@@ -113,30 +98,15 @@ class Crossing(Restorable):
             sample=SAMPLE,
             threads=threads,
         )
-        self.period = config.period
-        """Control period [s]."""
         self.layout = CrossingLayout(self.world, config.noise)
-        self._own = Terms(config)
-        self.observed = self.layout.elements + config.own_elements
-        """Elements (n) of an observation."""
-        self.difficulty = config.difficulty
-        """Range from which the difficulty of the next courses is drawn [-]."""
         self.actions = Actions(config, self.world)
-        self.commanded = self.actions.elements
-        """Elements (A) of an action."""
-        self._action: Array = np.zeros((size, len(self.commanded)))
+        super().__init__(config, size, threads, config.period, self.layout.elements, self.actions.elements, TERMS)
+        self.difficulty = config.difficulty  # range from which the difficulty of the next courses is drawn [-]
         self._difficulty: Array = np.full(size, np.nan)
         self._seed: NDArray[np.int_] = np.zeros(size, int)  # of the sensors' noise
         self._length: Array = np.ones(size)  # way from start to goal [m]
         self._penetration: Array = np.zeros(size)  # largest in the episode [m]
         self._work: Array = np.zeros(size)  # in the episode [J]
-        self._terms: dict[str, Array] = {name: np.zeros(size) for name in (*TERMS, *config.own_rewards)}
-        self.reward: Array = np.zeros(size)
-        """Rewards (N,) of the last step."""
-        self.terminated: NDArray[np.bool_] = np.zeros(size, bool)
-        """Mask (N,) of the robots that have crossed their course or failed."""
-        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)
-        """Mask (N,) of the robots that ran out of time."""
 
     @property
     def outcome(self) -> Outcomes:
@@ -155,7 +125,7 @@ class Crossing(Restorable):
         drawn course [-]; `start_offset`, to the left [m]; `start_heading` [rad]; and `mass`, over the chassis'
         own [-]. Raises InvalidValueError for unknown options and values out of range.
         """
-        options = checked("options", options, _OPTIONS)
+        options = options_of("options", options, _OPTIONS)
         seed = int(generator.integers(2**63))
         config, own = self.config, np.random.default_rng(seed)
         chosen = config.courses[generator.integers(len(config.courses))]
@@ -197,57 +167,45 @@ class Crossing(Restorable):
         self._difficulty[where] = [episode.difficulty for episode in episodes]
         self._seed[where] = [episode.seed for episode in episodes]
         self._length[where] = self.world.way[where]
-        for state in (self._action, self._penetration, self._work, self.reward, *self._terms.values()):
-            state[where] = 0
-        self.terminated[where] = self.truncated[where] = False
+        self._clear(where, self._penetration, self._work)
 
     def step(self, actions: ArrayLike) -> None:
-        """Simulate one control period with actions (N, A), clipped to [-1, 1]; ended episodes stand still.
-
-        Raises InvalidValueError for actions that aren't finite or have another shape.
-        """
-        action = clipped_actions(actions, self.size, len(self.commanded))
+        """See Task; ended episodes stand still."""
+        action, change = self._clipped(actions)
         running = self.outcome == Outcome.DRIVING
         before = self.world.way
         self.world.step(self.actions.command(action))
-        change, self._action = action - self._action, action
         contact = self.world.contact
-        work = np.where(running, _sum(contact.work), 0.0)
+        work = np.where(running, _sum(self.world.work), 0.0)
         self._work += work
         self._penetration = np.maximum(self._penetration, np.where(running, contact.depth.max(axis=1), 0.0))
         gain = np.where(running, before - self.world.way, 0.0)
         ended = np.where(running, self.outcome, Outcome.DRIVING)
         took = np.where(running, self.period, 0.0)
-        self._terms = reward_terms(self.config.reward, gain, work, took, np.where(running[:, None], change, 0.0), ended)
-        self._terms |= {name: np.where(running, value, 0.0) for name, value in self._own.rewards(self).items()}
-        self.reward = sum(self._terms.values(), np.zeros(self.size))
+        terms = reward_terms(self.config.reward, gain, work, took, np.where(running[:, None], change, 0.0), ended)
+        self._earn(terms.values(), running)
         self.truncated = self.outcome == Outcome.TIME
         self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
 
-    def observation(self) -> Array:
-        """Observations (N, n), see `traverse.observation`."""
-        usual = self.layout.observation(self.world, self._seed.tolist())
-        return np.concatenate([usual, self._own.observed(self)], axis=1)
+    def _observed(self) -> Floats:
+        return self.layout.observation(self.world, self._seed.tolist())
 
-    def info(self) -> dict[str, NDArray[Any]]:
-        """Further quantities by name, as arrays (N, ...); the keys are always the same."""
+    def _quantities(self) -> dict[str, NDArray[Any]]:
         world, contact = self.world, self.world.contact
         defined = np.isfinite(contact.slip)
         return {
-            "time": world.time.copy(),  # [s]
+            "time": world.time,  # [s]
             "outcome": np.array([Outcome(outcome).label for outcome in self.outcome], object),
             "difficulty": np.where(np.isfinite(self._difficulty), self._difficulty, -1.0),  # -1: not drawn
             "progress": 1 - world.way / self._length,  # share of the way [-]
-            "true_position": world.state.position.copy(),  # (N, 3) [m]
-            "true_velocity": world.state.velocity.copy(),  # (N, 3) [m/s]
+            "true_position": world.state.position,  # (N, 3) [m]
+            "true_velocity": world.state.velocity,  # (N, 3) [m/s]
             "true_slip": np.where(defined, contact.slip, 0.0),  # (N, T) [-]
             "slip_defined": defined,  # (N, T) whether the track touched and its belt ran
-            "load": contact.load.copy(),  # (N, T) [N]
-            "traction": contact.traction.copy(),  # (N, T) [N]
-            "penetration": self._penetration.copy(),  # largest so far [m]
-            "work": self._work.copy(),  # of the belts so far [J]
-            **{f"reward_{name}": value.copy() for name, value in self._terms.items()},
-            **self._own.info(self),
+            "load": contact.load,  # (N, T) [N]
+            "traction": contact.traction,  # (N, T) [N]
+            "penetration": self._penetration,  # largest so far [m]
+            "work": self._work,  # of the belts so far [J]
         }
 
 

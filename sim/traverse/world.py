@@ -11,20 +11,16 @@ import numpy as np
 from mujoco import mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
-from sim.drive.drive import Drive
+from sim.drive.drive import Drive, Servos, ServoState
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain.course import Course, look_up
 from sim.tracks import Reading
-from sim.traverse.contact import TrackContact
-from sim.traverse.footprint import Footprint
+from sim.traverse.ground import Footprint, Slots
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
-from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
-from sim.traverse.servos import Servos, ServoState
-from sim.traverse.slots import Slots
-from sim.world import World, quietly
+from sim.world import World, quietly, steps_in
 from trackslip import se2
-from trackslip.errors import require, require_positive
+from trackslip.errors import require
 from trackslip.kinematics import Array
 
 _BROKEN = [
@@ -44,7 +40,7 @@ class Command:
 class Traverse(World):
     """N robots on courses. Rows are bitwise independent, and the same at any number of threads."""
 
-    STATE = ("servo", "contact", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
+    STATE = ("servo", "contact", "work", "outcome", "time", "_stuck", "_bottom", "_side", "goal")
 
     def __init__(
         self,
@@ -91,8 +87,8 @@ class Traverse(World):
         super().__init__(model, size, threads, self.tracked.free)
         self.period, self.sample = period, sample
         self.limits, self.servos = limits or Limits(), servos or Servos()
-        self._substeps = _multiple("sample", sample, "the physics step", float(model.opt.timestep))
-        self._samples = _multiple("period", period, "sample", sample)
+        self._substeps = steps_in("sample", sample, "the physics step", float(model.opt.timestep))
+        self._samples = steps_in("period", period, "sample", sample)
         self.track_names = belts.names
         """Names of the tracks (T,)."""
         self._belts = belts.bind_batch(self.batch, self.tracked.track_side)
@@ -100,13 +96,15 @@ class Traverse(World):
         self._friction = None if shared else self.batch.expand("pair_friction")  # (N, npair, 5), live
         if self._slots is not None:
             self._slots.bind_batch(self.batch)
-        self.flippers = FlipperGeometry.of(self.tracked)
+        self.flippers = self.tracked.flippers
         self.footprint = Footprint.of(robot, self.flippers)
         self._clear = clear_angles(self.tracked, np.zeros(len(self.flippers.length)))
         self.servo = ServoState(self.servos, size, len(self.flippers.length))
         """Belt speeds, and what the flippers' motors are set to."""
-        self.contact = TrackContact.none(size, len(self.track_names))
-        """Track contacts of the last control period."""
+        self.contact = Reading.none(size, len(self.track_names))
+        """Contacts of the tracks (N, T), means over the last control period."""
+        self.work: Array = np.zeros((size, len(self.track_names)))
+        """Work (N, T) of the belts against the ground in it [J]."""
         self._courses = tuple(courses)
         self.course: list[Course] = [courses[0]] * size
         """Course of each robot."""
@@ -126,16 +124,14 @@ class Traverse(World):
         rows: ArrayLike,
         courses: Sequence[Course] | None = None,
         start: ArrayLike | None = None,
-        flippers: ArrayLike | None = None,
         mass: ArrayLike = 1.0,
     ) -> None:
-        """Begin runs of the robots `rows` (R,).
+        """Begin runs of the robots `rows` (R,), flippers level, or as far up as they clear level ground.
 
         Args:
             rows: which robots.
             courses: one each; by default they stay on theirs.
             start: poses (R, 3), x, y and heading; by default before the first piece of each course [m, m, rad].
-            flippers: angles of the flippers (F,), tips up; by default 0, or as far up as they clear level ground [rad].
             mass: factors on the mass and the inertia of the chassis, one for all or (R,) [-].
 
         Raises:
@@ -154,16 +150,15 @@ class Traverse(World):
         require(valid, "start", poses.tolist(), f"finite poses (x, y, heading), one for each of {len(where)} robots")
         for row, course in zip(where, chosen, strict=True):
             self._lay(int(row), course)
-        asked = self._clear if flippers is None else np.asarray(flippers, float)
-        angles = np.broadcast_to(asked, self.servo.angle.shape[1:])
-        self.servo.begin(where, np.clip(angles, *self.tracked.flipper_range.T))
+        self.servo.begin(where, self._clear)
         factors = np.broadcast_to(np.asarray(mass, float), where.shape)
         self._belts.set(np.ones((len(where), 2)), where)
         self._load(where, self.tracked.body, factors, np.zeros((len(where), 2)))
         self._place(where, poses)
         self._belts.begin(where)
         self._stuck.begin(where)
-        self.contact.clear(where)
+        self.contact.put(where, Reading.none(len(where), len(self.track_names)))
+        self.work[where] = 0.0
         self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
 
     def get_state(self) -> dict[str, Any]:
@@ -206,7 +201,8 @@ class Traverse(World):
         self.batch.state[broken] = before[broken]  # of a diverged run, the last finite one
         fine = ~broken[rows]
         reading = Reading.joined(readings)[fine].complete(self.track_names)
-        self.contact.put(rows[fine], TrackContact.mean(reading, float(self.tracked.model.opt.timestep)))
+        self.contact.put(rows[fine], reading.mean())
+        self.work[rows[fine]] = (reading.traction * reading.belt).sum(axis=1) * self.tracked.model.opt.timestep
         self._judge(rows, broken)
 
     def _torque_limit(self, goal: Array) -> Array | None:
@@ -220,23 +216,12 @@ class Traverse(World):
         """Heights (N, P) of the ground at `points` (N, P, 2) of each robot's course [m]."""
         return look_up(self.course, points)
 
-    def reflex(self, reflex: Reflex) -> Array:
-        """Set points (N, F) of the flippers' angles by reflex, tips up [rad]."""
-        geometry, heading = self.flippers, self.state.heading
-        hinge = self.state.position[:, None] + np.einsum("nij,fj->nfi", self.state.rotation, geometry.hinge)
-        forwards = se2.direction(heading)
-        away = np.where(geometry.front, 1.0, -1.0)[:, None] * SAMPLES * geometry.length[:, None]  # (F, S)
-        points = hinge[:, :, None, :2] + away[..., None] * forwards[:, None, None]
-        ground = self.elevation(points.reshape(self.size, -1, 2)).reshape(self.size, *away.shape)
-        return reflex.angles(ground, self.state.pitch, hinge[..., 2], geometry)
-
     @property
     def way(self) -> Array:
         """Way (N,) along x that remains until the course is crossed [m]."""
         return self.goal - self.state.position[:, 0]
 
     def _lay(self, row: int, course: Course) -> None:
-        """Put a course under a robot."""
         if self._slots is None:
             require(course is self.course[row], "courses", course, "the one that the robots were made for")
         else:
@@ -292,11 +277,3 @@ class Traverse(World):
         )
         for outcome, where in conditions:
             self.outcome[rows[where[rows]]] = outcome
-
-
-def _multiple(name: str, value: float, of: str, unit: float) -> int:
-    """Ratio of `value` to `unit`; raises InvalidValueError unless it is a whole number."""
-    require_positive(name, value)
-    count = round(value / unit)
-    require(count >= 1 and abs(count * unit - value) < 1e-9, name, value, f"a multiple of {of}, {unit:g} s")
-    return count

@@ -1,18 +1,128 @@
-"""True motion of a drive: poses over time by a slip law, with random slip."""
+"""Simulated drives: track speeds commanded by a driver with a lever per track, true motion by a slip law, and logs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
 
+from sim.terrain.pieces import smooth_step
 from trackslip import se2
-from trackslip.errors import Checked, checked, require_finite, require_non_negative, require_positive
-from trackslip.kinematics import Array, RobotGeometry
+from trackslip.errors import (
+    Checked,
+    InvalidValueError,
+    checked,
+    require,
+    require_finite,
+    require_non_negative,
+    require_positive,
+)
+from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.laws.base import SlipLaw
+from trackslip.logs.runlog import RunLog, Truth
 
+_STEEPEST = 1.5  # slope of the smoothest step from 0 to 1 in a unit of time, 3 u^2 - 2 u^3, at its middle
+_CLOSING = 2.404825557695773  # first zero of J_0: a heading of this amplitude, sinusoidal in time, closes an eight
+_BACK = -0.3  # how far back a lever goes of its own [of the way forwards]
+_STRAIGHT = 4.0  # on each side of a loop [s]
 _STEP = 0.005  # longest step of integration [s]
+
+
+@dataclass(frozen=True)
+class Driver(Checked):
+    """Limits of a driver, and the half gauge assumed for turns."""
+
+    max_speed: float = checked(0.3, require_positive)
+    """Largest speed of a track [m/s]."""
+    acceleration: float = checked(0.5, require_positive)
+    """Largest acceleration of a track [m/s^2]."""
+    half_gauge: float = checked(0.168, require_positive)
+    """Half gauge assumed for turns; b + D for a robot that slips [m]."""
+
+
+def track_commands(driving: str, duration: float, rate: float, driver: Driver, rng: np.random.Generator) -> Array:
+    """Track speeds (T, 2) [m/s] of a driving style in DRIVING, at times k / `rate` up to `duration` [s].
+
+    They start at rest. Raises InvalidValueError for an unknown name.
+    """
+    if driving not in DRIVING:
+        raise InvalidValueError("driving", driving, f"one of {', '.join(DRIVING)}")
+    require_positive("duration", duration)
+    require_positive("rate", rate)
+    time = np.arange(int(duration * rate + 1e-9) + 1) / rate
+    require(len(time) >= 2, "duration", duration, f"at least a period of the encoders, {1 / rate:g} s")
+    return DRIVING[driving](time, driver, rng)
+
+
+def _random(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
+    """Each lever moves smoothly to random positions; now and then both move together, reverse or rest."""
+    count = int(time[-1]) + 2  # of places: each takes longer than a second
+    levers = _BACK + (1 - _BACK) * rng.random((count, 2)) ** 0.6  # rather forwards
+    kinds = rng.choice(4, count, p=(0.8, 0.08, 0.06, 0.06))[:, None]
+    levers = np.choose(kinds, [levers, np.broadcast_to(np.abs(levers[:, :1]), levers.shape), -levers, 0 * levers])
+    return _levers(time, driver, driver.max_speed * levers, rng.uniform(0.8, 1.4, count), rng.uniform(0.5, 1.5, count))
+
+
+def _stop_and_go(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
+    """Straights and turns at constant speeds, with stops between them."""
+    count = int(time[-1] / 4.0) + 2  # stretch and stop together last longer
+    speed = rng.uniform(0.4, 1.0, (count, 1))
+    levers = speed * np.concatenate([np.ones((count, 1)), rng.uniform(0.0, 1.0, (count, 1))], axis=1)
+    levers = np.where(rng.random((count, 1)) < 0.5, levers, levers[:, ::-1])
+    levers[::4] = speed[::4]  # straight
+    both = np.zeros((2 * count, 2))
+    both[::2] = levers
+    holding = np.stack([rng.uniform(3.5, 6.0, count), rng.uniform(0.5, 2.0, count)], axis=1).ravel()
+    return _levers(time, driver, driver.max_speed * both, np.full(2 * count, 0.5), holding)
+
+
+def _eights(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
+    """Figure eights at constant forward speed, their heading sinusoidal in time."""
+    ahead = rng.uniform(0.5, 0.7)  # share of the top speed; the rest is for turning
+    turning = min((1 - ahead) * driver.max_speed, np.sqrt(_CLOSING / 2 * driver.acceleration * driver.half_gauge))
+    frequency = turning / (driver.half_gauge * _CLOSING)
+    half = rng.choice([-1.0, 1.0]) * turning * np.sin(frequency * time)
+    return _begun(time, driver, ahead * driver.max_speed, half)
+
+
+def _loop(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
+    turning = min(0.4 * driver.max_speed, np.sqrt(np.pi / 8 * driver.acceleration * driver.half_gauge))
+    corner = np.pi**2 / 4 * driver.half_gauge / turning  # its yaw rate is half a period of a sine [s]
+    into = np.clip(time % (_STRAIGHT + corner) - _STRAIGHT, 0.0, corner)
+    half = rng.choice([-1.0, 1.0]) * turning * np.sin(np.pi * into / corner)
+    return _begun(time, driver, 0.6 * driver.max_speed, half)
+
+
+def _begun(time: Array, driver: Driver, ahead: float, half: Array) -> Array:
+    """Speeds (T, 2) [m/s] ahead -+ half; starting takes half of the acceleration, which leaves the rest for `half`."""
+    ramp = 2 * _STEEPEST * driver.max_speed / driver.acceleration
+    return (ahead + SIDES * half[:, None]) * smooth_step(time / ramp)[:, None]
+
+
+def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: Array) -> Array:
+    """Speeds (T, 2) [m/s] that approach each of `levers` (K, 2) in turn, from rest, and hold it.
+
+    Each is approached in `moving` (K,) and held for `holding` (K,) [s]; longer where the acceleration demands it.
+    """
+    change = np.abs(np.diff(levers, axis=0, prepend=np.zeros((1, 2)))).max(axis=1)
+    moving = np.maximum(moving, _STEEPEST * change / driver.acceleration)
+    ends = np.cumsum(moving + holding)
+    begins = np.concatenate([[0.0], ends[:-1]])
+    now = np.minimum(np.searchsorted(ends, time, side="right"), len(levers) - 1)
+    before = np.concatenate([np.zeros((1, 2)), levers[:-1]])[now]
+    return before + smooth_step((time - begins[now]) / moving[now])[:, None] * (levers[now] - before)
+
+
+DRIVING: dict[str, Callable[[Array, Driver, np.random.Generator], Array]] = {
+    "random": _random,
+    "eights": _eights,
+    "stop_and_go": _stop_and_go,
+    "loop": _loop,
+}
+"""Ways of driving by name."""
 
 
 @dataclass(frozen=True)
@@ -111,3 +221,68 @@ class LawMotion(Checked):
         mean = (1 - keep) * self.lag / step  # of the decay over a step
         missing = scipy.signal.lfilter([1.0], [1.0, -keep], np.diff(twist, axis=0, prepend=0.0), axis=0)
         return twist - mean * missing
+
+
+def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
+    """Join encoder readings and poses (M, 3), stamped (M,) [s], into a log with a row for each.
+
+    `encoders` has a row for each of their readings. A row that is only a pose's has the sprocket speeds of the next
+    reading, which is the mean over the interval that contains it. Poses stamped before the first or after the last
+    reading are left out. The truth is that of the robot at the encoders' time.
+    """
+    read = encoders.time
+    within = (stamps >= read[0]) & (stamps <= read[-1])
+    stamps, poses = stamps[within], poses[within]
+    time = np.union1d(read, stamps)
+    after = np.searchsorted(read, time)
+    held = np.searchsorted(read, time, side="right") - 1
+    pose = np.full((len(time), 3), np.nan)
+    valid = np.zeros(len(time), bool)
+    seen = np.searchsorted(time, stamps)
+    pose[seen], valid[seen] = poses, True
+    return RunLog(
+        run=encoders.run,
+        time=time,
+        omega=encoders.omega[after],
+        pose=pose,
+        command=None if encoders.command is None else encoders.command[held],
+        valid=valid,
+        truth=None if encoders.truth is None else _truth_at(encoders.truth, read, time, after),
+        metadata=encoders.metadata,
+    )
+
+
+def encoder_log(run: str, rate: float, omega: Array, motion: Motion, twist: Array, metadata: dict[str, Any]) -> RunLog:
+    """Log of encoder readings: sprocket speeds `omega` (T, 2) [rad/s] at `rate` [Hz], with true poses.
+
+    Each speed is commanded in the row before.
+    """
+    time = np.arange(len(omega)) / rate
+    pose = motion.at(time)
+    command = np.concatenate([omega[1:], omega[-1:]])
+    return RunLog(run, time, omega, pose, command, truth=Truth(pose, twist), metadata=metadata)
+
+
+def quantised(log: RunLog, counts: int) -> RunLog:
+    """The log with sprocket angles rounded to whole encoder counts, `counts` per revolution."""
+    count = 2 * np.pi / counts
+    turned = log.omega[1:] * np.diff(log.time)[:, None]
+    angle = np.floor(np.concatenate([np.zeros((1, 2)), np.cumsum(turned, axis=0)]) / count) * count
+    omega = np.concatenate([log.omega[:1], np.diff(angle, axis=0) / np.diff(log.time)[:, None]])
+    return replace(log, omega=omega)
+
+
+def _truth_at(truth: Truth, read: Array, time: Array, after: np.ndarray) -> Truth:
+    """Interpolate the truth from times `read` (T,) to `time` (U,); `after` (U,) are the next rows of the former."""
+
+    def between(values: Array) -> Array:
+        flat = values.reshape(len(read), -1)
+        return np.stack([np.interp(time, read, column) for column in flat.T], -1).reshape(-1, *values.shape[1:])
+
+    smooth = {name: getattr(truth, name) for name in ("twist", "traction", "torque", "lean", "contact")}
+    means = {name: getattr(truth, name) for name in ("power", "saturated")}
+    return Truth(
+        pose=Motion(read, truth.pose).at(time),
+        **{name: between(values) for name, values in smooth.items() if values is not None},
+        **{name: values[after] for name, values in means.items() if values is not None},
+    )

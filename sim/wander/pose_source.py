@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.scanner.scanner import LaserScanner
+from sim.scanner.scanner import LaserScanner, require_share
 from sim.wander.motion import Motion
 from trackslip import se2
 from trackslip.errors import Checked, checked, require, require_positive, require_within
@@ -19,10 +19,6 @@ _MOST_EARLY = 0.45  # of a period: stamps stay in order
 _AT_ONCE = 500  # scans
 _LARGEST = 1e6  # error, in any unit: logs of larger ones could not be read again
 _LONGEST_DELAY = 3600.0  # [s]
-
-
-def _require_share(name: str, value: float) -> None:
-    require(0 <= value < 1, name, value, "at least 0 and less than 1")
 
 
 @dataclass(frozen=True)
@@ -41,13 +37,13 @@ class PoseSource(Checked):
     """Delay of pose stamps against encoder stamps of the same instant; -tau [s]."""
     jitter: float = checked(0.0, require_within, 0.0, _LARGEST)
     """Standard deviation of the time stamps [s]."""
-    outliers: float = checked(0.0, _require_share)
+    outliers: float = checked(0.0, require_share)
     """Share of the poses that are wrong [-]."""
     outlier_size: float = checked(0.5, require_within, 0.0, _LARGEST)
     """Largest error of those, in x and in y [m]."""
     outlier_turn: float = checked(0.5, require_within, 0.0, _LARGEST)
     """Largest error of their headings [rad]."""
-    dropouts: float = checked(0.0, _require_share)
+    dropouts: float = checked(0.0, require_share)
     """Share of the poses that are missing, one by one [-]."""
     gaps: int = checked(0, require_within, 0.0, _LARGEST)
     """Number of stretches without poses."""

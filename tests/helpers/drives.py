@@ -6,9 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.wander.commands import Driver, track_commands
-from sim.wander.log import encoder_log, joined_log
-from sim.wander.motion import WHITE, LawMotion, SlipVariation
+from sim.wander.motion import WHITE, Driver, LawMotion, SlipVariation, encoder_log, joined_log, track_commands
 from sim.wander.pose_source import PoseSource
 from trackslip.identification.comparison import REFERENCE
 from trackslip.identification.law_fit import DriveFit, fit_drives

@@ -8,8 +8,7 @@ import numpy as np
 
 from trackslip.identification.result import Identification
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.steady_comparison import CrossValidation, SteadyComparison
-from trackslip.identification.steady_fit import fit_law
+from trackslip.identification.steady import CrossValidation, SteadyComparison, fit_law
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.icr import ConstantIcr
 from trackslip.logs.runlog import Refused

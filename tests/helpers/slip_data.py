@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
-from trackslip.identification.steady_fit import fit_law
+from trackslip.identification.steady import fit_law
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.logs.logfile import read_runs

@@ -88,7 +88,7 @@ def rescue(terrain, preset, flippers=UP):
     robot = load_tracked("rescue")
     built = build_tracked(robot, terrain, preset=preset)
     model, control = built.model, np.zeros(built.model.nu)
-    control[built.flipper_motor] = built.flipper_control(np.where(built.flipper_front, *flippers))
+    control[built.flipper_motor] = built.flipper_control(np.where(built.flippers.front, *flippers))
     qpos = model.qpos0.copy()
     qpos[built.flipper_qpos] = control[built.flipper_motor]
     qpos[:7] = [0, 0, -robot.lowest, 1, 0, 0, 0]

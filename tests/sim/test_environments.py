@@ -23,11 +23,11 @@ from sim import (
     SensorNoise,
     TraverseConfig,
 )
+from sim.drive.drive import Servos
 from sim.path_tracking.config import EnvConfig, TrackingReward
-from sim.task import from_options
+from sim.settings import from_options
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.traverse.config import CrossingReward
-from sim.traverse.servos import Servos
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.laws.exponential import PUBLISHED
 from trackslip.laws.icr_load import IcrLoad

@@ -9,11 +9,11 @@ from pages import ROOT
 from tracked_files import ROBOT
 
 from sim import Drive, Ground
-from sim.drive.motor import Motor
-from sim.ground.named import NAMED_GROUNDS, load_ground
+from sim.drive.drive import Motor
+from sim.ground.ground import NAMED_GROUNDS, load_ground
 from sim.robot.named import load_parameters, load_tracked
 from sim.robot.parameters import RobotParameters, robot_file_text
-from sim.scanner.obstacles import Obstacles, Post, Wall, load_obstacles
+from sim.scanner.scanner import Obstacles, Post, Wall, load_obstacles
 from sim.terrain import Course, Ramp, Rough, Stairs, load_course
 from trackslip.errors import InvalidValueError, SettingsFileError
 
@@ -80,7 +80,7 @@ MISTAKES = [
     # grounds
     (load_ground, "base = 'mud'", "base = 'mud': must be one of stone"),
     (load_ground, "patches = 3", "patches = 3: must be a list"),
-    (load_ground, "patches = [3]", "patches[0]: 3 is not a table"),
+    (load_ground, "patches = [3]", "patches[0] = 3: must be a Patch"),
     (load_ground, PIECE, "patches[0]: x is missing"),
     (load_ground, PIECE + "x = [[0], [1]]", "patches[0]: x = [0]: must be a number"),
     (

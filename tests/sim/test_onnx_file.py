@@ -6,14 +6,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from sim.network import Network
-from sim.policy import Policy
-from sim.traverse.policy import OPTIONS, CrossingPolicy
+from sim.policy import CrossingPolicy, Network, Policy
+from sim.traverse.policy import OPTIONS
 
 onnx = pytest.importorskip("onnx")
 from onnx.reference import ReferenceEvaluator  # noqa: E402
 
-from sim.onnx_file import write_onnx  # noqa: E402
+from sim.policy import write_onnx  # noqa: E402
 
 
 @pytest.mark.parametrize("task", ["PathTracking", "Traverse"])

@@ -12,7 +12,7 @@ import pytest
 
 from sim import build_tracked, load_tracked
 from sim.opengl import Pictures
-from sim.robot.looks import TrackedView
+from sim.robot.looks import RobotLooks
 from trackslip.errors import InvalidValueError, TrackslipError
 
 TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
@@ -75,7 +75,7 @@ def test_belts_and_wheels_turn_in_pictures_and_nothing_else_does():
     world = build_tracked(load_tracked("rescue"), looks=True)
     data = mujoco.MjData(world.model)
     mujoco.mj_forward(world.model, data)
-    view, count, pictures = TrackedView(world), len(world.track_side), Pictures(world.model, 320, 180)
+    view, count, pictures = RobotLooks.of(world), len(world.track_side), Pictures(world.model, 320, 180)
     still, again, moved = (
         pictures.take(data, view.camera(data), lambda scene, way=way: view.draw(scene, data, np.full(count, way)))
         for way in (0.0, 0.0, 0.1)

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from sim.env import PathTrackingEnv
-from sim.network import Network
-from sim.policy import Policy, PolicyController
-from sim.traverse.policy import CrossingPolicy
+from sim.policy import CrossingPolicy, Network, Policy, PolicyController
 from trackslip.controllers.base import SensesSprockets
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.trajectory.segmented import paper_reference

@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 
 from sim import Drive, LaserScanner, Randomization, RobotParameters, Traverse, load_tracked
-from sim.drive.motor import Motor
+from sim.drive.drive import Motor
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
 from sim.ground.ground import Change, Ground, Patch
 from sim.path_tracking.config import TrackingReward
-from sim.scanner.obstacles import Post, Wall
+from sim.scanner.scanner import Post, Wall
 from sim.terrain import Beams, Blocks, Course, Flat, HeightField, Ramp, Rough, Stairs
 from sim.tracks.hull import Hull
 from sim.traverse.courses import draw_course
-from sim.wander.commands import Driver, track_commands
-from sim.wander.motion import LawMotion
+from sim.wander.motion import Driver, LawMotion, track_commands
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry

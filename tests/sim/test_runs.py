@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim import Drive, Fleet, LaserScanner, Pilot, ScannerFeed, closed_loop, load_robot, open_loop
-from sim.drive.motor import Motor
+from sim.drive.drive import Motor
 from sim.run_recorder import Description, RunRecorder
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.error_feedback import Feedforward, LinearTimeVarying

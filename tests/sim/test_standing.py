@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim import Description, Drive, Fleet, LaserScanner, ScannerFeed, load_robot, open_loop
-from sim.drive.motor import Motor
+from sim.drive.drive import Motor
 from sim.ground.ground import Ground, Patch
 from sim.robot.parameters import SINK, RobotParameters
 from trackslip.errors import InvalidValueError, RunFailedError

@@ -8,8 +8,8 @@ import pytest
 from bags import open_bag
 
 import trackslip
-from sim.ground.named import load_ground
-from sim.network import load_network
+from sim.ground.ground import load_ground
+from sim.policy import load_network
 from trackslip.errors import LogError, SettingsFileError
 from trackslip.files import read_json, regular_file
 from trackslip.trajectory.named import load_reference

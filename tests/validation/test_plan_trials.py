@@ -21,8 +21,7 @@ from experiments.simulate.options import Simulation
 from experiments.simulate.world import World
 from sim import Description, Drive
 from sim.seeds import generator
-from sim.wander.commands import Driver, track_commands
-from sim.wander.motion import LawMotion, SlipVariation
+from sim.wander.motion import Driver, LawMotion, SlipVariation, track_commands
 from sim.wander.pose_source import SOURCES
 from trackslip import se2
 from trackslip.kinematics import Array, RobotGeometry

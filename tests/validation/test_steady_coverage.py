@@ -24,7 +24,7 @@ from experiments.simulate.grid_runs import drive_grid
 from experiments.simulate.world import World
 from sim.seeds import generator
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
-from trackslip.identification.steady_fit import fit_law
+from trackslip.identification.steady import fit_law
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.families import FAMILIES
 from trackslip.logs.runlog import RunLog

@@ -15,7 +15,7 @@ from trackslip.identification.preparation import drives_of
 from trackslip.identification.result import Identification, Method
 from trackslip.identification.samples import Sampling
 from trackslip.identification.source import ReadOptions, Source, read_source, source_of_runs
-from trackslip.identification.steady_comparison import compare_laws
+from trackslip.identification.steady import compare_laws
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import Refused, RunLog
 from trackslip.motion.steady import SETTLE, turning_stretches

@@ -16,7 +16,7 @@ from trackslip.identification.drive_comparison import DriveComparison
 from trackslip.identification.first_look import Alarm
 from trackslip.identification.fitted import FittedLaw, Gain
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.steady_comparison import SteadyComparison
+from trackslip.identification.steady import SteadyComparison
 from trackslip.kinematics import RobotGeometry
 from trackslip.laws.base import SlipLaw
 from trackslip.laws.families import FAMILIES

@@ -6,7 +6,7 @@ import pytest
 from experiments.benchmark.cases import BenchmarkCase, planned_cases
 from experiments.benchmark.config import Config
 from experiments.benchmark.drive import ClosedLoops
-from sim.ground.named import load_ground
+from sim.ground.ground import load_ground
 from sim.stopwatch import Stopwatch
 
 

@@ -8,8 +8,7 @@ from command_runs import ran
 
 from experiments.cli import main
 from sim.drive.drive import RADIUS_ERROR
-from sim.ground.ground import Ground
-from sim.ground.named import load_ground
+from sim.ground.ground import Ground, load_ground
 from sim.robot.named import load_parameters
 from sim.robot.parameters import RobotParameters
 

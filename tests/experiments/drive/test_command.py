@@ -15,10 +15,10 @@ from experiments.cli import main
 from experiments.drive.config import Config
 from experiments.drive.course import drive_course
 from experiments.drive.world import about_world, driver, make_world
-from sim.network import Network
-from sim.task import from_options
+from sim.policy import CrossingPolicy, Network
+from sim.settings import from_options
 from sim.traverse.config import TraverseConfig
-from sim.traverse.policy import OPTIONS, CrossingPolicy
+from sim.traverse.policy import OPTIONS
 from sim.traverse.task import Crossing
 from trackslip.errors import InvalidValueError
 

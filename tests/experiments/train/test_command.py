@@ -7,8 +7,8 @@ import pytest
 
 from experiments.cli import main
 from experiments.train.training import UNFINISHED
-from sim.policy import Policy
-from sim.traverse.policy import OPTIONS, CrossingPolicy
+from sim.policy import CrossingPolicy, Policy
+from sim.traverse.policy import OPTIONS
 
 pytest.importorskip("stable_baselines3")
 TINY = {"robots": 4, "horizon": 32, "batch": 64, "epochs": 1, "network": 8, "references": "slalom"}

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from experiments.train.crossing import crossing_rates
-from sim.network import Network
+from sim.policy import CrossingPolicy, Network
 from sim.terrain import Course, Flat
-from sim.traverse.policy import OPTIONS, CrossingPolicy
+from sim.traverse.policy import OPTIONS
 
 NO_CORRECTION = Network((np.zeros((63, 4)),), (np.zeros(4),))
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from sim import Fleet, Ground
-from sim.drive.drive import Drive, DriveState
-from sim.drive.motor import Motor
+from sim.drive.drive import Drive, DriveState, Motor
 
 GRAVITY = 9.81
 MOTOR = Motor()

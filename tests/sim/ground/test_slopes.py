@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim import Fleet, Ground, Pilot, Pull, RobotParameters, closed_loop, load_robot, open_loop
-from sim.drive.motor import Motor
+from sim.drive.drive import Motor
 from trackslip.controllers.error_feedback import LinearTimeVarying
 from trackslip.laws.icr import ConstantIcr
 from trackslip.laws.icr_load import IcrLoad

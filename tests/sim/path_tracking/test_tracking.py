@@ -3,7 +3,7 @@ import pytest
 
 from sim import Fleet, Ground, LaserScanner, Pilot, Pull, Randomization, RobotParameters, closed_loop
 from sim.env import PathTrackingEnv, PathTrackingVectorEnv
-from sim.ground.named import NAMED_GROUNDS
+from sim.ground.ground import NAMED_GROUNDS
 from sim.path_tracking.config import TrackingReward
 from sim.path_tracking.tracking import TERMS
 from trackslip import se2

@@ -6,8 +6,8 @@ import pytest
 
 from sim import Fleet, Ground, load_robot
 from sim.drive.drive import tireless
-from sim.robot.chassis import MODELS
 from sim.robot.parameters import SINK, RobotParameters
+from sim.robot.robot import MODELS
 from sim.tracks.recipe import LEVEL
 from trackslip.errors import RobotWarning
 from trackslip.skid_theory import line_contact, steady_twist

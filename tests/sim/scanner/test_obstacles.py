@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim import Fleet, LaserScanner, ScannerFeed
-from sim.scanner.obstacles import Obstacles, Post, Wall
+from sim.scanner.scanner import Obstacles, Post, Wall
 from trackslip.errors import InvalidValueError
 
 

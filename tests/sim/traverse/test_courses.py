@@ -10,9 +10,8 @@ import pytest
 from experiments.common.choices import FTR_NAMES
 from sim import Command, TrackedRobot, Traverse, TraverseConfig, load_tracked
 from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
-from sim.traverse.courses import MAX_BOXES, OBSTACLES, draw_course
-from sim.traverse.footprint import Footprint
-from sim.traverse.ftr_courses import FTR_BOXES, FTR_COURSES, KINDS, draw_ftr_course
+from sim.traverse.courses import FTR_BOXES, FTR_COURSES, KINDS, MAX_BOXES, OBSTACLES, draw_course, draw_ftr_course
+from sim.traverse.ground import Footprint
 from sim.traverse.task import Crossing
 from trackslip.errors import InvalidValueError
 

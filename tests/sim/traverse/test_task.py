@@ -7,7 +7,7 @@ import pytest
 from sim import Limits, Outcome, SensorNoise, TraverseConfig
 from sim.terrain import Course, Rough
 from sim.traverse.config import CrossingReward
-from sim.traverse.ftr_courses import KINDS
+from sim.traverse.courses import KINDS
 from sim.traverse.task import TERMS, Crossing, reward_terms
 from trackslip.errors import InvalidValueError
 

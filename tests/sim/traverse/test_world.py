@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from sim import Command, Scripted, Traverse, build_tracked, load_tracked
+from sim.drive.drive import Servos, ServoState
+from sim.robot.tracked_model import FlipperGeometry
 from sim.terrain import Course, Flat, Ramp, Step
 from sim.tracks import Belts
-from sim.traverse.contact import ContactPoints
-from sim.traverse.outcome import Limits, Outcome, StuckWatch
-from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
-from sim.traverse.servos import Servos, ServoState
+from sim.traverse.outcome import ContactPoints, Limits, Outcome, StuckWatch
+from sim.traverse.policy import SAMPLES, Reflex
 from sim.world import quietly
 from trackslip.errors import InvalidValueError
 
@@ -35,7 +35,7 @@ def test_straight_on_nothing_slips_and_the_load_is_the_weight(rescue):
     np.testing.assert_array_equal(contact.touching[0], [True, True, False, False, False, False])
     assert np.abs(contact.slip[0, :2]).max() < 2e-3
     assert np.isnan(contact.slip[0, 2:]).all()
-    assert np.abs(contact.work).sum() < 0.2
+    assert np.abs(rescue.work).sum() < 0.2
     assert rescue.state.velocity[0, 0] == pytest.approx(0.3, rel=2e-3)
     np.testing.assert_allclose(rescue.tracked.flipper_angles(rescue.state.qpos)[0], 0.6, atol=0.03)
 
@@ -52,7 +52,7 @@ def test_work_lifts_the_robot_up_a_ramp():
     height, work = world.state.position[0, 2], 0.0
     for _ in range(20):
         world.step(Command(speed, none))
-        work += world.contact.work.sum()
+        work += world.work.sum()
     # what is lost in sliding is the slip's share of the work
     lifted = mass * 9.81 * (world.state.position[0, 2] - height)
     assert work * (1 - world.contact.slip.mean()) == pytest.approx(lifted, rel=0.01)
@@ -72,7 +72,7 @@ def test_traction_and_load_are_means_of_the_period():
             contact = world.contact
             forwards += contact.traction.sum() * period
             upwards += (contact.load.sum() - 9.81 * mass) * period
-            work += contact.work.sum()
+            work += world.work.sum()
         assert forwards == pytest.approx(mass * world.state.velocity[0, 0], rel=0.005)
         assert upwards == pytest.approx(0.0, abs=0.005 * mass * 9.81 * 2.0)
         assert work > 0.5 * mass * 0.4**2  # belts that slide lose some
@@ -118,7 +118,7 @@ def test_flippers_feel_the_ground_under_them_that_courses_have():
     x = hinge[:, :1] + np.where(shape.front, 1, -1)[:, None] * SAMPLES * shape.length[:, None]
     ground = course.height(x, hinge[:, 1:2])
     expected = reflex.angles(ground[None], np.zeros(1), hinge[None, :, 2], shape)
-    np.testing.assert_allclose(world.reflex(reflex), expected, atol=1e-3)
+    np.testing.assert_allclose(reflex.set_points(world), expected, atol=1e-3)
     assert expected[0, shape.front].min() > 0.05
 
 
@@ -202,7 +202,7 @@ def world():
 def test_each_run_ends_by_name_and_stands_still(world):
     assert tuple(Outcome(one).label for one in world.outcome) == ROWS
     contact = world.contact
-    for values in (world.state.qpos, world.state.qvel, contact.traction, contact.load, contact.depth, contact.work):
+    for values in (world.state.qpos, world.state.qvel, contact.traction, contact.load, contact.depth, world.work):
         assert np.isfinite(values).all()
     before = world.state.qpos.copy(), world.time.copy()
     world.step(Command(np.ones((len(ROWS), 2)), np.zeros((len(ROWS), 0))))

@@ -7,9 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.wander.commands import DRIVING, Driver, track_commands
-from sim.wander.log import encoder_log, joined_log, quantised
-from sim.wander.motion import LawMotion
+from sim.wander.motion import DRIVING, Driver, LawMotion, encoder_log, joined_log, quantised, track_commands
 from trackslip import se2
 from trackslip.kinematics import RobotGeometry, twist_of_tracks, wrap_angle
 from trackslip.laws.icr import ConstantIcr

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.wander.commands import Driver, track_commands
-from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
+from sim.wander.motion import LASTING, WHITE, Driver, LawMotion, Motion, SlipVariation, track_commands
 from trackslip import se2
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.laws.icr import ConstantIcr

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sim import Fleet, LaserScanner, ScannerFeed
-from sim.wander.commands import Driver, track_commands
-from sim.wander.motion import LawMotion, Motion, SlipVariation
+from sim.wander.motion import Driver, LawMotion, Motion, SlipVariation, track_commands
 from sim.wander.pose_source import PoseSource, plate_ranges, plate_scans
 from trackslip import se2
 from trackslip.kinematics import RobotGeometry

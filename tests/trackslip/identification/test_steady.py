@@ -11,8 +11,7 @@ from slip_data import ERRORS, GEOMETRY, RADII, coverage, grid
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.samples import SlipSamples, true_samples, usable_samples
 from trackslip.identification.source import ReadOptions, read_source
-from trackslip.identification.steady_comparison import compare_laws
-from trackslip.identification.steady_fit import fit_law, folds
+from trackslip.identification.steady import compare_laws, fit_law, folds
 from trackslip.kinematics import RobotGeometry, advance, track_slip
 from trackslip.laws.base import NoSlip
 from trackslip.laws.exponential import PUBLISHED, ExponentialSpeed

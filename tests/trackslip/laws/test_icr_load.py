@@ -6,8 +6,7 @@ import pytest
 from trackslip import se2
 from trackslip.errors import LogError
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.steady_comparison import compare_laws
-from trackslip.identification.steady_fit import fit_law
+from trackslip.identification.steady import compare_laws, fit_law
 from trackslip.kinematics import RobotGeometry, body_twist
 from trackslip.laws.icr import ConstantIcr
 from trackslip.laws.icr_load import MAX_LOAD, IcrLoad

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from drives import GEOMETRY, ICR
 
-from sim.wander.commands import Driver, track_commands
-from sim.wander.motion import WHITE, LawMotion, SlipVariation
+from sim.wander.motion import WHITE, Driver, LawMotion, SlipVariation, track_commands
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
 from trackslip.laws.base import NoSlip

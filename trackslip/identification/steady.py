@@ -1,4 +1,4 @@
-"""Laws fitted to steady runs: values, errors, and the scatter between the runs.
+"""Laws fitted to steady runs and compared: values, errors, the scatter between the runs, errors at left-out radii.
 
 The measured twist of a run is random; its sprocket speeds are known. A law predicts the twist from these speeds, so
 slip and radius, both functions of the measured twist with correlated errors, need not be treated separately: the
@@ -13,6 +13,7 @@ speed, its wrong shape). They act on the robot as a whole, so a slow sprocket is
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,10 +22,21 @@ from scipy.optimize import brentq, least_squares
 from scipy.special import stdtrit
 
 from trackslip.errors import LogError, counted
+from trackslip.identification.comparison import (
+    LEAST_ERROR,
+    REFERENCE,
+    Choice,
+    Comparison,
+    Criterion,
+    choose,
+    is_expressible,
+    ranked,
+    turns_fast,
+)
 from trackslip.identification.fitted import FEWEST_BLOCKS, FittedLaw, cr3, newton_steps, uncertainty
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
-from trackslip.laws.families import LawFamily, family
+from trackslip.laws.families import FAMILIES, LawFamily, family
 from trackslip.metrics import rms
 
 _EXACT = 1e-9  # least error of a run, relative to the faster sprocket: that of samples that follow a law to rounding
@@ -222,3 +234,86 @@ def folds(labels: np.ndarray) -> np.ndarray:
         return labels
     fold = (np.cumsum(size) - size) * _FOLDS // len(labels)
     return np.unique(fold[labels], return_inverse=True)[1]
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """Rms errors of a law for runs at radii that it was not fitted to."""
+
+    slip: float  # of the track speeds, relative to the faster sprocket's [-]
+    linear_speed: float  # [m/s]
+    yaw_rate: float  # [rad/s]
+
+    @classmethod
+    def of(cls, twist: Array | None, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation | None:
+        """Errors of the twists (n, 2) that fits without each radius predict."""
+        if twist is None:
+            return None
+        v, w = (rms(column) for column in (twist - samples.twist).T)
+        return cls(rms(samples.relative_errors(twist, geometry)), v, w)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteadyComparison(Comparison):
+    """Laws identified from steady samples."""
+
+    samples: SlipSamples  # the samples that the laws were fitted to
+    laws: Mapping[str, SteadyFit]  # fits by name of the law
+    validation: Mapping[str, CrossValidation | None]  # cross-validation by name of the law
+
+
+def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> SteadyComparison:
+    """Fit all families that the samples determine, and compare them.
+
+    Raises LogError if the samples determine no law of turning.
+    """
+    laws, warnings = dict[str, SteadyFit](), list[str]()
+    sides = np.sign(np.diff(samples.omega, axis=1)[:, 0] * samples.omega.sum(axis=1))
+    one_sided = min((sides > 0).sum(), (sides < 0).sum()) < 2
+    unloaded = samples.load is None or np.ptp(samples.load) < 1e-3
+    slow = not turns_fast(samples.omega, geometry)
+    for name, model in FAMILIES.items():
+        impossible = (model.two_sided and one_sided) or (model.loaded and unloaded) or (model.fast and slow)
+        if impossible or not model.of_runs:
+            continue
+        try:
+            laws[name] = fit_law(name, samples, geometry)
+        except LogError as error:
+            warnings.append(str(error))
+    if not laws.keys() - {"none"}:
+        raise LogError(next(why for why in warnings if why.startswith("law icr:")))
+    predicted = {name: law.fit.left_out() for name, law in laws.items()}
+    choice = choose(laws, lambda some: _ranked(some, predicted))
+    if choice is None:
+        best = min(laws.keys() - {"none"}, key=lambda name: (name != REFERENCE, len(laws[name].values), name))
+        why = "the runs are too few to compare laws"
+        choice = Choice(best=best, reason=why, score={}, expressible=best if is_expressible(best) else None)
+    order = sorted(laws, key=lambda name: (name != choice.best, choice.score.get(name, np.inf), laws[name].rms))
+    return SteadyComparison(
+        **vars(choice),
+        samples=samples,
+        laws={name: laws[name] for name in order},
+        validation={name: CrossValidation.of(twist, samples, geometry) for name, twist in predicted.items()},
+        warnings=tuple(warnings),
+    )
+
+
+def _ranked(laws: Mapping[str, SteadyFit], predicted: Mapping[str, Array | None]) -> Choice | None:
+    """The simplest of the laws whose predictions of left-out radii are as good as any other's; None for few runs.
+
+    Errors are mean squares of the relative errors of the track speeds, weighted by the runs' variances.
+    """
+    fit = next(iter(laws.values())).fit
+    samples, scatter = fit.samples, max(LEAST_ERROR, min(law.scatter for law in laws.values()))
+    weight = 1 / (fit.measurement.mean(axis=1) + scatter**2)
+    errors = {
+        name: weight / weight.mean() * np.mean(samples.relative_errors(twist, fit.geometry) ** 2, axis=1)
+        for name in laws
+        if (twist := predicted[name]) is not None
+    }
+    if len(samples) < FEWEST_BLOCKS:
+        return None
+    criteria = [Criterion(errors, np.arange(len(samples)), LEAST_ERROR**2)] if errors else []
+    choice = ranked({name: laws[name] for name in errors}, criteria)
+    why = "it is the simplest of those that predict left-out radii as well as any, within a standard error"
+    return choice and replace(choice, reason=why)

@@ -1,0 +1,179 @@
+"""Drawing of the robots of a task: with their paths and trails, or on their courses; pictures of each, and a window."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from sim.opengl import Pictures, Window, place
+from sim.path_tracking.tracking import PathTracking
+from sim.robot.looks import RobotLooks, robot_looks
+from sim.robot.tracked_model import build_tracked
+from sim.traverse.task import Crossing
+from trackslip.kinematics import Array
+
+_SPACING = 0.03  # smallest length of a segment of a drawn line [m]
+# of a drawn line: height above the ground and half width [m], colour
+_PATH, _TRAIL = (0.004, 0.012, (0.10, 0.36, 0.85, 1.0)), (0.014, 0.008, (0.95, 0.45, 0.08, 1.0))
+_DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # of the camera that follows a robot [m, deg, deg]
+
+
+class TaskRenderer(ABC):
+    """Draws the robots of a task: pictures of each, and robot 0 in a window."""
+
+    def __init__(self) -> None:
+        self.data: Any = None  # model with visuals, in the state of the robot being drawn
+        self._window: Window | None = None
+        self._pictures: Pictures | None = None
+
+    @abstractmethod
+    def begin(self, rows: Sequence[int]) -> None:
+        """Note that episodes of the robots `rows` have begun."""
+
+    @abstractmethod
+    def follow(self) -> None:
+        """Note that a control period has passed."""
+
+    @abstractmethod
+    def pose(self, row: int) -> None:
+        """Put `data` into the state of robot `row`."""
+
+    @abstractmethod
+    def camera(self, row: int) -> Any:
+        """The camera that follows robot `row`."""
+
+    @abstractmethod
+    def draw(self, scene: Any, row: int) -> None:
+        """Append everything but the model to a scene."""
+
+    def picture(self, row: int) -> np.ndarray:
+        """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
+        self.pose(row)
+        if self._pictures is None:
+            quality = self.data.model.vis.quality  # what a processor draws in 60 ms
+            quality.offsamples, quality.shadowsize = 0, 512
+            self._pictures = Pictures(self.data.model, 640, 480)
+        return self._pictures.take(self.data, self.camera(row), partial(self.draw, row=row))
+
+    def show(self) -> None:
+        """Show robot 0 in a window; raises TrackslipError if there is no display."""
+        self.pose(0)
+        if self._window is None:
+            self._window = Window(self.data)
+        viewer = self._window.viewer
+        with viewer.lock():
+            self.pose(0)
+            viewer.user_scn.ngeom = 0
+            self.draw(viewer.user_scn, 0)
+        viewer.sync()
+
+    def close(self) -> None:
+        """Close the window and free the image buffers."""
+        for shown in (self._window, self._pictures):
+            if shown is not None:
+                shown.close()
+        self._window = self._pictures = None
+
+
+class PathRenderer(TaskRenderer):
+    """Draws a robot with its visuals, its reference path (blue) and its trail (orange)."""
+
+    def __init__(self, tracking: PathTracking) -> None:
+        super().__init__()
+        self._tracking = tracking
+        self._looks: RobotLooks
+        self._trails: list[list[Array]] = [[] for _ in range(tracking.size)]
+
+    def begin(self, rows: Sequence[int]) -> None:
+        """Start new trails for the robots `rows`."""
+        pose = self._tracking.fleet.pose()
+        for row in rows:
+            self._trails[row] = [pose[row, :2]]
+
+    def follow(self) -> None:
+        """Extend the trails to the present positions."""
+        for trail, position in zip(self._trails, self._tracking.fleet.pose()[:, :2], strict=True):
+            if not trail or np.linalg.norm(position - trail[-1]) > _SPACING:
+                trail.append(position)
+
+    def camera(self, row: int) -> mujoco.MjvCamera:
+        """See TaskRenderer."""
+        camera = mujoco.MjvCamera()
+        camera.lookat[:] = (*self.data.qpos[:2], 0.2)
+        camera.distance, camera.azimuth, camera.elevation = _DISTANCE, _AZIMUTH, _ELEVATION
+        return camera
+
+    def pose(self, row: int) -> None:
+        """See TaskRenderer; the model is compiled when it is first needed."""
+        if self.data is None:
+            self._looks = robot_looks(self._tracking.config.parameters)
+            self.data = mujoco.MjData(self._looks.model)
+        qpos = self._looks.rest.copy()
+        qpos[:7] = self._tracking.fleet.batch.qpos[row]
+        place(self.data, qpos)
+
+    def draw(self, scene: mujoco.MjvScene, row: int) -> None:
+        """Append the tracks, the path and the trail."""
+        travel = self._tracking.fleet.drive.angle[row] * self._tracking.config.parameters.sprocket_radius
+        self._looks.draw(scene, self.data, travel[self._looks.track_side])
+        path, kind = self._tracking.path(row)[:, :2], mujoco.mjtGeom.mjGEOM_CAPSULE
+        for points, (height, width, colour) in ((_thinned(path), _PATH), (self._trails[row], _TRAIL)):
+            for start, end in pairwise(points):
+                if scene.ngeom == scene.maxgeom:
+                    return
+                geom = scene.geoms[scene.ngeom]
+                mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(colour))
+                mujoco.mjv_connector(geom, kind, width, np.append(start, height), np.append(end, height))
+                scene.ngeom += 1
+
+
+def _thinned(points: Array) -> Iterator[Array]:
+    """Points (2,) of a line (T, 2) that are at least _SPACING apart."""
+    last = points[0]
+    yield last
+    for point in points[1:]:
+        if np.linalg.norm(point - last) > _SPACING:
+            last = point
+            yield last
+
+
+class CourseRenderer(TaskRenderer):
+    """Draws a robot with its looks on its course."""
+
+    def __init__(self, task: Crossing) -> None:
+        super().__init__()
+        self._task = task
+        self._travel = np.zeros(task.world.contact.belt.shape)  # of the belts in this episode (N, T) [m]
+        self._looks: RobotLooks
+
+    def begin(self, rows: Sequence[int]) -> None:
+        """Draw belts from their start again."""
+        self._travel[list(rows)] = 0.0
+
+    def follow(self) -> None:
+        """Advance the drawn belts with the simulated ones."""
+        self._travel += self._task.world.contact.belt * self._task.config.period
+
+    def pose(self, row: int) -> None:
+        """See TaskRenderer; the model is compiled when it is first needed."""
+        world = self._task.world
+        if self.data is None:
+            tracked = build_tracked(world.tracked.robot, world.terrain, preset=self._task.config.preset, looks=True)
+            self._looks, self.data = RobotLooks.of(tracked), mujoco.MjData(tracked.model)
+        world.show(row, self.data.model)
+        place(self.data, world.state.qpos[row])
+
+    def camera(self, row: int) -> mujoco.MjvCamera:
+        """See TaskRenderer."""
+        ground = self._task.world.elevation(self._task.world.state.position[:, None, :2])[row, 0]
+        return self._looks.camera(self.data, float(ground))
+
+    def draw(self, scene: mujoco.MjvScene, row: int) -> None:
+        """Append the tracks."""
+        self._looks.draw(scene, self.data, self._travel[row])

@@ -1,0 +1,158 @@
+"""Frozen dataclasses from TOML files and options; a mistake is one line with the field and what is allowed."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import os.path
+import re
+import reprlib
+import sys
+import tomllib
+import typing
+from collections.abc import Iterable, Mapping
+from numbers import Integral, Real
+from pathlib import Path, PurePath
+from types import NoneType, UnionType
+from typing import Any, TypeVar
+
+from trackslip.errors import InvalidValueError, SettingsFileError, require
+from trackslip.files import read_text, reason
+
+T = TypeVar("T")
+
+_MOST = 1_000_000  # bytes of a file of settings
+_DEEPEST = 32  # keys nested, as in a.b.c = 1; parsing takes a time that grows as its square
+_TOO_DEEP = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPEST + 1}}}""")
+_KINDS: dict[Any, tuple[Any, str]] = {  # of values, by type hint: what they are instances of, in words
+    str: (str, "a text"),
+    bool: (bool, "true or false"),
+    float: (Real, "a number"),
+    int: (Integral, "a whole number"),
+    tuple: (tuple, "a list"),
+    dict: (dict, "a dictionary"),
+    NoneType: (NoneType, "None"),
+}
+_type_hints = functools.cache(typing.get_type_hints)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The content of a TOML file; raises SettingsFileError for a file that can't be read."""
+    try:
+        text = read_text(path, _MOST)
+        if _TOO_DEEP.search(text):
+            raise tomllib.TOMLDecodeError(f"keys nested more than {_DEEPEST} deep")
+        table = tomllib.loads(text)
+    except OSError as error:
+        raise SettingsFileError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise SettingsFileError(f"{path}: {reason(error)}") from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise SettingsFileError(f"{path}: not TOML ({reason(error)})") from error
+    except ValueError as error:  # the only one that isn't tomllib's own
+        raise SettingsFileError(f"{path}: not TOML (a number has too many digits)") from error
+    if not table:
+        raise SettingsFileError(f"{path}: no settings in it")
+    return table
+
+
+def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
+    """Read the TOML file `source`, which is none of the `names`; raises InvalidValueError if it is no file either."""
+    path = Path(source)
+    is_file = source and (path.suffix.lower() == ".toml" or os.path.exists(path))  # Path.exists fails for long names
+    require(is_file, field, source, f"one of {', '.join(names)}, or a .toml file")
+    return read_toml(path)
+
+
+def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
+    """Build a frozen dataclass from a table of its fields; missing ones are taken from `base`, or are the defaults.
+
+    Raises SettingsFileError, which begins with `where`, for unknown or missing fields and values that aren't allowed;
+    see `converted`.
+    """
+    if not isinstance(table, Mapping):
+        raise SettingsFileError(f"{where}: {reprlib.repr(table)} is not a table")
+    hints = _type_hints(cls)  # type: ignore[arg-type]
+    known = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
+    for name in table:
+        if name not in known:
+            raise SettingsFileError(f"{where}: {name} is unknown; known are {', '.join(known)}")
+    try:
+        values = {name: converted(name, value, hints[name], f"{where}: ") for name, value in table.items()}
+        if base is not None:
+            return dataclasses.replace(base, **values)  # type: ignore[type-var]
+        for name, f in known.items():
+            if name not in values and f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING:
+                raise SettingsFileError(f"{where}: {name} is missing")
+        return cls(**values)
+    except InvalidValueError as error:
+        raise SettingsFileError(f"{where}: {error}") from error
+
+
+def from_options(cls: type[T], options: Mapping[str, Any]) -> T:
+    """Build a dataclass from keyword arguments; see `converted`.
+
+    Raises TypeError for unknown names, InvalidValueError for values of another type and what the dataclass itself
+    refuses, SettingsFileError for such tables.
+    """
+    hints = _type_hints(cls)  # type: ignore[arg-type]
+    for name in options:
+        if name not in hints:
+            raise TypeError(f"unexpected keyword argument {name!r}: options are {', '.join(hints)}")
+    return cls(**{name: converted(name, value, hints[name]) for name, value in options.items()})
+
+
+def options_of(field: str, options: object, hints: Mapping[str, Any]) -> dict[str, Any]:
+    """Options by name; raises InvalidValueError unless they are a mapping with names and types of `hints`."""
+    require(isinstance(options, Mapping), field, options, "a dictionary")
+    assert isinstance(options, Mapping)
+    for name in options:
+        require(name in hints, field, name, f"one of {', '.join(hints)}")
+    return {name: converted(name, value, hints[name]) for name, value in options.items()}
+
+
+def converted(name: str, value: Any, hint: Any, where: str = "") -> Any:
+    """A value as its type hint wants it: lists as tuples, tables as dataclasses, paths as texts and texts as paths.
+
+    A table is the dataclass of the hint that has its fields, such as of a specification that was read from JSON.
+    Raises InvalidValueError for a value of another type, SettingsFileError, with `where`, for such tables.
+    """
+    if hint is object:
+        return value
+    parts = typing.get_args(hint) if isinstance(hint, UnionType) else (hint,)
+    origins = [typing.get_origin(part) or part for part in parts]
+    if isinstance(value, Mapping) and dict not in origins and (kind := _dataclass_of(value, parts)):
+        place = f"{where}{name}"
+        return kind.from_table(dict(value), place) if hasattr(kind, "from_table") else build(kind, value, place)
+    if isinstance(value, list | tuple) and tuple in origins:
+        of = typing.get_args(parts[origins.index(tuple)])[0]
+        numbered = dataclasses.is_dataclass(of) or typing.get_origin(of) is tuple
+        each = [f"{name}[{k}]" if numbered else name for k in range(len(value))]
+        return tuple(converted(own, item, of, where) for own, item in zip(each, value, strict=True))
+    if isinstance(value, PurePath) and str in parts:
+        return str(value)
+    if isinstance(value, str) and Path in parts:
+        return Path(value)
+    kinds = [_KINDS.get(origin, (origin, f"a {origin.__name__}")) for origin in origins]
+    valid = any(isinstance(value, kind) for kind, _ in kinds) and (bool in parts or not isinstance(value, bool))
+    valid = valid and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
+    require(valid, name, value, " or ".join(words for _, words in kinds))
+    return float(value) if float in parts and value is not None else value
+
+
+def _dataclass_of(table: Mapping[str, Any], parts: Iterable[Any]) -> Any:
+    """The dataclass among types and their subclasses that has the fields of a table, and fewest others; None if none.
+
+    One that is alone need not have them.
+    """
+    kinds = [kind for part in parts for kind in _dataclasses(part)]
+    if len(kinds) != 1:
+        kinds = [kind for kind in kinds if {f.name for f in dataclasses.fields(kind)} >= set(table)]
+    return min(kinds, key=lambda kind: len(dataclasses.fields(kind)), default=None)
+
+
+def _dataclasses(kind: Any) -> list[Any]:
+    """A type if it is a dataclass, else those of its subclasses that are."""
+    if dataclasses.is_dataclass(kind):
+        return [kind]
+    return [each for subclass in getattr(kind, "__subclasses__", list)() for each in _dataclasses(subclass)]
